@@ -23,8 +23,7 @@ import numpy as np
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.parallel import Workers
-from mtp_bench.running.folds import fold_of
-from mtp_bench.running.options import RunOptions
+from mtp_bench.running.options import RunOptions, fold_of
 from mtp_bench.running.reference import reference_for
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.running.settings import setting_of

@@ -11,7 +11,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from mtp_bench.running.opened import open_run
+from mtp_bench.running.stored import open_run
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.arrays import LEVELS
 from mtp_bench.viz.rerun.log import save_recording

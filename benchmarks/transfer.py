@@ -69,7 +69,7 @@ def predictor(given: argparse.Namespace) -> None:
         ),
     }  # fmt: skip
     asked = windows(REAL, given.split, HYPOTHESES, None, RunOptions(given.data, workers=workers))
-    asked = asked.those(taught(asked) & asked.target & asked.future_known.all(1))
+    asked = asked.select(taught(asked) & asked.target & asked.future_known.all(1))
     still = _error(asked, np.zeros((len(asked), 1, asked.future.shape[1], 2)) + asked.box[:, -1, None, None, :2])
     print(f"{REAL}, {given.split}: {len(asked)} windows of tracklets; standing still {still:.3f} m")
     with tempfile.TemporaryDirectory() as folder:
@@ -102,7 +102,7 @@ def _forecasts(asked: Windows, stored: Stored) -> np.ndarray:
     seen = replace(asked.seen, class_id=np.array(own)[asked.seen.class_id])
     network, parts = network_of(stored.network), []
     for low in range(0, len(asked), ROWS):
-        part = asked.those(slice(low, low + ROWS))
+        part = asked.select(slice(low, low + ROWS))
         said = network.forward(stored.weights, network.inputs(part, part.moment, seen, stored.sizes), stored.sizes)
         parts.append(to_absolute(part, said["modes"]))
     return np.concatenate(parts)

@@ -22,7 +22,7 @@ ENV = "MTP-Intersection-v0"
 # --8<-- [start:windows]
 torch.manual_seed(0)
 found = mtp_bench.windows(ENV, "train", tracker=5, scenes=4)  # more of them: 500 are there
-found = found.those((found.object_id >= 0) & found.future_known.all(axis=1))  # tracks of real objects, whole futures
+found = found.select((found.object_id >= 0) & found.future_known.all(axis=1))  # tracks of real objects, whole futures
 learn, held = found.split((1, 4))  # fold 1 of 4; whole scenes are held out
 task = found.task
 

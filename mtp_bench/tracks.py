@@ -44,7 +44,7 @@ class Tracks:
     covariance: Floats | None = None  # [N, 2, 2] of position (m) and velocity (m/frame), per axis, as the filter says
     affinity: Affinity | None = None
 
-    def those(self, rows: Ints) -> Tracks:
+    def select(self, rows: Ints) -> Tracks:
         """The tracks ``rows``, in this order; the hypotheses hold what is left of theirs."""
         aligned = [f.name for f in fields(self) if f.name not in _NOT_BY_TRACK]
         parts = {name: value[rows] for name in aligned if (value := getattr(self, name)) is not None}

@@ -65,7 +65,7 @@ class Ragged:
         columns = {column.name: getattr(self, column.name)[rows] for column in fields(self) if column.name != "start"}
         return replace(self, start=start, **columns)
 
-    def those(self, kept: Bools) -> Self:
+    def select(self, kept: Bools) -> Self:
         """The table of the rows where ``kept`` [R]; every column but ``start`` must have a value per row."""
         columns = {column.name: getattr(self, column.name)[kept] for column in fields(self) if column.name != "start"}
         return replace(self, start=starts_of(kept.astype(np.int64))[self.start], **columns)
@@ -94,7 +94,7 @@ def starts_of(count: Sequence[int] | Ints) -> Ints:
     return start
 
 
-def those(record: RecordT, rows: Ints | Bools) -> RecordT:
+def select(record: RecordT, rows: Ints | Bools) -> RecordT:
     """The ``rows`` of a record, a dataclass of arrays of one length."""
     return replace(record, **{column.name: getattr(record, column.name)[rows] for column in fields(record)})
 

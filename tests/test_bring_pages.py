@@ -10,9 +10,9 @@ import pytest
 
 from mtp_bench import MTPEnv
 from mtp_bench.running import stored
-from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.stored import open_run
 from mtp_bench.running.track_export import export_tracks
 
 

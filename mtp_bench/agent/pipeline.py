@@ -12,7 +12,7 @@ from ..env.action import FORECAST_LIMIT
 from ..env.building import make_action
 from ..errors import ShapeError
 from ..tracks import Objects, Tracks, group
-from ..types import Action, Floats, Ints, Observation, Task, those
+from ..types import Action, Floats, Ints, Observation, Task, select
 from .pools import make_pools, reduce_pools
 from .protocols import Forecasts, Frame, Predictor, Presence, Sampler, Tracker
 
@@ -88,7 +88,7 @@ class Pipeline:
         known = np.asarray(np.isfinite(weight).any(axis=1))  # a predictor may leave tracks without a forecast
         if not known.all():
             objects, samples, weight, confidence = (
-                those(objects, known), samples[known], weight[known], confidence[known]
+                select(objects, known), samples[known], weight[known], confidence[known]
             )  # fmt: skip
         return make_action(
             self._task,
@@ -124,7 +124,7 @@ def _used_tracks(tracks: Tracks, objects: Objects) -> tuple[Tracks, Ints]:
         return tracks, objects.leaf
     place = np.full(len(tracks.box) + 1, -1)  # the last one is of "none"
     place[used] = np.arange(len(used))
-    return tracks.those(used), place[objects.leaf]
+    return tracks.select(used), place[objects.leaf]
 
 
 def _within_limit(offset: Floats) -> Floats:

@@ -30,9 +30,8 @@ def compare(
     json_file: JsonOption = None,
 ) -> None:
     """Run agents side by side, with ground-truth tracks and the controls: the verdict, and one table."""
-    from ..running.compare import CONTROLS
     from ..running.compare import compare as run_comparison
-    from ..running.sensitivity import sensitivity
+    from ..running.compare import control_names, sensitivity
     from ..viz.terminal.output import counted, report_table, show, show_lines, show_numbers
     from ..viz.terminal.tables import sensitivity_table
     from ..viz.terminal.verdict import verdict
@@ -51,7 +50,7 @@ def compare(
         content["sensitivity"] = [row.model_dump(mode="json") for row in rows]
     write_json(json_file, content)
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)
-    show_lines(verdict(result.report, [name for name in ran if name in agents or name not in CONTROLS]), "- ")
+    show_lines(verdict(result.report, [name for name in ran if name in agents or name not in control_names()]), "- ")
     show("")
     show_report(result.report, counted(seeds, "seed"), result.skipped, full, table_file)
     if rows is not None:

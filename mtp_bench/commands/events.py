@@ -33,7 +33,7 @@ def events(
     json_file: JsonOption = None,
 ) -> None:
     """List identity switches, losses, re-acquisitions and false forecasts, and how to look at each."""
-    from ..running.opened import open_run
+    from ..running.stored import open_run
     from ..viz.replay import KINDS, replay
     from ..viz.terminal.event_table import (
         CAPTION,

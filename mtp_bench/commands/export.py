@@ -23,7 +23,7 @@ def export(
 ) -> None:
     """Write a stored run as others read it: tracks, or forecasts as the nuScenes prediction challenge takes them."""
     from ..running.challenge import export_predictions
-    from ..running.opened import open_run
+    from ..running.stored import open_run
     from ..running.track_export import export_tracks
     from ..viz.terminal.output import counted, progress_bar, show
 

@@ -96,8 +96,7 @@ class EnvScenes:
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
-        from ..running.folds import fold_of
-        from ..running.options import RunOptions
+        from ..running.options import RunOptions, fold_of
 
         file, tracks, files = absolute(self.detections), absolute(self.tracks), absolute(self.files)
         chosen = (workers or WorkerChoice()).workers()

@@ -24,8 +24,7 @@ from .options import (
 from .output import prepare, print_or_write, require_writable, working
 
 if TYPE_CHECKING:
-    from ..running.folds import Fold
-    from ..running.options import RunOptions
+    from ..running.options import Fold, RunOptions
 
 
 ObserveOption = Annotated[str, typer.Option(help="Pasts from detections, tracked, or from truth.")]

@@ -26,7 +26,7 @@ def video(
     env: RunCardOption = None,
 ) -> None:
     """Write a scene of a stored rollout as a video, seen from above."""
-    from ..running.opened import open_run
+    from ..running.stored import open_run
     from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
     from ..viz.replay import replay
     from ..viz.terminal.output import progress_bar, show

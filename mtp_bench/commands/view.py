@@ -16,8 +16,8 @@ from .options import DataOption, RunCardOption, one_of
 from .output import require_writable, say
 
 if TYPE_CHECKING:
-    from ..running.opened import OpenedRun
     from ..running.rollout_files import RunInfo
+    from ..running.stored import OpenedRun
     from ..viz.replay import Incident, Replay
 
 
@@ -98,7 +98,7 @@ def _write_picture(
 
 def _opened(folders: Sequence[Path], data: str | None, env_id: str | None) -> list[OpenedRun]:
     """The runs in ``folders``; raises MtpBenchError where they were made for different cards."""
-    from ..running.opened import open_run
+    from ..running.stored import open_run
 
     runs = [open_run(folder, data, env_id) for folder in folders]
     first = runs[0]

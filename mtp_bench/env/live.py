@@ -53,5 +53,5 @@ def live_episode(
     shown = replace(scene, detections=seen)
     if evaluation:
         nobody = np.zeros(len(scene.truth.box), dtype=bool)
-        shown = replace(shown, truth=scene.truth.those(nobody), visible=None)
+        shown = replace(shown, truth=scene.truth.select(nobody), visible=None)
     return LiveEpisode(card, shown, not evaluation, answers, feed.dropped)

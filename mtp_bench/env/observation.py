@@ -128,7 +128,7 @@ def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
 
 def true_detections(scene: Scene) -> tuple[Detections, Ints]:
     """True boxes of the evaluated classes in the form of detections, and their ids."""
-    shown = scene.truth.those(~scene.truth.neutral)
+    shown = scene.truth.select(~scene.truth.neutral)
     score = np.ones(len(shown.box))
     return Detections(shown.start, shown.box, shown.velocity, shown.class_id, score), shown.object_id
 

@@ -54,7 +54,7 @@ class TrackWindows:
     def __len__(self) -> int:
         return len(self.class_id)
 
-    def those(self, rows: Ints | Bools | slice) -> TrackWindows:
+    def select(self, rows: Ints | Bools | slice) -> TrackWindows:
         """The windows ``rows``."""
         return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(TrackWindows)})
 

@@ -19,8 +19,8 @@ from ..parallel import NO_PROGRESS
 from ..running.options import RunOptions
 from ..running.reference import ranked_scenes
 from ..running.rollout_files import RunInfo
-from ..running.run import run_info
 from ..running.settings import Setting, setting_of
+from ..running.stored import run_info
 from ..scoring import Reference
 from ..submission.loader import Submission
 from ..types import Rollout

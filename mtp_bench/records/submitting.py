@@ -301,7 +301,7 @@ def said_of(plan: Plan, commit: str = "") -> SubmissionPart:
     Raises SubmissionError for a text that is too long for a record, and for a commit that is none.
     """
     submission = plan.submission
-    ends = submission.compare.ends
+    ends = submission.compare.gap_references
     said = {
         "name": submission.name,
         "authors": list(submission.authors),

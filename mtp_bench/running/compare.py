@@ -1,21 +1,29 @@
-"""Agents side by side on one env, always with the controls that tell hypotheses from sampling."""
+"""Agents side by side on one env, with the controls that separate hypotheses from sampling; `sensitivity` to scores."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ..cards import Card
 from ..env.environment import MTPEnv
-from ..scoring import Ends, Reference, Report, summarise
+from ..scoring import AgentScores, Ends, Reference, Report, SceneScore, score_scene, stated_hypotheses, summarise
+from ..scoring.rows import Count, Interval
+from ..strict import Section
+from ..submission.loader import controls, load_submission
+from ..submission.manifest import Role
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
 from .reference import ranked_scenes, reference_for
-from .scored import score_settings
-from .settings import Setting, all_settings, require_list
+from .run import Job, jobs_of, run_jobs
+from .settings import Setting, all_settings, require_list, setting_of
 
-TRUTH, STP = "truth_past", "stp"
-CONTROLS = (TRUTH, STP, "stp_same_budget", "stp_hedged")  # protocol, "Controls that every comparison prints"
+CONTROLS: tuple[Role, ...] = ("ground_truth", "single", "same_samples", "hedged")  # protocol, "Controls"
+SCORE_THRESHOLDS = (0.1, 0.2, 0.3)  # of detections
+PARAMETER = "min_detection_score"
 
 
 @dataclass(frozen=True)
@@ -28,6 +36,19 @@ class Comparison:
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
+class AtThreshold(Section):
+    """Scores of agents with detections above a score threshold, by the event weights of all detections."""
+
+    threshold: float
+    switches: Count  # of the single-hypothesis control, on evaluated true boxes
+    switches_on_targets: Count
+    ids: dict[str, float | None]  # agent -> error, m
+    all: dict[str, float | None]
+    beyond_control: dict[str, float | None]  # subset -> several hypotheses minus as many samples of one, m
+    interval: dict[str, Interval | None]
+    p: dict[str, float | None]
+
+
 def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFAULTS) -> Comparison:
     """Run and score the controls and other agents on the scenes of an env.
 
@@ -36,38 +57,127 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
         env_id: Id of the env, path of its card, or a card.
         options: Data, scenes, seeds, changes of the card, workers and progress.
 
-    Event weights are the frozen ones of the env, else made from these scenes. Raises MtpBenchError for whatever the
+    Event weights are the frozen ones of the env, else made from these scenes. Raises MtpBenchError for errors that the
     user can mend.
     """
     require_list(names)
     env = MTPEnv(env_id, **options.env_keywords)
-    card, ranked = env.card, ranked_scenes(env.card, env.scene_names)  # a broken file of weights shows before all else
-    scenes = options.chosen(ranked)
-    settings = all_settings([*CONTROLS, *names], card)
+    card, ranked = env.card, ranked_scenes(env.card, env.scene_names)  # first, for an error in a file of weights
+    scenes, role = options.chosen(ranked), controls()
+    settings = all_settings([*control_names(), *names], card)
     options.require_tracks_used([setting.submission for setting in settings])
-    ends = {s.label: s.ends for s in settings if s.budget == "equal" and s.ends is not None}
-    further = [end for pair in ends.values() for end in pair]
-    further = [end for i, end in enumerate(further) if end not in further[:i]]  # settings of a sweep share their ends
-    for end in further:  # they run last: a misspelt parameter shows before anything runs
-        end.submission.require_parameters(**end.parameters)
-    agents = score_settings([*settings, *further], env_id, card, scenes, options)
-    of_end = agents[len(settings) :]
-    own = {name: Ends(*(of_end[further.index(end)] for end in pair)) if pair else None for name, pair in ends.items()}
+    pairs = {
+        setting.label: setting.gap_references
+        for setting in settings
+        if setting.budget == "equal" and setting.gap_references is not None
+    }
+    references: list[Setting] = []
+    for each in itertools.chain(*pairs.values()):
+        if each not in references:  # settings of a sweep share them
+            references.append(each)
+            each.submission.require_parameters(**each.parameters)  # they run last: errors show before anything runs
+    agents = score_settings([*settings, *references], env_id, card, scenes, options)
+    scores = agents[len(settings) :]
+    own = {
+        label: Ends(*(scores[references.index(each)] for each in pair)) if pair else None
+        for label, pair in pairs.items()
+    }
     reference = reference_for(card, scenes, options)
-    report = summarise(agents[: len(settings)], card, reference, stp=STP, truth=TRUTH, own_ends=own)
-    report.condition.update(_notes(settings, card.id))
+    report = summarise(
+        agents[: len(settings)], card, reference, stp=role["single"], truth=role["ground_truth"], own_ends=own
+    )
+    report.condition.update(_training_notes(settings, card.id))
     if len(ranked) < len(env.scene_names):
-        left = f"{len(env.scene_names) - len(ranked)} of {len(env.scene_names)} scenes of the split have none"
-        report.condition["weights"] += f"; {left} and are left out"
+        missing = f"{len(env.scene_names) - len(ranked)} of {len(env.scene_names)} scenes of the split have none"
+        report.condition["weights"] += f"; {missing} and are left out"
     skipped = total_skipped(score.skipped for score in agents[0].seeds[0])  # every setting reads the same scenes
     return Comparison(report, reference, tuple(settings), skipped)
 
 
-def _notes(settings: Sequence[Setting], env_id: str) -> dict[str, str]:
-    """Who was trained on what these scores are of, under the one key "trained"; nothing where nobody was."""
-    told: dict[str, list[str]] = {}
-    for submission in {s.submission.name: s.submission for s in settings}.values():
+def control_names() -> list[str]:
+    """Names of the baselines that every comparison runs."""
+    return [controls()[role] for role in CONTROLS]
+
+
+def score_settings(
+    settings: Sequence[Setting], env_id: str | Card, card: Card, scenes: Sequence[str], options: RunOptions
+) -> list[AgentScores]:
+    """Run and score each setting on the ``scenes`` with all seeds of ``options``; ``card``: of the env."""
+    jobs: list[Job] = []
+    for setting, seed in itertools.product(settings, options.seeds):
+        shown = options.shown_to(setting.submission) if setting.observe == "tracks" else {}
+        keywords = {**options.env_keywords, **setting.env_keywords(card), **shown}
+        jobs += jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
+    scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
+    runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
+    return [scores_of(setting, [next(runs) for _ in options.seeds]) for setting in settings]
+
+
+def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: str = "") -> AgentScores:
+    """The scores of a setting, a run per seed, under the name ``agent`` or its label."""
+    return AgentScores(
+        agent=agent or setting.label,
+        hypotheses=setting.hypotheses or stated_hypotheses(seeds),
+        samples=setting.samples,
+        budget=setting.budget,
+        seeds=tuple(seeds),
+        ideal=setting.ideal,
+        stored_tracks=setting.observe == "tracks",
+    )
+
+
+def sensitivity(
+    env_id: str, reference: Reference, options: RunOptions = DEFAULTS, thresholds: Sequence[float] = SCORE_THRESHOLDS
+) -> list[AtThreshold]:
+    """Scores of `threshold_agents` at each threshold, on the same targets with the same weights.
+
+    ``reference``: event weights of the scenes. Raises MtpBenchError for errors that the user can mend.
+    """
+    env = MTPEnv(env_id, **options.env_keywords)
+    card, scenes = env.card, options.chosen(ranked_scenes(env.card, env.scene_names))
+    submissions = [load_submission(name) for name in threshold_agents()]
+    settings = [setting_of(each, card, {PARAMETER: value}) for value in thresholds for each in submissions]
+    scored = score_settings(settings, env_id, card, scenes, options)
+    agents = [replace(each, agent=s.submission.name) for each, s in zip(scored, settings, strict=True)]
+    found = []
+    for i, value in enumerate(thresholds):
+        part = agents[i * len(submissions) : (i + 1) * len(submissions)]
+        found.append(at_threshold(value, part, summarise(part, card, reference)))
+    return found
+
+
+def threshold_agents() -> tuple[str, str, str]:
+    """Baselines whose scores are shown at several score thresholds: one hypothesis, several, and their control."""
+    role = controls()
+    return role["single"], role["several"], role["same_samples"]
+
+
+def at_threshold(threshold: float, agents: Sequence[AgentScores], report: Report) -> AtThreshold:
+    """Scores of `threshold_agents` at one threshold; ``report``: of them."""
+    single, several, control = threshold_agents()
+    first = next(agent for agent in agents if agent.agent == single).seeds[0]
+    pairs = {
+        pair.subset: pair
+        for pair in report.paired
+        if (pair.agent, pair.other) == (several, control) and pair.subset in ("all", "ids")
+    }
+    return AtThreshold(
+        threshold=threshold,
+        switches=sum(score.own_events["ids"] for score in first),
+        switches_on_targets=int(np.sum([score.own_ids.sum() for score in first])),
+        ids={row.agent: row.error for row in report.rows if row.subset == "ids"},
+        all={row.agent: row.error for row in report.rows if row.subset == "all"},
+        beyond_control={name: pair.error for name, pair in pairs.items()},
+        interval={name: pair.interval for name, pair in pairs.items()},
+        p={name: pair.p for name, pair in pairs.items()},
+    )
+
+
+def _training_notes(settings: Sequence[Setting], env_id: str) -> dict[str, str]:
+    """Submissions trained on scenes that are scored here, under the one key "trained"; empty without any."""
+    notes: dict[str, list[str]] = {}
+    for submission in {setting.submission.name: setting.submission for setting in settings}.values():
         note = submission.note_on(env_id)
         if note is not None:
-            told.setdefault(note, []).append(submission.name)
-    return {"trained": "; ".join(f"{note}: {', '.join(names)}" for note, names in told.items())} if told else {}
+            notes.setdefault(note, []).append(submission.name)
+    return {"trained": "; ".join(f"{note}: {', '.join(names)}" for note, names in notes.items())} if notes else {}

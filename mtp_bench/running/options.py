@@ -1,4 +1,4 @@
-"""How agents are run: one record that every run, comparison, fit and check takes."""
+"""`RunOptions`: scenes, seeds, changes of the card, workers and progress of a run; folds of a split."""
 
 from __future__ import annotations
 
@@ -6,14 +6,39 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from ..cards import Card, changed_card, load_card
 from ..errors import MtpBenchError
 from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers
 from ..submission.loader import Submission
-from .folds import Fold, held_out
 
 MOST_SEED = 2**31 - 1
 CHANGES = ("split", "detector", "detection_file", "files")  # of the card, as `changed_card` takes them
+Fold = tuple[int, int]  # the number of a fold, from 1 on, and the number of folds
+
+
+def fold_of(text: str) -> Fold:
+    """The fold that a text such as "2/4" names: the second of four. Raises MtpBenchError for anything else."""
+    first, _, second = text.partition("/")
+    if not (first.isdecimal() and second.isdecimal() and 1 <= int(first) <= int(second) and int(second) >= 2):
+        raise MtpBenchError(f"fold is {text!r}, expected the number of a fold and the number of folds, such as 1/4")
+    return int(first), int(second)
+
+
+def held_out(names: Sequence[str], fold: Fold) -> tuple[str, ...]:
+    """Scenes of a fold, in their order. They are drawn at random, the same for the same set of names.
+
+    Raises MtpBenchError for a fold that does not exist, and for fewer scenes than folds.
+    """
+    number, folds = fold
+    if not 1 <= number <= folds:
+        raise MtpBenchError(f"fold is {fold}, expected the number of a fold and the number of folds, such as (1, 4)")
+    if len(names) < folds:
+        raise MtpBenchError(f"{len(names)} scenes cannot be cut into {folds} folds")
+    lot = np.random.default_rng(0).permutation(len(names)) % folds
+    chosen = {name for name, drawn in zip(sorted(names), lot, strict=True) if drawn == number - 1}
+    return tuple(name for name in names if name in chosen)
 
 
 def require_seed(seed: int) -> None:
@@ -24,7 +49,7 @@ def require_seed(seed: int) -> None:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """What a run needs to know beside the agent and the env; the same for whoever runs, scores or fits.
+    """Options of every run, comparison, fit and check, beside the agent and the env.
 
     Attributes:
         data: Root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder.
@@ -32,14 +57,14 @@ class RunOptions:
         seeds: Seeds of the random draws, one run each.
         split: Another split of the env than the card's, such as "train".
         detector: Another detector than the card's: a profile, or the first part of the names of stored files.
-        fold: Only the scenes of a fold of the split, such as (1, 4); see `folds`.
+        fold: Only the scenes of a fold of the split, such as (1, 4).
         detection_file: File of stored detections in place of the card's.
         track_file: File or folder of stored tracks, for submissions that observe them.
         files: Folder of scenes in place of the card's.
-        workers: Who does the work: processes of this machine, or a Dask cluster.
-        progress: Who is told how many pieces of work there are, and of each that is done.
+        workers: Processes of this machine, or a Dask cluster.
+        progress: Callbacks for the number of tasks, and for each that is done.
 
-    Raises MtpBenchError for no scene, for no seed and for a seed below 0 or above `MOST_SEED`.
+    Raises MtpBenchError for 0 scenes, for an empty list of seeds and for a seed below 0 or above `MOST_SEED`.
     """
 
     data: str | None = None
@@ -58,17 +83,16 @@ class RunOptions:
         for name, value in (("scenes", self.scenes), ("seeds", len(self.seeds))):
             if value is not None and value < 1:
                 raise MtpBenchError(f"{name} is {value}, expected at least 1")
-
         for seed in self.seeds:
             require_seed(seed)
 
     def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Those of the scenes of a split that are asked for; raises MtpBenchError where the fold cannot be cut."""
+        """Scenes to run, of those of a split; raises MtpBenchError if the fold does not exist."""
         return tuple(names if self.fold is None else held_out(names, self.fold))[: self.scenes]
 
     @property
     def changes(self) -> dict[str, Any]:
-        """Keywords of `MTPEnv` and `changed_card` for what is not as in the card; a stored run keeps them."""
+        """Keywords of `MTPEnv` and `changed_card` that differ from the card; a stored run keeps them."""
         return {name: value for name in CHANGES if (value := getattr(self, name)) is not None}
 
     @property
@@ -77,9 +101,9 @@ class RunOptions:
         return {"data": self.data, **self.changes}
 
     def shown_to(self, submission: Submission) -> dict[str, Any]:
-        """Keywords of `MTPEnv` for what a submission observes: by its manifest, and of stored tracks the file.
+        """Keywords of `MTPEnv` for what a submission observes, by its manifest, with the file of stored tracks.
 
-        Raises MtpBenchError where it observes stored tracks and none are named.
+        Raises MtpBenchError if it observes stored tracks and no file is named.
         """
         observe = submission.compare.observe
         if observe != "tracks":
@@ -91,11 +115,11 @@ class RunOptions:
         return {"observe": observe, "track_file": self.track_file}
 
     def require_tracks_used(self, submissions: Sequence[Submission]) -> None:
-        """Raise MtpBenchError where stored tracks are named and none of the submissions observes them."""
-        if self.track_file is not None and not any(one.compare.observe == "tracks" for one in submissions):
-            names = ", ".join(dict.fromkeys(one.name for one in submissions))
+        """Raise MtpBenchError if stored tracks are named and none of the submissions observes them."""
+        if self.track_file is not None and not any(each.compare.observe == "tracks" for each in submissions):
+            names = ", ".join(dict.fromkeys(each.name for each in submissions))
             raise MtpBenchError(
-                f"stored tracks are named, but nobody observes them: {names}; run given_tracks, or a submission with "
+                f"stored tracks are named, but {names} do not observe them; run given_tracks, or a submission with "
                 'observe = "tracks" under [compare]'
             )
 
@@ -104,7 +128,7 @@ class RunOptions:
         return changed_card(env if isinstance(env, Card) else load_card(env), **self.changes)
 
     def on_split(self, name: str) -> RunOptions:
-        """The same, on the split ``name`` unless another one is chosen."""
+        """The same options on the split ``name``, unless they name a split."""
         return self if self.split is not None else replace(self, split=name)
 
 

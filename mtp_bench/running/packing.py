@@ -1,7 +1,7 @@
-"""Arrays of rollouts in a form that compresses well, exactly reversible.
+"""Lossless transforms of the arrays of rollouts, after which they compress well.
 
-Forecasts are most of a rollout. Objects move steadily, so the second differences of a sample over time are small; of
-every number the high bytes then say little, and stand together.
+Forecasts are most of a rollout. Objects move steadily, so the second differences of a sample over time are small. The
+high bytes of such numbers are mostly equal, so bytes of equal significance are stored together.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ def packed(name: str, array: NDArray[Any]) -> NDArray[Any]:
 
 
 def unpacked(name: str, stored: NDArray[Any] | bytes, dtype: str) -> NDArray[Any]:
-    """The array ``name`` of a rollout, of which ``stored`` was kept; ValueError where that cannot be."""
-    if isinstance(stored, bytes):  # so NumPy hands over what is no array in an archive
-        raise ValueError(f"{name} is no array")
+    """The array ``name`` of a rollout from its stored form; raises ValueError for a form of another shape or dtype."""
+    if isinstance(stored, bytes):  # np.load returns other members of an archive so
+        raise ValueError(f"{name} is not an array")
     if name == "forecast":
         return unpack_forecasts(stored)
     kind = np.dtype(dtype)
@@ -34,15 +34,15 @@ def unpacked(name: str, stored: NDArray[Any] | bytes, dtype: str) -> NDArray[Any
 
 def pack_forecasts(forecast: NDArray[np.int16]) -> Bytes:
     """Bytes [2, T, S, K, 2] of the second differences over time of forecasts [S, K, T, 2], the low bytes first."""
-    steps = np.ascontiguousarray(np.moveaxis(forecast, 2, 0)).view(np.uint16)  # time first: what is alike lies together
+    steps = np.ascontiguousarray(np.moveaxis(forecast, 2, 0)).view(np.uint16)  # time first: equal values lie together
     for _ in range(2):
-        steps = np.diff(steps, axis=0, prepend=np.zeros_like(steps[:1]))  # wraps around where it must
+        steps = np.diff(steps, axis=0, prepend=np.zeros_like(steps[:1]))  # wraps around on overflow
     signed = steps.view(np.int16)
     return split_bytes((signed << 1) ^ (signed >> 15))  # 0, -1, 1, -2 ... as 0, 1, 2, 3 ...: small without a sign
 
 
 def unpack_forecasts(packed: Bytes) -> NDArray[np.int16]:
-    """Forecasts [S, K, T, 2] of `pack_forecasts`; ValueError where the shape is not one of its."""
+    """Inverse of `pack_forecasts`: forecasts [S, K, T, 2]; ValueError for another shape."""
     if packed.dtype != np.uint8 or packed.ndim != 5 or packed.shape[0] != 2 or packed.shape[-1] != 2:
         raise ValueError(f"{packed.dtype} {list(packed.shape)}, expected bytes [2, T, S, K, 2]")
     folded = packed[1].astype(np.uint16)
@@ -59,13 +59,13 @@ def unpack_forecasts(packed: Bytes) -> NDArray[np.int16]:
 
 
 def split_bytes(array: NDArray[Any]) -> Bytes:
-    """The bytes [itemsize, ...] of the numbers, those of equal worth together."""
+    """The bytes [itemsize, ...] of the numbers, those of equal significance together."""
     planes = np.ascontiguousarray(array)[..., None].view(np.uint8)
     return np.ascontiguousarray(np.moveaxis(planes, -1, 0))
 
 
 def join_bytes(planes: Bytes, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """The numbers of `split_bytes`; ValueError where the planes are not those of ``dtype``."""
+    """Inverse of `split_bytes`; ValueError for planes that are not those of ``dtype``."""
     if planes.dtype != np.uint8 or planes.shape[:1] != (dtype.itemsize,):
         raise ValueError(f"{planes.dtype} {list(planes.shape)}, expected {dtype.itemsize} planes of bytes")
     return np.ascontiguousarray(np.moveaxis(planes, 0, -1)).view(dtype)[..., 0]

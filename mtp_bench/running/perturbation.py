@@ -1,6 +1,7 @@
-"""The runs whose events weigh targets: how their detections differ (protocol, "Event weights").
+"""Random changes of detections in the runs whose events weigh targets (protocol, "Event weights").
 
-Run r cuts, drops and moves the detections of a scene at random, by errors as large as the detector's own.
+Run r removes and moves the detections of a scene at random, by errors as large as the detector's own; most runs remove
+detections with low scores too.
 """
 
 from __future__ import annotations
@@ -19,19 +20,19 @@ from ..types import Bools, Floats, Ints, Scene
 from .run import derived_seed
 
 RUNS = 48
-QUANTILES = (0.1, 0.25)  # of the scores of matched detections: the cuts of two thirds of the runs
+QUANTILES = (0.1, 0.25)  # of the scores of matched detections: the score thresholds of two thirds of the runs
 DROPPED = 0.05  # share of the detections
 LOG_SIZE = 0.05
 MOST_YAW = 0.1  # rad
 ASSIGNMENTS = ("hungarian", "greedy")
 _MEDIAN_OF_RAYLEIGH = 1.177  # of the length of a planar error, per sigma
 _MEDIAN_OF_NORMAL = 0.674  # of the size of an error, per sigma
-_DIGITS = 6  # of what is stored: the runs use what a reader sees
+_DIGITS = 6  # of stored numbers; the runs use the rounded ones
 
 
 @dataclass(frozen=True, eq=False)
 class MatchedDetections:
-    """Detections [n] that belong to a true object, and how far off they are."""
+    """Detections [n] matched to a true object, and their errors."""
 
     class_id: Ints
     score: Floats
@@ -41,14 +42,14 @@ class MatchedDetections:
 
 @dataclass(frozen=True)
 class Perturbation:
-    """Size of the noise and cuts of the score, per class [C]."""
+    """Size of the noise and score thresholds, per class [C]."""
 
     sigma_xy: tuple[float, ...]  # m
     sigma_yaw: tuple[float, ...]  # rad
     cuts: tuple[tuple[float, ...], ...]  # [quantiles, C] least score
 
     def parameters(self, classes: Sequence[str], seeds: Sequence[int]) -> dict[str, Any]:
-        """All that makes the runs, as it is stored."""
+        """All parameters of the runs, as the file of weights stores them."""
         return {
             "seeds": f"{min(seeds)} to {max(seeds)}",
             "assignment": list(ASSIGNMENTS),
@@ -66,20 +67,20 @@ def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
     truth, seen = evaluated(scene).truth, scene.detections
     matched = match_objects(truth, seen.frame_of_rows, seen.box, seen.class_id, card).object_of_truth
     row = np.flatnonzero((matched >= 0) & ~truth.neutral)
-    found, true = seen.box[matched[row]], truth.box[row]
-    turn = found[:, 3] - true[:, 3]
+    box, true_box = seen.box[matched[row]], truth.box[row]
+    turn = box[:, 3] - true_box[:, 3]
     return MatchedDetections(
         class_id=seen.class_id[matched[row]],
         score=seen.score[matched[row]],
-        distance=np.hypot(*(found[:, :2] - true[:, :2]).T),
+        distance=np.hypot(*(box[:, :2] - true_box[:, :2]).T),
         turn=np.abs(np.arctan2(np.sin(turn), np.cos(turn))),
     )
 
 
 def fit_perturbation(parts: Sequence[MatchedDetections], classes: int) -> Perturbation:
-    """Noise and cuts of ``classes`` classes from the matched detections of all scenes.
+    """Noise and score thresholds of ``classes`` classes from the matched detections of all scenes.
 
-    A class that was never matched has those of all classes together.
+    A class without matched detections has the values of all classes together.
     """
     class_id, score, distance, turn = _columns(parts, "class_id", "score", "distance", "turn")
     own = [class_id == c for c in range(classes)]
@@ -91,13 +92,13 @@ def fit_perturbation(parts: Sequence[MatchedDetections], classes: int) -> Pertur
 
 
 def score_cuts(parts: Sequence[MatchedDetections], classes: int, share: float) -> tuple[float, ...]:
-    """The score per class below which this share of the detections of true objects lies."""
+    """The score per class [C] below which this share of the detections of true objects lies."""
     class_id, score = _columns(parts, "class_id", "score")
     return _rounded(_quantiles(score, [class_id == c for c in range(classes)], share))
 
 
 def assignment_of(run: int) -> str:
-    """How run ``run`` assigns detections to tracks."""
+    """The assignment of detections to tracks in run ``run``."""
     return ASSIGNMENTS[run % len(ASSIGNMENTS)]
 
 
@@ -114,7 +115,7 @@ def perturbed(scene: Scene, perturbation: Perturbation, run: int) -> Scene:
     box[:, :2] += noise[:, :2] * np.asarray(perturbation.sigma_xy)[seen.class_id, None]
     box[:, 3] += noise[:, 2] * np.asarray(perturbation.sigma_yaw)[seen.class_id]
     box[:, 4:7] *= np.exp(LOG_SIZE * noise[:, 3:])
-    return replace(scene, detections=replace(seen, box=box).those(kept))
+    return replace(scene, detections=replace(seen, box=box).select(kept))
 
 
 def _columns(parts: Sequence[MatchedDetections], *names: str) -> list[NDArray[np.float64]]:
@@ -122,7 +123,7 @@ def _columns(parts: Sequence[MatchedDetections], *names: str) -> list[NDArray[np
 
 
 def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> NDArray[np.float64]:
-    """Quantile of ``values`` [n] per class [C]; of all of them for a class without any, 0 where there is none."""
+    """Quantile of ``values`` [n] per class [C]; of all values for a class without any, 0 without values."""
     overall = float(np.quantile(values, share)) if len(values) else 0.0
     return np.array([float(np.quantile(values[own], share)) if own.any() else overall for own in of_class])
 

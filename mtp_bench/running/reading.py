@@ -1,4 +1,4 @@
-"""What reading the scenes of an env shows: files that are broken, and rows that are skipped."""
+"""Status of the data of an env after reading all its scenes: broken files, skipped rows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
 
 
 def skipped_line(skipped: Mapping[str, int]) -> str | None:
-    """One sentence for the user; None where no row was skipped."""
+    """One sentence for the user; None if no row was skipped."""
     if not skipped:
         return None
     count = sum(skipped.values())
@@ -29,16 +29,16 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
-    """Status of the data of ``card`` after reading all its scenes: broken files are problems, skipped rows a note."""
+    """Status of the data of ``card``, with a problem for each broken file and a note on skipped rows."""
     status = describe(card, data)
     if status.root is None or status.missing or status.about.generated:
         return status
+    skipped = []
     try:
         source = open_source(card, data)
     except DataError as error:
         status.add_problem(error)
         return status
-    skipped = []
     for name in source.names:
         try:
             skipped.append(source.load(name).skipped)

@@ -1,9 +1,9 @@
-"""Event weights of an env: the frozen file of a shipped card, or made here from the scenes at hand."""
+"""Event weights of an env: the frozen file of a shipped card, or made from the scenes at hand."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,18 +40,19 @@ from .perturbation import (
 )
 from .run import run_scene
 
-_AT_ONCE = 12  # runs of a scene that one worker makes in one go: long scenes must not be waited for
+_RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
+_SceneFields = tuple[Bools, tuple[int, int, int], int, int]  # fields of `SceneWeights` but the counts
 
 
 def frozen_path(env_id: str) -> Path:
-    """Where the frozen event weights of an env are, if there are any."""
+    """Path of the frozen event weights of an env; the file need not exist."""
     return bundled("envs") / "reference" / f"{env_id}.json"
 
 
 def frozen_reference(card: Card) -> Reference | None:
-    """The frozen event weights of ``card``; None where there are none, as for a card that is not the shipped one.
+    """The frozen event weights of ``card``; None without a file, and for a card that is not the shipped one.
 
-    Raises DataError where the file is broken or of other definitions.
+    Raises DataError if the file is broken or of other definitions.
     """
     path = frozen_path(card.id)
     if not path.is_file():
@@ -63,29 +64,28 @@ def frozen_reference(card: Card) -> Reference | None:
 
 
 def ranked_scenes(card: Card, names: Sequence[str]) -> tuple[str, ...]:
-    """Those of the scenes of a split that have frozen event weights, all of them where none has.
+    """The scenes ``names`` of a split that have frozen event weights, or all of them if none has.
 
-    Whoever has more scenes than were there when weights were frozen, such as all 138 of nuScenes' split ``val``, runs
-    those that everybody else is ranked on.
+    A user with more scenes than the weights were frozen for, such as all 138 of nuScenes' split ``val``, runs only
+    those that all agents are ranked on.
     """
     frozen = frozen_reference(card)
     return tuple(name for name in names if frozen is not None and frozen.holds([name])) or tuple(names)
 
 
 def reference_for(card: Card, scenes: Sequence[str], options: RunOptions = DEFAULTS) -> Reference:
-    """The frozen event weights of ``card`` where they hold these scenes, else weights made from these scenes.
+    """The frozen event weights of ``card`` if they cover the scenes, else weights made from these scenes.
 
-    ``card``: with all changes. ``options``: data, workers and progress. Raises DataError where the frozen file is
-    broken.
+    ``card``: with all changes. ``options``: data, workers and progress. Raises DataError if the frozen file is broken.
     """
     frozen = frozen_reference(card)
     return frozen if frozen is not None and frozen.holds(scenes) else make_reference(card, scenes, options)
 
 
 def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference]:
-    """Make the event weights of a shipped env from all its scenes and write them; their path and what they are.
+    """Make the event weights of a shipped env from all its scenes, write them, and return the path and the weights.
 
-    Raises UnknownNameError for the path of a card: its weights would be found by no one.
+    Raises UnknownNameError for the path of a card: only weights of shipped ids are looked up.
     """
     if env_id not in card_ids():
         raise UnknownNameError("environment", env_id, card_ids(), "only those that ship have frozen event weights")
@@ -102,23 +102,27 @@ def make_reference(
 ) -> Reference:
     """Event weights from runs of the card's reference baseline on ``scenes``, one per seed.
 
-    Raises CardError where that baseline cannot be told how to assign and to make no forecasts.
+    Raises CardError unless that baseline takes the parameters ``assignment`` and ``forecasts``.
     """
     submission = load_submission(card.reference)
-    parts = [seeds[low : low + _AT_ONCE] for low in range(0, len(seeds), _AT_ONCE)]
-    options.progress.started(len(scenes) * (1 + len(parts)))
-    plain: list[_Plain] = parallel_map(
+    parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
+    progress = options.progress
+    progress.started(len(scenes) * (1 + len(parts)))
+    plain: list[tuple[MatchedDetections, _SceneFields]] = parallel_map(
         _plain_run,
         [(card, options.data, name, submission) for name in scenes],
         options.workers,
-        lambda place: options.progress.done(scenes[place]),
+        lambda place: progress.done(scenes[place]),
     )
-    perturbation = fit_perturbation([one.detections for one in plain], len(card.task.classes))
+    perturbation = fit_perturbation([detections for detections, _ in plain], len(card.task.classes))
     calls = [(card, options.data, name, submission, perturbation, part) for name in scenes for part in parts]
     counts: list[NDArray[np.uint8]] = parallel_map(
-        _perturbed_runs, calls, options.workers, lambda place: options.progress.done(scenes[place // len(parts)])
+        _perturbed_runs, calls, options.workers, lambda place: progress.done(scenes[place // len(parts)])
     )
-    per_scene = [counts[low : low + len(parts)] for low in range(0, len(calls), len(parts))]
+    weights = {}
+    for i, (name, (_, scene_fields)) in enumerate(zip(scenes, plain, strict=True)):
+        total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(axis=0, dtype=np.uint8)
+        weights[scene_key(card.id, name)] = SceneWeights(total, *scene_fields)
     return Reference(
         env=card.id,
         card=card.digest,
@@ -126,36 +130,29 @@ def make_reference(
         agent=submission.name,
         runs=len(seeds),
         parameters=perturbation.parameters(card.task.classes, seeds),
-        scenes={
-            scene_key(card.id, name): SceneWeights(np.stack(of_parts).sum(axis=0, dtype=np.uint8), *one.of_scene)
-            for name, one, of_parts in zip(scenes, plain, per_scene, strict=True)
-        },
+        scenes=weights,
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Plain:
-    """What the run of the reference as it is, without cut and noise, says of a scene."""
-
-    detections: MatchedDetections
-    of_scene: tuple[Bools, tuple[int, int, int], int, int]  # fields of `SceneWeights` but the counts
-
-
-def _plain_run(card: Card, data: str | None, name: str, submission: Submission) -> _Plain:
+def _plain_run(
+    card: Card, data: str | None, name: str, submission: Submission
+) -> tuple[MatchedDetections, _SceneFields]:
+    """Run the reference baseline on a scene as it is; its matched detections and event weights but the counts."""
     env = MTPEnv(card, data=data, evaluation=True)
     rollout = run_scene(submission.build(env.task), env, name, 0, submission.name)
     scene = env.scene
     events = events_of(scene, rollout, card)
     ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
     score, flags = score_scene(scene, rollout, card), events[find_targets(scene, card).row]
-    said = (flags, (ids, lost, reacquired), score.false_forecasts, score.forecasts)
-    return _Plain(matched_detections(scene, card), said)
+    return matched_detections(scene, card), (
+        flags, (ids, lost, reacquired), score.false_forecasts, score.forecasts
+    )  # fmt: skip
 
 
 def _perturbed_runs(
     card: Card, data: str | None, name: str, submission: Submission, perturbation: Perturbation, runs: Sequence[int]
 ) -> NDArray[np.uint8]:
-    """Counts [n, 4] of the events of some runs on the targets of a scene."""
+    """Counts [n, 4] of the events of the perturbed ``runs`` on the targets of a scene."""
     env = MTPEnv(card, data=data, samples=1, hypotheses=1, objects=1, evaluation=True)
     env.reset(options={"scene": name})
     scene, row = env.scene, find_targets(env.scene, card).row
@@ -173,23 +170,23 @@ def _tracker(submission: Submission, task: Task, assignment: str) -> Agent:
 
 
 def track(agent: Agent, scene: Scene, task: Task) -> Rollout:
-    """The tracks that ``agent`` answers the detections of ``scene`` with, one hypothesis, as the env records them.
+    """Rollout of the tracks that ``agent`` makes of the detections of ``scene``, one hypothesis, without forecasts.
 
-    Of a trusted agent: its answers are not examined, which takes longer than the tracking.
+    For trusted agents: their actions are not checked, which takes longer than the tracking.
     """
     frame = LocalFrame.of(scene)
     feed = make_feed(scene, frame, task)
     agent.reset(task)
-    said = []
+    columns = []
     for t in range(scene.frames):
         action = agent.act(feed.observe(t))
         rows = np.flatnonzero(action["track_valid"])
         box = frame.to_scene(action["track_box"][rows]).astype(np.float32)
-        said.append((action["track_id"][rows], box, action["track_class"][rows]))
-    track_id, box, class_id = (np.concatenate(column) for column in zip(*said, strict=True))
+        columns.append((action["track_id"][rows], box, action["track_class"][rows]))
+    track_id, box, class_id = (np.concatenate(column) for column in zip(*columns, strict=True))
     return replace(
-        _silence(scene, task),
-        track_start=starts_of([len(rows) for rows, *_ in said]),
+        _empty_rollout(scene, task),
+        track_start=starts_of([len(ids) for ids, *_ in columns]),
         track_id=track_id.astype(np.int64),
         track_box=box,
         track_class=class_id.astype(np.int64),
@@ -198,8 +195,8 @@ def track(agent: Agent, scene: Scene, task: Task) -> Rollout:
     )
 
 
-def _silence(scene: Scene, task: Task) -> Rollout:
-    """A rollout of ``scene`` with one hypothesis, in which nothing is said."""
+def _empty_rollout(scene: Scene, task: Task) -> Rollout:
+    """A rollout of ``scene`` with one hypothesis, without tracks and forecasts."""
     frames, classes = scene.frames, len(task.classes)
     size = {
         "F": frames, "F1": frames + 1, "R": 0, "H": 1, "S": 0, "K": task.samples, "T": task.future, "C1": classes + 1,

@@ -1,10 +1,9 @@
-"""Runs on disk: a folder with ``run.json`` and one ``.npz`` per scene (see `packing`), each with its digest."""
+"""Files of a run: a folder with ``run.json`` and one ``.npz`` per scene (see `packing`), each with its digest."""
 
 from __future__ import annotations
 
 import json
 import zipfile
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -39,7 +38,7 @@ _LEVEL = 4  # of compression
 
 
 class RunInfo(Section):
-    """Where the rollouts of a run come from: enough to check them and to make them again."""
+    """Origin of the rollouts of a run: enough to check them and to make them again."""
 
     env_id: str
     card_digest: str
@@ -49,13 +48,13 @@ class RunInfo(Section):
     keywords: dict[str, Any]  # further settings of the env
     agent: str
     parameters: dict[str, Any]
-    hypotheses: int | None = None  # as the submission declares; None: what the agent states
+    hypotheses: int | None = None  # as the submission declares; None: as many as the agent states
     submission_digest: str
-    note: str = ""  # what was trained on the scenes that are scored
+    note: str = ""  # on training with scenes that are scored
     seed: int
     definitions: str  # version of the definitions that the run was made under
     versions: dict[str, str]  # of the libraries
-    card: dict[str, Any] | None = None  # all of it, with what was changed in it; None: not kept
+    card: dict[str, Any] | None = None  # with its changes; None: not kept
 
 
 @dataclass(frozen=True)
@@ -106,12 +105,13 @@ def load_run(folder: str | Path) -> Run:
         )
     run = validate(_RunFile, content, str(path), RolloutError)
     rollouts: list[Rollout] = []
-    held = 0
+    size = 0
     for entry in run.scenes:
-        rollouts.append(_read_scene(Path(folder), entry))
-        held += sum(array.nbytes for array in vars(rollouts[-1]).values() if isinstance(array, np.ndarray))
-        if held > MOST_RUN:
-            raise RolloutError(f"{folder}: its scenes hold more than {MOST_RUN >> 30} GiB, expected at most so much")
+        rollout = _read_scene(Path(folder), entry)
+        size += sum(getattr(rollout, name).nbytes for name in ARRAYS)
+        if size > MOST_RUN:
+            raise RolloutError(f"{folder}: its scenes hold more than {MOST_RUN >> 30} GiB, the limit")
+        rollouts.append(rollout)
     return Run(run.info, tuple(rollouts))
 
 
@@ -126,11 +126,11 @@ def require_run_folder(folder: Path) -> None:
     foreign = sorted(name for name in names if name != RUN_FILE and not name.endswith(".npz"))
     if names and (RUN_FILE not in names or foreign):
         what = f"holds {foreign[0]!r}" if foreign else f"has no {RUN_FILE}"
-        raise RolloutError(f"{folder} is not empty and {what}, so it is no run: choose another folder")
+        raise RolloutError(f"{folder} is not empty and {what}, so it is not a run: choose another folder")
 
 
 def require_storable(info: RunInfo, scenes: Sequence[str]) -> None:
-    """Raise RolloutError for what RUN_FILE cannot hold, such as a path that is no text: before the agent runs."""
+    """Raise RolloutError for content that RUN_FILE cannot hold, such as a path that is not UTF-8."""
     _text(info, [_Entry(scene=name, frames=0, digest="") for name in scenes])
 
 
@@ -145,42 +145,38 @@ def _write(folder: Path, info: RunInfo, rollouts: Iterable[Rollout]) -> None:
         _write_arrays(folder / _scene_file(rollout.scene), stored)
         return _Entry(scene=rollout.scene, frames=rollout.frames, digest=digest(rollout))
 
-    known = list(rollouts)
-    scenes = [rollout.scene for rollout in known]
-    _require_once(scenes)
-    require_storable(info, scenes)  # a file has the name of its scene
-    with ThreadPoolExecutor(cores()) as pool:  # zlib, which takes most of the time, runs beside other threads
-        entries = list(pool.map(store, known))
+    rollouts = list(rollouts)
+    scenes = [rollout.scene for rollout in rollouts]
+    for scene in scenes:
+        if scenes.count(scene) > 1:
+            raise RolloutError(f"scene {scene!r} occurs twice among the rollouts of a run, expected once")
+    require_storable(info, scenes)
+    with ThreadPoolExecutor(cores()) as pool:  # zlib, which takes most of the time, releases the interpreter lock
+        entries = list(pool.map(store, rollouts))
     (folder / RUN_FILE).write_bytes(_text(info, entries))
 
 
 def _text(info: RunInfo, scenes: list[_Entry]) -> bytes:
-    """The content of RUN_FILE. Raises RolloutError for what no JSON in UTF-8 can hold."""
+    """The content of RUN_FILE. Raises RolloutError for content that JSON in UTF-8 cannot hold."""
     content = _RunFile(format=FORMAT, info=info, scenes=scenes).model_dump()
     try:
         return f"{json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)}\n".encode()
     except UnicodeEncodeError as error:
         line = error.object.split("\n")[error.object.count("\n", 0, error.start)].strip(" ,")
         raise RolloutError(
-            f"the run of {info.agent!r} cannot be stored: {RUN_FILE} would say {line!a}, which is no UTF-8: rename the "
-            "file or folder that it names"
+            f"the run of {info.agent!r} cannot be stored: {RUN_FILE} would contain {line!a}, which is not UTF-8: "
+            "rename the file or folder"
         ) from None
     except (TypeError, ValueError) as error:
         raise RolloutError(f"the parameters of {info.agent!r} cannot be stored as JSON: {error}") from None
 
 
 def _write_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
-    """As `numpy.savez_compressed`, which has no level: 2 % more room than with its own, in 0.3 to 0.7 of the time."""
+    """Write an NPZ file: 2 % larger than by `numpy.savez_compressed`, which has no level, in 0.3 to 0.7 of its time."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=_LEVEL) as file:
         for name, array in arrays.items():
             with file.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, array, allow_pickle=False)
-
-
-def _require_once(scenes: Sequence[str]) -> None:
-    for scene, times in Counter(scenes).items():
-        if times > 1:
-            raise RolloutError(f"scene {scene!r} occurs twice among the rollouts of a run, expected once")
 
 
 def _read_scene(folder: Path, entry: _Entry) -> Rollout:
@@ -188,7 +184,7 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
     try:
         with open_regular(path) as file, np.load(file, allow_pickle=False) as stored:
             if sum(entry.file_size for entry in stored.zip.infolist()) > MOST_BYTES:
-                raise RolloutError(f"{path}: unpacks to more than {MOST_BYTES >> 20} MiB, expected at most so much")
+                raise RolloutError(f"{path}: unpacks to more than {MOST_BYTES >> 20} MiB, the limit")
             arrays = {name: unpacked(name, stored[name], dtype) for name, (dtype, _) in ARRAYS.items()}
     except FileNotFoundError:
         raise RolloutError(f"{path} is missing, {RUN_FILE} names it; run the agent again") from None
@@ -208,7 +204,7 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
 
 def _check_arrays(path: Path, arrays: dict[str, NDArray[Any]], frames: int) -> None:
     """Raise RolloutError unless all arrays have the dtypes and the shapes of one rollout."""
-    sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}  # a letter's first array says what it stands for
+    sizes: dict[str | int, int] = {"F": frames, "F1": frames + 1}  # the first array with a letter sets its size
     for name, (dtype, letters) in ARRAYS.items():
         array = arrays[name]
         if array.dtype != np.dtype(dtype):

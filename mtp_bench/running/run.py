@@ -1,4 +1,4 @@
-"""Runs agents through scenes: one after the other, or over the cores of a machine."""
+"""Run agents through scenes, one after the other or in parallel."""
 
 from __future__ import annotations
 
@@ -18,12 +18,9 @@ from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, SubmissionError
 from ..parallel import parallel_map
-from ..scoring.definitions import DEFINITIONS
 from ..submission.loader import Submission, SubmissionFactory
 from ..types import Rollout, Scene, Task
 from .options import DEFAULTS, RunOptions
-from .rollout_files import RunInfo
-from .settings import Setting
 
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]
@@ -32,26 +29,27 @@ Finish = Callable[[Scene, Rollout, Card], Any]
 def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None) -> Rollout:
     """Rollout of ``agent`` on one scene of ``env``, with the seconds that ``act`` took per frame.
 
-    ``scene_name``: one of ``env.scene_names``. The agent's own seed depends on ``seed`` alone, so that it does not give
-    the scene away. Raises SubmissionError, naming the agent (``name``, else its class), scene and frame, if the agent
-    raises; answers that break the contract are counted in the rollout instead, or are an ActionError of a strict env.
+    ``scene_name``: one of ``env.scene_names``. The agent's own seed depends on ``seed`` alone, so it does not identify
+    the scene. Raises SubmissionError, naming the agent (``name``, else its class), scene and frame, if the agent
+    raises; invalid rows of its actions are counted in the rollout instead, or are an ActionError of a strict env.
     """
     name = name or type(agent).__name__
     observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})
+    seconds: list[float] = []
+    truncated, place = False, "reset"
     try:
         agent.reset(agent_task(env, seed))
-    except (Exception, SystemExit) as error:
-        raise _failure(name, scene_name, "reset", error) from error
-    seconds: list[float] = []
-    truncated = False
-    while not truncated:
-        try:
+        while not truncated:
+            place = f"frame {len(seconds)}"
             start = time.perf_counter()
             action = agent.act(observation)
             seconds.append(time.perf_counter() - start)
-        except (Exception, SystemExit) as error:
-            raise _failure(name, scene_name, f"frame {len(seconds)}", error) from error
-        observation, _, _, truncated, _ = env.step(action)
+            place = ""  # errors below are the env's
+            observation, _, _, truncated, _ = env.step(action)
+    except (Exception, SystemExit) as error:
+        if not place:
+            raise
+        raise SubmissionError(f"agent {name!r} failed on scene {scene_name!r} at {place}: {_text(error)}") from error
     return replace(env.rollout(), seconds=np.array(seconds))
 
 
@@ -64,7 +62,7 @@ class Job:
     env_keywords: dict[str, Any]
     scene: str
     seed: int = 0
-    name: str | None = None  # what errors call the agent
+    name: str | None = None  # of the agent, in errors
 
 
 def jobs_of(
@@ -76,16 +74,16 @@ def jobs_of(
     parameters: dict[str, Any] | None = None,
     label: str | None = None,
 ) -> list[Job]:
-    """A submission on scenes of an env in evaluation mode, one job each.
+    """Jobs of a submission on the ``scenes`` of an env in evaluation mode.
 
     Args:
-        submission: Whose agent plays.
+        submission: Makes the agent.
         env: Id of the env, path of its card, or a card.
         keywords: Keywords of `MTPEnv`; the env observes what the submission asks for unless they say otherwise.
         scenes: Names of the scenes.
         seed: Seed of all random draws.
         parameters: Of the agent; None: those of the manifest.
-        label: What errors call the agent; None: the name of the submission.
+        label: Name of the agent in errors; None: that of the submission.
     """
     make = SubmissionFactory(str(submission.path), submission.parameters if parameters is None else parameters)
     keywords = {"observe": submission.compare.observe, **keywords, "evaluation": True}
@@ -93,10 +91,10 @@ def jobs_of(
 
 
 def run_jobs(jobs: Sequence[Job], options: RunOptions = DEFAULTS, finish: Finish | None = None) -> list[Any]:
-    """What ``finish`` makes of each job (its Rollout if None), in the order of ``jobs``, whoever does the work.
+    """Results of ``finish`` for each job (its Rollout if None), in the order of ``jobs``.
 
-    Of ``options`` workers and progress count. What the jobs name (data root, submission) must be at the same path on
-    every worker.
+    Only workers and progress of ``options`` are used. The data root and the submission of a job must be at the same
+    path on every worker.
     """
     options.progress.started(len(jobs))
     calls = [(job, finish) for job in jobs]
@@ -110,40 +108,19 @@ def derived_seed(seed: int, scene_name: str, purpose: str) -> int:
 
 
 def agent_task(env: MTPEnv, seed: int) -> Task:
-    """What an agent is told before the scene: the task of ``env`` with the agent's seed, which names no scene."""
+    """The task of ``env`` with the agent's own seed, which is the same for all scenes."""
     return replace(env.task, seed=derived_seed(seed, "", "agent"))
-
-
-def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any]) -> RunInfo:
-    """Record of a run on ``env``; ``keywords`` are further settings of the env that were not the default."""
-    submission = setting.submission
-    return RunInfo(
-        env_id=env.card.id,
-        card_digest=env.card.digest,
-        observe=env.task.observe,
-        samples=env.task.samples,
-        split=env.card.source.split,
-        keywords={name: value for name, value in keywords.items() if name not in ("samples", "observe")},
-        agent=submission.name,
-        parameters=setting.parameters,
-        hypotheses=setting.hypotheses,
-        submission_digest=submission.digest,
-        note=submission.note_on(env.card.id) or "",
-        seed=seed,
-        definitions=DEFINITIONS,
-        versions=library_versions(),
-    )
 
 
 def library_versions() -> dict[str, str]:
     """Versions of Python, of this library and of those that its numbers depend on."""
-    found = {"python": platform.python_version(), "mtp-bench": __version__}
+    versions = {"python": platform.python_version(), "mtp-bench": __version__}
     for name in ("numpy", "scipy", "gymnasium", "numba", "torch", "scikit-learn"):
         try:
-            found[name] = importlib.metadata.version(name)
+            versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 def _one_scene(job: Job, finish: Finish | None) -> Any:
@@ -154,10 +131,6 @@ def _one_scene(job: Job, finish: Finish | None) -> Any:
         raise SubmissionError(f"agent {job.name or 'of this run'!r} cannot be built: {_text(error)}") from error
     rollout = run_scene(agent, env, job.scene, job.seed, job.name)
     return rollout if finish is None else finish(env.scene, rollout, env.card)
-
-
-def _failure(agent: str, scene: str, where: str, error: BaseException) -> SubmissionError:
-    return SubmissionError(f"agent {agent!r} failed on scene {scene!r} at {where}: {_text(error)}")
 
 
 def _text(error: BaseException) -> str:

@@ -1,32 +1,40 @@
-"""Runs on disk: what `mtp-bench run` stores and `mtp-bench score` reads."""
+"""Runs on disk: `run` stores one, `score` scores it, `open_run` opens it with its card and scenes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from ..cards import Card
+from .._bundle import card_ids
+from ..cards import Card, changed_card, load_card, parse_card
 from ..env.environment import MTPEnv
-from ..errors import RolloutError
+from ..env.observation import shown_boxes
+from ..errors import RolloutError, UnknownNameError
 from ..files import require_folder
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
+from ..scoring.definitions import DEFINITIONS
+from ..sources import CameraImage, SceneSource, camera_images, open_source, with_map, with_tracks
 from ..types import Rollout, Scene
-from .opened import open_run
-from .options import DEFAULTS, RunOptions
+from .options import CHANGES, DEFAULTS, RunOptions
 from .reading import total_skipped
 from .reference import reference_for
-from .rollout_files import require_run_folder, require_storable, save_run
-from .run import jobs_of, run_info, run_jobs
-from .settings import setting_of, submission_of
+from .rollout_files import Run, RunInfo, load_run, require_run_folder, require_storable, save_run
+from .run import jobs_of, library_versions, run_jobs
+from .settings import Setting, setting_of, submission_of
+
+Note = Callable[[str], object]
 
 
 @dataclass(frozen=True)
 class StoredRun:
-    """What `run` did."""
+    """Numbers of a run that was stored."""
 
     scenes: int
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
-    rejected: int  # rows of the agent's answers that broke the contract
+    rejected: int  # invalid rows of the agent's actions
 
 
 @dataclass(frozen=True)
@@ -34,8 +42,62 @@ class StoredScore:
     """Report of a stored run."""
 
     report: Report
-    origin: str  # where its subsets come from
+    origin: str  # of the event weights of its subsets
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
+
+
+@dataclass(frozen=True, eq=False)
+class OpenedRun:
+    """A stored run, its card and the source of its scenes."""
+
+    folder: Path
+    run: Run
+    card: Card  # with the run's own split and detector
+    source: SceneSource
+    data: str | None  # data root
+
+    def rollouts(self, scene: str | None = None) -> Sequence[Rollout]:
+        """All rollouts, or that of one scene; raises UnknownNameError if the run does not have it."""
+        if scene is None:
+            return self.run.rollouts
+        chosen = [rollout for rollout in self.run.rollouts if rollout.scene == scene]
+        if not chosen:
+            raise UnknownNameError(f"scene of {self.folder}", scene, [rollout.scene for rollout in self.run.rollouts])
+        return chosen
+
+    def first(self, scene: str | None = None) -> Rollout:
+        """The rollout of ``scene``, or the first one; raises RolloutError if the run is empty."""
+        rollouts = self.rollouts(scene)
+        if not rollouts:
+            raise RolloutError(f"{self.folder}: holds no scene; run the agent again")
+        return rollouts[0]
+
+    def scene(self, name: str) -> Scene:
+        """The scene of this name with the boxes that the agent was shown as its detections: see `shown_boxes`.
+
+        Raises UnknownNameError if the source does not have it, and DataError if stored tracks are missing.
+        """
+        scene, info = self.recorded(name), self.run.info
+        if info.observe == "tracks":
+            file = _text(self.folder, info, "track_file")
+            if file is None:
+                raise RolloutError(f"{self.folder}: does not name the stored tracks that its agent was given")
+            scene = with_tracks(self.source, self.card, self.data, file).load(name)
+        return replace(scene, detections=shown_boxes(scene, info.observe)[0])
+
+    def drawn(self, name: str, note: Note = lambda text: None) -> Scene:
+        """The `scene` of this name with its road, for pictures; ``note`` is called if its map is broken."""
+        return with_map(self.scene(name), self.card, self.data, note)
+
+    def images(self, scene: Scene, note: Note = lambda text: None) -> tuple[CameraImage, ...]:
+        """The camera images of a scene, if they exist; ``note`` is called if a table of them is broken."""
+        return camera_images(scene, self.card, self.data, note)
+
+    def recorded(self, name: str) -> Scene:
+        """The scene of this name as its source has it, for scoring; raises UnknownNameError if it is missing."""
+        if name not in self.source.names:
+            raise UnknownNameError(f"scene of {self.folder}", name, self.source.names)
+        return self.source.load(name)
 
 
 def run(
@@ -46,11 +108,11 @@ def run(
     Args:
         agent: Folder of the submission, or name of a baseline.
         env_id: Id of the env, path of its card, or a card.
-        folder: Where the rollouts go.
+        folder: Folder of the rollouts.
         options: Data, scenes, changes of the card, workers and progress; of the seeds, the first.
-        replace: Whether an earlier run in ``folder`` gives way, once this one is complete.
+        replace: Replace an earlier run in ``folder``, once this one is complete.
 
-    Raises MtpBenchError for whatever the user can mend, and before anything runs where ``folder`` cannot be written or
+    Raises MtpBenchError for errors that the user can mend; before anything runs if ``folder`` cannot be written or
     holds a run that is not to be replaced.
     """
     folder = Path(folder)
@@ -65,14 +127,14 @@ def run(
     jobs = jobs_of(submission, env_id, {"data": options.data, **keywords}, names, seed)
     info = run_info(env, setting, seed, keywords).model_copy(update={"card": env.card.stored()})
     require_storable(info, names)
-    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _keep)
+    results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _with_skipped)
     save_run(folder, info, [rollout for rollout, _ in results])
     rejected = sum(int(rollout.invalid.sum()) for rollout, _ in results)
     return StoredRun(len(results), total_skipped(skipped for _, skipped in results), rejected)
 
 
 def require_free(folder: Path, replace: bool) -> None:
-    """Raise MtpBenchError where no run can be stored: no folder, no permission, or one that is not to be replaced."""
+    """Raise MtpBenchError unless a run can be stored in ``folder``: writable, and empty unless it is replaced."""
     require_run_folder(folder.absolute())
     if not replace and folder.exists() and any(folder.iterdir()):
         raise RolloutError(
@@ -81,20 +143,36 @@ def require_free(folder: Path, replace: bool) -> None:
     require_folder(folder)
 
 
-def _keep(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str, int]]:
-    """The rollout of a scene, and what was skipped while reading it."""
-    return rollout, scene.skipped
+def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any]) -> RunInfo:
+    """Description of a run on ``env``, without its card; ``keywords`` are further settings of the env."""
+    submission = setting.submission
+    return RunInfo(
+        env_id=env.card.id,
+        card_digest=env.card.digest,
+        observe=env.task.observe,
+        samples=env.task.samples,
+        split=env.card.source.split,
+        keywords={name: value for name, value in keywords.items() if name not in ("samples", "observe")},
+        agent=submission.name,
+        parameters=setting.parameters,
+        hypotheses=setting.hypotheses,
+        submission_digest=submission.digest,
+        note=submission.note_on(env.card.id) or "",
+        seed=seed,
+        definitions=DEFINITIONS,
+        versions=library_versions(),
+    )
 
 
 def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card | None = None) -> StoredScore:
     """Report of a stored run.
 
     Args:
-        folder: Where `run` put it.
-        options: Data and progress; all else is as the run says of itself.
-        env_id: Id, path or card, where it is not the card that the run keeps.
+        folder: Folder that `run` wrote.
+        options: Data and progress; everything else is as stored with the run.
+        env_id: Id, path or card, if it is not the card stored with the run.
 
-    Raises RolloutError where the run was made for another version of the card, or says other things than its rollouts.
+    Raises RolloutError if the run was made for another version of the card, or contradicts its rollouts.
     """
     opened = open_run(Path(folder), options.data, env_id)
     info, card = opened.run.info, opened.card
@@ -116,4 +194,61 @@ def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card
     report = summarise([agent], card, reference)
     if info.note:
         report.condition["trained"] = f"{info.note}: {info.agent}"
-    return StoredScore(report, reference.origin, total_skipped(score.skipped for score in scores))
+    return StoredScore(report, reference.origin, total_skipped(each.skipped for each in scores))
+
+
+def open_run(folder: Path, data: str | None = None, env: str | Card | None = None) -> OpenedRun:
+    """The run stored in ``folder``, with the card that it keeps, or the one that ``env`` (id, path or card) names.
+
+    Raises RolloutError if the run was made for another version of the card, or contradicts its rollouts, and DataError
+    if its data is missing.
+    """
+    stored = load_run(folder)
+    card = _card(folder, stored.info, env)
+    _check(folder, stored)
+    return OpenedRun(folder, stored, card, open_source(card, data), data)
+
+
+def _with_skipped(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str, int]]:
+    return rollout, scene.skipped
+
+
+def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
+    """The card that the run was made for, by its digest."""
+    if env is None and info.card is not None:
+        card = parse_card(info.card, f"{folder}, card")
+    else:
+        if env is None and info.env_id not in card_ids():
+            raise RolloutError(
+                f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env"
+            )
+        card = env if isinstance(env, Card) else load_card(env or info.env_id)
+        if card.digest != info.card_digest:
+            card = changed_card(card, *(_text(folder, info, key) for key in CHANGES))
+    if card.digest != info.card_digest:
+        raise RolloutError(
+            f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "
+            "run the agent again"
+        )
+    return card
+
+
+def _text(folder: Path, info: RunInfo, key: str) -> str | None:
+    value = info.keywords.get(key)
+    if value is not None and not isinstance(value, str):
+        raise RolloutError(f"{folder}: {key} is {value!r}, expected a name")
+    return value
+
+
+def _check(folder: Path, stored: Run) -> None:
+    """Raise RolloutError if the description of the run contradicts its rollouts."""
+    count = Counter(rollout.scene for rollout in stored.rollouts)
+    for rollout in stored.rollouts:
+        samples = rollout.forecast.shape[1]
+        if samples != stored.info.samples:
+            raise RolloutError(
+                f"{folder}: states {stored.info.samples} samples per object, scene {rollout.scene!r} has {samples}; "
+                "run the agent again"
+            )
+        if count[rollout.scene] > 1:
+            raise RolloutError(f"{folder}: names scene {rollout.scene!r} {count[rollout.scene]} times, expected once")

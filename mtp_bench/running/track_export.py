@@ -1,4 +1,4 @@
-"""The tracks of a stored run in the forms of other programs, for their evaluations or to be read back."""
+"""Export of the tracks of a stored run in the file formats of other programs."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from ..sources.nuscenes.source import NuScenes
 from ..sources.nuscenes.tracks import submission_box
 from ..sources.tracks.table import SCORED, table_path, write_table_of_tracks
 from ..types import Floats, Ints, Rollout, Scene, starts_of_sorted
-from .opened import OpenedRun
+from .stored import OpenedRun
 
-_FILES = (".json", ".csv", ".txt")  # names that end so are of files: nobody wants a folder of such a name
+_FILES = (".json", ".csv", ".txt")  # suffixes of files: a folder of such a name is a mistake
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +40,8 @@ class TrackRows:
 def track_rows(rollout: Rollout, scene: Scene, card: Card) -> TrackRows:
     """The tracks of the heaviest hypothesis of each frame.
 
-    A rollout has no scores of tracks. As in the files of other trackers it is the score of the detection at the place
-    of the track (the nearest of its class within the forecast gate), or of the last one; 0 before there was any.
+    A rollout has no scores of tracks. As in the files of other trackers, the score of a track is that of its detection:
+    the nearest of its class within the forecast gate, or the last one; 0 before the first.
     """
     frame = rollout.tracks.frame_of_rows
     heaviest = rollout.hypothesis_log_weight.argmax(axis=1)
@@ -57,23 +57,24 @@ def _scores(rows: TrackRows, scene: Scene, gate: Floats) -> Floats:
     score, last = np.zeros(len(rows.frame)), dict[int, float]()
     start = starts_of_sorted(rows.frame, scene.frames)
     for t in range(scene.frames):
-        seen, mine = scene.detections.rows(t), slice(start[t], start[t + 1])
-        apart = np.linalg.norm(rows.box[mine, None, :2] - scene.detections.box[None, seen, :2], axis=-1)
-        apart[rows.class_id[mine, None] != scene.detections.class_id[None, seen]] = np.inf
-        near = apart.min(axis=1, initial=np.inf) <= gate[rows.class_id[mine]]
-        for at, found, distance in zip(range(start[t], start[t + 1]), near.tolist(), apart, strict=True):
-            if found:
-                last[int(rows.track_id[at])] = float(scene.detections.score[seen][distance.argmin()])
-            score[at] = last.get(int(rows.track_id[at]), 0.0)
+        seen, own = scene.detections.rows(t), slice(start[t], start[t + 1])
+        distance = np.linalg.norm(rows.box[own, None, :2] - scene.detections.box[None, seen, :2], axis=-1)
+        distance[rows.class_id[own, None] != scene.detections.class_id[None, seen]] = np.inf
+        near = distance.min(axis=1, initial=np.inf) <= gate[rows.class_id[own]]
+        for i, row in enumerate(range(start[t], start[t + 1])):
+            identity = int(rows.track_id[row])
+            if near[i]:
+                last[identity] = float(scene.detections.score[seen][distance[i].argmin()])
+            score[row] = last.get(identity, 0.0)
     return score
 
 
 def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False, progress: Progress = NO_PROGRESS) -> int:
-    """Write the tracks of a stored run to ``path``; how many boxes that are. ``progress`` is told each scene.
+    """Write the tracks of a stored run to ``path`` and return the number of boxes; ``progress`` counts scenes.
 
     nuScenes: a .json file in the submission form of the tracking task. KITTI: a folder of the benchmark's results. With
-    ``table``, and of every other source: a folder of tables (`sources.tracks.table`). Raises CardError where a path
-    does not fit, and MtpBenchError for a folder that is not empty.
+    ``table``, and for every other source: a folder of tables (`sources.tracks.table`). Raises CardError for a path
+    that does not fit the format, and MtpBenchError for a folder that is not empty.
     """
     card, scenes = opened.card, ((rollout, opened.recorded(rollout.scene)) for rollout in opened.run.rollouts)
 
@@ -93,19 +94,19 @@ def write_tracks(
     if isinstance(card.source, NuScenesSource) and not table:
         if path.suffix != ".json":
             raise CardError(
-                f"{path}: the tracking task of nuScenes takes a .json file; for a folder of tables say --table"
+                f"{path}: the tracking task of nuScenes takes a .json file; for a folder of tables pass --table"
             )
         return _write_submission(rows, card, data, path)
     of_kitti = isinstance(card.source, KittiSource) and not table
     if path.suffix in _FILES:
-        what = "KITTI's results" if of_kitti else "tables"
-        raise CardError(f"{path}: {card.id} is written as {what}: name a folder, not a {path.suffix} file")
+        form = "KITTI's results" if of_kitti else "tables"
+        raise CardError(f"{path}: {card.id} is written as {form}: name a folder, not a {path.suffix} file")
     write = _write_result if of_kitti else _write_table
     count = 0
     with new_folder(path) as part:
-        for scene, found in rows:
-            write(scene, found, card, data, part)
-            count += len(found.frame)
+        for scene, tracks in rows:
+            write(scene, tracks, card, data, part)
+            count += len(tracks.frame)
     return count
 
 
@@ -129,11 +130,11 @@ def _write_submission(rows: Iterable[tuple[Scene, TrackRows]], card: Card, data:
     with whole_file(path) as part, part.open("w", encoding="utf-8") as file:
         meta = dict.fromkeys(("use_camera", "use_lidar", "use_radar", "use_map", "use_external"), False)
         file.write(f'{{"meta": {json.dumps(meta)}, "results": {{')
-        between = ""
-        for scene, found in rows:
-            for token, boxes in _samples(scene, found, card, tables.arrays(scene.name)["sample"].tolist()):
-                file.write(f"{between}\n{json.dumps(token)}: {json.dumps(boxes)}")
-                between, count = ",", count + len(boxes)
+        separator = ""
+        for scene, tracks in rows:
+            for token, boxes in _samples(scene, tracks, card, tables.arrays(scene.name)["sample"].tolist()):
+                file.write(f"{separator}\n{json.dumps(token)}: {json.dumps(boxes)}")
+                separator, count = ",", count + len(boxes)
         file.write("\n}}\n")
     return count
 
@@ -141,17 +142,17 @@ def _write_submission(rows: Iterable[tuple[Scene, TrackRows]], card: Card, data:
 def _samples(
     scene: Scene, rows: TrackRows, card: Card, tokens: list[str]
 ) -> Iterator[tuple[str, list[dict[str, object]]]]:
-    """The boxes of each sample; velocities are those from the box before of the same track."""
-    before: dict[int, tuple[float, Floats]] = {}
+    """Boxes of each sample, with the velocity since the previous box of the track."""
+    previous: dict[int, tuple[float, Floats]] = {}  # by track: time and position
     start = starts_of_sorted(rows.frame, scene.frames)
     for t, token in enumerate(tokens):
         boxes: list[dict[str, object]] = []
-        for at in range(start[t], start[t + 1]):
-            identity, box = int(rows.track_id[at]), rows.box[at]
-            last, place = before.get(identity, (float(scene.time[t]), box[:2]))
-            passed = float(scene.time[t]) - last
-            velocity = (box[:2] - place) / passed if passed else np.zeros(2)
-            before[identity] = float(scene.time[t]), box[:2]
-            name = card.task.classes[rows.class_id[at]]
-            boxes.append(submission_box(token, box, velocity, name, str(identity), float(rows.score[at])))
+        now = float(scene.time[t])
+        for row in range(start[t], start[t + 1]):
+            identity, box = int(rows.track_id[row]), rows.box[row]
+            time, position = previous.get(identity, (now, box[:2]))
+            velocity = (box[:2] - position) / (now - time) if now > time else np.zeros(2)
+            previous[identity] = now, box[:2]
+            name = card.task.classes[rows.class_id[row]]
+            boxes.append(submission_box(token, box, velocity, name, str(identity), float(rows.score[row])))
         yield token, boxes

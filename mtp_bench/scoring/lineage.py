@@ -146,7 +146,7 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
     track_id = np.append(rollout.track_id, -1)  # row -1: no track, never compared
     before = np.full((len(objects), shape[1]), -1, dtype=np.intp)  # track row in the frame before
     last = before.copy()  # track row of the last match since the object is there
-    evaluated = truth.those(~truth.neutral)
+    evaluated = truth.select(~truth.neutral)
     place = np.flatnonzero(~truth.neutral)
     for t in range(evaluated.frames):
         parent, rows = lineage.parent[t], place[evaluated.rows(t)]

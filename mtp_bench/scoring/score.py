@@ -141,8 +141,15 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
         skipped=scene.skipped,
-        seconds=float(np.mean(rollout.seconds[len(rollout.seconds) > 1 :])) if len(rollout.seconds) else 0.0,
+        seconds=_mean_seconds(rollout.seconds),
     )
+
+
+def _mean_seconds(seconds: Floats) -> float:
+    """Mean time per frame; without the first frame, in which agents start up, unless it is the only one."""
+    if len(seconds) > 1:
+        return float(seconds[1:].mean())
+    return float(seconds.sum())
 
 
 def nearest_score(scene: Scene, forecasts: Forecasts) -> Floats:

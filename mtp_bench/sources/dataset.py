@@ -75,13 +75,15 @@ class Dataset:
             + f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
         )
 
-    def status(self, data: str | Path | None, holds: str) -> DataStatus:
-        """A status of the folder that holds ``holds``, to be completed; its root is None without such a folder."""
+    def status(self, data: str | Path | None, holds: str, inspect: Callable[[DataStatus], None]) -> DataStatus:
+        """What ``inspect`` finds in the folder that holds ``holds``; a dataset that is not there is no error."""
         try:
             root = self.find(data, holds)
         except DataError:
             return DataStatus(self, None, self.searched(data))
-        return DataStatus(self, root, (root,))
+        found = DataStatus(self, root, (root,))
+        inspect(found)
+        return found
 
 
 @dataclass

@@ -9,11 +9,10 @@ from pathlib import Path
 from ..cards import Card
 from ..files import make_folder
 from ..parallel import Progress
+from ..running.compare import AtThreshold, at_threshold, scores_of, threshold_agents
 from ..running.options import DEFAULTS, RunOptions
 from ..running.perturbation import score_cuts
 from ..running.reference import frozen_reference, reference_for
-from ..running.scored import scores_of
-from ..running.sensitivity import AGENTS, AtCut, at_cut
 from ..running.settings import setting_of
 from ..scoring import Reference, summarise
 from ..sources import open_source
@@ -85,7 +84,7 @@ def find(names: Sequence[str], env_id: str | Card, folder: Path, options: RunOpt
     plan = make_plan(names, card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
     options.require_tracks_used([setting.submission for setting in plan.equal])
     scenes = options.chosen(open_source(card, options.data).names)
-    cuts = 0 if quick else len(QUANTILES) * len(AGENTS)
+    cuts = 0 if quick else len(QUANTILES) * len(threshold_agents())
     frozen = frozen_reference(card)
     weights = 0 if frozen is not None and frozen.holds(scenes) else _OF_WEIGHTS
     runs = len(plan.equal) * len(options.seeds) + len(plan.free) + cuts
@@ -115,14 +114,16 @@ def _cuts(bench: Bench) -> dict[float, dict[str, float]]:
     }
 
 
-def _sensitivity(bench: Bench, plan: Plan, reference: Reference, measured: dict[str, Measured]) -> tuple[AtCut, ...]:
+def _sensitivity(
+    bench: Bench, plan: Plan, reference: Reference, measured: dict[str, Measured]
+) -> tuple[AtThreshold, ...]:
     """What the baselines score with all detections, and at each cut."""
     if not plan.cuts:
         return ()
-    whole = [setting_of(load_submission(name), bench.card) for name in AGENTS]
+    whole = [setting_of(load_submission(name), bench.card) for name in threshold_agents()]
     at = {0.0: whole, **plan.cuts} if all(key_of(setting) in measured for setting in whole) else plan.cuts
     rows = []
     for share, settings in at.items():
         agents = [scores_of(each, measured[key_of(each)].scores[:1], each.submission.name) for each in settings]
-        rows.append(at_cut(share, agents, summarise(agents, bench.card, reference)))
+        rows.append(at_threshold(share, agents, summarise(agents, bench.card, reference)))
     return tuple(rows)

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..running.scored import scores_of
-from ..running.sensitivity import AtCut
+from ..running.compare import AtThreshold, scores_of
 from ..running.settings import Setting
 from ..scoring import AgentScores, Ends, Reference, Report, summarise
 from ..scoring.causes import causes
@@ -43,7 +42,7 @@ class Findings:
     reference: Reference
     measured: dict[str, Measured]  # by `key_of`
     speed: tuple[Speed, ...] = ()  # of the subject
-    cuts: tuple[AtCut, ...] = ()  # of the input
+    cuts: tuple[AtThreshold, ...] = ()  # of the input
 
     @property
     def subject(self) -> Subject:

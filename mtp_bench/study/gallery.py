@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from ..running.opened import open_run
+from ..running.stored import open_run
 from ..types import Floats
 from ..viz.drawing.report import report
 from ..viz.focus import Focus

@@ -10,10 +10,9 @@ from typing import Any
 
 from ..cards import Card
 from ..errors import MtpBenchError
-from ..running.compare import CONTROLS, STP, TRUTH
-from ..running.sensitivity import AGENTS, PARAMETER
+from ..running.compare import PARAMETER, control_names, threshold_agents
 from ..running.settings import Setting, all_settings, setting_of
-from ..submission.loader import Submission, load_submission
+from ..submission.loader import Submission, controls, load_submission
 from .retracking import retracking_settings
 
 HYPOTHESES = (1, 2, 5, 10, 20)
@@ -99,9 +98,9 @@ def make_plan(
     if not names:
         raise MtpBenchError("a study is of an agent: name at least one")
     all_settings(names, card)  # two of one name, and broken manifests, show here
-    controls = tuple(all_settings(CONTROLS, card))
+    compared = tuple(all_settings(control_names(), card))
     subjects = tuple(subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
-    return Plan(subjects, controls, retracking_settings(card))
+    return Plan(subjects, compared, retracking_settings(card))
 
 
 def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> Subject:
@@ -110,7 +109,9 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
     end, truth, stated = _ends(whole, card)
     end = _named_once(end, whole)
     parameter, most = submission.compare.hypotheses, _most_hypotheses(whole)
-    alone = most == 1 and not whole.ends and key_of(end) != key_of(whole)  # a control is where its gap begins, not it
+    alone = (
+        most == 1 and not whole.gap_references and key_of(end) != key_of(whole)
+    )  # a control is where its gap begins, not it
     if parameter is None or submission.compare.observe == "truth" or alone:
         return Subject(submission.name, end, end, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
 
@@ -118,7 +119,7 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
         return setting_of(submission, card, {parameter: count}, budget)
 
     single = end
-    if whole.ends and (one := with_hypotheses(1)).parameters != end.parameters:
+    if whole.gap_references and (one := with_hypotheses(1)).parameters != end.parameters:
         single = _named_once(replace(one, label=f"{submission.name}, H = 1"), whole)
     counts = sorted({count for count in hypotheses if count <= most} | {most}) if most > 1 else [1]
     return Subject(
@@ -146,12 +147,13 @@ def _named_once(setting: Setting, whole: Setting) -> Setting:
 
 def _ends(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:
     """One hypothesis, and true pasts, with the setting's own predictor; whether the manifest states them."""
-    if setting.ends:
-        single, truth = setting.ends
+    if setting.gap_references:
+        single, truth = setting.gap_references
         name = ", ".join([setting.submission.name, *_changed(setting, single)])  # no other run has this name
         return replace(single, label=f"{name}, H = 1"), replace(truth, label=f"{name}, true pasts"), True
-    stp, past = setting_of(load_submission(STP), card), setting_of(load_submission(TRUTH), card)
-    return stp, past, setting.ends == ()
+    role = controls()
+    stp, past = (setting_of(load_submission(role[name]), card) for name in ("single", "ground_truth"))
+    return stp, past, setting.gap_references == ()
 
 
 def _changed(setting: Setting, end: Setting) -> list[str]:
@@ -163,7 +165,7 @@ def _changed(setting: Setting, end: Setting) -> list[str]:
 def with_cuts(plan: Plan, card: Card, cuts: dict[float, dict[str, float]]) -> Plan:
     """The plan, and the baselines with the input cut: share of true detections below -> least score per class."""
     settings = {
-        share: tuple(setting_of(load_submission(name), card, {PARAMETER: cut}) for name in AGENTS)
+        share: tuple(setting_of(load_submission(name), card, {PARAMETER: cut}) for name in threshold_agents())
         for share, cut in cuts.items()
     }
     return replace(plan, cuts=settings)

@@ -21,8 +21,9 @@ from ..running.options import RunOptions
 from ..running.perturbation import MatchedDetections, matched_detections
 from ..running.reference import ranked_scenes
 from ..running.rollout_files import load_run, save_run
-from ..running.run import jobs_of, run_info, run_jobs
+from ..running.run import jobs_of, run_jobs
 from ..running.settings import Setting
+from ..running.stored import run_info
 from ..scoring import SceneScore, score_scene
 from ..scoring.circumstances import Circumstances, circumstances
 from ..sources import open_source

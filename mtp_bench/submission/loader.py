@@ -9,7 +9,7 @@ import inspect
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from .._bundle import baseline_names, bundled
 from ..errors import MtpBenchError, SubmissionError, UnknownNameError
 from .contents import digest_of, files_of
 from .importing import import_from
-from .manifest import MANIFEST, CompareSection, read_manifest
+from .manifest import MANIFEST, CompareSection, Role, read_manifest
 
 if TYPE_CHECKING:
     from ..agent import Agent
@@ -110,6 +110,13 @@ def load_submission(name: str | Path) -> Submission:
         raise SubmissionError(f"the submission is {name!r}, expected its folder or the name of a baseline")
     path = _find(name)
     return Submission(path=path, **dict(read_manifest(path)))
+
+
+@cache
+def controls() -> dict[Role, str]:
+    """Names of the shipped baselines that have a role in comparisons, by the role that their manifest states."""
+    submissions = [load_submission(name) for name in baseline_names()]
+    return {each.compare.role: each.name for each in submissions if each.compare.role is not None}
 
 
 def _find(name: str | Path) -> Path:

@@ -20,6 +20,7 @@ ROLLOUTS = ".rollouts"  # ending of the folder beside a record
 BESIDE_RECORDS = (PARTS, ROLLOUTS)
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and what it was trained on
+Role = Literal["ground_truth", "single", "several", "same_samples", "hedged"]
 MOST_SETTINGS = 1000  # that a comparison runs
 
 
@@ -49,13 +50,14 @@ class CompareSection(Section):
     """How a comparison runs the submission, and which of its parameters are counts."""
 
     sweep: dict[str, _Values] = Field(default_factory=dict)  # parameter of the agent -> values to run it with
-    budgets: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)
+    samples: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)  # k per object, or all drawn
     observe: Literal["detections", "truth", "tracks"] = "detections"  # what the env feeds; others are never ranked
     hypotheses: str | None = None  # parameter that is the number H of hypotheses; None: what the agent states
     draws: str | None = None  # parameter that is the number of times k samples are drawn per hypothesis; None: once
-    # Between what its gap is measured: with these parameters it is a single-hypothesis pipeline, and takes true pasts
-    # where the env observes the truth; "controls": those with its own predictor are stp and truth_past
-    ends: Literal["controls"] | dict[str, Value] | None = None
+    # Parameters of the reference pair of its gap: a single-hypothesis pipeline, which takes ground-truth tracks if the
+    # env observes the truth; "controls": the baselines with these roles have its predictor; None: not known
+    gap_references: Literal["controls"] | dict[str, Value] | None = None
+    role: Role | None = None  # of a baseline that others are compared with
 
 
 class Manifest(Section):
@@ -100,6 +102,6 @@ def _check_compare(manifest: Manifest, where: str) -> None:
                 f"{where}: compare.{key}: unknown parameter {name!r}{nearest(name, known)} (it needs a value under "
                 "[parameters] or in compare.sweep)"
             )
-    settings = math.prod(map(len, compare.sweep.values())) * len(compare.budgets)
+    settings = math.prod(map(len, compare.sweep.values())) * len(compare.samples)
     if settings > MOST_SETTINGS:
         raise SubmissionError(f"{where}: compare.sweep makes {settings} settings, expected at most {MOST_SETTINGS}")

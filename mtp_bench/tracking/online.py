@@ -32,7 +32,7 @@ class OnlineDetections:
     def __len__(self) -> int:
         return len(self.box)
 
-    def those(self, kept: Bools) -> OnlineDetections:
+    def select(self, kept: Bools) -> OnlineDetections:
         """The detections where ``kept`` [D]."""
         named = ("box", "rectangle", "class_id", "score", "velocity")
         return replace(self, **{name: getattr(self, name)[kept] for name in named})
@@ -93,8 +93,8 @@ class OnlineTracker:
         told: list[_Told] = []
         for group, update in zip(self._groups, self._updates, strict=True):
             mine = np.ones(len(seen), dtype=bool) if group is None else seen.class_id == group
-            said = read_rows(update(seen.those(mine)), int(mine.sum()), self._frame)
-            told += self._resolve(said, seen.those(mine), np.flatnonzero(mine), group)
+            said = read_rows(update(seen.select(mine)), int(mine.sum()), self._frame)
+            told += self._resolve(said, seen.select(mine), np.flatnonzero(mine), group)
         return self._histories.after(_said(told, rows), observation["detection_score"])
 
     def _seen(self, observation: Observation, rows: Ints) -> OnlineDetections:

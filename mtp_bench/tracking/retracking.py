@@ -14,7 +14,7 @@ import numpy as np
 
 from ..agent import Frame, Observation, Predictor, Tracker, Tracks
 from ..errors import ShapeError
-from ..types import Bools, Floats, Ints, Task, joined, those
+from ..types import Bools, Floats, Ints, Task, joined, select
 from .joint import k_best
 from .repair import bridged, smoothed
 
@@ -103,7 +103,7 @@ class ReTracker:
         row, column, member = _matched(gain, self._member[parent], tracks.member[:, seen], tracks.detection[seen])
         memory = self._grown(row, column, tracks, seen, observation)
         alive = memory.misses <= self._max_misses
-        self._memory, self._member = those(memory, alive), member[:, alive]
+        self._memory, self._member = select(memory, alive), member[:, alive]
         self._look_ahead(tracks, parent)
         shown = (self._memory.streak >= self._min_hits) & (self._memory.misses <= self._coasting)
         return self._as_tracks(np.flatnonzero(shown), tracks, parent)
@@ -118,7 +118,7 @@ class ReTracker:
 
     def _forecast(self, tracks: Tracks, leaf: Ints) -> Floats:
         """One future [n, T, 2] of each track ``leaf`` [n]."""
-        part = tracks.those(leaf)
+        part = tracks.select(leaf)
         forecasts = self._predictor.predict(Frame(self._frame - 1, part, tuple(self._observed)))
         weight = np.zeros(forecasts.samples.shape[:2]) if forecasts.log_weight is None else forecasts.log_weight
         likeliest: Floats = forecasts.samples[np.arange(len(weight)), weight.argmax(axis=1)]
@@ -141,7 +141,7 @@ class ReTracker:
         lengths = self._memory.past.shape[1], self._memory.future.shape[1]
         new = _born(tracks, born, self._next_id, self._min_hits, lengths)
         self._next_id += len(born)
-        old, column = those(self._memory, row[row >= 0]), column[row >= 0]
+        old, column = select(self._memory, row[row >= 0]), column[row >= 0]
         missed, found = _missed(old), np.flatnonzero(column >= 0)
         return joined([new, _found(missed, found, tracks, seen[column[found]], score)])
 
@@ -154,7 +154,7 @@ class ReTracker:
 
     def _as_tracks(self, rows: Ints, tracks: Tracks, parent: Ints) -> Tracks:
         """The tracks ``rows`` [n] of the memory with mended pasts, in the hypotheses of the tracker."""
-        own = those(self._memory, rows)
+        own = select(self._memory, rows)
         whole, known = bridged(own.past, own.past_valid)
         past, past_valid = whole[:, -self._past :], known[:, -self._past :]
         return Tracks(

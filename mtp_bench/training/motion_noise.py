@@ -16,8 +16,7 @@ from ..env.environment import OBSERVE, MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..prediction.kalman import NoiseTable, filtered
 from ..prediction.motion_noise import condition, noise_of
-from ..running.folds import Fold
-from ..running.options import DEFAULTS, RunOptions
+from ..running.options import DEFAULTS, Fold, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..types import Bools, Floats, Scene, Task
 from .motion_windows import collect

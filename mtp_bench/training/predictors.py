@@ -17,8 +17,7 @@ from ..prediction.learned.local import local_future
 from ..prediction.learned.network import Network, Sizes
 from ..prediction.learned.registry import network_of
 from ..prediction.learned.weights import Stored, write_weights
-from ..running.folds import Fold, held_out
-from ..running.options import DEFAULTS, RunOptions
+from ..running.options import DEFAULTS, Fold, RunOptions, held_out
 from ..types import Bools, Task
 from .fitting import Lesson, Plan, State, Told, device_of, fit
 from .recipes import recipe_of
@@ -109,7 +108,7 @@ def _learnable(env_id: str, request: Request, options: RunOptions, away: Sequenc
     kept = taught(found)
     if not kept.any():
         raise MtpBenchError(f"{env_id}: no track of its training scenes follows an object with a known future")
-    return found.those(kept | found.best if recipe_of(request.network).by_frame else kept)
+    return found.select(kept | found.best if recipe_of(request.network).by_frame else kept)
 
 
 def taught(found: Windows) -> Bools:

@@ -22,7 +22,7 @@ from ..scoring.forecasts import match_objects
 from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..tracks import Tracks
-from ..types import Bools, Floats, Scene, Task, joined, those
+from ..types import Bools, Floats, Scene, Task, joined, select
 from .motion_windows import observations
 from .presence_recipes import LIKE, RECIPES, Like, Recipe, scenes_of
 from .split import open_split
@@ -72,7 +72,7 @@ def _scene_rows(scene: Scene, card: Card, task: Task) -> Rows:
     kept = present | (found.unmatched & ~neutral_places(scene, frame, box[:, :2], class_id))
     history, names = joined([one for _, one in said]), np.array(task.classes)[class_id]
     rows = Rows(**vars(history), class_name=names, present=present, scene=np.full(len(frame), scene.name))
-    return those(rows, kept)
+    return select(rows, kept)
 
 
 def training_rows(recipe: Recipe, options: RunOptions = DEFAULTS) -> tuple[Rows, list[dict[str, Any]]]:
@@ -95,7 +95,7 @@ def fit(rows: Rows, recipe: Recipe) -> tuple[PresenceModel, Floats]:
     said = np.zeros(len(rows.present))
     parts = folds(rows)
     for away in parts:
-        said[away] = said_by(fit_logistic(those(rows, ~away), recipe), those(rows, away))
+        said[away] = said_by(fit_logistic(select(rows, ~away), recipe), select(rows, away))
     if not recipe.calibrated:
         return model, said
     checked = np.zeros(len(said))
@@ -274,7 +274,7 @@ def said_by(model: PresenceModel, rows: Rows) -> Floats:
 def thinned(rows: Rows) -> Rows:
     """Every so manieth row, such that there are at most MOST_ROWS."""
     n = len(rows.present)
-    return those(rows, np.arange(0, n, -(-n // MOST_ROWS)))
+    return select(rows, np.arange(0, n, -(-n // MOST_ROWS)))
 
 
 def _rounded(values: Floats) -> Floats:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from ..cards import Card
 from ..errors import MtpBenchError
-from ..running.folds import Fold, held_out
-from ..running.options import RunOptions
+from ..running.options import Fold, RunOptions, held_out
 from ..sources import SceneSource, open_source
 from ..types import Scene
 

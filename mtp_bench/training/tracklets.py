@@ -21,8 +21,7 @@ from ..env.observation import LocalFrame, make_feed
 from ..errors import MtpBenchError, UnknownNameError
 from ..parallel import parallel_map
 from ..prediction.windows import Surroundings, TrackWindows, windows_of
-from ..running.folds import Fold, held_out
-from ..running.options import DEFAULTS, RunOptions
+from ..running.options import DEFAULTS, Fold, RunOptions, held_out
 from ..sources import open_source
 from ..sources.cache import Arrays
 from ..tracking import HypothesisTracker, TruthTracker
@@ -58,7 +57,7 @@ class Windows(TrackWindows):
     task: Task
     envs: tuple[str, ...]  # ids; where there are several the task is that of the first
 
-    def those(self, rows: Ints | Bools | slice) -> Windows:
+    def select(self, rows: Ints | Bools | slice) -> Windows:
         """The windows ``rows``; frames and scenes keep their numbers."""
         return replace(self, **{name: getattr(self, name)[rows] for name in BY_WINDOW})
 
@@ -74,7 +73,7 @@ class Windows(TrackWindows):
         have been learnt from here, unless these are all its scenes.
         """
         away = self.of_scenes(held_out(tuple(dict.fromkeys(self.own_names)), fold))
-        return self.those(~away), self.those(away)
+        return self.select(~away), self.select(away)
 
     def of_scenes(self, own_names: Sequence[str]) -> Bools:
         """The windows [n] of the scenes that have one of these names in their own env."""

@@ -230,7 +230,7 @@ def test_absurd_parameters(
 
 
 def test_a_billion_samples(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
-    tables = '[parameters]\ndraws = 1000000000\n[compare]\ndraws = "draws"\nbudgets = ["equal", "free"]\n'
+    tables = '[parameters]\ndraws = 1000000000\n[compare]\ndraws = "draws"\nsamples = ["equal", "free"]\n'
     folder = write_submission(tmp_path / "echo", tables=tables)
     said = refused(cli("compare", folder, "--env", card, "--data", kitti, "--jobs", 1))
     assert "samples 4000000000" in said

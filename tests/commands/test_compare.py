@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.running import sensitivity
+from mtp_bench.running import compare
+from mtp_bench.running.compare import threshold_agents
 from mtp_bench.submission.loader import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 
@@ -22,8 +23,8 @@ def test_a_comparison(
     mine: Path, cli: CommandLine, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # of the table of sensitivity the agents are others, which take every parameter
-    folders = {name: write_submission(tmp_path / name, name) for name in sensitivity.AGENTS}
-    monkeypatch.setattr(sensitivity, "load_submission", lambda name: load_submission(str(folders[name])))
+    folders = {name: write_submission(tmp_path / name, name) for name in threshold_agents()}
+    monkeypatch.setattr(compare, "load_submission", lambda name: load_submission(str(folders[name])))
     file = tmp_path / "a.json"
     printed = cli.ok("compare", mine, *known, "--seeds", 1, "--jobs", 1, "--full", "--cuts", "--json", file)
     assert max(len(line.rstrip()) for line in printed.splitlines()) <= 80
@@ -50,8 +51,8 @@ def test_a_comparison(
     assert list(content) == [
         "env", "definitions", "rows", "condition", "paired", "details", "skipped", "sensitivity",
     ]  # fmt: skip
-    assert [at["cut"] for at in content["sensitivity"]] == [0.1, 0.2, 0.3]
-    assert list(content["sensitivity"][0]["all"]) == list(sensitivity.AGENTS)
+    assert [at["threshold"] for at in content["sensitivity"]] == [0.1, 0.2, 0.3]
+    assert list(content["sensitivity"][0]["all"]) == list(threshold_agents())
     assert content["sensitivity"][0]["beyond_control"]["all"] == 0.0, "the agents are the same"
 
 

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.running.folds import held_out
-from mtp_bench.running.options import RunOptions
+from mtp_bench.running.options import RunOptions, held_out
 from mtp_bench.training import motion_noise
 from mtp_bench.training.predictors import Request
 from mtp_bench.types import Scene

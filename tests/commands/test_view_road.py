@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from mtp_bench.running.opened import open_run
+from mtp_bench.running.stored import open_run
 from mtp_bench.viz.drawing.birds_eye import ROAD
 from mtp_bench.viz.replay import replay
 from tests.support.command_line import CommandLine

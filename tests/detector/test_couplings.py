@@ -92,7 +92,7 @@ def test_the_floor_drops_only_what_is_skewed_cdf() -> None:
     parts = {"quality": LASTING, "radial": {**ERROR, **LASTING}, "free": FREE, "near": NEAR}
     raw = detect(truth, profile_of(**parts))
     high = detect(truth, profile_of(**{**parts, "quality": {**LASTING, "floor": 0.5}}))
-    kept = raw.those(raw.score >= 0.5)
+    kept = raw.select(raw.score >= 0.5)
     assert 0 < len(high.box) < len(raw.box)
     for name in ("start", "box", "velocity", "score"):
         assert np.array_equal(getattr(high, name), getattr(kept, name))
@@ -112,7 +112,7 @@ def test_false_positives_stand_in_families_and_live() -> None:
 def test_few_false_positives_are_good_and_those_stay() -> None:
     """High scores are followed by high scores far more often than the share of high scores."""
     found = detect(no_objects(2000), profile_of(free={**FREE, "bias": 0.6, "ar": 0.2, "white": 0.2}), sensor=AHEAD)
-    strong = found.those(found.score > np.quantile(found.score, 0.9))
+    strong = found.select(found.score > np.quantile(found.score, 0.9))
     assert followed(strong) > 0.4
 
 

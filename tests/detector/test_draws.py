@@ -47,14 +47,14 @@ def test_far_objects_and_other_frames_do_not_matter() -> None:
     """Objects beyond the reach of neighbours may go, to the last digit of all others."""
     truth = cars(30, 20, 9.0)
     whole = detect(truth, everything())
-    left = detect(truth.those(truth.box[:, 0] < 70.0), everything())
+    left = detect(truth.select(truth.box[:, 0] < 70.0), everything())
     for found in (whole, left):
-        assert len(found.those(found.box[:, 0] < 30.0).box) > 60
-    near = [found.those(found.box[:, 0] < 30.0) for found in (whole, left)]
+        assert len(found.select(found.box[:, 0] < 30.0).box) > 60
+    near = [found.select(found.box[:, 0] < 30.0) for found in (whole, left)]
     assert same(near[0], near[1])
     # those nearer than 20 m do matter
-    close = detect(truth.those(truth.box[:, 0] < 20.0), everything())
-    assert not same(close.those(close.box[:, 0] < 15.0), whole.those(whole.box[:, 0] < 15.0))
+    close = detect(truth.select(truth.box[:, 0] < 20.0), everything())
+    assert not same(close.select(close.box[:, 0] < 15.0), whole.select(whole.box[:, 0] < 15.0))
 
 
 def test_levels_of_one_kind_leave_the_others_alone() -> None:

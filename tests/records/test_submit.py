@@ -21,9 +21,9 @@ from mtp_bench.records.record import Division
 from mtp_bench.records.running import Plan
 from mtp_bench.records.submitting import require_kept
 from mtp_bench.records.verifying import confirm
-from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
+from mtp_bench.running.stored import open_run
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission

@@ -21,9 +21,9 @@ from mtp_bench.records.eligibility import why_unranked
 from mtp_bench.records.verifying import verify
 from mtp_bench.running import stored
 from mtp_bench.running.compare import compare
-from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.stored import open_run
 from mtp_bench.running.track_export import TrackRows, export_tracks, write_tracks
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.tracking import GivenTracker, HypothesisTracker, ab3dmot_parameters
@@ -245,7 +245,7 @@ class Reported:
         seen = np.flatnonzero(tracks.detection >= 0)
         row = tracks.detection[seen]
         self.taken.append((observation["detection_box"][row].astype(np.float64), observation["detection_score"][row]))
-        self.rows.append(replace(tracks.those(seen), box=self.taken[-1][0]))
+        self.rows.append(replace(tracks.select(seen), box=self.taken[-1][0]))
         return self.rows[-1]
 
 

@@ -48,7 +48,7 @@ def test_what_is_no_packed_array_is_refused() -> None:
             unpacked("forecast", wrong, "<i2")
     with pytest.raises(ValueError, match="expected 4 planes of bytes"):
         unpacked("track_box", np.zeros((8, 3, 7), np.uint8), "<f4")
-    with pytest.raises(ValueError, match="track_box is no array"):
+    with pytest.raises(ValueError, match="track_box is not an array"):
         unpacked("track_box", b"no array", "<f4")
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.env.rollouts import ARRAYS, assemble, digest
-from mtp_bench.errors import RolloutError
+from mtp_bench.errors import MtpBenchError, RolloutError
 from mtp_bench.running.packing import packed, unpacked
 from mtp_bench.running.rollout_files import RunInfo, load_run, require_run_folder, require_storable, save_run
 from mtp_bench.types import Rollout
@@ -98,7 +98,7 @@ def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
 def test_a_folder_that_is_no_run_is_left_alone(names: list[str], tmp_path: Path) -> None:
     for name in names:
         (tmp_path / name).write_text("precious")
-    with pytest.raises(RolloutError, match="it is no run: choose another folder"):
+    with pytest.raises(RolloutError, match="it is not a run: choose another folder"):
         save_run(tmp_path, INFO, [make_rollout()])
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     assert all((tmp_path / name).read_text() == "precious" for name in names)
@@ -233,7 +233,7 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "scene is one array": (one_array, "truncated or not a rollout"),
     "byte flipped": (flip_byte, r"one\.npz"),
     "array missing": (drop_array, "member"),
-    "no array inside": (no_array, "truncated or not a rollout .*forecast is no array"),
+    "no array inside": (no_array, "truncated or not a rollout .*forecast is not an array"),
     "encrypted": (encrypt, "truncated or not a rollout .*is encrypted"),
     "head cut": (lambda folder: cut_head(folder / "one.npz", "track_box"), "truncated or not a rollout"),
     "pickle inside": (pickled, "truncated or not a rollout"),
@@ -264,7 +264,7 @@ def test_one_other_byte_is_no_traceback(tmp_path: Path) -> None:
 
 def test_what_is_no_text_is_an_error_before_anything_is_written(tmp_path: Path) -> None:
     named = INFO.model_copy(update={"keywords": {"rigid_motion": False, "track_file": "/x\udcff"}})
-    said = r"""the run of 'echo' cannot be stored: run.json would say '"track_file": "/x\\udcff"', which is no UTF-8"""
+    said = r"""cannot be stored: run.json would contain '"track_file": "/x\\udcff"', which is not UTF-8"""
     with pytest.raises(RolloutError, match=said):
         require_storable(named, ["one"])
     with pytest.raises(RolloutError, match=r'"scene": "\\udcff"'):
@@ -274,7 +274,7 @@ def test_what_is_no_text_is_an_error_before_anything_is_written(tmp_path: Path) 
 
 def test_the_root_of_a_disk_is_refused(tmp_path: Path) -> None:
     (tmp_path / "disk").symlink_to("/")
-    with pytest.raises(RolloutError, match="disk is the root of a disk, which cannot be replaced"):
+    with pytest.raises(MtpBenchError, match="disk is the root of a disk, which cannot be replaced"):
         require_run_folder(tmp_path / "disk")
 
 
@@ -282,7 +282,7 @@ def test_the_root_of_a_disk_is_refused(tmp_path: Path) -> None:
 def test_the_folder_one_works_in_is_refused(folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "inner").mkdir()
     monkeypatch.chdir(tmp_path / "inner")
-    with pytest.raises(RolloutError, match="is the working folder, which cannot be replaced: choose a folder in"):
+    with pytest.raises(MtpBenchError, match="is the working folder, which cannot be replaced: choose a folder in"):
         require_run_folder(Path(folder))
 
 

@@ -17,8 +17,9 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import SubmissionError, UnknownNameError
 from mtp_bench.parallel import Progress, Workers
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.run import Job, derived_seed, run_info, run_jobs, run_scene
+from mtp_bench.running.run import Job, derived_seed, run_jobs, run_scene
 from mtp_bench.running.settings import setting_of
+from mtp_bench.running.stored import run_info
 from mtp_bench.submission import load_submission
 from mtp_bench.types import Rollout, Scene, Task
 from tests.support.command_line import write_submission

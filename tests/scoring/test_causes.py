@@ -41,7 +41,7 @@ seeds = st.integers(0, 10_000)
 def seen_some(scene: Scene, seed: int) -> Scene:
     """The scene with detections of some of its true boxes, up to 3 m off."""
     rng = np.random.default_rng(seed)
-    truth = scene.truth.those(rng.random(len(scene.truth.box)) < 0.7)
+    truth = scene.truth.select(rng.random(len(scene.truth.box)) < 0.7)
     box = truth.box.copy()
     box[:, :2] += rng.uniform(-2, 2, (len(box), 2))
     return replace(scene, detections=Detections(truth.start, box, truth.velocity, truth.class_id, rng.random(len(box))))

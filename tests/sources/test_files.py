@@ -760,7 +760,7 @@ def test_a_scene_in_memory_that_is_wrong(base: Card) -> None:
         with_scenes(base, [scene, "one"])  # type: ignore[list-item]
     with pytest.raises(DataError, match="no scene in the list, expected at least one"):
         open_source(with_scenes(base, []))
-    unseen = replace(scene, detections=scene.detections.those(scene.detections.score > 9))
+    unseen = replace(scene, detections=scene.detections.select(scene.detections.score > 9))
     assert not len(next(load_scenes(with_scenes(base, [unseen]))).detections.box), "detected, and nothing found"
     with pytest.raises(DataError, match="scene 'one': no detections; without them a simulated detector runs at once"):
         next(load_scenes(with_scenes(base, [replace(unseen, detector="")])))

@@ -18,9 +18,8 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.errors import MtpBenchError, UnknownNameError
-from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.stored import run
+from mtp_bench.running.stored import open_run, run
 from mtp_bench.running.track_export import export_tracks
 from mtp_bench.scoring.causes import CAUSES
 from mtp_bench.study import Study, study

@@ -75,7 +75,7 @@ def test_a_submission_is_read(folder: Path) -> None:
     assert submission.parameters == {"gate": 1.5}
     assert submission.path == folder
     assert submission.compare.sweep == {}
-    assert submission.compare.budgets == ("equal",)
+    assert submission.compare.samples == ("equal",)
 
 
 def test_reading_does_not_run_its_code(tmp_path: Path) -> None:
@@ -90,10 +90,10 @@ def test_a_relative_path_stays_valid_elsewhere(folder: Path, monkeypatch: pytest
 
 
 def test_the_compare_table(tmp_path: Path) -> None:
-    table = '[compare]\nsweep = {hypotheses = [5, 10, 20]}\nbudgets = ["equal", "free"]\nhypotheses = "hypotheses"\n'
+    table = '[compare]\nsweep = {hypotheses = [5, 10, 20]}\nsamples = ["equal", "free"]\nhypotheses = "hypotheses"\n'
     compare = load_submission(write(tmp_path / "sweep", MANIFEST + table)).compare
     assert compare.sweep == {"hypotheses": (5, 10, 20)}
-    assert compare.budgets == ("equal", "free")
+    assert compare.samples == ("equal", "free")
     assert (compare.hypotheses, compare.draws) == ("hypotheses", None)
 
 
@@ -206,7 +206,7 @@ WRONG_MANIFEST = {
     "typo": (MANIFEST.replace("authors", "author"), "unknown key 'author': did you mean 'authors'?"),
     "typo in compare": (
         MANIFEST + "[compare]\nbudget = ['equal']",
-        "unknown key 'compare.budget': did you mean 'budgets'?",
+        "unknown key 'compare.budget'",
     ),
     "missing key": (MANIFEST.replace("authors", "#"), "key 'authors' is missing"),
     "no authors": (MANIFEST.replace('["A. Author"]', "[]"), "authors: got []"),
@@ -231,7 +231,7 @@ WRONG_MANIFEST = {
         MANIFEST + "[compare]\nhypothesis = 'gate'",
         "unknown key 'compare.hypothesis': did you mean 'hypotheses'?",
     ),
-    "unknown budget": (MANIFEST + "[compare]\nbudgets = ['fair']", "'equal' or 'free'"),
+    "unknown budget": (MANIFEST + "[compare]\nsamples = ['fair']", "'equal' or 'free'"),
     "no toml": ("name = ", "not valid TOML"),
 }
 
@@ -321,7 +321,7 @@ def test_every_baseline_is_a_submission(name: str) -> None:
         agent.reset(task)
     except SubmissionError as error:
         assert "mtp-bench train predictor" in str(error)  # noqa: PT017  (a network is not trained for a made-up env)
-    ends = submission.compare.ends
+    ends = submission.compare.gap_references
     if submission.networks and submission.compare.observe == "detections":
         assert isinstance(ends, dict), "its gap is between ends with its own predictor"
         submission.require_parameters(**ends)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from mtp_bench import load_submission
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running import stored
-from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
+from mtp_bench.running.stored import open_run
 from mtp_bench.running.track_export import export_tracks
 from mtp_bench.submission import SubmissionFactory
 from mtp_bench.submission.starting import new_submission

@@ -15,8 +15,7 @@ from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.prediction.learned.registry import network_of
 from mtp_bench.prediction.learned.weights import find_weights, read_weights
-from mtp_bench.running.folds import fold_of, held_out
-from mtp_bench.running.options import RunOptions
+from mtp_bench.running.options import RunOptions, fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.fitting import Plan, device_of, one_cycle
 from mtp_bench.training.losses import Tensors, mode_distance, varied
@@ -46,7 +45,7 @@ def windows_of_scenes(folder: Path, names: str, frames: int) -> Windows:
     card = load_card(write_card(folder))
     parts = [scene_arrays(make_scene(name, frames=frames), card, task(), HypothesisTracker()) for name in names]
     whole = joined(parts, list(names), task())
-    return whole.those(taught(whole))
+    return whole.select(taught(whole))
 
 
 def test_training_lowers_the_error_and_repeats_itself(found: Windows, tmp_path: Path) -> None:
@@ -128,7 +127,7 @@ def test_validation_is_of_whole_scenes_where_there_are_enough(found: Windows) ->
     rows = validation_rows(found)
     assert len(set(found.scene[rows].tolist())) == 1
     assert not set(found.scene[rows].tolist()) & set(found.scene[~rows].tolist())
-    few = found.those(found.scene < 2)
+    few = found.select(found.scene < 2)
     rows = validation_rows(few)
     for scene in (0, 1):
         mine = few.scene == scene

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.running.folds import Fold, held_out
-from mtp_bench.running.options import RunOptions
+from mtp_bench.running.options import Fold, RunOptions, held_out
 from mtp_bench.training.predictors import Request, learnable
 from mtp_bench.training.split import open_split
 from tests.support.command_line import write_training

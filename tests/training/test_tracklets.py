@@ -91,7 +91,7 @@ def test_a_track_that_was_not_seen_in_its_whole_window_is_left_out(tmp_path: Pat
     """Two frames are kept: the walker is lost in frame 4, and in the last frame nothing is seen at all."""
     scene = make_scene(empty=(7,))
     seen = scene.detections
-    seen = seen.those((seen.class_id == 0) | (seen.frame_of_rows < 4))
+    seen = seen.select((seen.class_id == 0) | (seen.frame_of_rows < 4))
     rules = tuple(ClassParameters("hungarian", "center_distance", 2.0, 1, 9) for _ in range(2))
     card, task = load_card(write_card(tmp_path)), small_task()
     part = scene_arrays(replace(scene, detections=seen), card, task, HypothesisTracker(parameters=rules))

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from mtp_bench.errors import MtpBenchError, RecordError
-from mtp_bench.running.opened import open_run
+from mtp_bench.running.stored import open_run
 from mtp_bench.viz.board import Found, board_files, entries_of
 from mtp_bench.viz.board.clips import MOST_BYTES, SIZE, can_have_clip, draw_clip, worst_event, write_clip
 from mtp_bench.viz.replay import Replay, replay

@@ -15,9 +15,9 @@ from mtp_bench import load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import RolloutError, UnknownNameError
 from mtp_bench.running import stored
-from mtp_bench.running.opened import open_run
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.stored import open_run
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.lineage import match_hypotheses
 from mtp_bench.types import Rollout, Scene

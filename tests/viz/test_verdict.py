@@ -12,8 +12,8 @@ import pytest
 from rich.console import Console
 
 from mtp_bench import load_card, load_submission
+from mtp_bench.running.compare import AtThreshold
 from mtp_bench.running.reading import skipped_line, total_skipped
-from mtp_bench.running.sensitivity import AtCut
 from mtp_bench.scoring import SUBSETS, Report
 from mtp_bench.scoring.rank import NOT_CAUSAL
 from mtp_bench.scoring.rows import PairedRow, Row
@@ -285,8 +285,8 @@ def test_the_counts_of_subsets_in_words() -> None:
 
 def test_the_table_of_sensitivity() -> None:
     errors: dict[str, float | None] = {"stp": 12.3, "mtp": 11.1, "stp_same_budget": 9.9}
-    at = AtCut(
-        cut=0.1, switches=1234, switches_on_targets=567, ids=errors, all=errors,
+    at = AtThreshold(
+        threshold=0.1, switches=1234, switches_on_targets=567, ids=errors, all=errors,
         beyond_control={"ids": -0.25, "all": 0.5}, interval={"ids": (-0.75, 0.125), "all": None},
         p={"ids": 0.1, "all": 1.0},
     )  # fmt: skip

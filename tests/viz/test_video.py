@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from mtp_bench.running.opened import open_run
+from mtp_bench.running.stored import open_run
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import SIZE
 from mtp_bench.viz.drawing.report import COLUMN

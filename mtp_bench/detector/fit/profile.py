@@ -86,6 +86,6 @@ def _operating_point(samples: Samples, name: str, floor: Mapping[str, float] | N
 def _of_classes(scene: Scene, ids: Sequence[int]) -> Scene:
     """The scene with the true boxes of the classes ``ids`` alone, ascending, renumbered from 0."""
     kept = np.isin(scene.truth.class_id, ids)
-    truth = scene.truth.those(kept)
+    truth = scene.truth.select(kept)
     truth = replace(truth, class_id=np.searchsorted(ids, truth.class_id))
     return replace(scene, truth=truth, visible=None if scene.visible is None else scene.visible[kept])

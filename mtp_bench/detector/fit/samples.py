@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import DataError
 from ...geometry import center_distance, wrap_angle
-from ...types import Bools, Detections, Floats, Ints, Scene, Truth, joined, starts_of_sorted, those
+from ...types import Bools, Detections, Floats, Ints, Scene, Truth, joined, select, starts_of_sorted
 from ..quality import quality_features
 from ..visibility import Sensor, covered, polar, visibility_of
 
@@ -98,7 +98,7 @@ def collect_samples(
             row = np.flatnonzero(kept & np.isin(scene.truth.class_id, class_ids))
             row = row[np.lexsort((rows.frame[row], number[row]))]
             false = _false_positive_samples(scene, detections, matches, class_ids, sensor, scene_number)
-            samples.append((those(rows, row), false))
+            samples.append((select(rows, row), false))
         object_count += len(ids)
     if not any(parts.values()):
         raise DataError("no scenes to compare detections with true boxes in, expected at least one")
@@ -194,7 +194,7 @@ def above_floor(detections: Detections, classes: Sequence[str], floor: Mapping[s
     if not floor:
         return detections
     least = np.array([floor.get(name, -np.inf) for name in classes])
-    return detections.those(detections.score >= least[detections.class_id])
+    return detections.select(detections.score >= least[detections.class_id])
 
 
 def match_boxes(truth: Truth, detections: Detections, classes: Sequence[str]) -> Matches:

@@ -58,7 +58,7 @@ class HighwayTraffic:
         keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
         seen = replace(world.truth, eligible=ever_seen(world.truth, world.visible))
         keep &= seen.frame_of_rows % self.stride == 0
-        truth = replace(seen, class_id=class_id).those(keep)
+        truth = replace(seen, class_id=class_id).select(keep)
         truth = replace(truth, start=truth.start[np.append(frames, seen.frames)])  # no rows lie between the frames
         return Scene(
             name=name,

@@ -30,26 +30,26 @@ VALIDATION_TOTALS = {
 
 def kitti_status(card: Card, data: str | Path | None) -> DataStatus:
     """Files that ``card`` needs, and counts over the label files beside the known totals."""
-    found = DATASET.status(data, LABELS)
-    if found.root is None:
-        return found
-    validation = tuple(found.attempt(read_sequence_map, SEQUENCE_MAP) or VALIDATION)
-    training = tuple(name for name in SEQUENCES if name not in validation)
-    names = validation if section_of(card, KittiSource).split == "val" else training
-    _require(found, card, names)
-    if not (found.folder / SEQUENCE_MAP).is_file():
-        found.notes.append(f"{SEQUENCE_MAP} is missing: the validation split is taken as {', '.join(VALIDATION)}")
-    if "0019" in names and not (found.folder / "poses_orbslam3/0019.txt").is_file():
-        found.notes.append(
-            "poses_orbslam3/0019.txt is missing: sequence 0019 uses its GPS/IMU unit, which is bad there"
-        )
-    if not (found.folder / IMAGES).is_dir():
-        found.notes.append(
-            f"{IMAGES}/ is missing, so pictures of events show no image: the left colour images are in "
-            "data_tracking_image_2.zip of https://www.cvlibs.net/datasets/kitti/eval_tracking.php"
-        )
-    _count(found, validation)
-    return found
+
+    def inspect(found: DataStatus) -> None:
+        validation = tuple(found.attempt(read_sequence_map, SEQUENCE_MAP) or VALIDATION)
+        training = tuple(name for name in SEQUENCES if name not in validation)
+        names = validation if section_of(card, KittiSource).split == "val" else training
+        _require(found, card, names)
+        if not (found.folder / SEQUENCE_MAP).is_file():
+            found.notes.append(f"{SEQUENCE_MAP} is missing: the validation split is taken as {', '.join(VALIDATION)}")
+        if "0019" in names and not (found.folder / "poses_orbslam3/0019.txt").is_file():
+            found.notes.append(
+                "poses_orbslam3/0019.txt is missing: sequence 0019 uses its GPS/IMU unit, which is bad there"
+            )
+        if not (found.folder / IMAGES).is_dir():
+            found.notes.append(
+                f"{IMAGES}/ is missing, so pictures of events show no image: the left colour images are in "
+                "data_tracking_image_2.zip of https://www.cvlibs.net/datasets/kitti/eval_tracking.php"
+            )
+        _count(found, validation)
+
+    return DATASET.status(data, LABELS, inspect)
 
 
 def _require(found: DataStatus, card: Card, names: tuple[str, ...]) -> None:

@@ -30,13 +30,12 @@ def mot3d_status(card: Card, data: str | Path | None) -> DataStatus:
     sequence = section_of(card, Mot3dSource).sequence
     folder = f"train/{sequence}"
 
-    found = about_mot3d(card).status(data, folder)
-    if found.root is None:
-        return found
-    found.require(*(f"{folder}/{name}" for name in needed(card)))
-    found.note_detector(instead_of_stored(card))
-    _count(found, folder, dict(TOTALS[sequence]), stored=card.detector is None)
-    return found
+    def inspect(found: DataStatus) -> None:
+        found.require(*(f"{folder}/{name}" for name in needed(card)))
+        found.note_detector(instead_of_stored(card))
+        _count(found, folder, dict(TOTALS[sequence]), stored=card.detector is None)
+
+    return about_mot3d(card).status(data, folder, inspect)
 
 
 def about_mot3d(card: Card) -> Dataset:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
-
-ClassName = Literal[
+CLASSES = (
     "car",
     "truck",
     "bus",
@@ -15,8 +13,7 @@ ClassName = Literal[
     "bicycle",
     "traffic_cone",
     "barrier",
-]
-CLASSES: tuple[str, ...] = get_args(ClassName)  # class_id in the cache is an index into these
+)  # class_id in the cache is an index into these
 
 # The official detection task evaluates these (``nuscenes.eval.detection.utils.category_to_detection_name``).
 CLASS_OF = {
@@ -35,7 +32,7 @@ CLASS_OF = {
     "movable_object.trafficcone": "traffic_cone",
     "movable_object.barrier": "barrier",
 }
-# The task leaves these out, but a detector reports them as one of its classes: a match is neither right nor wrong.
+# It leaves these out, but a detector takes them for something: matching one is neither right nor wrong.
 NEUTRAL_OF = {
     "vehicle.emergency.police": "car",
     "vehicle.emergency.ambulance": "truck",

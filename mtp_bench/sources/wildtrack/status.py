@@ -20,18 +20,19 @@ def wildtrack_status(card: Card, data: str | Path | None) -> DataStatus:
     """Files that ``card`` needs, and counts over all files beside the known totals."""
     section = section_of(card, WildtrackSource)
 
-    found = DATASET.status(data, ANNOTATIONS)
-    if found.root is None:
-        return found
-    numbers = [SCENES[scene] + STEP * t for scene in SPLITS[section.split] for t in range(SCENE_FRAMES)]
-    found.require_all(ANNOTATIONS, [f"{number:08d}.json" for number in numbers])
-    if needs_detections(card):
-        found.require(DETECTIONS)
-        found.note_detector(instead_of_stored(card))
-    if section.detector is not None:
-        found.notes.append(f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones")
-    _count(found)
-    return found
+    def inspect(found: DataStatus) -> None:
+        numbers = [SCENES[scene] + STEP * t for scene in SPLITS[section.split] for t in range(SCENE_FRAMES)]
+        found.require_all(ANNOTATIONS, [f"{number:08d}.json" for number in numbers])
+        if needs_detections(card):
+            found.require(DETECTIONS)
+            found.note_detector(instead_of_stored(card))
+        if section.detector is not None:
+            found.notes.append(
+                f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones"
+            )
+        _count(found)
+
+    return DATASET.status(data, ANNOTATIONS, inspect)
 
 
 def _count(found: DataStatus) -> None:

@@ -233,7 +233,7 @@ def cut_table(found: Findings) -> Table:
         beyond = cut.beyond_control.get("ids"), *(cut.interval.get("ids") or (None, None)), cut.p.get("ids")
         for agent, error in cut.all.items():
             control = beyond if agent == "mtp" else (None,) * 4
-            rows.append(CutRow(cut.cut, agent, error, cut.ids.get(agent), cut.switches, *control))
+            rows.append(CutRow(cut.threshold, agent, error, cut.ids.get(agent), cut.switches, *control))
     return Table(
         "cuts",
         "How much the cut of the input decides",

@@ -12,7 +12,7 @@ from ...errors import MtpBenchError, RecordError
 from ...files import whole_file
 from ...records.record import Record
 from ...records.storage import rollouts_folder
-from ...running.opened import open_run
+from ...running.stored import open_run
 from ..replay import Incident, Replay, replay
 from .order import simulated
 

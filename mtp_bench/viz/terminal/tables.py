@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from textwrap import wrap
 from typing import Annotated, Any
 
-from ...running.sensitivity import AtCut
+from ...running.compare import AtThreshold
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS
 from ...scoring.rows import Clear, Details, PairedRow, Row, Setting
@@ -154,12 +154,12 @@ def _bin_error(by: str, place: int) -> Callable[[Line], Value]:
     return lambda line: [part for part in line.details.bins if part.by == by][place].errors.error
 
 
-def sensitivity_table(cuts: Sequence[AtCut]) -> Table:
+def sensitivity_table(cuts: Sequence[AtThreshold]) -> Table:
     """Errors against the score threshold of the input, with the difference of mtp to its control stp_same_budget."""
     group = "mtp less control"
     signed = Column(format="+.3f", group=group)
     columns = [
-        Column("score", format="g", key="cut"),
+        Column("score", format="g", key="threshold"),
         Column("of stp", group="switches", key="switches"),
         Column("on targets", group="switches", key="switches_on_targets"),
         *(
@@ -176,7 +176,7 @@ def sensitivity_table(cuts: Sequence[AtCut]) -> Table:
     return Table("cuts", title, "", cuts, columns)
 
 
-def _cut_error(subset: str, agent: str) -> Callable[[AtCut], Value]:
+def _cut_error(subset: str, agent: str) -> Callable[[AtThreshold], Value]:
     return lambda at: (at.ids if subset == "ids" else at.all).get(agent)
 
 

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from ...running.compare import STP, TRUTH
 from ...scoring import Report
 from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT
 from ...scoring.rank import NOT_CAUSAL
 from ...scoring.rows import Details, Interval, Row
 from ...scoring.subsets import Subset
+from ...submission.loader import controls
 from ...tables import BLANK, Column, short
 from .output import counted
 from .paper import paper_figures, paper_gap, shipped_env
 from .tables import blocks_of
 
 SAW_TRUTH = "saw the truth"  # reason of `why_unranked`
-CONTROL = "stp_same_budget"  # draws as many samples from one hypothesis as 20 hypotheses do
+STP, TRUTH, CONTROL = (controls()[role] for role in ("single", "ground_truth", "same_samples"))
 CONTROL_DRAWS = 20  # times k samples
 _NO_OWN_GAP = "with its own predictor unknown: no reference pair is stated, or it does not differ significantly"
 _SIGNED = Column(format="+.3f")

@@ -58,7 +58,7 @@ def test_numpy_gives_what_torch_gives(network: Network) -> None:
 def test_the_order_of_windows_does_not_matter(network: Network) -> None:
     windows, moment = random_windows()
     order = np.random.default_rng(3).permutation(len(moment))
-    mixed = said(network, windows.those(order), moment[order])
+    mixed = said(network, windows.select(order), moment[order])
     np.testing.assert_allclose(mixed["modes"], said(network, windows, moment)["modes"][order], rtol=0, atol=1e-4)
 
 
@@ -66,14 +66,14 @@ def test_the_order_of_windows_does_not_matter(network: Network) -> None:
 def test_many_frames_at_once_are_each_frame_by_itself(network: Network) -> None:
     windows, moment = random_windows()
     whole = said(network, windows, moment)["modes"]
-    parts = [said(network, windows.those(moment == t), moment[moment == t])["modes"] for t in range(3)]
+    parts = [said(network, windows.select(moment == t), moment[moment == t])["modes"] for t in range(3)]
     np.testing.assert_allclose(whole, np.concatenate(parts), rtol=0, atol=1e-4)
 
 
 @NETWORKS
 def test_an_object_alone_is_like_one_whose_neighbours_are_far_away(network: Network) -> None:
     windows, moment = random_windows([1, 2])
-    alone = said(network, windows.those(slice(0, 1)), moment[:1])["modes"]
+    alone = said(network, windows.select(slice(0, 1)), moment[:1])["modes"]
     assert np.isfinite(alone).all()
     box = windows.box.copy()
     box[1:, :, :2] += 1000.0
@@ -89,9 +89,9 @@ def test_who_is_seen(network: Network, change: str) -> None:
     box[1, :, :2] += box[0, -1, :2] - box[1, -1, :2] + (0 if change == "the same object" else 1.5)
     best[1] = change != "another hypothesis"
     rows = slice(0, 1) if change == "absent" else slice(0, 2)
-    changed = replace(windows, box=box, best=best).those(rows)
+    changed = replace(windows, box=box, best=best).select(rows)
     found = said(network, changed, moment[rows])["modes"][0]
-    alone = said(network, windows.those(slice(0, 1)), moment[:1])["modes"][0]
+    alone = said(network, windows.select(slice(0, 1)), moment[:1])["modes"][0]
     assert np.allclose(found, alone, rtol=0, atol=1e-5) == (change != "nearer")
 
 
