@@ -69,8 +69,8 @@ def test_version(cli: CommandLine) -> None:
     assert cli.ok("--version") == f"mtp-bench {mtp_bench.__version__}\n"
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["envs"], ["data", "--data", "/nowhere"]], ids=str)
-def test_nothing_heavy_is_loaded_for_help_and_listings(arguments: list[str]) -> None:
+@pytest.mark.parametrize("arguments", [["--help"], ["data", "--data", "/nowhere"]], ids=str)
+def test_help_and_listings_load_no_heavy_package(arguments: list[str]) -> None:
     code = f"""
 import sys
 from mtp_bench.commands.app import main
@@ -78,17 +78,14 @@ try:
     main()
 except SystemExit as left:
     loaded = sorted(set({HEAVY}) & set(sys.modules))
-    print("left with", left.code, loaded)
+    parts = sorted(name for name in sys.modules if name.startswith("mtp_bench.commands."))
+    print("left with", left.code, loaded, parts)
 """
     done = python(code, *arguments, capture_output=True)
-    assert done.stdout.splitlines()[-1] == "left with 0 []", done.stdout + done.stderr
-
-
-def test_help_does_not_load_the_parts_of_the_commands() -> None:
-    code = "import sys, mtp_bench.commands.app; print(sorted(name for name in sys.modules if 'mtp_bench.' in name))"
-    done = python(code, capture_output=True)
-    for part in ("env.environment", "running", "scoring", "sources", "viz", "tracking", "prediction"):
-        assert f"'mtp_bench.{part}'" not in done.stdout
+    last = done.stdout.splitlines()[-1]
+    assert last.startswith("left with 0 []"), done.stdout + done.stderr
+    assert "mtp_bench.commands.board" not in last
+    assert ("mtp_bench.commands.data" in last) == (arguments[0] == "data")
 
 
 def test_the_program_and_the_module_are_the_same(tmp_path: Path) -> None:
@@ -104,20 +101,11 @@ WRONG_USAGE = {
     "unknown command": ["comapre"],
     "unknown option": ["envs", "--jsno", "a.json"],
     "no agent": ["run", "--env", "MTP-KITTI-v0", "-o", "run"],
-    "no env": ["run", "stp", "-o", "run"],
     "no output": ["run", "stp", "--env", "MTP-KITTI-v0"],
     "no scene": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scenes", "0"],
-    "no scene to compare": ["compare", "stp", "--env", "MTP-KITTI-v0", "--scenes", "0"],
-    "scenes in words": ["compare", "stp", "--env", "MTP-KITTI-v0", "--scenes", "all"],
     "no seed": ["compare", "stp", "--env", "MTP-KITTI-v0", "--seeds", "0"],
-    "negative seed": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--seed", "-1"],
-    "negative jobs": ["compare", "stp", "--env", "MTP-KITTI-v0", "--jobs", "-1"],
     "unknown backend": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--backend", "ray"],
-    "no scheduler": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--backend", "dask"],
     "no backend for it": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scheduler", "tcp://a:1"],
-    "no folder": ["score"],
-    "two folders": ["score", "one", "two"],
-    "cuts in words": ["compare", "stp", "--env", "MTP-KITTI-v0", "--cuts=low"],
     "a page of another form": ["board", "-o", "RESULTS.md"],
     "predictions of another form": ["export", "prediction", "run", "-o", "run.py"],
     "nothing is run at intake": ["verify", "records", "--intake", "--rerun"],
@@ -165,10 +153,8 @@ def test_unknown_names(
     assert [path.name for path in tmp_path.iterdir()] == ["empty"]
 
 
-@pytest.mark.parametrize(
-    "arguments", [["run", "spt", "-o", "out"], ["compare", "stp", "spt"], ["study", "--agent", "spt"]]
-)
-def test_nobody_waits_for_scenes_to_hear_of_a_misspelt_agent(
+@pytest.mark.parametrize("arguments", [["run", "spt", "-o", "out"], ["study", "--agent", "spt"]])
+def test_a_misspelt_agent_is_refused_before_scenes_are_made(
     arguments: list[str], cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -177,7 +163,7 @@ def test_nobody_waits_for_scenes_to_hear_of_a_misspelt_agent(
     assert not list(tmp_path.iterdir())
 
 
-def test_an_earlier_run_is_told_of_before_scenes_are_made(
+def test_an_earlier_run_is_refused_before_scenes_are_made(
     cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
@@ -329,7 +315,7 @@ def test_the_root_comes_from_the_environment_unless_it_is_given(
     monkeypatch.setenv("MTP_BENCH_DATA", kitti)
     assert cli("data", "--env", "MTP-KITTI-v0").status == 0
     assert cli("data", "--env", "MTP-KITTI-v0", "--data", tmp_path).status == 1
-    assert cli("data", "--data", tmp_path).status == 0, "nobody has every dataset"
+    assert cli("data", "--data", tmp_path).status == 0
 
 
 UNWRITABLE = {
@@ -341,22 +327,17 @@ UNWRITABLE = {
 
 
 @pytest.mark.parametrize(("path", "message"), UNWRITABLE.values(), ids=UNWRITABLE.keys())
-@pytest.mark.parametrize("command", ["envs", "compare", "train"])
+@pytest.mark.parametrize("command", ["envs", "compare"])
 def test_a_file_that_cannot_be_written_is_refused_before_the_work(
-    command: str, path: str, message: str, cli: CommandLine, tmp_path: Path, card: str, training: str,
+    command: str, path: str, message: str, cli: CommandLine, tmp_path: Path, card: str, kitti: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     agent = write_submission(tmp_path / "mine", body="raise RuntimeError('it ran')")
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").touch()
     monkeypatch.chdir(tmp_path)
-    common = ("--env", card, "--data", training)
-    arguments: tuple[object, ...] = {
-        "envs": ("--json", path),
-        "compare": (agent, *common, "--json", path),
-        "train": ("motion-noise", *common, "-o", path),
-    }[command]
-    output = cli(command, *arguments)
+    work = () if command == "envs" else (agent, "--env", card, "--data", kitti)
+    output = cli(command, *work, "--json", path)
     assert message in output.error
     assert output.out == ""
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder", "mine"]
