@@ -126,8 +126,8 @@ class Clear(Section):
     TP: Count
     FP: Count | None
     FN: Count
-    IDS: Annotated[Count, Column("CLEAR IDS", better="lower")]
-    FRAG: Annotated[Count, Column("CLEAR FRAG", better="lower")]
+    IDS: Annotated[Count, Column("IDS", better="lower", group="CLEAR")]
+    FRAG: Annotated[Count, Column("FRAG", better="lower", group="CLEAR")]
     MOTA: Score
     MOTP: float | None  # mean IoU or mean distance in metres, as the event gate measures
     IDF1: Score

@@ -107,6 +107,7 @@ WRONG_USAGE = {
     "unknown backend": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--backend", "ray"],
     "no backend for it": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scheduler", "tcp://a:1"],
     "a page of another form": ["board", "-o", "RESULTS.md"],
+    "a table of another form": ["board", "--table", "table.xls"],
     "predictions of another form": ["export", "prediction", "run", "-o", "run.py"],
     "nothing is run at intake": ["verify", "records", "--intake", "--rerun"],
     "two places of submissions": ["verify", "a", "--rerun", "--submission", "a", "--submissions", "b"],

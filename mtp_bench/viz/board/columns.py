@@ -45,7 +45,7 @@ def _paper(subset: Subset, group: str, where: str) -> list[Column]:
     prefix = "" if subset == "all" else f"{subset}_"
     return [
         _of_row(
-            name, subset, key=f"{prefix}{name}", format=".2f", group=group,
+            name, subset, key=f"{prefix}{name}", heading=name, format=".2f", group=group,
             help=f"{distance} distance of the best sample over {where} that have a forecast, metres.",
         )
         for name, distance in (("minADE", "Mean"), ("minFDE", "Final"))

@@ -23,7 +23,7 @@ PIPE_WIDTH = 180  # columns where the output is a file or a pipe
 TEXT_WIDTH = 80  # columns of reports
 NAMES = ("agent", "H", "K")  # headings of columns that name a row; the first column does anyway
 NAME_WIDTH = 16  # columns of the first column of a report's table; longer names are folded
-HEADING_WIDTH = 12  # columns of a heading; longer ones are broken into lines
+HEADING_WIDTH = 10  # columns of a heading; longer ones are broken between words
 
 
 def new_table(title: str, headings: Sequence[str], left: Collection[str] = (), whole: Collection[str] = ()) -> Table:
@@ -77,7 +77,8 @@ def _headings(columns: Sequence[Column]) -> list[str]:
     lines = []
     for before, column in zip([None, *columns], columns, strict=False):
         group = column.group if before is None or before.group != column.group else ""
-        words = column.title.split("\n") if "\n" in column.title else textwrap.wrap(column.title, HEADING_WIDTH)
+        wrapped = textwrap.wrap(column.title, HEADING_WIDTH, break_long_words=False)
+        words = column.title.split("\n") if "\n" in column.title else wrapped
         lines.append([*([group] if column.group else []), *words])
     height = max(map(len, lines), default=0)
     return ["\n".join([*[""] * (height - len(each)), *each]) for each in lines]
