@@ -1,4 +1,4 @@
-"""The Gymnasium environment: `MTPEnv`, its spaces, and the table of what an agent may answer.
+"""The Gymnasium environment: `MTPEnv`, its spaces, and the table of the action's fields.
 
 The class is imported when it is first used: agents need `mtp_bench.env.action` only.
 """

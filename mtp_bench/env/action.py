@@ -1,7 +1,7 @@
-"""What an agent may answer: the one table of the action's fields.
+"""Table of the fields of an action.
 
-The action space, the decoding and its checks, the conformance suite, `mtp_bench.make_action` and the table of
-``envs/README.md`` come from it. Shapes are in the letters of `mtp_bench.types`.
+The action space, the checks, the conformance suite, `mtp_bench.make_action` and the table of ``envs/README.md`` come
+from it. Shapes are in the letters of `mtp_bench.types`.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ _KIND_NAMES = {"f": "floating", "i": "integer", "u": "integer", "b": "bool"}
 
 @dataclass(frozen=True)
 class Content:
-    """What the entries of a field are."""
+    """Dtypes and range of the entries of a field."""
 
-    kinds: str  # of dtype that are accepted, in numpy's letters
+    kinds: str  # accepted kinds of dtype, in numpy's letters
     dtype: type[np.generic]  # of the action space
-    expected: str  # of the entries of a row that is there
+    expected: str  # range of the entries of a present row
     least: int = 0  # of classes
 
 
@@ -44,7 +44,7 @@ CLASS_OR_NONE = Content("iu", np.int64, "-1 (not stated) to C - 1", least=-1)
 MASK = Content("biu", np.int8, "0 or 1")
 PARENT = Content("iu", np.int64, "-1 (not stated) to H - 1", least=-1)
 CONFIDENCE = Content("fiu", np.float32, "0 to 1")
-LOG_WEIGHT = Content("fiu", np.float32, "finite numbers, or -inf for what is not there")
+LOG_WEIGHT = Content("fiu", np.float32, "finite numbers, or -inf if absent")
 OFFSET = Content("fiu", np.float32, f"metres from the object's own centre, at most {FORECAST_LIMIT:g}")
 
 
@@ -57,7 +57,7 @@ class Field:
     shape: str  # letters and numbers, as in "O K T 2"
     content: Content
     meaning: str  # one sentence
-    fill: float = 0.0  # of rows that are not there
+    fill: float = 0.0  # of absent rows
     optional: bool = False  # a missing field is full of ``fill``
 
     def shape_in(self, task: Task) -> tuple[int, ...]:
@@ -68,22 +68,22 @@ class Field:
         return tuple(size[letter] if letter in size else int(letter) for letter in self.shape.split())
 
     def array_in(self, task: Task) -> str:
-        """In words, which array is expected under ``task``."""
+        """Text: shape and dtype expected under ``task``."""
         kinds = dict.fromkeys(_KIND_NAMES[kind] for kind in self.content.kinds)
         return f"an array of shape {self.shape_in(task)} and {' or '.join(kinds)} dtype"
 
     def values_in(self, task: Task) -> range:
-        """The values under ``task`` of a field of classes or of parents."""
+        """Values of a field of classes or of parents under ``task``."""
         return range(self.content.least, task.hypotheses if self.content is PARENT else len(task.classes))
 
     def expected_in(self, task: Task) -> str:
-        """In words, which entries are expected under ``task``."""
+        """Text: entries expected under ``task``."""
         expected = self.content.expected.replace("C - 1", str(len(task.classes) - 1))
         return expected.replace("H - 1", str(task.hypotheses - 1))
 
     def filled(self, task: Task, rows: NDArray[Any] | None = None) -> NDArray[Any]:
-        """The array under ``task`` that holds ``rows`` [R, ...], filled up; what is missing of any axis is filled."""
-        array = np.zeros(self.shape_in(task), dtype=self.content.dtype)  # costs nothing where nothing is written
+        """The array under ``task`` with ``rows`` [R, ...], filled up along every axis."""
+        array = np.zeros(self.shape_in(task), dtype=self.content.dtype)  # unwritten pages cost no memory
         if self.fill:
             array[...] = self.fill
         if rows is not None:
@@ -95,20 +95,20 @@ FIELDS = (
     Field("track_id", "tracks", "N", ID, "Identity of a track, the same in every frame and once per hypothesis."),
     Field("track_box", "tracks", "N 7", BOX, "Box of the track now: x y z yaw l w h."),
     Field("track_class", "tracks", "N", CLASS_OR_NONE, "Class of the track.", fill=-1, optional=True),
-    Field("track_valid", "tracks", "N", MASK, "Which rows hold a track; the others say nothing."),
-    Field("hypothesis_member", "hypotheses", "H N", MASK, "Which tracks a hypothesis holds; they may share tracks."),
+    Field("track_valid", "tracks", "N", MASK, "Rows that hold a track; the others are ignored."),
+    Field("hypothesis_member", "hypotheses", "H N", MASK, "Tracks of each hypothesis; hypotheses may share tracks."),
     Field(
         "hypothesis_log_weight", "hypotheses", "H", LOG_WEIGHT,
         "Logarithm of the hypothesis's weight, not necessarily normalised.", fill=-np.inf,
     ),
     Field(
         "hypothesis_parent", "hypotheses", "H", PARENT,
-        "The hypothesis of the frame before that it descends from; without it the judge has to guess.",
+        "The hypothesis of the frame before that it descends from; else the scorer guesses it.",
         fill=-1, optional=True,
     ),
-    Field("object_box", "objects", "O 7", BOX, "Box now of an object that is forecast: x y z yaw l w h."),
+    Field("object_box", "objects", "O 7", BOX, "Box of a forecast object now: x y z yaw l w h."),
     Field("object_class", "objects", "O", CLASS, "Class of the object."),
-    Field("object_valid", "objects", "O", MASK, "Which rows hold an object; the others say nothing."),
+    Field("object_valid", "objects", "O", MASK, "Rows that hold an object; the others are ignored."),
     Field(
         "object_confidence", "objects", "O", CONFIDENCE,
         "Probability that an object of this class is there.", fill=1, optional=True,
@@ -124,7 +124,7 @@ FIELD = {field.name: field for field in FIELDS}
 
 
 def padded(rows: NDArray[Any], size: int, dtype: type[np.generic], fill: float = 0) -> NDArray[Any]:
-    """The rows [R, ...] with ``fill`` below, up to ``size`` rows."""
+    """The rows [R, ...], padded with ``fill`` to ``size`` rows."""
     array = np.full((size, *rows.shape[1:]), fill, dtype=dtype)
     array[: len(rows)] = rows
     return array

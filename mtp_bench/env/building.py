@@ -1,4 +1,4 @@
-"""`make_action`: an action made of plain arrays."""
+"""`make_action`: an action from plain arrays."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..types import Action, Task
 from .action import FIELD
 from .checks import examine
 
-_ARGUMENT = {  # what fills a field
+_ARGUMENT = {  # of make_action, by the field that it fills
     "object_box": "boxes",
     "object_class": "classes",
     "object_confidence": "confidence",
@@ -39,23 +39,23 @@ def make_action(
     tracks: Tracks | None = None,
     checked: bool = True,
 ) -> Action:
-    """The action that says where O objects are now and where they go.
+    """The action with the boxes of O objects and their forecasts.
 
     ``boxes`` [O, 7]: x y z yaw l w h of each object now, in the frame of the observation.
     ``classes`` [O]: index of each object's class in ``task.classes``.
     ``forecasts`` [O, T, 2], or [O, k, T, 2] with up to ``task.samples`` samples: x y in metres from the centre of the
     object's box, in each of the next T = ``task.future`` frames.
-    ``log_weights`` [O, k]: logarithms of the samples' weights, -inf for a sample that is not there; without them all
-    samples weigh alike.
-    ``confidence`` [O]: probability from 0 to 1 that each object is there; without it 1.
+    ``log_weights`` [O, k]: logarithms of the samples' weights, -inf for an absent sample; without them all samples
+    have equal weight.
+    ``confidence`` [O]: probability from 0 to 1 that each object exists; without it 1.
     ``ids`` [O]: identities, the same number in every frame. They make the objects the tracks of one hypothesis.
-    ``tracks``: tracks and hypotheses, where they are more than that. Without ``ids`` and ``tracks`` nothing is said of
-    tracks: the ranked error does not change, but every object counts as untracked.
+    ``tracks``: tracks and hypotheses, if there are several. Without ``ids`` and ``tracks`` there are no tracks: bADE
+    does not change, but every object counts as untracked.
     ``checked``: raise for numbers that the env would take out, such as NaN; False leaves that to the env.
 
     Objects beyond ``task.objects`` are left out, the last first, and so are tracks and hypotheses that do not fit, the
-    least likely first. Raises ShapeError, a ValueError, that names the argument and what was expected, and
-    MtpBenchError for a ``task`` that is none.
+    least likely first. Raises ShapeError, a ValueError, that names the argument and the expected value, and
+    MtpBenchError unless ``task`` is a Task.
     """
     if not isinstance(task, Task):
         raise MtpBenchError(f"task is of type {type(task).__name__}, expected a Task: env.unwrapped.task")
@@ -71,9 +71,9 @@ def make_action(
     weight = np.zeros(future.shape[:2])
     if log_weights is not None:
         weight = _array("log_weights", log_weights, "fiu", future.shape[:2])
-    sure = np.ones(objects)
+    certainty = np.ones(objects)
     if confidence is not None:
-        sure = _array("confidence", confidence, "fiu", (objects,))
+        certainty = _array("confidence", confidence, "fiu", (objects,))
     if ids is not None:
         if tracks is not None:
             raise ShapeError("ids and tracks are both given, expected one of them: tracks has ids of its own")
@@ -82,7 +82,7 @@ def make_action(
         "object_box": box,
         "object_class": class_id,
         "object_valid": np.ones(objects),
-        "object_confidence": sure,
+        "object_confidence": certainty,
         "forecast": future,
         "forecast_log_weight": weight,
     }
@@ -96,7 +96,7 @@ def make_action(
 
 
 def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
-    # the heaviest hypothesis that holds each track; one that none holds comes last
+    """Fields of the tracks that fit, those of the heaviest hypotheses first; tracks without hypothesis come last."""
     best = np.vstack([tracks.member, np.ones((1, tracks.member.shape[1]), dtype=bool)]).argmax(axis=0)
     kept = np.sort(np.argsort(best, kind="stable")[: task.tracks])
     return {
@@ -111,7 +111,7 @@ def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
 
 
 def _parents(parent: NDArray[Any], task: Task) -> NDArray[Any]:
-    """The stated parents [H] of the hypotheses that fit; one that did not fit into the answer before is not stated."""
+    """Stated parents [H] of the hypotheses that fit; -1 for a parent that did not fit into the action before."""
     kept = parent[: task.hypotheses]
     return np.where(kept < task.hypotheses, kept, -1)
 
@@ -121,7 +121,7 @@ def _array(name: str, value: ArrayLike, kinds: str, *shapes: tuple[int | str, ..
     try:
         array = np.asarray(value)
     except ValueError as error:
-        raise ShapeError(f"{name} is no array: {error}") from None
+        raise ShapeError(f"{name} is not an array: {error}") from None
     empty = tuple(0 if isinstance(size, str) else size for size in shapes[-1])
     if array.shape == (0,) and 0 in empty:  # an empty list: no objects
         array = array.reshape(empty)
@@ -139,7 +139,7 @@ def _fits(shape: tuple[int, ...], wanted: tuple[int | str, ...]) -> bool:
 
 
 def _check(action: Action, task: Task) -> None:
-    """Raise ShapeError for the first thing that the env would take out; objects come before tracks."""
+    """Raise ShapeError for the first problem that makes the env take out rows; objects come before tracks."""
     problems = [problem for problem in examine(action, task).problems if problem.level == "error"]
     if problems:
         first = min(problems, key=lambda problem: problem.kind != "objects")

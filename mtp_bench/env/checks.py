@@ -1,67 +1,93 @@
-"""The checks of an answer, each once and with its reason in words.
+"""Checks of an action: what is wrong with it, in words.
 
-The env takes out the rows that they find (`decoding`), and the conformance suite shows why.
+The env takes out the rows that the checks find (`rollouts`); the conformance suite and a strict env report them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import closest
+from ..errors import closest, sentence
 from ..types import ABSENT_BELOW, ID_LIMIT, Bools, Floats, Ints, Task
 from .action import COORDINATE_LIMIT, FIELD, FIELDS, FORECAST_LIMIT, MASK, ROWS, SIZE_LIMIT, Field, Rows
-from .problems import Problem, rows_problem
 
 Arrays = dict[str, NDArray[Any]]
-_IN_ONE = "every valid track in a hypothesis whose log-weight is present"
 _LEAVE_OUT = "leave such rows out"
 _PADDING = "leave out the padding of the observation, where detection_valid is 0"
-_BUILDER = "mtp_bench.make_action makes whole actions of plain arrays"
+_MAKE_ACTION = "mtp_bench.make_action makes whole actions of plain arrays"
+_MOST_NUMBERS = 8  # of one row that are shown
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with an action."""
+
+    field: str
+    reason: str
+    expected: str
+    rows: int = 1
+    example: str = ""  # the first such row
+    kind: str = ""  # of ROWS, if rows of it are taken out
+    level: Literal["warning", "error"] = "error"
+    advice: str = ""
+    outside: bool = True  # the action is outside the action space; False: the space cannot express it
+
+    def sentence(self, where: str = "", name: str = "") -> str:
+        """Got, expected, row and advice in one sentence; ``name`` replaces the name of the field."""
+        several = self.rows > 1
+        got = f"{name or self.field}: {self.reason}" + (f" in {self.rows} rows" if several else "")
+        example = f"first {self.example}" if several else self.example
+        return sentence(got, self.expected, ", ".join(text for text in (where, example) if text), self.advice)
 
 
 @dataclass(frozen=True, eq=False)
 class Examined:
-    """What of an action can be used, and why the rest cannot."""
+    """The usable part of an action, and the problems of the rest."""
 
-    arrays: Arrays  # all fields, numbers in single precision; one that cannot be used is as if nothing was said
-    claimed: dict[Rows, Bools]  # [N], [H], [O] the rows that the action says are there
-    sound: dict[Rows, Bools]  # [N], [H], [O] those of them that keep the contract; the others are invalid
+    arrays: Arrays  # all fields, numbers in single precision; an unusable field has its fill value
+    claimed: dict[Rows, Bools]  # [N], [H], [O] rows that the action declares present
+    sound: dict[Rows, Bools]  # [N], [H], [O] those of them that pass all checks; the others are invalid
     problems: list[Problem]
 
     @property
     def outside(self) -> list[Problem]:
-        """What puts the action outside the action space."""
+        """Problems that put the action outside the action space."""
         return [problem for problem in self.problems if problem.outside]
 
     @property
     def readable(self) -> bool:
-        """Whether the fields of the objects could be read, so that it is known which objects are stated."""
+        """True if all fields of the objects could be read, so that the number of stated objects is known."""
         unreadable = {problem.field for problem in self.problems if problem.level == "error" and not problem.example}
         return not unreadable & {"action", *(field.name for field in FIELDS if field.rows == "objects")}
 
 
 def examine(action: object, task: Task) -> Examined:
-    """What is sound in ``action`` and what is not. Never raises."""
+    """Check ``action`` field by field and row by row. Never raises."""
     arrays, problems = _read_all(action, task)
     claimed: dict[Rows, Bools] = {rows: _claimed(rows, arrays, task) for rows in ROWS}
     sound: dict[Rows, Bools] = {rows: np.zeros_like(claimed[rows]) for rows in ROWS}
     for rows in ROWS:
         names = [field.name for field in FIELDS if field.rows == rows]
-        if all(name in arrays for name in names):
-            place = np.flatnonzero(claimed[rows])
-            values = {name: arrays[name][place] for name in names}
-            bad = np.zeros(len(place), dtype=bool)
-            for check in _CHECKS:
-                if FIELD[check.field].rows == rows:
-                    found = check.bad(values, check.field, task)
-                    bad |= found
-                    problems += _problem(check, place[found], arrays, task)
-            sound[rows][place[~bad]] = True
+        if not all(name in arrays for name in names):
+            continue
+        claimed_rows = np.flatnonzero(claimed[rows])
+        values = {name: arrays[name][claimed_rows] for name in names}
+        bad = np.zeros(len(claimed_rows), dtype=bool)
+        for check in _CHECKS:
+            field = FIELD[check.field]
+            if field.rows == rows:
+                failed = check.bad(values, check.field, task)
+                bad |= failed
+                expected, found = check.expected or field.expected_in(task), claimed_rows[failed]
+                problems += _of_rows(
+                    arrays, check.field, check.reason, expected, found, rows, check.advice, check.outside
+                )
+        sound[rows][claimed_rows[~bad]] = True
     if {"hypothesis_member", "hypothesis_log_weight"} <= set(arrays):
         problems += _check_membership(arrays, sound, task)
     problems += _check_masks(arrays)
@@ -70,61 +96,62 @@ def examine(action: object, task: Task) -> Examined:
 
 
 def present(log_weight: Floats) -> Bools:
-    """Which log-weights say that a sample or a hypothesis is there; NaN does not."""
+    """Mask of the samples or hypotheses that a log-weight declares present; False for NaN."""
     return np.asarray(log_weight >= ABSENT_BELOW)
 
 
 def _read_all(action: object, task: Task) -> tuple[Arrays, list[Problem]]:
-    """The fields that can be used, and what is wrong with the others."""
-    known = ", ".join(FIELD)
+    """Usable fields, and the problems of the others."""
+    names = ", ".join(FIELD)
     try:
         given = dict(action) if isinstance(action, Mapping) else None
     except Exception:  # a mapping of the agent's own
         given = None
     if given is None:
         reason = f"is a {type(action).__name__}"
-        return {}, [Problem("action", reason, f"a dict with {known}", kind="objects", advice=_BUILDER)]
+        return {}, [Problem("action", reason, f"a dict with {names}", kind="objects", advice=_MAKE_ACTION)]
     arrays: Arrays = {}
     problems: list[Problem] = []
     for field in FIELDS:
-        got = _read(given, field, task)
-        if isinstance(got, str):
-            problems.append(Problem(field.name, got, field.array_in(task), kind=field.rows, advice=_BUILDER))
+        array = _read(given, field, task)
+        if isinstance(array, str):
+            problems.append(Problem(field.name, array, field.array_in(task), kind=field.rows, advice=_MAKE_ACTION))
         else:
-            arrays[field.name] = got
+            arrays[field.name] = array
     unknown = sorted(key if isinstance(key, str) else type(key).__name__ for key in given if key not in FIELD)
     if unknown:
         close = closest(unknown[0], FIELD)
         advice = f"did you mean {close!r}?" if close else ""
-        reason = "has keys that nobody reads"
-        problems.append(Problem("action", reason, known, example=unknown[0], level="warning", advice=advice))
+        problems.append(
+            Problem("action", "has unknown keys", names, example=unknown[0], level="warning", advice=advice)
+        )
     return arrays, problems
 
 
 def _read(action: dict[Any, Any], field: Field, task: Task) -> NDArray[Any] | str:
-    """The field as an array, or why there is none."""
+    """The field as an array, or the reason why it cannot be used."""
     if field.name not in action:
         return field.filled(task) if field.optional else "is missing"
     try:
         array = np.asarray(action[field.name])
-    except Exception as error:  # whatever an agent hands over: ragged lists, tensors of another device, ...
-        return f"is no array ({type(error).__name__}: {error})"
+    except Exception as error:  # an agent may give any object: ragged lists, tensors of another device, ...
+        return f"is not an array ({type(error).__name__}: {error})"
     if array.dtype.kind not in field.content.kinds:
         return f"has dtype {array.dtype}"
     if array.shape != field.shape_in(task):
         return f"has shape {array.shape}"
     if field.content.dtype is not np.float32:
         return array
-    with np.errstate(over="ignore", invalid="ignore"):  # too large becomes inf, which is refused afterwards
+    with np.errstate(over="ignore", invalid="ignore"):  # too large becomes inf, which fails a check
         return array.astype(np.float32, copy=False)
 
 
 def _claimed(rows: Rows, arrays: Arrays, task: Task) -> Bools:
-    """The rows that the action says are there; all of them where it does not say."""
-    says = {"tracks": "track_valid", "hypotheses": "hypothesis_log_weight", "objects": "object_valid"}[rows]
-    if says not in arrays:
-        return np.ones(FIELD[says].shape_in(task)[0], dtype=bool)
-    return ~(arrays[says] < ABSENT_BELOW) if rows == "hypotheses" else arrays[says] != 0
+    """Rows that the action declares present; all if the field that declares it cannot be used."""
+    name = {"tracks": "track_valid", "hypotheses": "hypothesis_log_weight", "objects": "object_valid"}[rows]
+    if name not in arrays:
+        return np.ones(FIELD[name].shape_in(task)[0], dtype=bool)
+    return ~(arrays[name] < ABSENT_BELOW) if rows == "hypotheses" else arrays[name] != 0
 
 
 def _not_finite(values: Arrays, name: str, task: Task) -> Bools:
@@ -138,7 +165,7 @@ def _out_of_range(values: Arrays, name: str, task: Task) -> Bools:
     return np.asarray(np.isfinite(box).all(axis=1) & ~(near & sized))
 
 
-def _no_id(values: Arrays, name: str, task: Task) -> Bools:
+def _id_out_of_range(values: Arrays, name: str, task: Task) -> Bools:
     return np.asarray((values[name] < 0) | (values[name] > ID_LIMIT))
 
 
@@ -147,11 +174,11 @@ def _unknown(values: Arrays, name: str, task: Task) -> Bools:
     return np.asarray((values[name] < known.start) | (values[name] >= known.stop))
 
 
-def _no_probability(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray(~((values[name] >= 0) & (values[name] <= 1)))  # NaN is none either
+def _not_a_probability(values: Arrays, name: str, task: Task) -> Bools:
+    return np.asarray(~((values[name] >= 0) & (values[name] <= 1)))  # also NaN
 
 
-def _no_log_weight(values: Arrays, name: str, task: Task) -> Bools:
+def _not_a_log_weight(values: Arrays, name: str, task: Task) -> Bools:
     broken = np.isnan(values[name]) | np.isposinf(values[name])
     return np.asarray(broken.any(axis=tuple(range(1, broken.ndim))))
 
@@ -177,25 +204,25 @@ class _Check(NamedTuple):
     reason: str
     bad: Callable[[Arrays, str, Task], Bools]  # of the claimed rows of all fields of a kind, and the field's name
     advice: str = _LEAVE_OUT
-    expected: str = ""  # empty: what the table of fields says of its entries
+    expected: str = ""  # empty: as the table of fields states
     outside: bool = True  # as in `Problem`
 
 
 _CHECKS = (
     _Check("track_box", "not finite", _not_finite),
     _Check("track_box", "out of range", _out_of_range),
-    _Check("track_id", "out of range", _no_id),
+    _Check("track_id", "out of range", _id_out_of_range),
     _Check("track_class", "unknown", _unknown),
-    _Check("hypothesis_log_weight", "NaN or +inf", _no_log_weight),
-    _Check("hypothesis_parent", "unknown", _unknown, "-1 where it is not known"),
+    _Check("hypothesis_log_weight", "NaN or +inf", _not_a_log_weight),
+    _Check("hypothesis_parent", "unknown", _unknown, "-1 for an unknown parent"),
     _Check("object_box", "not finite", _not_finite),
     _Check("object_box", "out of range", _out_of_range, _PADDING),
     _Check("object_class", "unknown", _unknown, _PADDING),
     _Check(
-        "object_confidence", "no probability", _no_probability,
+        "object_confidence", "not a probability", _not_a_probability,
         "state how likely it is that the object is there, not the detector's score as it is",
     ),
-    _Check("forecast_log_weight", "NaN or +inf", _no_log_weight),
+    _Check("forecast_log_weight", "NaN or +inf", _not_a_log_weight),
     _Check(
         "forecast_log_weight", "no sample present", _no_sample, _LEAVE_OUT, "at least one per valid object",
         outside=False,
@@ -206,33 +233,34 @@ _CHECKS = (
 
 
 def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> list[Problem]:
-    """Take out of ``sound`` the tracks whose id occurs twice in a hypothesis; tracks in none are only warned of."""
-    track_id, valid = (arrays.get(name, np.zeros(task.tracks, dtype=np.int64)) for name in ("track_id", "track_valid"))
+    """Find ids that occur twice in a hypothesis, which are taken out of ``sound``, and tracks without hypothesis."""
+    absent = np.zeros(task.tracks, dtype=np.int64)
+    arrays = {"track_id": absent, "track_valid": absent, **arrays}
     member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]
-    loose = np.flatnonzero(sound["tracks"] & ~member.any(axis=0))
-    twice = np.flatnonzero(_repeated(track_id, member))
-    sound["tracks"][twice] = False
-    once = "an id once per hypothesis"
-    apart = "give every object an identity of its own"
+    unused = np.flatnonzero(sound["tracks"] & ~member.any(axis=0))
+    repeated = np.flatnonzero(_repeated(arrays["track_id"], member))
+    sound["tracks"][repeated] = False
+    once, advice = "an id once per hypothesis", "give every object an identity of its own"
+    held = "every valid track in a hypothesis whose log-weight is present"
     return [
-        *rows_problem("track_id", "twice in one hypothesis", once, twice, track_id, "tracks", apart, outside=False),
-        *rows_problem("track_valid", "in no hypothesis, so unused", _IN_ONE, loose, valid, outside=False),
+        *_of_rows(arrays, "track_id", "twice in one hypothesis", once, repeated, "tracks", advice, outside=False),
+        *_of_rows(arrays, "track_valid", "in no hypothesis, so unused", held, unused, outside=False),
     ]
 
 
 def _check_masks(arrays: Arrays) -> list[Problem]:
-    """Entries of masks that are neither 0 nor 1 are taken as 1, and only warned of."""
+    """Find entries of masks that are neither 0 nor 1; they count as 1."""
     problems: list[Problem] = []
     for field in FIELDS:
         if field.content is MASK and field.name in arrays:
             mask = arrays[field.name].reshape(len(arrays[field.name]), -1)
             rows = np.flatnonzero(((mask < 0) | (mask > 1)).any(axis=1))
-            problems += rows_problem(field.name, "neither 0 nor 1", field.content.expected, rows, arrays[field.name])
+            problems += _of_rows(arrays, field.name, "neither 0 nor 1", field.content.expected, rows)
     return problems
 
 
 def _repeated(track_id: Ints, member: Bools) -> Bools:
-    """Which tracks [N] share their id with another track of one hypothesis; ``member`` is [H, N]."""
+    """Tracks [N] that share their id with another track of one hypothesis; ``member`` is [H, N]."""
     repeated = np.zeros(len(track_id), dtype=bool)
     rows = np.flatnonzero(member.any(axis=0))
     ids, group = np.unique(track_id[rows], return_inverse=True)
@@ -243,9 +271,24 @@ def _repeated(track_id: Ints, member: Bools) -> Bools:
     return repeated
 
 
-def _problem(check: _Check, rows: Ints, arrays: Arrays, task: Task) -> list[Problem]:
-    """The problem of the bad ``rows``, with the first of them as example; none without any."""
-    field = FIELD[check.field]
-    expected = check.expected or field.expected_in(task)
-    values = arrays[field.name]
-    return rows_problem(field.name, check.reason, expected, rows, values, field.rows, check.advice, check.outside)
+def _of_rows(
+    arrays: Arrays,
+    field: str,
+    reason: str,
+    expected: str,
+    rows: Ints,
+    kind: str = "",
+    advice: str = "",
+    outside: bool = True,
+) -> list[Problem]:
+    """The problem of the ``rows`` of a field, with the first as example; empty without rows."""
+    if not len(rows):
+        return []
+    value = np.asarray(arrays[field][rows[0]])
+    example = f"{field}[{rows[0]}]"
+    if value.ndim < 2:
+        numbers = [f"{each:.4g}" if value.dtype.kind == "f" else str(each) for each in value.ravel()[:_MOST_NUMBERS]]
+        more = ", ..." if value.size > _MOST_NUMBERS else ""
+        example += f" = [{', '.join(numbers)}{more}]" if value.ndim else f" = {numbers[0]}"
+    level: Literal["warning", "error"] = "error" if kind else "warning"
+    return [Problem(field, reason, expected, len(rows), example, kind, level, advice, outside)]

@@ -1,7 +1,7 @@
 """The Gymnasium environment: one class for every card of ``envs/``.
 
-The observation at frame t holds the detections of frame t only. The action answers it: hypotheses of tracks and
-forecasts of objects as of frame t. ``step`` gives the reward of that answer and the observation of frame t + 1.
+The observation at frame t holds the detections of frame t only. The action holds hypotheses of tracks and forecasts
+of objects as of frame t. ``step`` gives the reward of that action and the observation of frame t + 1.
 """
 
 from __future__ import annotations
@@ -25,13 +25,12 @@ from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
 from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .checks import examine
-from .decoding import Answer, answer_of
+from .feedback import Feedback
 from .live import LiveEpisode, live_episode
 from .observation import Feed, LocalFrame, make_feed
 from .renderers import RENDERERS, Renderer, open_renderer
-from .rollouts import assemble
+from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
-from .teaching import Teacher
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,11 +44,11 @@ class _Episode:
     frame: LocalFrame
     feed: Feed
     targets: Targets | None  # None in evaluation mode
-    answers: list[Answer] = field(default_factory=list)  # one per frame, in the scene's frame of reference
+    actions: list[RecordedAction] = field(default_factory=list)  # one per frame, in the scene's frame of reference
 
     @property
     def t(self) -> int:
-        return len(self.answers)
+        return len(self.actions)
 
     @property
     def over(self) -> bool:
@@ -60,8 +59,9 @@ class _Episode:
 class MTPEnv(gymnasium.Env[Observation, Action]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
-    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` says what the others are;
-    ``scenes=[scene, ...]`` with `Scene` objects and ``files=folder`` play scenes of one's own under the card's rules.
+    ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` lists the other
+    keywords; ``scenes=[scene, ...]`` with `Scene` objects and ``files=folder`` play scenes of one's own under the rules
+    of the card.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
@@ -69,7 +69,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     metadata = {  # noqa: RUF012  (declared so by gymnasium.Env)
         "render_modes": list(RENDERERS),
         "render_fps": 10,
-        "definitions": DEFINITIONS,  # version of the scorer's, which the reward is of
+        "definitions": DEFINITIONS,  # version of the scorer that makes the reward
     }
 
     def __init__(self, card: str | Card, data: str | None = None, **keywords: Unpack[EnvKeywords]) -> None:
@@ -83,14 +83,14 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         sizes = {name: size(name, given[name], default) for name, default in sizes.items()}
         self.task = _task(self.card, given["observe"], sizes)
         require_room(self.card.id, sizes, "observation", observation_numbers(self.task))
-        require_room(self.card.id, sizes, "answer", action_numbers(self.task))
+        require_room(self.card.id, sizes, "action", action_numbers(self.task))
         self._evaluation, self._rigid_motion = given["evaluation"], given["rigid_motion"]
         self._fresh_noise = given["fresh_noise"]
         if self._fresh_noise and self.card.detector is None:
             raise MtpBenchError(f"fresh_noise needs a simulated detector: {self.card.id} has stored detections")
         if self._fresh_noise and self._evaluation:
             raise MtpBenchError("fresh_noise is for training: an evaluation takes the detections of the card")
-        self._teacher = Teacher(self.task) if given["strict"] else None
+        self._feedback = Feedback(self.task) if given["strict"] else None
         self._source = open_source(self.card, data)
         if given["track_file"] is not None:
             self._source = with_tracks(self._source, self.card, data, given["track_file"])
@@ -118,63 +118,63 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         targets = None if self._evaluation else find_targets(scene, self.card)
         self._episode = _Episode(scene, frame, make_feed(scene, frame, self.task), targets)
         self._live = None
-        self._follow()
+        self._render_each()
         return self._episode.feed.observe(0), _info(self._episode)
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Take the answer to the last observation and show the next frame; ``truncated`` after the last frame.
+        """Take the action for the last observation and show the next frame; ``truncated`` after the last frame.
 
         With ``strict`` an action outside the action space is an ActionError, which leaves the frame as it was. Without,
-        whatever breaks the contract is taken out of the answer and counted in ``info``.
+        invalid rows are taken out of the action and counted in ``info``.
         """
         episode = self._started()
         if episode.over:
             raise ResetNeeded(f"step() after the last frame of {episode.scene.name!r}: call reset() first")
         examined = examine(action, self.task)
-        if self._teacher is not None:
-            self._teacher.look(examined, f"frame {episode.t}")
+        if self._feedback is not None:
+            self._feedback.give(examined, f"frame {episode.t}")
         seen = episode.feed.of_class(episode.t, len(self.task.classes))
-        answer = answer_of(examined, self.task, episode.frame, seen)
-        reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, answer)
-        episode.answers.append(answer)
-        self._follow()
+        recorded = record_action(examined, self.task, episode.frame, seen)
+        reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, recorded)
+        episode.actions.append(recorded)
+        self._render_each()
         return episode.feed.observe(episode.t), reward, False, episode.over, _info(episode)
 
     def rollout(self) -> Rollout:
-        """Everything said in this episode, in the scene's own frame of reference; RolloutError before its end."""
+        """All actions of this episode, in the scene's own frame of reference; RolloutError before its end."""
         episode = self._started()
         if not episode.over:
             raise RolloutError(
                 f"scene {episode.scene.name!r} is at frame {episode.t} of {episode.scene.frames}:"
-                " a rollout is there after the last frame"
+                " a rollout exists after the last frame"
             )
-        return assemble(episode.scene.name, episode.answers, episode.feed.dropped)
+        return assemble(episode.scene.name, episode.actions, episode.feed.dropped)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The frame that was answered last, with its answer; before the first answer, frame 0.
+        """Draw the frame of the last action; before the first action, frame 0.
 
-        ``rgb_array``: a bird's-eye picture [720, 960, 3]. It shows true boxes too, but in evaluation mode nothing that
-        derives from the truth. ``rerun``: every frame is logged without this call, into rerun's active recording
-        (`rerun.init`) or a viewer that opens; returns None, as without a render mode.
+        ``rgb_array``: a bird's-eye picture [720, 960, 3], with true boxes unless in evaluation mode. ``rerun``: every
+        frame is logged without this call, into rerun's active recording (`rerun.init`) or a viewer that opens; returns
+        None, as without a render mode.
         """
         if self.render_mode is None:
             logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDERERS)}")
             return None
         episode = self._started()
         if self._live is None:
-            parts = (self.card, episode.scene, episode.frame, episode.feed, episode.answers)
+            parts = (self.card, episode.scene, episode.frame, episode.feed, episode.actions)
             self._live = live_episode(*parts, self._evaluation)
         if self._renderer is None:
             self._renderer = open_renderer(self.render_mode)
         return self._renderer.render(self._live)
 
-    def _follow(self) -> None:
-        """Show the frame where the mode shows every frame, as Gymnasium's "human" does."""
+    def _render_each(self) -> None:
+        """Render every frame in mode "rerun", as Gymnasium's "human" does."""
         if self.render_mode == "rerun":
             self.render()
 
     def close(self) -> None:
-        """Let go of what render() opened."""
+        """Close the renderer."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -195,23 +195,23 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             raise DataError(f"scene {name!r} of {self.card.id} has no frames, expected at least one")
         return scene
 
-    def _reward(self, episode: _Episode, targets: Targets, answer: Answer) -> float:
+    def _reward(self, episode: _Episode, targets: Targets, action: RecordedAction) -> float:
         forecasts = Forecasts(
-            frame=np.full(len(answer.object_box), episode.t),
-            box=answer.object_box,
-            class_id=answer.object_class,
-            confidence=answer.object_confidence,
-            offset=answer.forecast,
-            log_weight=answer.forecast_log_weight,
+            frame=np.full(len(action.object_box), episode.t),
+            box=action.object_box,
+            class_id=action.object_class,
+            confidence=action.object_confidence,
+            offset=action.forecast,
+            log_weight=action.forecast_log_weight,
         )
-        error = frame_error(episode.scene, targets, self.card, episode.t, forecasts, answer.malformed)
+        error = frame_error(episode.scene, targets, self.card, episode.t, forecasts, action.malformed)
         return 0.0 - error  # not -error: no -0.0
 
 
 def _info(episode: _Episode) -> dict[str, Any]:
-    """Always the same entries, all whole numbers: of the frame shown, and of the answer to the one before."""
+    """Integers with fixed keys: of the frame shown, and of the action for the one before."""
     t = episode.t
-    invalid = episode.answers[-1].invalid if episode.answers else np.zeros(3, dtype=np.int64)
+    invalid = episode.actions[-1].invalid if episode.actions else np.zeros(3, dtype=np.int64)
     return {
         "frame": t,
         "dropped_detections": 0 if episode.over else int(episode.feed.dropped[t]),

@@ -1,4 +1,4 @@
-"""An episode as pictures see it while it is played."""
+"""An episode while it is played, for renderers."""
 
 from __future__ import annotations
 
@@ -9,49 +9,48 @@ import numpy as np
 
 from ..cards import Card
 from ..types import Detections, Ints, Rollout, Scene
-from .decoding import Answer
 from .observation import Feed, LocalFrame
-from .rollouts import assemble
+from .rollouts import RecordedAction, assemble
 
 
 @dataclass(frozen=True, eq=False)
 class LiveEpisode:
-    """One per episode; its answers grow. In evaluation mode nothing in it derives from the truth."""
+    """The episode that is played; ``actions`` grows. In evaluation mode it holds no value that derives from truth."""
 
     card: Card
-    scene: Scene  # its detections are those that the agent is shown; its truth is empty where it must not be seen
+    scene: Scene  # its detections are those that the agent is shown; its truth is empty if it must not be seen
     truth_shown: bool
-    answers: Sequence[Answer]  # of the frames until now, in the scene's frame of reference
+    actions: Sequence[RecordedAction]  # of the frames until now, in the scene's frame of reference
     dropped: Ints  # [F] detections that did not fit into the observation
 
     @property
     def frame(self) -> int:
-        """The frame that pictures show: the last one that was answered, frame 0 before the first answer."""
-        return max(0, len(self.answers) - 1)
+        """The frame of the last action; 0 before the first one."""
+        return max(0, len(self.actions) - 1)
 
     def rollout(self, first: int = 0) -> Rollout | None:
-        """What was said from frame ``first`` on, as a rollout that begins there; None where nothing was."""
-        said = self.answers[first:]
-        return assemble(self.scene.name, said, self.dropped[first : first + len(said)]) if said else None
+        """Actions from frame ``first`` on, as a rollout that begins there; None without any."""
+        actions = self.actions[first:]
+        return assemble(self.scene.name, actions, self.dropped[first : first + len(actions)]) if actions else None
 
 
 def live_episode(
-    card: Card, scene: Scene, frame: LocalFrame, feed: Feed, answers: Sequence[Answer], evaluation: bool
+    card: Card, scene: Scene, frame: LocalFrame, feed: Feed, actions: Sequence[RecordedAction], evaluation: bool
 ) -> LiveEpisode:
     """The episode of ``scene`` under the rules of ``card``.
 
-    ``feed`` is what the agent sees of it, in the local ``frame``; ``answers`` is what it said so far, a frame each;
-    with ``evaluation`` the truth is not shown.
+    ``feed``: what the agent sees, in the local ``frame``; ``actions``: of the frames so far; ``evaluation``: the truth
+    is not shown.
     """
     seen = Detections(
         start=np.asarray(feed.start),
         box=frame.to_scene(feed.box.astype(np.float64)),
-        velocity=np.full((len(feed.box), 2), np.nan),  # the measured one is known in the local frame only
+        velocity=np.full((len(feed.box), 2), np.nan),  # the measured one is in the local frame
         class_id=feed.class_id,
         score=feed.score,
     )
     shown = replace(scene, detections=seen)
     if evaluation:
-        nobody = np.zeros(len(scene.truth.box), dtype=bool)
-        shown = replace(shown, truth=scene.truth.select(nobody), visible=None)
-    return LiveEpisode(card, shown, not evaluation, answers, feed.dropped)
+        hidden = np.zeros(len(scene.truth.box), dtype=bool)
+        shown = replace(shown, truth=scene.truth.select(hidden), visible=None)
+    return LiveEpisode(card, shown, not evaluation, actions, feed.dropped)

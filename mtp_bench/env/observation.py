@@ -1,7 +1,7 @@
-"""What an agent sees of a scene: its detections in a local frame of reference, cut to the size of the spaces.
+"""Observations of a scene: detections in a local frame of reference, cut to the size of the spaces.
 
-The first ego pose is the origin of the local frame and time starts at zero, so that coordinates of a map or a clock do
-not say which scene it is.
+The first ego pose is the origin of the local frame and time starts at zero, so that neither map coordinates nor the
+clock identify the scene.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
 
 @dataclass(frozen=True, eq=False)
 class LocalFrame:
-    """Planar rigid motion that takes the scene's frame of reference to the frame of the observations."""
+    """Planar rigid motion from the scene's frame of reference to the frame of the observations."""
 
     yaw: float
     translation: Floats  # [3] m, applied after the rotation
 
     @classmethod
     def of(cls, scene: Scene, rng: np.random.Generator | None = None) -> LocalFrame:
-        """The frame in which the first ego pose is the origin, moved at random if ``rng`` is given."""
+        """The frame with the first ego pose as origin, moved at random if ``rng`` is given."""
         x, y, z, ego_yaw = (float(value) for value in scene.ego[0])
         turn, shift = 0.0, np.zeros(3)
         if rng is not None:
@@ -83,9 +83,9 @@ class Feed(Ragged):
 
 
 def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
-    """Observations of ``scene`` under ``task``: what it observes of the scene, see `shown_boxes`."""
+    """Observations of ``scene`` under ``task``; see `shown_boxes`."""
     shown, object_id = shown_boxes(scene, task.observe)
-    with np.errstate(over="ignore", invalid="ignore"):  # what does not fit into float32 is out of range below
+    with np.errstate(over="ignore", invalid="ignore"):  # inf where float32 overflows is out of range below
         box = frame.to_local(shown.box).astype(np.float32)
         velocity = rotate(shown.velocity, frame.yaw).astype(np.float32)
         score = shown.score.astype(np.float32)
@@ -112,10 +112,10 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
 
 
 def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
-    """The boxes of a scene that an agent is shown, and their ids where it is told them.
+    """The boxes of a scene that an agent is shown, and their ids or None.
 
     ``observe``: "detections", "truth" for the true boxes, or "tracks" for those of a foreign tracker. Raises DataError
-    where the scene has none.
+    for a scene without stored tracks.
     """
     if observe == "detections":
         return scene.detections, None
@@ -127,23 +127,23 @@ def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
 
 
 def true_detections(scene: Scene) -> tuple[Detections, Ints]:
-    """True boxes of the evaluated classes in the form of detections, and their ids."""
+    """True boxes of the evaluated classes as detections, and their ids."""
     shown = scene.truth.select(~scene.truth.neutral)
     score = np.ones(len(shown.box))
     return Detections(shown.start, shown.box, shown.velocity, shown.class_id, score), shown.object_id
 
 
 def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools:
-    """Rows [R] that fit into the observation space; NaN never does."""
+    """Mask [R] of the rows inside the observation space; False for NaN."""
     ok = (np.abs(box[:, :4]) <= COORDINATE_LIMIT).all(axis=1) & (np.abs(score) <= SCORE_LIMIT)
     ok &= ((box[:, 4:] >= 0) & (box[:, 4:] <= SIZE_LIMIT)).all(axis=1)
     return ok & (class_id >= 0) & (class_id < classes)
 
 
 def _rank(in_frame: Ints, score: Floats) -> Ints:
-    """Place [R] of each row among those of its frame, best score first, earlier row first among equals."""
+    """Rank [R] of each row in its frame by score, the earlier row first among equals."""
     order = np.lexsort((-score, in_frame))
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.arange(len(order))
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
     first = np.searchsorted(in_frame, in_frame, side="left")  # rows are sorted by frame
-    return place - first
+    return rank - first

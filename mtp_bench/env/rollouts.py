@@ -1,16 +1,25 @@
-"""Rollouts as records: their arrays, how answers become one, and the digest that names what was said."""
+"""Actions as they are recorded: sound rows only, in the scene's frame; rollouts made of them, and their digest.
+
+A row that is taken out counts as missing, so breaking the contract is never better than an empty action.
+"""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import Ints, Rollout, starts_of
-from .decoding import Answer
+from ..geometry import rotate
+from ..types import Bools, Floats, Ints, Rollout, Task, starts_of, to_centimetres
+from .action import ROWS
+from .checks import Examined, present
+from .observation import LocalFrame
+
+FAINTEST = -1000.0  # a normalised log-weight; exp of it is 0 already
 
 # of every array of a Rollout, in the order of the digest: dtype, and shape in the letters of types.py;
 # R rows of tracks, S rows of forecast objects, F1 is F + 1, C1 is C + 1
@@ -35,23 +44,80 @@ ARRAYS: dict[str, tuple[str, tuple[str | int, ...]]] = {
 }
 
 
-def assemble(scene: str, answers: Sequence[Answer], dropped: Ints) -> Rollout:
-    """Rollout of the recorded answers [F] of a scene; ``dropped`` [F] detections did not fit. Times are still zero."""
+@dataclass(frozen=True, eq=False)
+class RecordedAction:
+    """The sound part of one action: R tracks and S forecast objects.
+
+    All arrays have the names, the units and the types of those of a `Rollout`.
+    """
+
+    track_id: Ints  # [R]
+    track_box: Floats  # [R, 7]
+    track_class: Ints  # [R]
+    member: Bools  # [R, H]
+    hypothesis_log_weight: Floats  # [H] normalised, -inf: absent
+    hypothesis_parent: Ints  # [H] hypothesis of the frame before, -1: not stated
+    object_box: Floats  # [S, 7]
+    object_class: Ints  # [S]
+    object_confidence: Floats  # [S] 0 to 1
+    forecast: Ints  # [S, K, T, 2] centimetres from the object's centre, 0 where absent
+    forecast_log_weight: Floats  # [S, K] normalised, -inf: absent
+    invalid: Ints  # [3] rows taken out: tracks, hypotheses, objects
+    malformed: Ints  # [C + 1] objects taken out by class, see `_malformed`
+
+
+def record_action(
+    examined: Examined, task: Task, frame: LocalFrame | None = None, detected: Ints | None = None
+) -> RecordedAction:
+    """The sound part of an action in the scene's frame of reference, with the number of rows that were taken out.
+
+    ``frame`` is that of the observations; without one, coordinates stay as they are. ``detected`` [C]: detections of
+    each class in the frame of the action. Never raises. All arrays are copies: an agent may go on writing into its own.
+    """
+    arrays, sound = examined.arrays, examined.sound
+    member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]
+    used, objects = member.any(axis=0), sound["objects"]
+    track_box, object_box = arrays["track_box"][used], arrays["object_box"][objects]
+    sample_weight = arrays["forecast_log_weight"][objects]
+    sampled = present(sample_weight)
+    offset = np.where(sampled[:, :, None, None], arrays["forecast"][objects], np.float32(0))
+    if frame is not None:
+        track_box, object_box = frame.to_scene(track_box), frame.to_scene(object_box)
+        offset = rotate(offset, -frame.yaw)
+    return RecordedAction(
+        track_id=arrays["track_id"][used].astype(np.int64),
+        track_box=track_box.astype(np.float32),
+        track_class=arrays["track_class"][used].astype(np.int64),
+        member=member.T[used],
+        hypothesis_log_weight=log_softmax(arrays["hypothesis_log_weight"], sound["hypotheses"]).astype(np.float32),
+        hypothesis_parent=np.where(sound["hypotheses"], arrays["hypothesis_parent"], -1).astype(np.int64),
+        object_box=object_box.astype(np.float32),
+        object_class=arrays["object_class"][objects].astype(np.int64),
+        object_confidence=arrays["object_confidence"][objects].astype(np.float32),
+        forecast=to_centimetres(offset),
+        forecast_log_weight=log_softmax(sample_weight, sampled).astype(np.float32),
+        invalid=np.array([(examined.claimed[rows] & ~sound[rows]).sum() for rows in ROWS], dtype=np.int64),
+        malformed=_malformed(examined, task, detected),
+    )
+
+
+def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Rollout:
+    """Rollout of the actions [F] of a scene; ``dropped`` [F] detections did not fit. Times are still zero."""
     arrays: dict[str, NDArray[Any]] = {
-        "track_start": starts_of([len(answer.track_id) for answer in answers]),
-        "object_start": starts_of([len(answer.object_class) for answer in answers]),
+        "track_start": starts_of([len(action.track_id) for action in actions]),
+        "object_start": starts_of([len(action.object_class) for action in actions]),
         "dropped": np.asarray(dropped),
-        "seconds": np.zeros(len(answers)),
+        "seconds": np.zeros(len(actions)),
     }
     for name, (_, shape) in ARRAYS.items():
         if name not in arrays:
             join = np.stack if shape[0] == "F" else np.concatenate
-            arrays[name] = join([getattr(answer, name) for answer in answers])
+            arrays[name] = join([getattr(action, name) for action in actions])
     return Rollout(scene, **{name: array.astype(ARRAYS[name][0], copy=False) for name, array in arrays.items()})
 
 
 def digest(rollout: Rollout) -> str:
-    """Hex sha256 over the scene's name and all arrays but ``seconds``: equal answers, equal digest."""
+    """Hex sha256 over the scene's name and all arrays but ``seconds``."""
     sha = hashlib.sha256(rollout.scene.encode())
     for name, (dtype, _) in ARRAYS.items():
         if name != "seconds":
@@ -61,3 +127,31 @@ def digest(rollout: Rollout) -> str:
             sha.update(f"|{name}{list(array.shape)}".encode())
             sha.update(array.tobytes())
     return sha.hexdigest()
+
+
+def log_softmax(log_weight: Floats, there: Bools) -> Floats:
+    """Log-weights [..., n] normalised over the last axis; -inf outside of the mask ``there``.
+
+    Weights inside stay finite and not below FAINTEST: faint is not absent.
+    """
+    masked = np.where(there, log_weight.astype(np.float64), -np.inf)
+    top = masked.max(axis=-1, keepdims=True, initial=-np.inf)
+    top = np.where(np.isfinite(top), top, 0.0)
+    total = np.exp(masked - top).sum(axis=-1, keepdims=True)
+    normalised = masked - top - np.log(np.where(total > 0, total, 1.0))
+    return np.where(there, np.maximum(normalised, FAINTEST), -np.inf)
+
+
+def _malformed(examined: Examined, task: Task, detected: Ints | None) -> Ints:
+    """False forecasts [C + 1] that invalid rows count as; the last entry is of objects whose class is unreadable.
+
+    An object that is stated and taken out is one of its class. An action without readable objects is one per detection:
+    so no invalid action is better than an empty one (protocol, "fixed_error").
+    """
+    classes = len(task.classes)
+    if not examined.readable and detected is not None:
+        return np.append(detected, 0).astype(np.int64)
+    broken = examined.claimed["objects"] & ~examined.sound["objects"]
+    class_id = examined.arrays["object_class"][broken]
+    class_id = np.where((class_id >= 0) & (class_id < classes), class_id, classes)
+    return np.bincount(class_id, minlength=classes + 1).astype(np.int64)

@@ -60,12 +60,12 @@ def observation_space(task: Task) -> spaces.Dict:
 
 
 def action_numbers(task: Task) -> int:
-    """How many numbers an answer has, counted before anything of that size is made."""
+    """Number of entries of an action, computed before an array of that size is made."""
     return sum(math.prod(field.shape_in(task)) for field in FIELDS)
 
 
 def observation_numbers(task: Task) -> int:
-    """How many numbers an observation has at most: box, velocity, score, class, mask and id of each detection."""
+    """Largest number of entries of an observation: box, velocity, score, class, mask and id of each detection."""
     return 13 * task.detections
 
 
@@ -83,8 +83,8 @@ def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
         return Box(-FORECAST_REACH, FORECAST_REACH, shape, np.float32)
     if content is CONFIDENCE:
         return Box(0.0, 1.0, shape, np.float32)
-    known = field.values_in(task)
-    return spaces.MultiDiscrete(np.full(shape, len(known)), start=np.full(shape, known.start))
+    values = field.values_in(task)
+    return spaces.MultiDiscrete(np.full(shape, len(values)), start=np.full(shape, values.start))
 
 
 def _pose_bounds() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -100,12 +100,12 @@ def _boxes(rows: int, smallest: float) -> spaces.Box:
 
 
 class ActionSpace(spaces.Dict):
-    """The answers to one frame that a strict env takes under ``task``: `contains` asks the same checks.
+    """Actions that a strict env accepts under ``task``: `contains` runs the same checks.
 
     A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every drawn row is sound,
-    unless an id occurs twice in a hypothesis or all samples of an object are absent. The space holds more than what its
-    fields draw: any content of rows that are not there, missing optional fields, any finite angle and log-weight, boxes
-    of any size above 0, and forecasts up to 327 m in length, of which the field is the inscribed square.
+    unless an id occurs twice in a hypothesis or all samples of an object are absent. The space holds more than its
+    fields draw: any content of absent rows, missing optional fields, any finite angle and log-weight, boxes of any size
+    above 0, and forecasts up to 327 m in length, of which the field is the inscribed square.
     """
 
     def __init__(self, task: Task) -> None:
@@ -113,12 +113,12 @@ class ActionSpace(spaces.Dict):
         super().__init__({field.name: _space_of(field, task) for field in FIELDS})
 
     def contains(self, x: Any) -> bool:
-        """Whether a strict env takes ``x`` as an action."""
+        """True if a strict env accepts ``x`` as an action."""
         return not examine(x, self._task).outside
 
 
 class Numbers(spaces.Space[NDArray[Any]]):
-    """Arrays of ``shape`` with entries from ``low`` to ``high``: a Box that is no continuous control.
+    """Arrays of ``shape`` with entries from ``low`` to ``high``: a Box that is not a continuous control.
 
     Gymnasium's checker asks every one-dimensional Box of an action space to lie in [-1, 1]. Ids and log-weights cannot,
     so they have a space of their own, which Gymnasium treats as a Box everywhere else.
@@ -145,7 +145,7 @@ class Numbers(spaces.Space[NDArray[Any]]):
         return self._box.sample(mask, probability)
 
     def contains(self, x: Any) -> bool:
-        """Whether ``x`` has the shape, the type and the range."""
+        """True if ``x`` has the shape, the type and the range."""
         return self._box.contains(x)
 
     def to_jsonable(self, sample_n: Iterable[NDArray[Any]]) -> list[Any]:
@@ -153,7 +153,7 @@ class Numbers(spaces.Space[NDArray[Any]]):
         return self._box.to_jsonable(list(sample_n))
 
     def from_jsonable(self, sample_n: Sequence[Any]) -> list[NDArray[Any]]:
-        """Elements of what `to_jsonable` made."""
+        """Elements from lists of `to_jsonable`."""
         return self._box.from_jsonable(sample_n)
 
     def __eq__(self, other: object) -> bool:

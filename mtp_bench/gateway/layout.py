@@ -27,7 +27,7 @@ SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels
 LIBRARY = (  # of the package: what agents are made of, without judge, sources, cards and training
     "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py", "shapes.py",
     "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
-    "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "env/problems.py", "env/renderers.py",
+    "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "env/renderers.py",
     "gateway/child.py", "gateway/wire.py", "gateway/fork_server_main.py",
 )  # fmt: skip
 # Files of /proc that tell of the kernel, of keys or of the whole machine: empty there.

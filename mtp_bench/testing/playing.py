@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..agent import Agent
-from ..env.checks import examine
-from ..env.decoding import Answer, answer_of
+from ..env.checks import Problem, examine
 from ..env.environment import MTPEnv
-from ..env.problems import Problem
+from ..env.rollouts import RecordedAction, record_action
 from ..running.run import MakeAgent, agent_task, derived_seed
 from ..scoring import SceneScore, score_scene
 from ..types import Observation, Task
@@ -50,7 +49,7 @@ class Played:
     """What an agent said in one pass, and what it did besides."""
 
     where: str
-    answers: list[Answer] = field(default_factory=list)  # in the frame of the observations
+    answers: list[RecordedAction] = field(default_factory=list)  # in the frame of the observations
     seconds: list[float] = field(default_factory=list)
     problems: Problems = field(default_factory=dict)
     written: str = ""  # where it wrote into an observation first; empty: nowhere
@@ -152,7 +151,7 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
 def _note_answer(played: Played, action: object, task: Task, place: str) -> None:
     """Keep the sound part of the answer and the problems of the rest."""
     examined = examine(action, task)
-    played.answers.append(answer_of(examined, task))
+    played.answers.append(record_action(examined, task))
     for problem in examined.problems:
         where = f"{place}, {problem.example}" if problem.example else place
         seen = played.problems.setdefault((problem.field, problem.reason), Seen(problem, where))

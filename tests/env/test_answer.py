@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as st_np
 
 from mtp_bench.env.action import ROWS
 from mtp_bench.env.checks import examine
-from mtp_bench.env.decoding import FAINTEST, answer_of, log_softmax
+from mtp_bench.env.rollouts import FAINTEST, log_softmax, record_action
 from tests.support.small_scenes import Action, decode, empty_action, full_action, task
 
 TASK = task()
@@ -126,7 +126,7 @@ CASES: dict[str, Case] = {
     "track boxes missing": no_track(drop("track_box"), "track_box: is missing"),
     "track boxes of another shape": no_track(swap("track_box", np.ones((5, 8))), "track_box: has shape (5, 8)"),
     "track boxes of text": no_track(swap("track_box", np.full((5, 7), "1")), "track_box: has dtype <U1"),
-    "track boxes ragged": no_track(swap("track_box", [[1.0], [1.0, 2.0]]), "track_box: is no array (ValueError"),
+    "track boxes ragged": no_track(swap("track_box", [[1.0], [1.0, 2.0]]), "track_box: is not an array (ValueError"),
     "track boxes complex": no_track(cast("track_box", complex), "track_box: has dtype complex128"),
     "track boxes None": no_track(swap("track_box", None), "track_box: has dtype object"),
     "track ids of floats": no_track(cast("track_id", float), "track_id: has dtype float64"),
@@ -151,9 +151,9 @@ CASES: dict[str, Case] = {
     "sample weight +inf": thing(put("forecast_log_weight", (0, 0), np.inf), "forecast_log_weight: NaN or +inf"),
     "one sample absent": Case(put("forecast_log_weight", (0, 0), -np.inf)),
     "all samples absent": thing(put("forecast_log_weight", 0, -2e30), "forecast_log_weight: no sample present"),
-    "confidence NaN": thing(put("object_confidence", 0, np.nan), "object_confidence: no probability"),
-    "confidence above 1": thing(put("object_confidence", 0, 1.001), "object_confidence: no probability"),
-    "confidence below 0": thing(put("object_confidence", 0, -1e-3), "object_confidence: no probability"),
+    "confidence NaN": thing(put("object_confidence", 0, np.nan), "object_confidence: not a probability"),
+    "confidence above 1": thing(put("object_confidence", 0, 1.001), "object_confidence: not a probability"),
+    "confidence below 0": thing(put("object_confidence", 0, -1e-3), "object_confidence: not a probability"),
     "confidence 0 and 1": Case(put("object_confidence", slice(0, 2), [0, 1])),
     "no confidence": Case(drop("object_confidence")),
     "confidences of another shape": no_object(
@@ -171,7 +171,7 @@ CASES: dict[str, Case] = {
     "forecasts with another k": no_object(swap("forecast", np.zeros((4, 5, 3, 2))), "forecast: has shape (4, 5, 3, 2)"),
     "sample weights missing": no_object(drop("forecast_log_weight"), "forecast_log_weight: is missing"),
     "object classes of floats": no_object(cast("object_class", float), "object_class: has dtype float64"),
-    "unknown key": Case(swap("comment", np.zeros(3)), "action: has keys that nobody reads"),
+    "unknown key": Case(swap("comment", np.zeros(3)), "action: has unknown keys"),
     "nothing said": Case(lambda action: action.update(empty_action(TASK)), "", (), 0, 0),
     "empty action": Case(lambda action: action.clear(), "track_id: is missing", (), 0, 0, (5, 3, 4)),
 }
@@ -307,7 +307,7 @@ WILD = st.dictionaries(
 @given(WILD)
 def test_whatever_comes_the_answer_is_sound(wild: dict[str, Any]) -> None:
     examined = examine({**full_action(TASK), **wild}, TASK)
-    answer = answer_of(examined, TASK)
+    answer = record_action(examined, TASK)
     assert np.isfinite(answer.track_box).all()
     assert np.isfinite(answer.object_box).all()
     assert np.isfinite(answer.forecast).all()

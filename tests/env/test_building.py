@@ -102,7 +102,7 @@ def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "boxes of 6": ({"boxes": BOX[:, :6]}, "boxes has shape (2, 6), expected (O, 7)"),
-    "ragged boxes": ({"boxes": [[1.0], [1.0, 2.0]]}, "boxes is no array: "),
+    "ragged boxes": ({"boxes": [[1.0], [1.0, 2.0]]}, "boxes is not an array: "),
     "a class too few": ({"classes": [0]}, "classes has shape (1,), expected (2,)"),
     "no class at all": ({"classes": []}, "classes has shape (0,), expected (2,)"),
     "classes by name": ({"classes": ["car", "car"]}, "classes has dtype <U3, expected whole numbers"),
@@ -138,7 +138,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "an unknown parent": (
         {"tracks": replace(Tracks.of_one_hypothesis(CLASS, BOX, CLASS), parent=np.array([-5]))},
-        "tracks.parent: unknown, expected -1 (not stated) to 2 (hypothesis_parent[0] = -5); -1 where it is not known",
+        "tracks.parent: unknown, expected -1 (not stated) to 2 (hypothesis_parent[0] = -5); -1 for an unknown parent",
     ),
     "tracks as a number": ({"tracks": 3}, "tracks is of type int, expected Tracks"),
     "an id twice": ({"ids": [7, 7]}, "ids or tracks.track_id: twice in one hypothesis in 2 rows"),

@@ -90,9 +90,9 @@ WRONG: dict[str, Wrong] = {
     "no members": Wrong(drop("hypothesis_member"), "hypothesis_member: is missing, expected an array of shape (3, 5)"),
     "a misspelt key": Wrong(
         renamed("object_confidence", "object_confidenc"),
-        "action: has keys that nobody reads, expected track_id, track_box,",
+        "action: has unknown keys, expected track_id, track_box,",
     ),
-    "one more key": Wrong(swap("comment", np.zeros(3)), "action: has keys that nobody reads, expected track_id"),
+    "one more key": Wrong(swap("comment", np.zeros(3)), "action: has unknown keys, expected track_id"),
     "no axis of samples": Wrong(
         lambda action: action.__setitem__("forecast", action["forecast"][:, 0]),
         "forecast: has shape (4, 3, 2), expected an array of shape (4, 4, 3, 2)",
@@ -115,7 +115,7 @@ WRONG: dict[str, Wrong] = {
     "classes by name": Wrong(swap("object_class", np.full(4, "car")), "object_class: has dtype <U3, expected an array"),
     "mask as floats": Wrong(cast("object_valid", float), "object_valid: has dtype float64"),
     "complex forecasts": Wrong(cast("forecast", complex), "forecast: has dtype complex128"),
-    "ragged boxes": Wrong(swap("object_box", [[1.0], [1.0, 2.0]]), "object_box: is no array (ValueError"),
+    "ragged boxes": Wrong(swap("object_box", [[1.0], [1.0, 2.0]]), "object_box: is not an array (ValueError"),
     "track boxes `None`": Wrong(swap("track_box", None), "track_box: has dtype object, expected an array of shape"),
     "NaN in a box": Wrong(put("object_box", (0, 1), np.nan), "object_box: not finite, expected finite x y z yaw up to"),
     "NaN in a track": Wrong(put("track_box", (0, 1), np.nan), "track_box: not finite, expected finite x y z yaw up to"),
@@ -125,14 +125,16 @@ WRONG: dict[str, Wrong] = {
     ),
     "infinite forecast": Wrong(put("forecast", (0, 0, 0, 0), np.inf), "forecast: not finite, expected metres from"),
     "NaN as confidence": Wrong(
-        put("object_confidence", 0, np.nan), "object_confidence: no probability, expected 0 to 1"
+        put("object_confidence", 0, np.nan), "object_confidence: not a probability, expected 0 to 1"
     ),
     "a score as confidence": Wrong(
         put("object_confidence", 0, 3.0),
-        "object_confidence: no probability, expected 0 to 1 (frame 0, object_confidence[0] = 3);"
+        "object_confidence: not a probability, expected 0 to 1 (frame 0, object_confidence[0] = 3);"
         " state how likely it is that the object is there, not the detector's score as it is",
     ),
-    "confidence below 0": Wrong(put("object_confidence", 0, -0.1), "object_confidence: no probability, expected 0 to"),
+    "confidence below 0": Wrong(
+        put("object_confidence", 0, -0.1), "object_confidence: not a probability, expected 0 to"
+    ),
     "padding as an object": Wrong(
         both(put("object_valid", 3, 1), put("object_box", 3, 0.0)),
         "object_box: out of range, expected finite x y z yaw up to 100000, l w h above 0 up to 100 m (frame 0,"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mtp_bench._bundle import bundled
 from mtp_bench.env.checks import examine
-from mtp_bench.env.decoding import Answer, answer_of
+from mtp_bench.env.rollouts import RecordedAction, record_action
 from mtp_bench.types import Action as Action
 from mtp_bench.types import Detections, Floats, Ints, Scene, Task, Truth
 
@@ -143,9 +143,9 @@ def empty_action(rules: Task) -> Action:
     }
 
 
-def decode(action: object, rules: Task, detected: Ints | None = None) -> Answer:
+def decode(action: object, rules: Task, detected: Ints | None = None) -> RecordedAction:
     """What the env keeps of an action."""
-    return answer_of(examine(action, rules), rules, detected=detected)
+    return record_action(examine(action, rules), rules, detected=detected)
 
 
 def full_action(rules: Task) -> Action:
