@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.sources.files.columns import ARRAYS, COLUMNS, TABLES
+from mtp_bench.sources.files.columns import COLUMNS, TABLES
 from tests.support.own_scenes import write_long_log
 from tests.test_readme import blocks
 
@@ -18,15 +18,6 @@ def columns_table(name: str) -> str:
     """The columns of a table, as the page shows them."""
     lines = ["| column | what it is | left out |", "|---|---|---|"]
     lines += [f"| `{one.name}` | {one.meaning} | {one.without or 'an error'} |" for one in COLUMNS[name]]
-    return "\n".join(lines)
-
-
-def arrays_table() -> str:
-    """The arrays of an NPZ file, as the page shows them."""
-    lines = ["| array | shape | what it is |", "|---|---|---|"]
-    for one in ARRAYS:
-        needed = " (needed)" if one.needed and not one.name.startswith("detections") else ""
-        lines.append(f"| `{one.name}` | [{', '.join(map(str, one.shape))}] | {one.meaning}{needed} |")
     return "\n".join(lines)
 
 
@@ -41,10 +32,6 @@ def test_the_columns_are_those_of_the_code(repository: Path, name: str) -> None:
 
 def test_the_columns_of_tracks_are_those_of_the_code(repository: Path) -> None:
     assert columns_table("tracks") in (repository / "docs/data/stored_tracks.md").read_text(encoding="utf-8")
-
-
-def test_the_arrays_are_those_of_the_code(repository: Path) -> None:
-    assert arrays_table() in page(repository)
 
 
 def test_the_blocks_run(repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

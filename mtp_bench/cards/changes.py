@@ -120,7 +120,7 @@ def with_files(card: Card, folder: str | Path) -> Card:
     """
     path = Path(folder).expanduser().absolute()
     if not path.is_dir():
-        raise DataError(f"no folder {path}, expected one with scenes: NPZ files, or sub-folders with tables")
+        raise DataError(f"no folder {path}, expected one with a sub-folder of tables for each scene")
     return _with_own(card, folder=str(path), sha256=folder_digest(path))
 
 

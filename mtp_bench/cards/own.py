@@ -17,8 +17,7 @@ from ..files import file_digest
 from ..types import Scene
 from .sections import FilesSource
 
-_TABLES = tuple(f"*/{table}.{form}" for table in ("truth", "detections", "ego") for form in ("csv", "parquet"))
-SCENES = ("*.npz", *_TABLES)  # the files of a folder that hold scenes
+SCENES = tuple(f"*/{table}.{form}" for table in ("truth", "detections", "ego") for form in ("csv", "parquet"))
 TEXTS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
 
 

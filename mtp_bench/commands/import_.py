@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from ..types import Scene
 
 FolderOption = Annotated[Path, typer.Option("-o", "--output", help="New folder for the scenes and their card.")]
-FORMS = ("npz", "csv", "parquet")
+FORMS = ("csv", "parquet")
 RATE = "Frames per second. Default: KITTI's own, a frame each 0.1036 s."
 FormOption = Annotated[
     str,
-    typer.Option("--form", help="npz (whole scenes), or csv or parquet (tables).", autocompletion=words(*FORMS)),
+    typer.Option("--form", help="csv or parquet.", autocompletion=words(*FORMS)),
 ]
 
 import_ = typer.Typer(
@@ -43,14 +43,14 @@ def kitti(
     oxts: Annotated[Path | None, typer.Option(help="Folder of GPS/IMU data; needs --calib.")] = None,
     calib: Annotated[
         Path | None,
-        typer.Option(help="Folder of calibrations. With them what the image cannot confirm is neutral, as in KITTI."),
+        typer.Option(help="Folder of calibrations from the GPS/IMU unit to the camera."),
     ] = None,
     poses: Annotated[
         Path | None, typer.Option(help="Folder of camera poses, as in KITTI's odometry benchmark.")
     ] = None,
     rate: Annotated[float | None, typer.Option(min=0.1, max=1000, help=RATE)] = None,
     env: Annotated[str, typer.Option("--env", help="Environment whose rules the card takes.")] = "MTP-KITTI-v0",
-    form: FormOption = "npz",
+    form: FormOption = "csv",
 ) -> None:
     """Text in the columns of KITTI's tracking benchmark; without poses every frame is the sensor's own."""
     from ..cards import load_card, profile_of_stored
@@ -61,7 +61,7 @@ def kitti(
 
     one_of(form, FORMS, "--form")
     period = 1 / rate if rate else FRAME_PERIOD
-    text = KittiText(labels, detections, oxts, calib, poses, period, image=form == "npz")
+    text = KittiText(labels, detections, oxts, calib, poses, period)
     card = load_card(env)
     require_classes(card, "KITTI", TYPES)
     detector = profile_of_stored(card) if detections is None else ""
@@ -77,7 +77,7 @@ def nuscenes(
     ] = "MTP-nuScenes-mini-v0",
     root: DataOption = None,
     split: SplitOption = None,
-    form: FormOption = "npz",
+    form: FormOption = "csv",
 ) -> None:
     """The scenes of nuScenes, with the detections of a submission."""
     from ..running.options import RunOptions

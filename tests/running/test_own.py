@@ -103,7 +103,7 @@ def test_scenes_in_memory_play_run_compare_and_score(scene: Scene, logs: Path, t
     first, second = (load_run(tmp_path / name) for name in ("memory", "files"))
     assert first.rollouts[0].forecast.tobytes() == second.rollouts[0].forecast.tobytes()
     assert first.info.card_digest != second.info.card_digest
-    with pytest.raises(DataError, match="its scenes were objects in memory, which are not here; give them again"):
+    with pytest.raises(DataError, match="its scenes were objects in memory, which are not stored; give them again"):
         mtp_bench.score(tmp_path / "memory")
     scored = mtp_bench.score(tmp_path / "memory", env_id=card).report.rows[0]
     assert scored.error == mtp_bench.score(tmp_path / "files").report.rows[0].error

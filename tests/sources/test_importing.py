@@ -68,7 +68,7 @@ def test_poses_of_the_camera_bring_all_frames_into_one(text: KittiText, tmp_path
 
 def test_the_import_is_a_folder_with_a_card_that_runs(text: KittiText, tmp_path: Path, cli: CommandLine) -> None:
     given = ("--labels", text.labels, "--detections", text.detections)
-    said = cli.ok("import", "kitti", *given, "-o", tmp_path / "my logs", "--form", "csv")
+    said = cli.ok("import", "kitti", *given, "-o", tmp_path / "my logs")
     path = tmp_path / "my logs" / "my-logs.toml"
     assert said.splitlines()[0] == f"1 scene and their card my-logs.toml in {tmp_path / 'my logs'}; next:"
     assert said.splitlines()[1] == f"mtp-bench run stp --env '{path}' -o runs/my-logs"
@@ -115,7 +115,7 @@ def test_a_failed_import_leaves_nothing(error: type[BaseException], text: KittiT
         import_scenes(scenes(), load_card("MTP-KITTI-v0"), folder)
     assert list(folder.parent.iterdir()) == []
     _, path = import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), folder)
-    assert sorted(each.name for each in folder.iterdir()) == ["0003.npz", "own.toml"]
+    assert sorted(each.name for each in folder.iterdir()) == ["0003", "own.toml"]
     assert path == folder / "own.toml"
 
 
@@ -143,7 +143,7 @@ def test_a_full_disk_is_told_of_the_folder_that_was_named(
     def full(*_: object, **__: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(np, "savez_compressed", full)
+    monkeypatch.setattr("mtp_bench.sources.files.save.write_table", full)
     folder = tmp_path / "new" / "own"
     with pytest.raises(MtpBenchError, match=f"^cannot write {folder}: No space left on device, .* make room there"):
         import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), folder)
@@ -158,7 +158,7 @@ def test_a_file_is_no_new_folder(text: KittiText, tmp_path: Path) -> None:
 
 MISTAKES = {
     "no labels": ({"labels": "none"}, "none has no labels, expected a file for each sequence, such as 0001.txt"),
-    "half of GPS/IMU": ({"oxts": "oxts"}, "GPS/IMU data needs the calibration, and nothing else does"),
+    "half of GPS/IMU": ({"oxts": "oxts"}, "GPS/IMU data and its calibration belong together"),
     "two kinds of poses": (
         {"oxts": "a", "calib": "b", "poses": "c"},
         "poses are given twice, by --oxts and by --poses",
@@ -201,7 +201,7 @@ def test_empty_poses(text: KittiText, tmp_path: Path) -> None:
 def test_labels_with_a_name_that_is_no_text(text: KittiText, tmp_path: Path, cli: CommandLine) -> None:
     write(text.labels / os.fsdecode(b"caf\xe9.txt"), *LABELS)
     said = cli("import", "kitti", "--labels", text.labels, "-o", tmp_path / "own").error
-    assert said.startswith(r"a scene is called 'caf\udce9', expected a text of 1 to 200 characters")
+    assert said.startswith(r"the name of a scene is 'caf\udce9', expected a text of 1 to 200 characters")
 
 
 def test_a_folder_that_holds_something_is_left_alone(text: KittiText, tmp_path: Path) -> None:
@@ -225,15 +225,6 @@ def test_angles_in_degrees_are_told(text: KittiText) -> None:
     write(path, " ".join([*first.split()[:-1], "-90"]), *rest)
     with pytest.raises(DataError, match=r"0003\.txt, line 1: rotation_y is -90, expected radians"):
         only(text)
-
-
-def test_regions_that_only_the_image_can_excuse_are_told(text: KittiText) -> None:
-    path = text.labels / "0003.txt"
-    dont_care = "0 -1 DontCare -1 -1 -10 100 100 200 200 -1 -1 -1 -1000 -1000 -1000 -10"
-    write(path, *path.read_text().splitlines(), dont_care)
-    scene = only(text)
-    assert scene.image is None
-    assert scene.skipped["truth of type 'DontCare', which needs --oxts, --calib of a camera of KITTI and NPZ"] == 2
 
 
 @pytest.mark.data

@@ -1,8 +1,7 @@
-"""Own scenes: NPZ files, tables and `Scene` objects, read into scenes; and the one writer of them."""
+"""Own scenes: tables in a folder, or `Scene` objects."""
 
 from ..base import SourcePackage
-from .source import OwnScenes
-from .status import DATASET, files_status
-from .writing import save_scene as save_scene
+from .save import save_scene as save_scene
+from .source import DATASET, OwnScenes, files_status
 
 PACKAGE = SourcePackage(open=OwnScenes, about=lambda card: DATASET, describe=files_status)

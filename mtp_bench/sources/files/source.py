@@ -1,4 +1,4 @@
-"""Own scenes: files of a folder, or `Scene` objects."""
+"""The source of own scenes, and its status for ``mtp-bench data``."""
 
 from __future__ import annotations
 
@@ -13,97 +13,115 @@ from ...cards.own import folder_digest, split_folder
 from ...errors import DataError, UnknownNameError
 from ...types import Scene
 from ..base import section_of
+from ..dataset import Dataset, DataStatus
 from ..motion import looking_back
-from .archive import arrays_of, content_of, read_archive
-from .columns import FORMS, TABLES
-from .content import Content, scene_of
-from .tables import read_tables
-from .writing import require_plain_name
+from .columns import TABLES
+from .save import check_scene_name
+from .scene import checked_scene, find_table, read_scene
 
-EXPECTED = "NPZ files of one scene each, or a sub-folder for each scene with the tables truth, detections and ego"
+EXPECTED = "a sub-folder for each scene with the tables truth, detections and ego"
+DATASET = Dataset(
+    name="own scenes",
+    folders=(),
+    layout="""\
+<folder>/
+  <scene>/truth.csv                 true boxes (.parquet, too)
+  <scene>/detections.csv            detections (not needed with a simulated detector)
+  <scene>/ego.csv                   frames and positions of the sensors (optional)""",
+    licence="your own",
+    citation="your own",
+    how_to_get="write them with mtp_bench.save_scene, or import them: mtp-bench import --help",
+)
 
 
 class OwnScenes:
-    """Scenes of a card with the source ``files``, in the frame of reference that they are written in.
+    """Scenes of a card with the source ``files``, in the frame of reference of the files.
 
-    Names are those of the files and sub-folders, sorted; of `Scene` objects their own, in their order.
+    Scenes of a folder are sorted by name; `Scene` objects keep their order.
     """
 
     def __init__(self, card: Card, data: object = None) -> None:
-        """``data``: no data root is needed. Raises DataError where there are no scenes, or others than the card's."""
+        """``data``: not needed. Raises DataError for a missing folder, no scene, or other files than the card's."""
         self.card = card
         self.section = section_of(card, FilesSource)
+        self._read: dict[str, Callable[[], Scene]]
         if self.section.scenes is None:
-            self._read = _readers(self.section, card)
+            self._read = {name: partial(read_scene, path, card) for name, path in _card_folder(self.section, card)}
         else:
-            self._read = {scene.name: partial(_held, scene, card) for scene in self.section.scenes}
+            self._read = {scene.name: partial(checked_scene, scene, card) for scene in self.section.scenes}
         if not self._read:
             raise DataError(f"{card.id}: no scene in the list, expected at least one")
         self.names = tuple(self._read)
         for name in self.names:
-            require_plain_name(name, f"{card.id}: ")
+            check_scene_name(name, f"{card.id}: ")
 
     def load(self, name: str) -> Scene:
         """Read one scene; DataError names the file, line and column that is wrong."""
         if name not in self._read:
             raise UnknownNameError("scene", name, self.names)
-        scene = scene_of(self._read[name](), self.card)
-        if self.card.velocity and self.section.traits.velocity_ahead:  # no agent is shown where an object will be
+        scene = self._read[name]()
+        if self.card.velocity and self.section.traits.velocity_ahead:  # agents must not see future positions
             return replace(scene, truth=looking_back(scene.truth, scene.time))
         return scene
 
 
-def scene_paths(folder: Path) -> dict[str, Path]:
-    """The NPZ file, or the sub-folder with tables, of each scene of a folder, by the scene's name.
+def scene_folders(folder: Path) -> dict[str, Path]:
+    """Sub-folders with tables by the name of their scene, sorted; names that begin with a dot are hidden.
 
-    What begins with a dot is hidden. Raises DataError where two of them have one name.
+    Raises DataError if two sub-folders have the same name.
     """
-    seen = [path for path in folder.iterdir() if not path.name.startswith(".")]
-    stems = [(path.stem, path) for path in seen if path.suffix == ".npz" and path.is_file()]
-    stems += [(path.name, path) for path in seen if is_scene(path)]
-    paths: dict[str, Path] = {}
-    for stem, path in sorted(stems):
-        name = unquote(stem)
-        if name in paths:
-            raise DataError(
-                f"{folder} has the scene {name!r} as {paths[name].name} and {path.name}, expected one of them"
-            )
-        paths[name] = path
-    return paths
+    found: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        name = unquote(path.name)
+        if path.name.startswith(".") or not is_scene(path):
+            continue
+        if name in found:
+            raise DataError(f"{folder} has the scene {name!r} as {found[name].name} and {path.name}, expected one")
+        found[name] = path
+    return found
 
 
 def is_scene(folder: Path) -> bool:
-    """Whether a table of a scene is in the folder."""
-    return any((folder / f"{table}.{form}").is_file() for table in TABLES for form in FORMS)
+    """True if the folder has a table of a scene."""
+    return any(find_table(folder, name) for name in TABLES)
 
 
-def _readers(section: FilesSource, card: Card) -> dict[str, Callable[[], Content]]:
-    """How each scene of the card's folder is read. Raises DataError where the folder is not the one it means."""
+def _card_folder(section: FilesSource, card: Card) -> list[tuple[str, Path]]:
+    """Names and folders of the card's scenes; raises DataError if the folder is not the card's."""
     if section.folder is None:
         raise DataError(
-            f"{card.id}: its scenes were objects in memory, which are not here; give them again "
+            f"{card.id}: its scenes were objects in memory, which are not stored; give them again "
             "(cards.with_scenes), or name a folder of scenes with --files"
         )
     folder = split_folder(Path(section.folder), section.split)
     if not folder.is_dir():
         raise DataError(f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with --files")
-    paths = scene_paths(folder)
-    if not paths:
-        itself = is_scene(folder)
-        advice = f"; it is a scene itself: name the folder above, {folder.parent}" if itself else ""
+    folders = scene_folders(folder)
+    if not folders:
+        advice = f"; it is a scene itself: name the folder above, {folder.parent}" if is_scene(folder) else ""
         raise DataError(f"{folder} has no scene, expected {EXPECTED}{advice}")
-    found = folder_digest(folder)
-    if section.sha256 not in (None, found):
+    digest = folder_digest(folder)
+    if section.sha256 not in (None, digest):
         raise DataError(
-            f"{folder}: its files have the sha256 {found[:12]}, expected {str(section.sha256)[:12]}: they are not "
+            f"{folder}: its files have the sha256 {digest[:12]}, expected {str(section.sha256)[:12]}: they are not "
             f"those of {card.id}, or were changed after it was used; run the agent again"
         )
-    rate = card.task.rate
-    return {
-        name: partial(read_archive, path) if path.is_file() else partial(read_tables, path, rate)
-        for name, path in paths.items()
-    }
+    return sorted(folders.items())
 
 
-def _held(scene: Scene, card: Card) -> Content:
-    return content_of(arrays_of(scene, card.task.classes), scene.name, f"scene {scene.name!r}")
+def files_status(card: Card, data: object = None) -> DataStatus:
+    """Status of the scenes of the card's folder; their content is not checked."""
+    section = section_of(card, FilesSource)
+    folder = split_folder(Path(section.folder or ""), section.split)
+    if section.scenes is None and (section.folder is None or not folder.is_dir()):
+        return DataStatus(DATASET, None, (folder,))
+    status = DataStatus(DATASET, folder, (folder,))
+    try:
+        count = len(scene_folders(folder) if section.scenes is None else section.scenes)
+    except DataError as error:
+        status.add_problem(error)
+        return status
+    if not count:
+        status.missing.append(EXPECTED)
+    status.notes.append(f"scenes: {count}")
+    return status

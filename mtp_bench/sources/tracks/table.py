@@ -16,9 +16,10 @@ from ...errors import DataError
 from ...files import file_stem
 from ...types import Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm
+from ..files.checks import check_boxes
 from ..files.columns import FORMS, TRACKS
-from ..files.content import Rows, check_rows, class_id_of
-from ..files.tables import find_table, read_tracks
+from ..files.scene import boxes_of, class_ids_of, find_table, ids_of, scores_of, velocities_of
+from ..files.table import ColumnTable, read_table
 from ..text import repeated
 from .building import FEWER, stored_tracks
 
@@ -33,15 +34,22 @@ def table_path(folder: Path, scene: str) -> Path:
 
 def read_table_of_tracks(path: Path, scene: Scene, classes: Sequence[str]) -> StoredTracks:
     """The tracks of a scene; DataError names the line that is wrong."""
-    rows = read_tracks(path)
-    check_rows(rows, scene.frames)
-    used = np.isin(rows.kind, classes)
-    _refuse_misspelt(rows, classes)
-    _refuse_second_box(rows)
-    kept = rows.of(np.flatnonzero(used))
-    class_id, velocity = class_id_of(kept, classes), kept.velocity
+    table = read_table(path, "tracks")
+    frame, number, class_id = table.whole("frame"), ids_of(table), class_ids_of(table, classes)
+    check_boxes(table, frame, scene.frames)
+    _refuse_misspelt(table, classes)
+    kind = table.words["class"]
+    twice = repeated(frame, kind, number)  # an id in another class is another track
+    table.refuse(twice, "id", lambda row: f"a second box of this {kind[row]} in frame {frame[row]}")
+    row, velocity = np.flatnonzero(class_id >= 0), velocities_of(table)
     return stored_tracks(
-        scene.frames, kept.frame, kept.further["id"], class_id, kept.box, kept.further["score"], velocity
+        scene.frames,
+        frame[row],
+        number[row],
+        class_id[row],
+        boxes_of(table)[row],
+        scores_of(table)[row],
+        None if velocity is None else velocity[row],
     )
 
 
@@ -53,20 +61,15 @@ def write_table_of_tracks(path: Path, rows: Iterable[Sequence[object]], columns:
         table.writerows(rows)
 
 
-def _refuse_second_box(rows: Rows) -> None:
-    """Raise DataError where a track has two boxes in a frame; the same id in another class is another track."""
-    twice = repeated(rows.frame, rows.kind, rows.further["id"])
-    rows.refuse(twice, "id", lambda at: f"a second box of this {rows.kind[at]} in frame {rows.frame[at]}")
-
-
-def _refuse_misspelt(rows: Rows, classes: Sequence[str]) -> None:
+def _refuse_misspelt(table: ColumnTable, classes: Sequence[str]) -> None:
     """Raise DataError for a class that is one of the task's in other letters ("Cars", "vehicle.car")."""
-    for got in np.unique(rows.kind[~np.isin(rows.kind, classes)]).tolist():
+    kind = table.words["class"]
+    for got in np.unique(kind[~np.isin(kind, classes)]).tolist():
         word = got.lower().rsplit(".", maxsplit=1)[-1]
         meant = next((name for name in classes if name.lower() in (word, word.removesuffix("s"))), None)
         if meant is not None:
-            at = int(np.argmax(rows.kind == got))
-            raise DataError(f"{rows.where(at, 'class')}: {got!r} is no class of the task; did you mean {meant!r}?")
+            where = table.where(int(np.argmax(kind == got)), "class")
+            raise DataError(f"{where}: {got!r} is not a class of the task; did you mean {meant!r}?")
 
 
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:

@@ -1,0 +1,128 @@
+"""Writing of own scenes as tables."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal
+from urllib.parse import quote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DataError, MtpBenchError, UnknownNameError
+from ...files import file_stem, make_folder, require_replaceable, whole_folder
+from ...types import ID_LIMIT, Detections, Scene, Truth
+from .columns import BOX, FORMS, TABLES
+from .table import write_table
+
+TableForm = Literal["csv", "parquet"]
+LONGEST_NAME = 200  # characters of a quoted name: files allow 255 bytes, and writers need some of them
+_EMPTY: dict[str, Any] = {  # fields that tables do not have, with the value of a scene without them
+    "image": None, "world": None, "lanes": (), "recording": "", "truth_complete": True, "listed_targets": False,
+    "tracks": None,
+}  # fmt: skip
+
+
+def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: TableForm = "csv") -> Path:
+    """Write a scene as tables into a sub-folder of a folder of own scenes, and return the sub-folder.
+
+    ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives equal numbers to the last bit.
+
+    Raises DataError for a wrong scene or a name that a folder cannot have, and MtpBenchError if it cannot be written,
+    has fields that tables do not have, or would replace other files.
+    """
+    if form not in FORMS:
+        raise UnknownNameError("form of a scene", str(form), FORMS)
+    check_scene_name(scene.name)
+    values = {name: getattr(scene, name) for name in _EMPTY}
+    extra = [name for name, value in values.items() if isinstance(value, np.ndarray) or value != _EMPTY[name]]
+    if extra:
+        cleared = ", ".join(f"{name}={_EMPTY[name]!r}" for name in extra)
+        raise MtpBenchError(
+            f"scene {scene.name!r} has {', '.join(extra)}, which tables cannot hold: write it without, as "
+            f"dataclasses.replace(scene, {cleared})"
+        )
+    tables, folder = scene_tables(scene, classes), Path(folder).expanduser()
+    make_folder(folder)
+    path = folder / file_stem(scene.name)
+    _require_tables_alone(path)
+    with whole_folder(path) as part:
+        for name, columns in tables.items():
+            write_table(part / f"{name}.{form}", columns)
+    return path
+
+
+def check_scene_name(name: object, where: str = "") -> None:
+    """Raise DataError, which begins with ``where``, for a name of a scene that a file cannot have."""
+    sound = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
+    if not sound or not 0 < len(quote(str(name), safe="")) <= LONGEST_NAME:
+        raise DataError(
+            f"{where}the name of a scene is {reprlib.repr(name)}, expected a text of 1 to {LONGEST_NAME} characters, "
+            "as written in the name of a file"
+        )
+
+
+def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, dict[str, NDArray[Any]]]:
+    """Tables of a scene: ego, truth and, if it has detections, detections; columns by name.
+
+    Raises DataError for rows that are not divided into frames, unknown classes and impossible object ids.
+    """
+    names = np.array(classes, dtype=np.str_)
+    truth, detections = scene.truth, scene.detections
+    for name, rows, kind in (("truth", truth, Truth), ("detections", detections, Detections)):
+        where = f"scene {scene.name!r}: {name}"
+        if not isinstance(rows, kind):
+            hint = "; use one without rows for none" if kind is Detections else ""
+            raise DataError(f"{where} is {type(rows).__name__}, expected {kind.__name__}{hint}")
+        _check_rows(where, rows, scene.frames, len(names))
+    number = np.asarray(truth.object_id)
+    if len(number) and (number.min() < 0 or number.max() > ID_LIMIT):
+        raise DataError(
+            f"scene {scene.name!r}: truth.object_id has {number.min()} to {number.max()}, expected whole numbers from "
+            f"0 to {ID_LIMIT}"
+        )
+    ego = dict(zip(("x", "y", "z", "yaw"), np.asarray(scene.ego).T, strict=True))
+    tables = {"ego": {"frame": np.arange(scene.frames), "time": np.asarray(scene.time), **ego}}
+    columns = box_columns(truth, names)
+    tables["truth"] = {"frame": columns["frame"], "id": number, **columns}
+    tables["truth"] |= {name: np.asarray(getattr(truth, name)).astype(np.int64) for name in ("eligible", "neutral")}
+    if scene.visible is not None:
+        tables["truth"]["visible"] = scene.visible
+    if scene.detector or len(detections.box):  # otherwise it has none, which differs from an empty frame
+        tables["detections"] = {**box_columns(detections, names), "score": detections.score}
+    return tables
+
+
+def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> dict[str, NDArray[Any]]:
+    """Columns of boxes; ``names``: of the class ids."""
+    return {
+        "frame": rows.frame_of_rows,
+        "class": names[np.asarray(rows.class_id, dtype=np.int64)],
+        **dict(zip(BOX, np.asarray(rows.box).T, strict=True)),
+        **dict(zip(("vx", "vy"), np.asarray(rows.velocity).T, strict=True)),
+    }
+
+
+def _check_rows(where: str, rows: Truth | Detections, frames: int, classes: int) -> None:
+    start, class_id = np.asarray(rows.start), np.asarray(rows.class_id)
+    for name, value in (("start", start), ("class_id", class_id)):
+        if value.ndim != 1 or (len(value) and value.dtype.kind not in "iu"):
+            raise DataError(f"{where}.{name} is {value.dtype} {list(value.shape)}, expected a row of whole numbers")
+    if len(start) != frames + 1 or start[0] != 0 or start[-1] != len(rows.box) or (np.diff(start) < 0).any():
+        raise DataError(f"{where}.start does not divide the {len(rows.box)} rows into {frames} frames")
+    if len(class_id) and (class_id.min() < 0 or class_id.max() >= classes):
+        got = f"{class_id.min()} to {class_id.max()}"
+        raise DataError(f"{where}.class_id has {got}, expected indices of {classes} classes")
+
+
+def _require_tables_alone(folder: Path) -> None:
+    """Raise MtpBenchError unless ``folder`` is new, or holds tables of a scene alone."""
+    require_replaceable(folder)
+    if folder.exists() and not folder.is_dir():
+        raise MtpBenchError(f"{folder} is a file, which would be lost: choose another folder, or move it away")
+    tables = {".DS_Store", *(f"{name}.{form}" for name in TABLES for form in FORMS)}
+    other = sorted(path.name for path in folder.iterdir() if path.name not in tables) if folder.is_dir() else []
+    if other:
+        raise MtpBenchError(f"{folder} has {other[0]!r}, which would be lost: choose another folder, or move it away")

@@ -1,0 +1,197 @@
+"""Scenes from their tables, and the checks of own scenes."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from ...cards import Card, FilesSource, instead_of_stored
+from ...errors import DataError, closest
+from ...types import ID_LIMIT, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
+from ..base import class_ids, no_detections, section_of
+from ..motion import backward_velocity
+from .checks import check_boxes, check_frames, check_objects
+from .columns import BOX, FORMS, TABLES
+from .frames import scene_frames
+from .save import scene_tables
+from .table import ColumnTable, read_table
+
+_SIMILAR = 0.9  # of file names: `detection`, not `detections_old`
+
+
+def read_scene(folder: Path, card: Card) -> Scene:
+    """The scene with the tables in ``folder``, which has its name; rows of classes outside the task are skipped.
+
+    Raises DataError that names the file, the line and the column that is wrong.
+    """
+    paths = {name: find_table(folder, name) for name in TABLES}
+    _refuse_misspelt(folder, [name for name, path in paths.items() if path is None])
+    if paths["truth"] is None:
+        raise DataError(f"{folder}: no table truth.csv or truth.parquet, which the score needs")
+    tables = {name: read_table(path, name) for name, path in paths.items() if path is not None}
+    frames = scene_frames(str(folder), tables, card.task.rate)
+    time, ego = frames.time, np.zeros((len(frames.time), 4))
+    for i, column in enumerate(("x", "y", "z", "yaw")):
+        if "ego" in tables and tables["ego"].has(column):
+            ego[:, i] = tables["ego"].numbers[column]
+    check_frames(time, ego, card, str(folder))
+    skipped: dict[str, int] = {}
+    truth, visible = _truth(tables["truth"], frames.index_of(tables["truth"]), time, card, skipped)
+    scene = Scene(unquote(folder.name), time, ego, truth, no_detections(len(time)), visible=visible, skipped=skipped)
+    if "detections" not in tables:
+        return _for_card(scene, card, str(folder), detected=False)
+    if card.detector is None:
+        index = frames.index_of(tables["detections"])
+        scene = replace(scene, detections=_detections(tables["detections"], index, len(time), card, skipped))
+    return _for_card(scene, card, str(folder), detected=True)
+
+
+def checked_scene(scene: Scene, card: Card) -> Scene:
+    """A `Scene` object for ``card``, whose classes its class ids index; raises DataError for impossible values."""
+    where = f"scene {scene.name!r}"
+    columns = scene_tables(scene, card.task.classes)
+    check_frames(np.asarray(scene.time), np.asarray(scene.ego), card, where)
+    for name in ("truth", "detections"):
+        if name in columns:
+            words = {"class": columns[name].pop("class")}
+            rows = np.arange(len(words["class"]))
+            numbers: dict[str, Floats] = {
+                key: np.asarray(value, dtype=np.float64) for key, value in columns[name].items()
+            }
+            table = ColumnTable(f"{where}: {name}", "row", rows, numbers, words)
+            check_boxes(table, table.whole("frame"), scene.frames)
+            if name == "truth":
+                check_objects(table, table.whole("frame"), table.whole("id"), card.task.classes)
+    return _for_card(scene, card, where, detected="detections" in columns)
+
+
+def find_table(folder: Path, name: str) -> Path | None:
+    """The file of a table; None without one. Raises DataError if there are two."""
+    paths = [path for form in FORMS if (path := folder / f"{name}.{form}").is_file()]
+    if len(paths) > 1:
+        raise DataError(f"{folder} has {paths[0].name} and {paths[1].name}, expected one of them")
+    return paths[0] if paths else None
+
+
+def _refuse_misspelt(folder: Path, missing: list[str]) -> None:
+    """Raise DataError for a file with nearly the name of a missing table (``detection.csv``)."""
+    for path in sorted(folder.iterdir()):
+        form = path.suffix.lower().removeprefix(".")
+        meant = difflib.get_close_matches(path.stem.lower(), missing, n=1, cutoff=_SIMILAR)
+        if form in FORMS and meant:
+            raise DataError(f"{path} is not a known table; did you mean {meant[0]}.{form}?")
+
+
+def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
+    """The scene as the card says: its truth is complete or not, its detections are stored or to be simulated."""
+    if not card.source.traits.truth_complete:
+        scene = replace(scene, truth_complete=False)
+    if card.detector is None and not detected:
+        raise DataError(f"{where}: no detections{instead_of_stored(card)}")
+    if card.detector is None:
+        label = scene.detector or f"{section_of(card, FilesSource).detector}, stored detections"
+        return replace(scene, detector=label)
+    if not scene.truth_complete:
+        raise DataError(
+            f"{where}: its truth has prediction targets only, so a simulated detector would miss all other objects; "
+            "use the detections of the files"
+        )
+    return replace(scene, detections=no_detections(scene.frames), detector="", simulated=False)
+
+
+def _truth(
+    table: ColumnTable, frame: Ints, time: Floats, card: Card, skipped: dict[str, int]
+) -> tuple[Truth, Floats | None]:
+    """Truth and visible shares of a table, sorted by frame."""
+    row = _usable_rows(table, frame, len(time), "truth", card.task.classes, skipped)
+    number = ids_of(table)
+    check_objects(table, frame, number, card.task.classes)
+    box, given = boxes_of(table)[row], velocities_of(table)
+    backward = backward_velocity(frame[row], number[row], box[:, :2], time)
+    truth = Truth(
+        start=starts_of_sorted(frame[row], len(time)),
+        box=box,
+        velocity=backward if given is None else given[row],
+        class_id=class_ids_of(table, card.task.classes)[row],
+        object_id=number[row],
+        eligible=table.flags("eligible", default=True)[row],
+        neutral=table.flags("neutral", default=False)[row],
+    )
+    return truth, table.numbers["visible"][row] if table.has("visible") else None
+
+
+def _detections(table: ColumnTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]) -> Detections:
+    row = _usable_rows(table, frame, frames, "detections", card.task.classes, skipped)
+    velocity = velocities_of(table)
+    return Detections(
+        start=starts_of_sorted(frame[row], frames),
+        box=boxes_of(table)[row],
+        velocity=np.full((len(row), 2), np.nan) if velocity is None else velocity[row],
+        class_id=class_ids_of(table, card.task.classes)[row],
+        score=scores_of(table)[row],
+    )
+
+
+def _usable_rows(
+    table: ColumnTable, frame: Ints, frames: int, name: str, classes: Sequence[str], skipped: dict[str, int]
+) -> Ints:
+    """Rows of ``classes``, sorted by frame and otherwise in their order; all rows are checked."""
+    check_boxes(table, frame, frames)
+    kind = table.words["class"]
+    used = np.isin(kind, classes)
+    others, count = (column.tolist() for column in np.unique(kind[~used], return_counts=True))
+    if others and not used.any():
+        first = str(kind[0])
+        similar = closest(first, classes)
+        advice = f"did you mean {similar!r}?" if similar else "`mtp-bench envs` shows the classes of each environment"
+        raise DataError(
+            f"{table.where(0, 'class')}: {first!r}, and no other row of the {name} has a class of the task, one of "
+            f"{', '.join(classes)}; {advice}"
+        )
+    for other, number in zip(others, count, strict=True):
+        skipped[f"{name} of class {other!r}, which the task does not have"] = number
+    row = np.flatnonzero(used)
+    return np.asarray(row[np.argsort(frame[row], kind="stable")])
+
+
+def boxes_of(table: ColumnTable) -> Floats:
+    """Boxes ``[R, 7]``; without z they stand on the ground."""
+    columns = {"z": table.numbers["h"] / 2, **table.numbers}
+    return np.column_stack([columns[name] for name in BOX])
+
+
+def velocities_of(table: ColumnTable) -> Floats | None:
+    """Velocities ``[R, 2]``; None if the table has none."""
+    return np.column_stack([table.numbers["vx"], table.numbers["vy"]]) if table.has("vx") else None
+
+
+def scores_of(table: ColumnTable) -> Floats:
+    """Scores ``[R]``; 1 if the table has none."""
+    return table.numbers.get("score", np.ones(len(table)))
+
+
+def class_ids_of(table: ColumnTable, classes: Sequence[str]) -> Ints:
+    """Index of each row's class among ``classes`` ``[R]``, -1 for another class."""
+    names, index = np.unique(table.words["class"], return_inverse=True)
+    return class_ids(names.tolist(), classes)[index] if len(names) else np.zeros(0, dtype=np.int64)
+
+
+def ids_of(table: ColumnTable) -> Ints:
+    """Numbers of the objects ``[R]``: those of the table, or indices of the sorted words.
+
+    If one id is not a whole number from 0 to `ID_LIMIT`, all are words.
+    """
+    words = table.words["id"]
+    try:
+        number = words.astype(np.int64) if len(words) else np.zeros(0, dtype=np.int64)
+        fits = not ((number < 0) | (number > ID_LIMIT)).any()
+        if fits and np.array_equal(number.astype(np.str_), words):  # otherwise 1 and 01 would be one object
+            return number
+    except (ValueError, OverflowError):
+        pass
+    return np.unique(words, return_inverse=True)[1].astype(np.int64)
