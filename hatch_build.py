@@ -14,7 +14,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 BUNDLE = "mtp_bench/_bundled/leaderboard"
-PACKED = "records.tar.xz"  # read by mtp_bench/records/packed.py
+PACKED = "records.tar.xz"  # read by mtp_bench/records/storage.py
 PUBLIC = (
     "owners.toml", "keys/allowed_signers", "keys/revoked_keys", "seals/*.commitment.json", "seals/*.retired.json",
 )  # fmt: skip

@@ -22,7 +22,7 @@ import yaml
 import mtp_bench
 from mtp_bench import _bundle
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.records.packed import PACKED, unpacked
+from mtp_bench.records.storage import PACKED, unpacked
 from mtp_bench.running.options import RunOptions
 
 PUBLIC = {

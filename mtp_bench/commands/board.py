@@ -52,7 +52,7 @@ def board(
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     from ..records import trusted
-    from ..records.packed import shipped_records
+    from ..records.storage import shipped_records
     from ..viz.board import board_files, board_json, board_tables, data_table, parts_folder, require_parts, style_of
     from ..viz.board import write_board as write_page
     from ..viz.terminal.output import counted, progress_bar, report_table, show, show_lines, show_numbers
@@ -105,7 +105,7 @@ def read_board(
     """
     from ..cards import load_card
     from ..records import record_paths
-    from ..records.packed import shipped_records
+    from ..records.storage import shipped_records
     from ..viz.board import entries_of
 
     if folder is not None and not folder.is_dir():

@@ -14,7 +14,7 @@ from .output import prepare, require_writable, working, write_json
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..records.checking import Checked
+    from ..records.checking import SubmissionCheck
 
 _STYLE = {"error": "bold red", "warning": "yellow", "ok": "green"}
 
@@ -57,7 +57,7 @@ def check(
     show(f"{checked.submission} passes; next: `{compare}`")
 
 
-def finding_table(checked: Checked) -> Table:
+def finding_table(checked: SubmissionCheck) -> Table:
     """The findings; what was expected, where and what to do stands below each that is not ok."""
     from rich.markup import escape
     from rich.table import Table
@@ -75,22 +75,21 @@ def finding_table(checked: Checked) -> Table:
     return table
 
 
-def _score_table(checked: Checked) -> Table:
-    """Plain error and false forecasts per scene beside STP's."""
+def _score_table(checked: SubmissionCheck) -> Table:
+    """Plain error and false forecasts per scene, beside those of the reference."""
     from rich.markup import escape
 
-    from ..records.checking import BESIDE
     from ..tables import BLANK
     from ..viz.terminal.output import new_table, number
 
-    own = escape(checked.submission)
-    headings = ("scene", "targets", own, BESIDE, "covered", f"false, {own}", f"false, {BESIDE}")
+    own, other = escape(checked.submission), checked.reference
+    headings = ("scene", "targets", own, other, "covered", f"false, {own}", f"false, {other}")
     table = new_table("plain error (m), lower is better, and false forecasts", headings, left=("scene",))
     for row in checked.scores:
         covered = BLANK if row["coverage"] is None else f"{row['coverage']:.0%}"
-        errors = (number(row[key]) for key in ("plain_error", BESIDE))
+        errors = (number(row[key]) for key in ("plain_error", other))
         false = (
-            BLANK if row[key] is None else str(row[key]) for key in ("false_forecasts", f"{BESIDE}_false_forecasts")
+            BLANK if row[key] is None else str(row[key]) for key in ("false_forecasts", f"{other}_false_forecasts")
         )
         table.add_row(escape(row["scene"]), str(row["targets"]), *errors, covered, *false)
     return table

@@ -36,12 +36,12 @@ def seal(
 def _draw(env: str, scenes: int, output: Path) -> None:
     from ..records import seal as draw
     from ..records.eligibility import LEAST_HIDDEN
-    from ..records.seal import commitment_path
+    from ..records.seal import COMMITMENT, beside
     from ..viz.terminal.output import counted, show
 
-    promise = draw(env, scenes, output)
+    promise, public = draw(env, scenes, output), beside(output, COMMITMENT)
     show(
-        f"{commitment_path(output)}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env} in "
+        f"{public}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env} in "
         f"leaderboard/seals, sha256 {promise.commitment}"
     )
     if scenes < LEAST_HIDDEN:

@@ -19,10 +19,9 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from ..records.rounds import Round
     from ..records.seal import Sealed
     from ..records.trust import Trust
-    from ..records.verifying import Verification
+    from ..records.verifying import Round, Verification
     from ..running.options import RunOptions
 
 MOST_DIFFERENCES = 20  # shown per record
@@ -96,7 +95,7 @@ def verify(
 ) -> None:
     """Check records: digest, card, data, and stored rollouts scored again. Status 1 where one does not hold."""
     from ..records import trusted
-    from ..records.rounds import Round
+    from ..records.verifying import Round
     from ..running.options import RunOptions
 
     _require_together(
@@ -153,7 +152,6 @@ class _Line:
 
 def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> None:
     from ..records import record_paths
-    from ..records.seal import require_listed
     from ..records.signing import require_signer
     from ..viz.terminal.output import show_numbers
 
@@ -162,7 +160,7 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
         raise RecordError(f"{given[0]}: no record there, expected files <submission>/<env id>.json")
     if work.key is not None:
         require_signer(work.key, work.signer, work.trust)
-        require_listed(work.asked.seals.values(), work.trust)
+        work.trust.require_listed(work.asked.seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
         lines = [_line(path, work, ends, alone=list(given) == [path]) for path in paths]
     if len(lines) > 1:
@@ -186,13 +184,13 @@ def _line(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Line:
 
 
 def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
-    from ..records import load_record
+    from ..records import checked_record
     from ..records import verify as check_record
     from ..records.verifying import attest, confirm
     from ..viz.terminal.output import counted, show, show_numbers
 
     asked = work.asked
-    record = load_record(path)
+    record = checked_record(path)
     done = asked.done(path, record, work.trust) if work.key is not None else None
     if done is not None:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
@@ -224,8 +222,8 @@ def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mappin
     if hidden.is_dir():
         if commitment is not None:
             raise typer.BadParameter("belongs to one secret: name that with --hidden", param_hint="--commitment")
-        return open_seals(hidden, trust)
-    sealed = open_seal(hidden, commitment, trust)
+        return open_seals(hidden, trust.listed)
+    sealed = open_seal(hidden, commitment, trust.listed)
     return {sealed.seeds.env: sealed}
 
 

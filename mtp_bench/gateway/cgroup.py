@@ -1,7 +1,7 @@
-"""Limits on all processes of an agent together, where the system lets this user make control groups.
+"""Memory and thread limits on all processes of an agent together, by control groups of the system.
 
-Version 2 where groups are delegated to this process, version 1 where their folders can be written. Elsewhere the judge
-watches instead (`AgentProcess`).
+Version 2 if groups are delegated to this process, version 1 if their folders can be written; else the judge watches the
+processes (`AgentProcess`).
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path("/sys/fs/cgroup")
-_NAME = "mtp_bench"  # and the number of the judge
+_NAME = "mtp_bench"  # followed by the pid of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
 _V1 = {"memory.limit_in_bytes": "memory", "memory.memsw.limit_in_bytes": "with_swap", "pids.max": "processes"}
-_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")  # the others bound swap, which not every system has
-_ENDING = 2.0  # s that the system may take to empty a group
+_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")  # the others limit swap, which not every system has
+_REMOVE_SECONDS = 2.0  # that the system may take to empty a group
 
 
 @dataclass(frozen=True)
 class Group:
-    """Control groups of one agent: one of version 2, or one per controller of version 1. Remove them at the end."""
+    """Control groups of one agent: one of version 2, or one per controller of version 1."""
 
     folders: tuple[Path, ...]
 
@@ -34,7 +34,7 @@ class Group:
         return [str(folder / "cgroup.procs") for folder in self.folders]
 
     def exceeded(self) -> bool:
-        """Whether the system ended a process because all together held too much memory."""
+        """True if the system ended a process because all together held too much memory."""
         for name in ("memory.events", "memory.oom_control"):
             for folder in self.folders:
                 with suppress(OSError, ValueError, StopIteration):
@@ -44,8 +44,8 @@ class Group:
         return False
 
     def remove(self) -> None:
-        """Remove the groups, which are empty once their processes have ended."""
-        deadline = time.monotonic() + _ENDING
+        """Remove the groups; their processes must have ended."""
+        deadline = time.monotonic() + _REMOVE_SECONDS
         for folder in self.folders:
             while folder.is_dir() and time.monotonic() < deadline:
                 with suppress(OSError):
@@ -55,7 +55,7 @@ class Group:
 
 
 def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path("/proc/self/cgroup")) -> Group | None:
-    """A group for ``memory`` bytes and so many processes and threads; None where the system does not allow it."""
+    """A group limited to ``memory`` bytes and ``processes`` threads; None if the system does not allow it."""
     values = {"memory": str(memory), "with_swap": str(memory), "processes": str(processes), None: "0"}
     places, names = _places(root, own)
     for place in places:
@@ -80,7 +80,7 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
 
 
 def _sweep(place: Path) -> None:
-    """Remove groups of judges that are gone, and end what is left in them."""
+    """Remove groups of judges that have ended, and end the processes in them."""
     for folder in place.glob(f"{_NAME}-*-*"):
         judge = folder.name.split("-")[1]
         if judge.isdigit() and not Path(f"/proc/{judge}").exists():
@@ -91,7 +91,7 @@ def _sweep(place: Path) -> None:
 
 
 def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
-    """Folders in which groups are made, and the files that hold their limits."""
+    """Folders in which groups can be made, and the files of their limits."""
     entries: dict[str, str] = {}
     with suppress(OSError, ValueError):
         for line in own.read_text().splitlines():
@@ -100,7 +100,7 @@ def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
     if {"memory", "pids"} <= entries.keys():
         found = {root / controller / entries[controller].lstrip("/") for controller in ("memory", "pids")}
         return (sorted(found) if all(os.access(path, os.W_OK) for path in found) else []), dict(_V1)
-    if "" in entries:  # a group that holds processes has none below it, so one beside this process's own
+    if "" in entries:  # a group with processes cannot contain others: use this process's own or its parent
         here = root / entries[""].lstrip("/")
         for place in (here, here.parent):
             with suppress(OSError):

@@ -1,4 +1,4 @@
-"""Messages over the pipes to an agent and from it, as they come, and what it prints."""
+"""Messages over the pipes to and from an agent, and its output."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from contextlib import suppress
 
 from .wire import HEADER_LIMIT, PREFIX, Arrays, WireError, encode
 
-_KEPT = 4096  # bytes of what the agent prints
-_PIPE = 1 << 20  # bytes that a pipe holds, where the system allows it
+_KEPT = 4096  # bytes of the agent's output
+_PIPE = 1 << 20  # bytes of a pipe's buffer, if the system allows it
 
 
 class EndedError(Exception):
-    """The other side has closed its pipe."""
+    """The agent has closed its pipe."""
 
 
 class Channel:
-    """The judge's ends of three pipes: orders, answers and log. Nothing here waits longer than it is told."""
+    """The judge's ends of three pipes: orders, answers and log. Only `wait` blocks."""
 
     def __init__(self, orders: int, answers: int, log: int, most: int) -> None:
-        """``most``: bytes that the body of an answer may have."""
+        """``most``: bytes of the body of an answer."""
         self._orders, self._answers, self._log, self._most = orders, answers, log, most
         self._outgoing: deque[memoryview] = deque()
         self._printed = bytearray()
@@ -42,9 +42,9 @@ class Channel:
         self._write()
 
     def whole(self) -> tuple[bytearray, bytearray] | None:
-        """Header and body of the message that is being read, once it is complete; nobody else holds them.
+        """Header and body of the message that is being read, once it is complete; the caller owns both.
 
-        Raises WireError for one that is longer than allowed, before anything is allocated for it.
+        Raises WireError for one that is longer than allowed, before memory is allocated for it.
         """
         if self._lengths is None and len(self._incoming) == PREFIX.size:
             header, body = PREFIX.unpack(self._incoming)
@@ -58,7 +58,7 @@ class Channel:
         return whole[:header], whole[header:]
 
     def read(self) -> bool:
-        """Read what is there; whether anything was. Raises EndedError, and WireError for an empty message."""
+        """Read what has arrived; False if nothing has. Raises EndedError, and WireError for an empty message."""
         if len(self._incoming) == self._wanted:  # a message of no bytes
             raise WireError("an empty message")
         try:
@@ -71,7 +71,7 @@ class Channel:
         return True
 
     def wait(self, deadline: float) -> None:
-        """Wait for something to read or to write, at most until the deadline (s, of `time.monotonic`)."""
+        """Wait until a pipe can be read or written, at most until the deadline (s, of `time.monotonic`)."""
         if self._outgoing:
             self._poll.register(self._orders, select.POLLOUT)
         left = max(0.0, deadline - time.monotonic())
@@ -84,7 +84,7 @@ class Channel:
             self._read_log()
 
     def printed(self) -> str:
-        """The last line of what the agent printed first, for an error text."""
+        """The last line of the first output of the agent, for an error message."""
         self._read_log()
         lines = self._printed.decode(errors="replace").split("\n")
         return next((line.strip()[:200] for line in reversed(lines) if line.strip()), "")
@@ -95,7 +95,7 @@ class Channel:
                 count = os.write(self._orders, self._outgoing[0])
             except BlockingIOError:
                 return
-            except BrokenPipeError:  # the end shows when its answer is read
+            except BrokenPipeError:  # reading its answer shows that it ended
                 self._outgoing.clear()
                 return
             part = self._outgoing.popleft()
@@ -104,7 +104,7 @@ class Channel:
 
     def _read_log(self) -> None:
         with suppress(BlockingIOError):
-            for _ in range(16):  # what an agent prints must not keep the judge busy
+            for _ in range(16):  # an agent that prints much must not keep the judge busy
                 found = os.read(self._log, 1 << 16)
                 self._printed += found[: _KEPT - len(self._printed)]
                 if not found:

@@ -1,4 +1,4 @@
-"""One scene of questions and answers: what is late, malformed or against the rules, and the seal over all of it."""
+"""Questions and answers of one scene: late and malformed answers, broken rules, and the hash chain over all answers."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from .wire import Arrays, WireError, arrays_of
 
 Action = dict[str, Any]
 _NOTHING = np.zeros(0)
-MOST_WORDS = 2000  # characters of what an agent says of its end
+MOST_REASON = 2000  # characters of an agent's own error text
 
 
 class SceneOverError(Exception):
-    """The scene is over for the agent."""
+    """The scene is over for the agent, see `SceneRun.status`."""
 
     def __init__(self, status: str, reason: str) -> None:
         super().__init__(reason)
-        self.status, self.reason = status, clean_text(reason, MOST_WORDS)
+        self.status, self.reason = status, clean_text(reason, MOST_REASON)
 
 
 def answer_bytes(space: spaces.Space[Any], limits: Limits) -> int:
-    """Bytes that an answer of this space may have."""
+    """Largest size of an answer of this space, bytes."""
     assert isinstance(space, spaces.Dict)
     return min(limits.answer, sum(8 * math.prod(part.shape or ()) for part in space.spaces.values()))
 
 
 class Exchange:
-    """Questions to one agent and its answers; after the scene is over for it, there is none."""
+    """Questions to one agent and its answers; a failed agent is not asked again."""
 
     def __init__(self, process: AgentProcess, limits: Limits, space: spaces.Space[Any], seal: bytes) -> None:
         self._process, self._limits = process, limits
@@ -49,17 +49,17 @@ class Exchange:
         self._shapes = {name: tuple(part.shape or ()) for name, part in space.spaces.items()}
         self._most = answer_bytes(space, limits)
         self._frame = 0
-        self._open: dict[int, str] = {}  # token of every frame whose answer may still come, too late
-        self._silent = 0  # late answers in a row
+        self._open: dict[int, str] = {}  # frame -> token, of frames whose answer may still come, too late
+        self._late_in_row = 0
         self._late = self._malformed = 0
         self._status, self._reason = "finished", ""
         self._started = 0.0
         self._begin = process.begun
         self._sealer = ThreadPoolExecutor(1)  # hashes an answer while the env makes the next frame
-        self._seal = self._sealer.submit(bytes, seal)  # starts its thread before the agent could use up all there are
+        self._seal = self._sealer.submit(bytes, seal)  # starts the thread before the agent can use up all threads
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
-        """Start the agent: built, then told the task."""
+        """Build the agent and reset it."""
         try:
             self._process.send(setup)
             self._process.send({"kind": "build", "task": task})
@@ -72,9 +72,9 @@ class Exchange:
             self._status, self._reason = end.status, end.reason
 
     def ask(self, observation: Arrays) -> tuple[Action | None, float]:
-        """The answer to one frame, None where none came in time, and the seconds that it took.
+        """The answer to one frame and the seconds it took; None if it was late.
 
-        One that is no answer comes back without fields, which the env takes for broken.
+        A malformed answer is returned without fields, which the env counts as broken.
         """
         action: Action | None = None
         malformed = self._malformed
@@ -87,14 +87,14 @@ class Exchange:
                 self._look()
             except SceneOverError as end:
                 self._status, self._reason, action = end.status, end.reason, None
-        # One answer waits at most, so that a fast env does not pile them up.
+        # at most one answer waits to be hashed
         self._seal = self._sealer.submit(lengthened, self._seal.result(), self._frame, action)
         self._frame += 1
         broken = action is None and self._malformed > malformed
         return {} if broken else action, spent
 
     def result(self, rollout: Rollout) -> SceneRun:
-        """What came of it."""
+        """The finished scene as a `SceneRun`."""
         self._sealer.shutdown()
         return SceneRun(
             rollout=rollout,
@@ -109,7 +109,7 @@ class Exchange:
         )
 
     def _answer(self, observation: Arrays, begin: float) -> Action | None:
-        token = secrets.token_hex(8)  # must be repeated, so that no frame is answered before it was shown
+        token = secrets.token_hex(8)  # the answer repeats it, so that no frame is answered before it was shown
         question = {"kind": "frame", "frame": self._frame, "token": token}
         self._process.send({**question, "fields": list(self._shapes), "most": self._most}, observation)
         limit = self._limits.first_frame if self._frame == 0 else self._limits.frame
@@ -117,15 +117,15 @@ class Exchange:
         message = self._wait_for_answer(begin + limit)
         if message is None:
             self._late += 1
-            self._silent += 1
-            if self._silent == PATIENCE or time.monotonic() >= self._begin + self._limits.scene:
-                raise SceneOverError("hung", f"no answer in time since frame {self._frame + 1 - self._silent}")
+            self._late_in_row += 1
+            if self._late_in_row == PATIENCE or time.monotonic() >= self._begin + self._limits.scene:
+                raise SceneOverError("hung", f"no answer in time since frame {self._frame + 1 - self._late_in_row}")
             return None
-        self._silent = 0
+        self._late_in_row = 0
         return self._checked(message)
 
     def _wait_for_answer(self, deadline: float) -> Message | None:
-        """The answer to this frame; those to earlier frames come too late and are dropped."""
+        """The answer to this frame; late answers to earlier frames are dropped."""
         while True:
             message = self._message(min(deadline, self._begin + self._limits.scene))
             if message is None:
@@ -134,7 +134,7 @@ class Exchange:
             known = type(frame) is int and frame in self._open and self._open.pop(frame) == token
             if message[0].get("kind") != "answer" or not known:
                 raise SceneOverError(
-                    "rejected", "it sent what was not asked for: every frame is answered once, after it was shown"
+                    "rejected", "it sent an unexpected message: every frame is answered once, after it was shown"
                 )
             if frame == self._frame:
                 return message
@@ -151,8 +151,8 @@ class Exchange:
                 for array in fitting.values():
                     array.flags.writeable = False  # it is hashed later
                 return fitting
-        except Exception as error:  # whatever reading an answer raises is the fault of who wrote it
-            raise SceneOverError("rejected", f"it broke the wire format: {_said(error)}") from None
+        except Exception as error:  # any error on reading an answer is the agent's fault
+            raise SceneOverError("rejected", f"it broke the wire format: {_error_text(error)}") from None
         self._malformed += 1
         return None
 
@@ -164,17 +164,17 @@ class Exchange:
             raise SceneOverError("rejected", f"it sent {str(message[0].get('kind'))[:20]!r}, expected {kind!r}")
 
     def _message(self, deadline: float) -> Message | None:
-        """The next message; an error of the agent and the end of its process are the end of the scene."""
+        """The next message; an error of the agent and the end of its process end the scene."""
         try:
             message = self._process.receive(deadline)
         except EndedError:
-            said = self._process.printed()
-            reason = f"the process {self._process.exit_text()}" + (f"; it last said {said!r}" if said else "")
+            output = self._process.printed()
+            reason = f"the process {self._process.exit_text()}" + (f"; its last output is {output!r}" if output else "")
             raise SceneOverError("crashed", reason) from None
         except ExcessError as error:
             raise SceneOverError("rejected", str(error)) from None
         except Exception as error:
-            raise SceneOverError("rejected", f"it broke the wire format: {_said(error)}") from None
+            raise SceneOverError("rejected", f"it broke the wire format: {_error_text(error)}") from None
         if message is not None and message[0].get("kind") == "error":
             raise SceneOverError("crashed", str(message[0].get("text")))
         return message
@@ -185,35 +185,35 @@ class Exchange:
 
 
 def lengthened(seal: bytes, frame: int, action: Action | None) -> bytes:
-    """The chain with one more link: the hash before, the frame's number, and the answer or that there is none."""
+    """The hash chain with one more link: the previous hash, the frame, and the answer or a mark for a missed one."""
     parts: list[bytes | memoryview] = [seal, frame.to_bytes(8, "little")]
     if action is None:
-        parts.append(b"missed")  # the seals of the records that there are
+        parts.append(b"missed")  # as in the seals of stored records
     for name, array in sorted((action or {}).items()):
         parts += [f"|{name} {array.dtype.str} {list(array.shape)}|".encode(), array.data]
-    # In one go: between many the thread would wait each time until the env lets it go on.
+    # in one call: between calls this thread would wait for the interpreter's lock
     return hashlib.sha256(b"".join(parts)).digest()
 
 
-def _said(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     return str(error) if isinstance(error, WireError) else f"{type(error).__name__}: {error}"
 
 
 def _finite(action: Mapping[str, NDArray[Any]]) -> bool:
-    """Whether every number of the tracks, hypotheses, objects and samples that are there is finite: else unanswered.
+    """True if all numbers of valid tracks, hypotheses, objects and samples are finite; else the frame is unanswered.
 
-    ``action``: arrays of the right shapes; fields may be missing. Rows that are not valid may hold anything, as may
-    samples whose log-weight says that they are absent; -inf is such a log-weight, NaN and +inf are none.
+    ``action``: arrays of the right shapes; fields may be missing. Invalid rows may hold any number, as may samples
+    whose log-weight marks them as absent; -inf is such a log-weight, NaN and +inf are not.
     """
-    weight, forecast = _claimed(action, "forecast_log_weight", "object"), _claimed(action, "forecast", "object")
-    if forecast.ndim > 1 and weight.shape == forecast.shape[:2]:  # else a field is missing: every sample counts
+    weight, forecast = _valid_rows(action, "forecast_log_weight", "object"), _valid_rows(action, "forecast", "object")
+    if forecast.ndim > 1 and weight.shape == forecast.shape[:2]:  # without that field every sample counts
         forecast = forecast[weight >= ABSENT_BELOW]
-    numbers = (_claimed(action, "track_box", "track"), _claimed(action, "object_box", "object"), forecast)
+    numbers = (_valid_rows(action, "track_box", "track"), _valid_rows(action, "object_box", "object"), forecast)
     weights = (weight, action.get("hypothesis_log_weight", _NOTHING))
     return all(np.isfinite(part).all() for part in numbers) and all((part < np.inf).all() for part in weights)
 
 
-def _claimed(action: Mapping[str, NDArray[Any]], name: str, kind: str) -> NDArray[Any]:
-    """Rows of a field that the mask of its kind says are there; all of them without a mask."""
+def _valid_rows(action: Mapping[str, NDArray[Any]], name: str, kind: str) -> NDArray[Any]:
+    """Rows of a field that the mask of its kind marks as valid; all of them without a mask."""
     array, mask = action.get(name, _NOTHING), action.get(f"{kind}_valid")
     return array if mask is None or not len(array) else array[mask != 0]

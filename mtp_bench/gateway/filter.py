@@ -1,7 +1,7 @@
-"""The filter of system calls: what an agent has no use for, and what lets it reach others or hoard unseen.
+"""The filter of system calls: it forbids calls that reach other processes or use resources that no limit counts.
 
-It is written with libseccomp, so that names become the numbers of this processor. A forbidden call fails with EPERM,
-one that is newer than this list with ENOSYS, as on an older kernel.
+libseccomp translates names to the numbers of this processor. A forbidden call fails with EPERM, one that is newer than
+this list with ENOSYS, as on an older kernel.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FORBIDDEN = {
         "memfd_create memfd_secret shmget shmat msgget semget mq_open io_uring_setup io_uring_enter io_uring_register "
         "userfaultfd remap_file_pages"
     ),
-    "what others read, by the page cache": (
+    "pages that others read, by the page cache": (
         "mincore preadv2 cachestat fadvise64 readahead io_setup io_submit io_pgetevents inotify_init inotify_init1 "
         "sync syncfs"
     ),
@@ -36,7 +36,7 @@ FORBIDDEN = {
         "utime utimes futimesat utimensat chown fchown lchown fchownat setxattr lsetxattr fsetxattr removexattr "
         "lremovexattr fremovexattr setxattrat removexattrat file_setattr"
     ),
-    "where pages lie, which files in memory keep for others": "mbind set_mempolicy_home_node",
+    "places of pages, which files in memory keep for others": "mbind set_mempolicy_home_node",
     "signals by pages that two map": "futex_waitv futex_wake futex_wait futex_requeue",
     "the kernel": (
         "bpf init_module finit_module delete_module kexec_load kexec_file_load reboot syslog acct quotactl quotactl_fd "
@@ -45,11 +45,11 @@ FORBIDDEN = {
         "settimeofday clock_settime clock_adjtime adjtimex"
     ),
 }
-PRETENDED = "chmod fchmod fchmodat fchmodat2"  # said to have worked: copying a file ends with them
-# Of fcntl: copies and flags of descriptors, sizes of pipes. All else locks, leases or marks a file for others.
+PRETENDED = "chmod fchmod fchmodat fchmodat2"  # they return success: copying a file ends with them
+# of fcntl: copies and flags of descriptors, sizes of pipes; all others lock, lease or mark a file
 _FILE_CONTROLS = (range(5), range(1030, 1033))
 _PRIVATE = 128  # of futex: a signal within one process, as all locks of threads are
-_SIGNALS = (1, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)  # of futex: wake, requeue, lock; who waits tells nothing
+_SIGNALS = (1, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)  # of futex: wake, requeue, lock; waiting sends no signal
 _TAKEN_OUT = (20, 21)  # of madvise: pages of files that others read too
 _PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
 _INT = 0xFFFFFFFF  # the bits of an argument that the kernel reads of these two; a filter sees 64
@@ -59,12 +59,12 @@ _NUMBERS = {  # newer than many a libseccomp; the same number on every processor
     "futex_wait": 455, "futex_requeue": 456, "setxattrat": 463, "removexattrat": 466, "open_tree_attr": 467,
     "file_setattr": 469,
 }  # fmt: skip
-_UNHEARD_OF = range(470, 600)  # calls of kernels to come: what they do is not known here
+_UNKNOWN = range(470, 600)  # calls of future kernels
 
 
 @cache
 def system_call_filter() -> bytes | None:
-    """The filter as a program of the kernel; None where libseccomp is not installed."""
+    """The filter as a program of the kernel; None if libseccomp is not installed."""
     try:
         import pyseccomp
     except (ImportError, RuntimeError, OSError):
@@ -75,7 +75,7 @@ def system_call_filter() -> bytes | None:
         _add(rules, forbid, name)
     for name in PRETENDED.split():
         _add(rules, pyseccomp.ERRNO(0), name)
-    for number in _UNHEARD_OF:
+    for number in _UNKNOWN:
         rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), number)
     for mask, control in _blocks(_FILE_CONTROLS[0].stop, _FILE_CONTROLS[1].start):
         rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, mask, control))
@@ -85,7 +85,7 @@ def system_call_filter() -> bytes | None:
     for advice in _TAKEN_OUT:
         rules.add_rule(forbid, "madvise", pyseccomp.Arg(2, pyseccomp.MASKED_EQ, _INT, advice))
     rules.add_rule(forbid, "prctl", pyseccomp.Arg(0, pyseccomp.MASKED_EQ, _INT, _PARENT_DEATH))
-    # Threads are made by clone3, whose arguments a filter cannot read: without it the C library takes clone.
+    # a filter cannot read the arguments of clone3; without it the C library makes threads by clone
     rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), "clone3")
     for bit in (1 << n for n in range(32) if _NEW_NAMESPACES & (1 << n)):
         rules.add_rule(forbid, "clone", pyseccomp.Arg(0, pyseccomp.MASKED_EQ, bit, bit))
@@ -96,7 +96,7 @@ def system_call_filter() -> bytes | None:
 
 
 def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
-    """``first`` to ``end`` - 1 as masks and values: a rule compares an argument once, so none can ask for a range."""
+    """``first`` to ``end`` - 1 as masks and values: a rule cannot compare with a range."""
     while first < end:
         size = first & -first
         while first + size > end:
@@ -106,7 +106,7 @@ def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
 
 
 def _add(rules: Any, action: int, name: str) -> None:
-    """A rule for a call by name, where this processor and this libseccomp know it."""
+    """Add a rule for a call by name, if this processor and this libseccomp know it."""
     import pyseccomp
 
     number = _NUMBERS[name] if name in _NUMBERS else pyseccomp.resolve_syscall(pyseccomp.Arch.NATIVE, name)

@@ -71,11 +71,11 @@ class ForkServer:
 
     @property
     def running(self) -> bool:
-        """Whether its process is alive."""
+        """True if its process is alive."""
         return self._process.poll() is None
 
     def fits(self, layout: Layout) -> bool:
-        """Whether a server started now would see the same files and the same environment."""
+        """True if a server started now would see the same files and the same environment."""
         return self._layout == layout and self._environment == environment(isolated=True)
 
     def fork(self, descriptors: Sequence[int], space: int) -> int:

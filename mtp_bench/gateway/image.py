@@ -1,6 +1,6 @@
-"""The read-only image of a submission: what its digest covers, and nothing else, is what runs.
+"""The image of a submission: a copy of the files that its digest covers, from which it runs.
 
-The image is a copy, so that nobody can change what runs after it was hashed; it leaves out what the digest leaves out.
+A copy cannot be changed after it was hashed, and leaves out the files that the digest leaves out.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ _known: dict[tuple[object, ...], Image] = {}
 
 
 def image_of(submission: Submission, env_id: str) -> Image:
-    """The image of a submission for an env; made once per process, and anew when a file has changed.
+    """The image of a submission for an env; made once per process, and again if a file has changed.
 
-    Raises SubmissionError for a folder that cannot be a submission.
+    Raises SubmissionError for a folder that is not a submission.
     """
     files, networks = files_of(submission.path), network_files(submission.networks, env_id)
     try:

@@ -24,21 +24,21 @@ from ..sources.dataset import data_root
 from .image import Image
 
 SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/scratch"
-LIBRARY = (  # of the package: what agents are made of, without judge, sources, cards and training
+LIBRARY = (  # parts of the package that agents use: not judge, sources, cards and training
     "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py", "shapes.py",
     "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "env/renderers.py",
     "gateway/child.py", "gateway/wire.py", "gateway/fork_server_main.py",
 )  # fmt: skip
-# Files of /proc that tell of the kernel, of keys or of the whole machine: empty there.
-_TELLING = (
+# files of /proc on the kernel, keys or the whole machine: empty for agents
+_MASKED = (
     "kallsyms", "kcore", "keys", "key-users", "slabinfo", "vmallocinfo", "timer_list", "kpagecount", "kpageflags",
     "kpagecgroup", "vmstat", "sysrq-trigger", "pagetypeinfo", "kmsg",
 )  # fmt: skip
-MASKED = tuple(f"/proc/{name}" for name in _TELLING)
+MASKED = tuple(f"/proc/{name}" for name in _MASKED)
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
 _SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")  # shared libraries
-_KERNELS = {  # those that baselines need
+_KERNELS = {  # that baselines use
     "tracking.kernels.association": ("search",),
     "tracking.kernels.affinity_kernels": ("sparse_pairs",),
     "tracking.kernels.tree_kernels": ("grow", "distinct_rows", "descend", "histories", "write_boxes"),
@@ -60,20 +60,20 @@ _PASSED = ("LD_LIBRARY_PATH", "NUMBA_DISABLE_JIT", *_THREADS)
 
 @dataclass(frozen=True)
 class Layout:
-    """The files of one agent's process."""
+    """Files of one agent's process."""
 
-    shown: tuple[tuple[str, str], ...]  # path here, path there: read-only; a later one covers an earlier one
-    links: tuple[tuple[str, str], ...] = ()  # content of a symbolic link, its path there
-    covered: tuple[str, ...] = ()  # folders of `shown` that are empty but for what `shown` puts into them
+    shown: tuple[tuple[str, str], ...]  # path here, path inside: read-only; a later one covers an earlier one
+    links: tuple[tuple[str, str], ...] = ()  # target of a symbolic link, its path inside
+    covered: tuple[str, ...] = ()  # folders of `shown` of which only parts are shown
     devices: tuple[str, ...] = DEVICES
     masked: tuple[str, ...] = tuple(path for path in MASKED if Path(path).exists())
 
 
 def layout_for(image: Image, data: str | None, cuda: bool = False, own: Sequence[Path] = ()) -> Layout:
-    """The files that the agent of ``image`` sees; with ``cuda`` the graphics cards too.
+    """Files that the agent of ``image`` sees; with ``cuda`` the graphics cards too.
 
-    ``own``: files and folders of scenes, detections or tracks of one's own. Raises SubmissionError where they, the data
-    or the cache of scenes lie inside a folder that is shown, or there is no graphics card.
+    ``own``: the user's files and folders of scenes, detections or tracks. Raises SubmissionError if they, the data or
+    the cache of scenes are inside a folder that is shown, or a graphics card is missing.
     """
     links, shown = _system_libraries()
     _add(shown, (os.fspath(interpreter()), *_standard_library(), *packages()))
@@ -82,7 +82,7 @@ def layout_for(image: Image, data: str | None, cuda: bool = False, own: Sequence
     shown += [(str(path), str(path)) for part in LIBRARY for path in _with_bytecode(package / part) if path.exists()]
     shown += [(str(folder), f"{KERNELS}/{folder.name}") for folder in compiled_kernels()]
     shown += [(str(image.submission), SUBMISSION), (str(image.networks), NETWORKS)]
-    _require_apart([*(here for here, _ in shown), str(image.source)], data, own)
+    _require_hidden([*(here for here, _ in shown), str(image.source)], data, own)
     devices: tuple[str, ...] = DEVICES
     if cuda:
         devices += _graphics_cards()
@@ -97,37 +97,37 @@ def _with_tmp(links: Sequence[tuple[str, str]], shown: Sequence[tuple[str, str]]
 
 
 def _with_bytecode(path: Path) -> tuple[Path, ...]:
-    """A folder; or a module and what the interpreter made of it, which every process would make anew."""
+    """A folder; or a module and its bytecode, which every process would compile again."""
     return (path, Path(importlib.util.cache_from_source(path))) if path.suffix == ".py" else (path,)
 
 
 def bare_layout() -> Layout:
-    """As much as the interpreter needs to start: to try whether isolation works here."""
+    """Files that the interpreter needs to start: to try the sandbox."""
     links, shown = _system_libraries()
     _add(shown, (os.fspath(interpreter()), *_standard_library()))
     return Layout(tuple(shown), _with_tmp(links, shown))
 
 
 def environment(isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS) -> dict[str, str]:
-    """Environment of an agent's process: of the judge's own, only what libraries need.
+    """Environment variables of an agent's process: of the judge's own, only those that libraries need.
 
-    ``isolated``: it has a root of its own; else ``work`` is its temporary folder and ``networks`` its weights.
+    ``isolated``: it is sandboxed; else ``work`` is its temporary folder and ``networks`` the folder of its weights.
     """
     kernels = f"{work}/kernels" if isolated else str(_players("tracking.kernels.compile").cache_folder())
     own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", WEIGHTS: networks}
-    own |= {"NUMBA_CACHE_DIR": kernels, "PYTHONHASHSEED": "0"}  # else the order of a set is another one in every judge
+    own |= {"NUMBA_CACHE_DIR": kernels, "PYTHONHASHSEED": "0"}  # else the order of a set differs between judges
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
 
 
 def interpreter() -> Path:
-    """The interpreter itself, not the link to it in a virtual environment."""
+    """The interpreter, resolved from the link in a virtual environment."""
     return Path(getattr(sys, "_base_executable", None) or sys.executable).resolve()
 
 
 def python() -> list[str]:
-    """The interpreter as an agent gets it: no modules of the user's, of the folder or of the site.
+    """The interpreter of an agent, without modules of the user, the working folder or the site.
 
-    Not ``-I``, which would ignore the seed of hashes in `environment`.
+    Not ``-I``, which would ignore PYTHONHASHSEED in `environment`.
     """
     return [os.fspath(interpreter()), "-s", "-P", "-S", "-B"]
 
@@ -139,18 +139,18 @@ def library() -> Path:
 
 
 def packages() -> tuple[str, ...]:
-    """Folders of installed packages, in the order of the search."""
+    """Folders of installed packages, in search order."""
     return tuple(entry for entry in sys.path if entry.endswith(("site-packages", "dist-packages")))
 
 
 def compile_kernels() -> None:
-    """Fill the user's cache of compiled kernels, which every agent reads: what an agent compiles is lost with it."""
+    """Fill the user's cache of compiled kernels, which every agent reads; kernels that an agent compiles are lost."""
     for kernel in _kernels():
         kernel.compiled()
 
 
 def compiled_kernels() -> list[Path]:
-    """Folders of the compiled kernels of this version that are there."""
+    """Existing folders of the compiled kernels of this version."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return []
     return [folder for kernel in _kernels() if (folder := kernel.folder).is_dir()]
@@ -165,7 +165,7 @@ def _kernels() -> list[Any]:
 
 
 def _players(module: str) -> Any:
-    """A module of the players' parts, loaded when it is needed: the judge does not import them."""
+    """A module of the players' parts, loaded when it is needed, since the judge does not import them."""
     return importlib.import_module(f"mtp_bench.{module}")
 
 
@@ -188,7 +188,7 @@ def _standard_library() -> list[str]:
 
 
 def _add(shown: list[tuple[str, str]], paths: Iterable[str]) -> None:
-    """Show what is there and not inside a folder that is shown already."""
+    """Add existing paths that are not inside a folder that is shown already."""
     shown += [(path, path) for path in paths if Path(path).exists() and not _inside(Path(path), shown)]
 
 
@@ -196,8 +196,8 @@ def _inside(path: Path, shown: Sequence[tuple[str, str]]) -> bool:
     return any(path.is_relative_to(there) for _, there in shown)
 
 
-def _require_apart(shown: Sequence[str], data: str | None, own: Sequence[Path]) -> None:
-    """Refuse a data root, a cache of scenes or files of one's own inside what is shown."""
+def _require_hidden(shown: Sequence[str], data: str | None, own: Sequence[Path]) -> None:
+    """Raise SubmissionError for a data root, a cache of scenes or own files inside a folder that is shown."""
     roots = {data_root(data)[0], data_root(None)[0]}
     below = {path for root in roots if root.is_dir() for path in root.iterdir()}  # a root may be of links
     seen = [(here, Path(here).resolve()) for here in shown]

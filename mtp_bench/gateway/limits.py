@@ -27,14 +27,14 @@ class Limits:
 
 @dataclass(frozen=True)
 class Isolation:
-    """How an agent's process was sandboxed, see ``SECURITY.md``."""
+    """The sandbox of an agent's process, see ``SECURITY.md``."""
 
     mechanism: Literal["bubblewrap", "none"] = "none"
     memory: Literal["cgroup", "watch"] = "watch"  # what bounds the memory of all its processes together
 
     @property
     def sandboxed(self) -> bool:
-        """Whether it could not reach truth, network and other processes; required for the level "re-run"."""
+        """True if it could not reach truth, network and other processes; required for the level "re-run"."""
         return self.mechanism != "none"
 
 

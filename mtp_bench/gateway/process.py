@@ -63,7 +63,7 @@ class AgentProcess:
 
     @property
     def isolation(self) -> Isolation:
-        """How the process is sandboxed."""
+        """The sandbox of the process."""
         return Isolation(self._spec.backend, "watch" if self._group is None else "cgroup")
 
     @property
@@ -203,7 +203,7 @@ class AgentProcess:
         return self._channel.printed()
 
     def exit_text(self) -> str:
-        """How the process ended, in words."""
+        """Exit status of the process, in words."""
         try:
             code = self._spawned.wait(_EXIT_CODE_SECONDS) if self._spawned else self._reported_exit_code()
         except (subprocess.TimeoutExpired, ValueError, KeyError):
@@ -248,7 +248,7 @@ class AgentProcess:
             )
 
     def _ended(self) -> bool:
-        """Whether the agent's process has ended, so that its pid may belong to another process."""
+        """True if the agent's process has ended: its pid may belong to another process."""
         return self._handle is not None and processes.ready(self._handle)
 
     def _kill(self) -> None:

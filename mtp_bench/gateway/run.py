@@ -1,4 +1,4 @@
-"""Runs a submission scene by scene, each in a process that knows nothing but what it is sent."""
+"""Run a submission scene by scene, each in a process that knows only the messages it is sent."""
 
 from __future__ import annotations
 
@@ -47,15 +47,15 @@ def run_isolated(
         scene: Name of the scene.
         seed: Seed of all random draws.
         parameters: Of the agent; None: those of the manifest.
-        limits: What the agent may use.
-        digest: Of the submission as it must be (`image_of`); None: as it is.
+        limits: Limits of the agent.
+        digest: Expected digest of the submission (`image_of`); None: any.
         backend: The sandbox; None: the one that works here, if any.
 
-    The rollout of an agent that keeps the rules is that of `running.run.run_scene`, but for the times, which are
-    measured outside the agent. An unanswered frame has no rows: everything in it is uncovered.
+    The rollout of an agent that follows the rules equals that of `running.run.run_scene`, but for the times, which are
+    measured outside the agent. An unanswered frame has no rows: all its targets are uncovered.
 
-    Never raises for what an agent does; raises MtpBenchError for a folder that is no submission, an unknown scene or
-    data that is not there.
+    Never raises for actions of an agent; raises MtpBenchError for a folder that is not a submission, an unknown scene
+    or missing data.
     """
     loaded = load_submission(submission)
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
@@ -64,7 +64,7 @@ def run_isolated(
     image = image_of(loaded, env.card.id)
     if digest is not None and image.digest != digest:
         raise SubmissionError(f"{loaded.path}: its files changed while it ran; run it again")
-    layout = layout_for(image, keywords.get("data"), limits.cuda, _own(env.card, keywords))
+    layout = layout_for(image, keywords.get("data"), limits.cuda, _own_files(env.card, keywords))
     spec = SandboxSpec(layout, image, backend or sandbox_backend())
     with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
@@ -98,9 +98,9 @@ def run_isolated_scenes(
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.
 
-    Every scene has an agent of its own, so what one of them does ends at most its scene. ``submission``, ``env_id``,
-    ``env_keywords``, ``seed``, ``parameters`` and ``limits`` as there. ``workers`` run them; ``finished`` is given
-    every scene that is done, in the order of completion and in this process, and ``progress`` is told its name.
+    Every scene has an agent of its own: a failure ends at most its scene. ``submission``, ``env_id``,
+    ``env_keywords``, ``seed``, ``parameters`` and ``limits`` as there. ``workers`` run them; ``finished`` is
+    called with every finished scene, in the order of completion and in this process.
     """
     compile_kernels()
     digest = image_of(load_submission(submission), MTPEnv(env_id, **env_keywords).card.id).digest
@@ -115,12 +115,12 @@ def run_isolated_scenes(
     return [runs[place] for place in range(len(scenes))]
 
 
-def _own(card: Card, keywords: dict[str, Any]) -> list[Path]:
-    """Files and folders of one's own that scenes, detections or tracks come from."""
+def _own_files(card: Card, keywords: dict[str, Any]) -> list[Path]:
+    """Files and folders of the user that scenes, detections or tracks come from."""
     stated = [getattr(card.source, name, None) for name in ("folder", "detections_file")]
     return [Path(place).expanduser() for place in (*stated, keywords.get("track_file")) if place is not None]
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:
-    """The beginning of the hash chain of one scene."""
+    """The start of the hash chain of one scene."""
     return hashlib.sha256(json.dumps(["mtp-bench seal 1", card_digest, scene, seed]).encode()).digest()

@@ -59,7 +59,7 @@ def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> li
 
 
 def bubblewrap_works() -> bool:
-    """Whether a program starts in a sandbox and sees only what it is shown.
+    """True if a program starts in a sandbox and sees only the files that it is shown.
 
     Raises SubmissionError where that takes too long to tell.
     """

@@ -1,7 +1,7 @@
-"""Messages between the judge and an agent: a header of JSON and the bytes of arrays; nothing is pickled.
+"""Messages between the judge and an agent: a JSON header and the bytes of arrays, without pickle.
 
 A message is 4 bytes (length of the header), 8 bytes (length of the body), the header, the body; lengths are
-little-endian. The header holds what the kind of message needs and, under "arrays", name, dtype and shape of every array
+little-endian. The header holds fields by the kind of message and, under "arrays", name, dtype and shape of every array
 of the body, in order.
 """
 
@@ -20,17 +20,17 @@ PREFIX = struct.Struct("<IQ")
 HEADER_LIMIT = 1 << 16  # bytes
 MOST_ARRAYS, MOST_ROWS = 64, 1 << 30
 DTYPES = frozenset(["|b1", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f2", "<f4", "<f8"])
-UNUSABLE = ""  # dtype of a field that was there but was no array of numbers
+UNUSABLE = ""  # dtype of a field that is not an array of numbers
 
 Arrays = Mapping[str, NDArray[Any]]
 
 
 class WireError(Exception):
-    """A message that is none."""
+    """A malformed message."""
 
 
 def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | None = None) -> bytes:
-    """A message, to be written by one call: each wakes the reader. None for an array says that it was unusable."""
+    """A message as one block of bytes, since each write wakes the reader. None for an array: it is unusable."""
     entries: list[tuple[str, str, tuple[int, ...]]] = []
     body: list[memoryview] = []
     for name, value in (arrays or {}).items():
@@ -44,13 +44,13 @@ def encode(header: dict[str, Any], arrays: Mapping[str, NDArray[Any] | None] | N
 
 
 def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
-    """The header of a message; WireError where it is no table."""
+    """The header of a message; WireError if it is not a JSON object."""
     try:
         header = json.loads(bytes(text))
     except (ValueError, RecursionError):
-        raise WireError("the header is no JSON") from None
+        raise WireError("the header is not JSON") from None
     if not isinstance(header, dict):
-        raise WireError("the header is no table")
+        raise WireError("the header is not a JSON object")
     return header
 
 
@@ -59,37 +59,37 @@ def arrays_of(
     body: bytes | bytearray | memoryview,
     expected: Mapping[str, tuple[int, ...]] | None = None,
 ) -> dict[str, NDArray[Any] | None]:
-    """Arrays of a message, writable: views of a body that is, else copies; WireError where header and body do not fit.
+    """Writable arrays of a message: views of a writable body, else copies; WireError if header and body do not fit.
 
-    With ``expected`` shapes, an array of another name or shape is None and never made.
+    With ``expected`` shapes, an array of another name or shape is None and no memory is allocated for it.
     """
     entries = header.get("arrays")
     if not isinstance(entries, list) or len(entries) > MOST_ARRAYS:
-        raise WireError("no list of arrays")
+        raise WireError("arrays is not a list, or too long")
     arrays: dict[str, NDArray[Any] | None] = {}
-    at = 0
+    offset = 0
     for entry in entries:
         name, dtype, shape = _entry(entry)
         if name in arrays:
             raise WireError(f"array {name[:80]!r} comes twice")
         size = 0 if dtype == UNUSABLE else math.prod(shape) * np.dtype(dtype).itemsize
-        if size > len(body) - at:
+        if size > len(body) - offset:
             raise WireError(f"array {name[:80]!r} is longer than the message")
         wanted = dtype != UNUSABLE and (expected is None or expected.get(name) == shape)
-        arrays[name] = _array(body, dtype, shape, at) if wanted else None
-        at += size
-    if at != len(body):
+        arrays[name] = _array(body, dtype, shape, offset) if wanted else None
+        offset += size
+    if offset != len(body):
         raise WireError("the message is longer than its arrays")
     return arrays
 
 
-def _array(body: bytes | bytearray | memoryview, dtype: str, shape: tuple[int, ...], at: int) -> NDArray[Any]:
+def _array(body: bytes | bytearray | memoryview, dtype: str, shape: tuple[int, ...], offset: int) -> NDArray[Any]:
     count = math.prod(shape)
     if count == 0:  # a shape such as [2**39, 0, 2**39] is too large for numpy
         if any(size >= MOST_ROWS for size in shape):
             raise WireError("an empty array of a huge shape")
         return np.zeros(shape, dtype)
-    array = np.frombuffer(body, dtype, count, at).reshape(shape)
+    array = np.frombuffer(body, dtype, count, offset).reshape(shape)
     return array if array.flags.writeable and array.flags.aligned else array.copy()
 
 
@@ -101,11 +101,11 @@ def _entry(entry: Any) -> tuple[str, str, tuple[int, ...]]:
             and all(type(size) is int and 0 <= size < 2**40 for size in shape)
         ):
             return name, dtype, tuple(shape)
-    raise WireError(f"an array is described by {str(entry)[:80]}")
+    raise WireError(f"an array entry is {str(entry)[:80]}")
 
 
 def plain(value: object) -> NDArray[Any] | None:
-    """``value`` as an array of numbers that can be sent, None where it is none; whatever an agent hands over."""
+    """``value`` as an array of numbers that can be sent; None if it is not, for any object of an agent."""
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "fiub":

@@ -1,15 +1,14 @@
-"""Leaderboard records: what a submission scored, how it was measured, and how anyone checks it.
+"""Leaderboard records: results of a submission, how they were measured, and their verification.
 
-A record is a JSON file with a digest of its own. The digest tells of accidents and of careless changes; it is no
-signature. What cannot be forged without being found is a record whose stored rollouts are scored again (`verify`), and
-a submission that is run again. Who did that signs the level that was reached, in a file beside the record.
+A record is a JSON file with a digest of its own, which shows careless changes and is not a signature. A forged record
+is found when its stored rollouts are scored again (`verify`), and when its submission is run again. The level that was
+reached is signed, in a file beside the record.
 """
 
 from .attestation import SignedLevel as SignedLevel
 from .attestation import read_level as read_level
+from .consistency import checked_record as checked_record
 from .eligibility import why_unranked as why_unranked
-from .history import OldResult as OldResult
-from .history import read_history as read_history
 from .ranking import Standing as Standing
 from .ranking import standings as standings
 from .record import Record as Record

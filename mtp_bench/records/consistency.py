@@ -1,123 +1,145 @@
-"""What a record says follows from what else it says: rows from sums of units, counts from names, status from runs."""
+"""Full check of a record's file: digests, and numbers that must follow from its other numbers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
+from ..errors import RecordError
+from ..files import read_bounded
 from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
 from ..scoring.subsets import SUBSETS
-from .bounds import MOST_DETAILS, MOST_UNITS
+from ..strict import parse_json
 from .canonical import canonical
 from .evaluation import status_of
-from .record import HiddenPart, Record, ScenePart, key_of
+from .record import HiddenPart, Record, key_of
 from .shipped import shipped
+from .storage import MOST_BYTES, content_digest, measured_digest, parse_as
 
-_CLOSE = 1e-6  # share of a number by which one that follows may differ: other machines sum in another order
-_BESIDE_OTHERS = (  # known only beside other agents, or measured
+MOST_DETAILS = 1 << 20  # bytes of the section ``details``
+MOST_UNITS = 2_000  # of a record: blocks of 20 s
+_CLOSE = 1e-6  # relative tolerance of a number that follows from others: machines sum in other orders
+_NOT_KNOWN_ALONE = (  # they depend on other records, or are measured
     "rank", "unranked_because", "gap_closed", "gap_interval", "gap_closed_same_predictor",
     "gap_same_predictor_interval", "ms_per_frame",
 )  # fmt: skip
-_ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")  # m, none above a miss
+_ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")  # m, at most that of a missed target
 _LENGTHS = (*_ERRORS, "minADE", "minFDE", "fixed_error")
 
 
+def checked_record(path: Path) -> Record:
+    """Read the record at ``path`` and check it in full.
+
+    Raises RecordError, naming the file, if it is missing, too large, of another schema, holds NaN or a repeated key,
+    does not fit its digests, or states a number that does not follow from its other numbers.
+    """
+    absent = "no such record; `mtp-bench submit` makes one"
+    return checked_text(read_bounded(path, MOST_BYTES, RecordError, absent), str(path))
+
+
+def checked_text(text: str, path: str) -> Record:
+    """The record in the text of the file ``path``; raises RecordError as `checked_record`."""
+    content = parse_json(text, path, RecordError)  # refuses what pydantic's own reader of JSON lets pass
+    record = parse_as(Record, text, path)
+    for what, found, stated in (
+        ("its content", content_digest(content), record.digest),
+        ("its section 'measured'", measured_digest(content), record.measured.digest),
+    ):
+        if found != stated:
+            raise RecordError(
+                f"{path}: {what} has the digest {found[:12]}, the file says {stated[:12] or '(empty)'}: it was changed "
+                "after it was made; make it again with `mtp-bench submit`"
+            )
+    for problem in inconsistencies(record):
+        raise RecordError(f"{path}: {problem}")
+    return record
+
+
 def inconsistencies(record: Record) -> Iterator[str]:
-    """What in a record does not fit the rest of it, each in a sentence; none where it holds together."""
-    yield from _counts(record)
+    """Sentences on parts of a record that contradict each other."""
+    yield from _inconsistent_counts(record)
     ships = shipped(record.env.id)
     most = ships.most if ships is not None and ships.card == record.env.card_digest else math.inf
-    for scene in record.per_scene:
-        yield from _of_scene(scene)
-    yield from sums_that_do_not_fit(record, most)
+    yield from inconsistent_sums(record, most)
+    stated: dict[str, Any] = {
+        "agent": record.submission.name, "hypotheses": record.hypotheses, "samples": record.samples,
+        "seeds": len(record.seeds),
+    }  # fmt: skip
     for row in record.rows:
         scenes = sum(sum(scene.weight[row.subset]) > 0 for scene in record.per_scene)
-        if row.scenes != scenes:
-            yield f"row {row.subset!r}: scenes is {row.scenes}, {scenes} have weight"
-        yield from _of_setting(row, record)
+        for name, expected in {**stated, "scenes": scenes}.items():
+            if getattr(row, name) != expected:
+                yield f"row {row.subset!r}: {name} is {getattr(row, name)!r}, the record has {expected!r}"
+    if record.submission.hypotheses not in (None, record.hypotheses):
+        yield f"hypotheses is {record.hypotheses}, the submission declares {record.submission.hypotheses}"
     if record.silence is not None and not 0 <= record.silence <= most * (1 + _CLOSE):
         yield f"silence is {record.silence}, expected 0 to {most:g} m"
     if len(canonical(record.details)) > MOST_DETAILS:
         yield f"details take {len(canonical(record.details))} bytes, expected at most {MOST_DETAILS}"
 
 
-def sums_that_do_not_fit(sums: Record | HiddenPart, most: float) -> Iterator[str]:
-    """What in rows does not follow from the sums of their units, and sums that no agent can have."""
-    subsets = [row.subset for row in sums.rows]
-    if subsets != list(SUBSETS):
-        yield f"rows are of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}"
-        return
+def inconsistent_sums(sums: Record | HiddenPart, most: float) -> Iterator[str]:
+    """Sentences on rows that do not follow from the sums of their units, and on sums beyond ``most`` metres."""
     units = {len(of_units(subset)) for subset in SUBSETS for of_units in (sums.unit_weight, sums.unit_error)}
     if len(units) != 1 or units == {0}:
         yield "the sums of units are not one per subset and unit"
         return
-    if max(units) > MOST_UNITS:  # their intervals would take the memory of whoever reads them
+    if max(units) > MOST_UNITS:  # their intervals take memory
         yield f"there are sums of {max(units)} units, expected at most {MOST_UNITS}"
         return
     for row in sums.rows:
         weight, error = sums.unit_weight(row.subset), sums.unit_error(row.subset)
-        limits = [most * w if w > 0 else 0.0 for w in weight]
-        units_of = zip(weight, error, limits, strict=True)
-        beyond = next(((w, e) for w, e, limit in units_of if e > limit * (1 + _CLOSE)), None)
-        if beyond is not None:
-            w, e = beyond
-            yield f"subset {row.subset!r}: a unit of weight {w:g} has the error {e:g}, expected 0 to {most:g} x weight"
-            return
-        yield from _of_row(row, weight, error, sums.row_of("all").targets, most)
+        for w, e in zip(weight, error, strict=True):
+            if e > (most * w * (1 + _CLOSE) if w > 0 else 0.0):
+                yield f"subset {row.subset!r}: a unit of weight {w:g} has error {e:g}, expected 0 to {most:g} x weight"
+                return
+        yield from _inconsistent_row(row, weight, error, sums.row_of("all").targets, most)
 
 
-def _counts(record: Record) -> Iterator[str]:
-    names, seeds = [scene.scene for scene in record.per_scene], record.seeds
-    if len(set(names)) != len(names) or len(names) != record.env.scenes:
-        yield f"per_scene has {len(names)} scenes, expected {record.env.scenes}, each once"
-    if record.env.scenes > record.env.scenes_of_split:
-        yield f"scenes is {record.env.scenes}, the split has {record.env.scenes_of_split}"
+def _inconsistent_counts(record: Record) -> Iterator[str]:
+    names, seeds, env, lost = [scene.scene for scene in record.per_scene], record.seeds, record.env, record.missed
+    if len(set(names)) != len(names) or len(names) != env.scenes:
+        yield f"per_scene has {len(names)} scenes, expected {env.scenes}, each once"
+    if env.scenes > env.scenes_of_split:
+        yield f"scenes is {env.scenes}, the split has {env.scenes_of_split}"
     if not seeds or len(set(seeds)) != len(seeds):
         yield f"seeds are {seeds}, expected whole numbers from 0 on, each once"
     keys = {key_of(name, seed) for name in names for seed in seeds}
-    lost = record.missed
     if not set(lost.reasons) <= keys or lost.crashed_scenes != len(lost.reasons):
         yield f"missed.crashed_scenes is {lost.crashed_scenes}, reasons are given for {len(lost.reasons)}"
-    env, split = record.env, record.env.keywords.get("split")
+    split = env.keywords.get("split")
     status = status_of(env.scenes, env.scenes_of_split, lost.crashed_scenes, len(keys), lost.reasons, split)
     if status != (record.status, record.status_reason):
         yield f"status is {record.status!r} ({record.status_reason}), its runs give {status[0]!r} ({status[1]})"
 
 
-def _of_scene(scene: ScenePart) -> Iterator[str]:
-    sums = [part.get(subset, []) for part in (scene.weight, scene.error) for subset in SUBSETS]
-    if {len(of_units) for of_units in sums} != {max(1, len(sums[0]))}:
-        yield f"per_scene of {scene.scene!r} lacks sums, expected one of 0 or more per subset and unit"
-
-
-def _of_setting(row: Row, record: Record) -> Iterator[str]:
-    """What a row repeats of the record."""
-    said = (row.agent, row.hypotheses, row.samples, row.seeds)
-    expected = (record.submission.name, record.hypotheses, record.samples, len(record.seeds))
-    if said != expected:
-        yield f"row {row.subset!r}: agent, hypotheses, samples and seeds are {said}, the record says {expected}"
-
-
-def _of_row(row: Row, weight: Sequence[float], error: Sequence[float], targets: int, most: float) -> Iterator[str]:
+def _inconsistent_row(
+    row: Row, weight: Sequence[float], error: Sequence[float], targets: int, most: float
+) -> Iterator[str]:
     where, total = f"row {row.subset!r}", sum(weight)
     interval = bootstrap_interval(error, weight) or (None, None)
-    for name, said, found in (
+    parts = (row.localisation, row.missed)
+    whole = row.error if None in parts else sum(part or 0.0 for part in parts)
+    for name, stated, found in (
         ("error", row.error, ratio(sum(error), total)),
         ("effective_units", row.effective_units, effective_number(weight)),
         *zip(("interval from", "interval to"), row.interval or (None, None), interval, strict=True),
-        ("localisation + missed", row.error, _plus(row.localisation, row.missed)),
+        ("localisation + missed", row.error, whole),
     ):
-        if not _close(said, found):
-            yield f"{where}: {name} is {said}, the sums of its units give {found}"
+        if (stated is None) != (found is None) or not math.isclose(
+            stated or 0.0, found or 0.0, rel_tol=_CLOSE, abs_tol=_CLOSE
+        ):
+            yield f"{where}: {name} is {stated}, the sums of its units give {found}"
     if row.subset == "all" and row.targets != round(total):
         yield f"{where}: targets is {row.targets}, the sums of its units give {round(total)}"
-    if not total * (1 - _CLOSE) <= row.targets <= targets:
-        yield f"{where}: targets is {row.targets}, expected {math.ceil(total)} to {targets}"
     for name, value, least, largest in (
+        ("targets", row.targets, total, targets),
         ("coverage", row.coverage, 0.0, 1.0),
         ("p", row.p, 0.0, 1.0),
-        ("difference_to_stp", row.difference_to_stp, 0.0, 0.0),  # alone: stp itself, or not known
+        ("difference_to_stp", row.difference_to_stp, 0.0, 0.0),  # alone: STP itself, or not known
         ("effective_targets", row.effective_targets, 0.0, row.targets),
         ("objects", row.objects, 0, row.targets),
         ("effective_objects", row.effective_objects, 0.0, row.objects),
@@ -126,16 +148,6 @@ def _of_row(row: Row, weight: Sequence[float], error: Sequence[float], targets: 
     ):
         if value is not None and not least * (1 - _CLOSE) <= value <= largest * (1 + _CLOSE):
             yield f"{where}: {name} is {value}, expected {least:g} to {largest:g}"
-    known = [name for name in _BESIDE_OTHERS if getattr(row, name) is not None]
-    if known:
-        yield f"{where}: {known[0]} is {getattr(row, known[0])}, expected null: no record can know it alone"
-
-
-def _plus(one: float | None, other: float | None) -> float | None:
-    return None if one is None or other is None else one + other
-
-
-def _close(said: float | None, found: float | None) -> bool:
-    if said is None or found is None:
-        return said is found
-    return math.isclose(said, found, rel_tol=_CLOSE, abs_tol=_CLOSE)
+    known = next((name for name in _NOT_KNOWN_ALONE if getattr(row, name, None) is not None), None)
+    if known is not None:
+        yield f"{where}: {known} is {getattr(row, known)}, expected null: it depends on other records"

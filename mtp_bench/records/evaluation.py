@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,15 +13,16 @@ from ..cards import Card
 from ..parallel import Workers, parallel_map
 from ..running.options import RunOptions
 from ..scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, stated_hypotheses, summarise
+from ..scoring.definitions import DEFINITIONS, GOLDEN
 from ..scoring.rows import Row
 from ..scoring.table import AgentTable
 from ..sources import open_source
 from ..sources.digest import scene_digest
 from ..types import Rollout
-from .provenance import data_manifest
-from .record import ReferencePart, ScenePart, Status
+from .canonical import rounded
+from .record import MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
-_LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")  # of a row: known beside other records, or measured
+_LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")  # of a row: they depend on other records, or are measured
 
 
 @dataclass(frozen=True)
@@ -32,15 +34,37 @@ class Evaluation:
     details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
     reference: ReferencePart
-    scene_digests: tuple[str, ...]  # of the data that it was scored on, in the order of the scenes
+    scene_digests: tuple[str, ...]  # of the data that was scored, in the order of the scenes
     truth_complete: bool
     hypotheses: int
     ms_per_frame: float | None
 
     @property
     def data_manifest(self) -> str:
-        """The digest of all of them."""
+        """Digest over those of the scenes."""
         return data_manifest(self.scene_digests)
+
+    def record_parts(
+        self, missed: MissedPart, runs: int, scenes_of_split: int, keywords: Mapping[str, Any]
+    ) -> dict[str, Any]:
+        """Fields of a record that follow from the evaluation, under today's scorer: its numbers and its status.
+
+        ``missed`` in ``runs`` (scenes x seeds); ``scenes_of_split``: number of scenes of the split; ``keywords`` of the
+        env name a split other than the card's.
+        """
+        scenes, split = len(self.per_scene), keywords.get("split")
+        status, reason = status_of(scenes, scenes_of_split, missed.crashed_scenes, runs, missed.reasons, split)
+        return {
+            "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
+            "reference": self.reference,
+            "status": status,
+            "status_reason": reason,
+            "hypotheses": self.hypotheses,
+            "rows": self.rows,
+            "silence": self.silence,
+            "details": self.details,
+            "per_scene": self.per_scene,
+        }
 
 
 def evaluate(
@@ -54,10 +78,9 @@ def evaluate(
 ) -> Evaluation:
     """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
 
-    ``agent`` is its name, ``card`` the environment, ``reference`` the event weights of these scenes; of ``options``
-    data, the number of processes and progress count. ``hypotheses`` as declared; None: what the agent states.
-    ``ideal``: it saw the truth. Raises RolloutError where the rollouts do not fit the scenes, DataError where data is
-    missing.
+    ``agent`` is its name, ``card`` the environment, ``reference`` the event weights of these scenes; ``options`` give
+    data, number of processes and progress. ``hypotheses`` as declared; None: as the answers state. ``ideal``: it
+    observed the truth. Raises RolloutError if the rollouts do not fit the scenes, DataError if data is missing.
     """
     calls = [(card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)]
     scored: list[tuple[str, tuple[SceneScore, ...]]] = parallel_map(
@@ -101,9 +124,9 @@ def status_of(
     reasons: Mapping[str, str] | None = None,
     split: str | None = None,
 ) -> tuple[Status, str]:
-    """Status of a record and why: ``crashed`` of ``runs`` (scenes x seeds) were cut short, for ``reasons``.
+    """Status of a record and its reason: ``crashed`` of ``runs`` (scenes x seeds) were not finished, for ``reasons``.
 
-    ``scenes`` of ``scenes_of_split`` were run; ``split``: another one than the env's. An agent that broke the rules of
+    ``scenes`` of ``scenes_of_split`` were run; ``split``: one other than the env's. An agent that broke the rules of
     the gateway in any run is rejected.
     """
     reasons = reasons or {}
@@ -119,10 +142,14 @@ def status_of(
     return "finished", ""
 
 
-def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> tuple[str, tuple[SceneScore, ...]]:
-    """Digest and scores, one per seed, of one scene."""
-    scene = open_source(card, data).load(rollouts[0].scene)
-    return scene_digest(scene), tuple(score_scene(scene, rollout, card) for rollout in rollouts)
+def scorer_digest() -> str:
+    """Hex sha256 of the version of the definitions and of the scorer's golden results."""
+    return hashlib.sha256(f"{DEFINITIONS}\n{GOLDEN}".encode()).hexdigest()
+
+
+def data_manifest(digests: Iterable[str]) -> str:
+    """Hex sha256 over the digests of the scenes, in their order."""
+    return hashlib.sha256("\n".join(digests).encode()).hexdigest()
 
 
 def per_scene_of(table: AgentTable) -> list[ScenePart]:
@@ -141,19 +168,13 @@ def per_scene_of(table: AgentTable) -> list[ScenePart]:
     ]
 
 
+def _score_scene(card: Card, data: str | None, rollouts: Sequence[Rollout]) -> tuple[str, tuple[SceneScore, ...]]:
+    """Digest and scores, one per seed, of one scene."""
+    scene = open_source(card, data).load(rollouts[0].scene)
+    return scene_digest(scene), tuple(score_scene(scene, rollout, card) for rollout in rollouts)
+
+
 def _stored(row: Row) -> Row:
-    """The row without what depends on others, and the same in every digit on other machines."""
+    """The row without fields that depend on other records, rounded to be equal on other machines."""
     kept = {name: rounded(value) for name, value in row.model_dump().items()}
     return row.model_copy(update={**kept, **dict.fromkeys(_LEFT_OUT)})
-
-
-def rounded(value: Any) -> Any:
-    """JSON with its numbers to 12 digits: a thousand times finer than what is compared.
-
-    The last digits of a product of matrices are those of the machine.
-    """
-    if isinstance(value, dict):
-        return {name: rounded(each) for name, each in value.items()}
-    if isinstance(value, list | tuple):
-        return type(value)(map(rounded, value))
-    return float(f"{value:.12g}") if isinstance(value, float) else value

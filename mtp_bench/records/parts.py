@@ -1,7 +1,7 @@
-"""What a submit has finished so far: every scene of every seed, stored as soon as it is done.
+"""Finished scenes of a submit, stored one by one so that an interrupted submit can be resumed.
 
-The folder lies beside the record and goes when the record is in place. A plan in it says what is run: only a submit of
-the same plan goes on from it.
+Their folder lies beside the record and is removed once the record is written. It holds the plan of the submit: only a
+submit of the same plan resumes it.
 """
 
 from __future__ import annotations
@@ -26,9 +26,8 @@ from ..types import Rollout
 from .storage import PARTS, ROLLOUTS, seed_folder
 
 Start = Literal["new", "resume", "fresh"]
-_PLAN = "plan.json"
-_LOCK = "lock"
-_SAID = "said"  # name of the array with what is known of a run beside its rollout
+_PLAN, _LOCK = "plan.json", "lock"
+_OTHER_FIELDS = "run"  # array with the fields of a run beside its rollout
 
 
 @dataclass(frozen=True)
@@ -38,27 +37,28 @@ class Parts:
     folder: Path
 
     def read(self, seed: int, scene: str) -> SceneRun | None:
-        """A scene that was finished; None where it was not, its file is broken, or another version wrote it."""
+        """A finished scene; None if it is missing, broken, or written by another version."""
         arrays = read_arrays(self._path(seed, scene))
-        if arrays is None or arrays.keys() != {*ARRAYS, _SAID}:
+        if arrays is None or arrays.keys() != {*ARRAYS, _OTHER_FIELDS}:
             return None
-        said = json.loads(str(arrays.pop(_SAID)))
+        fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
         try:
-            return SceneRun(Rollout(scene, **arrays), **{**said, "isolation": Isolation(**said["isolation"])})
+            return SceneRun(Rollout(scene, **arrays), **{**fields, "isolation": Isolation(**fields["isolation"])})
         except TypeError:  # other fields
             return None
 
     def write(self, seed: int, run: SceneRun) -> None:
-        """Store a scene as a whole; raises MtpBenchError where that fails."""
+        """Store a scene; raises MtpBenchError if that fails."""
         path = self._path(seed, run.rollout.scene)
-        said = {name: value for name, value in asdict(run).items() if name != "rollout"}
+        fields = {name: value for name, value in asdict(run).items() if name != "rollout"}
         arrays = {name: np.asarray(getattr(run.rollout, name), dtype) for name, (dtype, _) in ARRAYS.items()}
         try:
             path.parent.mkdir(exist_ok=True)
-            write_arrays(path, {**arrays, _SAID: np.array(json.dumps(said))}, brief=True)
+            write_arrays(path, {**arrays, _OTHER_FIELDS: np.array(json.dumps(fields))}, brief=True)
         except OSError as error:
             raise MtpBenchError(
-                f"cannot write {path}: {describe_write_error(error, path)}; finished scenes stay: --resume continues"
+                f"cannot write {path}: {describe_write_error(error, path)}; the scenes finished before are kept: "
+                "--resume continues"
             ) from None
 
     def _path(self, seed: int, scene: str) -> Path:
@@ -67,10 +67,10 @@ class Parts:
 
 @contextmanager
 def open_parts(target: Path, plan: dict[str, Any], start: Start = "new") -> Iterator[Parts]:
-    """The parts of the record at ``target``, for one process at a time; they are removed when the block ends well.
+    """The parts of the record at ``target``, for one process at a time; removed if the block ends without an error.
 
-    ``plan``: JSON that says what is run. Raises MtpBenchError where another process writes this record, RecordError
-    where parts are there that a new submit would lose, or that are of another plan.
+    ``plan``: JSON of all that is decided before the runs. Raises MtpBenchError if another process writes this record,
+    RecordError if there are parts that a new submit would lose, or parts of another plan.
     """
     folder = target.with_suffix(PARTS)
     make_folder(folder)
@@ -80,60 +80,55 @@ def open_parts(target: Path, plan: dict[str, Any], start: Start = "new") -> Iter
         _require_parts(folder)
         remove_leftovers(target, target.with_suffix(ROLLOUTS))
         if start == "fresh":
-            _discard(folder)
-        _agree(folder, plan)
+            for path in folder.glob("seed-*"):
+                shutil.rmtree(path, ignore_errors=True)
+            (folder / _PLAN).unlink(missing_ok=True)
+        _require_plan(folder, plan)
         try:
             yield Parts(folder)
         except BaseException:
-            if not count_parts(target):  # nothing is lost
+            if not count_parts(target):
                 shutil.rmtree(folder, ignore_errors=True)
             raise
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def require_new(target: Path) -> None:
-    """Raise RecordError where the parts of an earlier submit lie beside the record at ``target``."""
-    found = count_parts(target)
-    if found:
+    """Raise RecordError if an earlier submit left finished scenes beside the record at ``target``."""
+    count = count_parts(target)
+    if count:
         raise RecordError(
-            f"{target.with_suffix(PARTS)} holds {found} finished scenes of a submit that did not end: go on from them "
-            "with --resume, or discard them with --fresh"
+            f"{target.with_suffix(PARTS)} holds {count} finished scenes of an interrupted submit: continue it with "
+            "--resume, or discard them with --fresh"
         )
 
 
 def count_parts(target: Path) -> int:
-    """How many scenes, over all seeds, were finished for the record at ``target``, and are not in it yet."""
+    """Number of finished scenes, over all seeds, of an interrupted submit of the record at ``target``."""
     return sum(not path.name.startswith(".") for path in target.with_suffix(PARTS).glob("seed-*/*.npz"))
 
 
 def _require_parts(folder: Path) -> None:
-    """Never remove what is something else."""
-    foreign = sorted(path.name for path in folder.iterdir() if not _is_ours(path.name))
-    if foreign:
-        name = clean_text(foreign[0], 100)
-        raise RecordError(f"{folder} holds {name!r}, so it is no part of a submit: choose another output, or rename it")
+    """Raise RecordError if the folder holds other files, so that none of them is removed."""
+    known = (_PLAN, _LOCK)
+    others = [p.name for p in folder.iterdir() if p.name not in known and not p.name.startswith(("seed-", ".plan."))]
+    if others:
+        raise RecordError(
+            f"{folder} holds {clean_text(min(others), 100)!r}, which no submit wrote: choose another output, or rename "
+            "the folder"
+        )
 
 
-def _is_ours(name: str) -> bool:
-    return name in (_PLAN, _LOCK) or name.startswith(("seed-", f".{Path(_PLAN).stem}."))
-
-
-def _discard(folder: Path) -> None:
-    for path in folder.glob("seed-*"):
-        shutil.rmtree(path, ignore_errors=True)
-    (folder / _PLAN).unlink(missing_ok=True)
-
-
-def _agree(folder: Path, plan: dict[str, Any]) -> None:
-    """Store the plan; raises RecordError where the one that is there says something else."""
+def _require_plan(folder: Path, plan: dict[str, Any]) -> None:
+    """Store the plan; raises RecordError if a different one is stored."""
     path, wanted = folder / _PLAN, json.loads(json.dumps(plan))
     if not path.exists():
         write_text(path, json.dumps(wanted, indent=1) + "\n")
         return
-    there = read_json(path, RecordError)
-    for name in {**there, **wanted}:
-        if there.get(name) != wanted.get(name):
-            got, expected = (clean_text(json.dumps(side.get(name)), 100) for side in (wanted, there))
+    stored = read_json(path, RecordError)
+    for name in {**stored, **wanted}:
+        if stored.get(name) != wanted.get(name):
+            got, expected = (clean_text(json.dumps(side.get(name)), 100) for side in (wanted, stored))
             raise RecordError(
                 f"{folder} was begun with another plan: {name} is {got}, there it is {expected}; submit as then, or "
                 "discard it with --fresh"

@@ -1,4 +1,4 @@
-"""Records against each other, from their sums per unit alone: the rules of the scorer, applied to records.
+"""Ranks of records from their sums per unit: the rules of the scorer, applied to records.
 
 Recorded envs are ranked by the sums of the records; simulated ones by those of hidden scenes, from signed levels.
 """
@@ -13,20 +13,19 @@ from .._bundle import baseline_names
 from ..scoring.rank import guard, ranks_among, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
 from ..scoring.subsets import SUBSETS, Subset
+from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
 from .record import HiddenPart, Record, SubmissionPart
-from .shipped import baseline_networks, shipped
+from .shipped import baseline_networks, network_references, shipped
 
-STP, TRUTH = "stp", "truth_past"
-# Between whom the gap of an agent with a network is: one hypothesis, and true pasts, with the network of true pasts
-NETWORK_ENDS = {"modes": ("stp_modes", "truth_modes"), "ptp": ("stp_ptp", "truth_ptp")}
+STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 OTHERS = "other data, scenes or hidden scenes than the ranked ones"
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where a record stands on one subset."""
+    """The rank of a record on one subset."""
 
     rank: int | None = None
     why: str = ""  # it has no rank
@@ -34,56 +33,56 @@ class Place:
 
 @dataclass(frozen=True)
 class Standing:
-    """Where a record stands among those of its environment."""
+    """Ranks of a record among those of its environment, and its numbers beside theirs."""
 
     places: Mapping[Subset, Place]
-    compared: bool = False  # with the main ranking of its environment, whether or not that has ranks
-    gaps: Mapping[Subset, float] = field(default_factory=dict)  # what it closes of that from STP to true pasts
-    own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # of that between ends with its own predictor
-    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of what ranks, to STP beside it
+    compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings to rank
+    gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between STP and ground-truth tracks
+    own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between references of its predictor
+    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of the ranking error, to STP's
 
 
 @dataclass(frozen=True, eq=False)
 class _Entrant(Checked):
-    """A record beside others of its env."""
+    """A record among others of its env."""
 
-    why: str | None = None  # it is never ranked
-    apart: str | None = None  # its numbers say nothing beside those of others
+    unranked: str | None = None  # why it is not ranked
+    not_comparable: str | None = None  # why its numbers cannot be compared with those of others
 
     @cached_property  # it reads the submission of that name
-    def named(self) -> str:
-        """Its name, where it is the name's owner."""
+    def baseline(self) -> str:
+        """Its name if it is what it is named; empty for another submission under the name of a baseline."""
         return "" if why_not_genuine(self.record) else self.record.submission.name
 
 
 def standings(
     records: Sequence[Record], levels: Mapping[str, SignedLevel] | None = None, ships: Ships = shipped
 ) -> dict[str, Standing]:
-    """Where each record stands, by its digest.
+    """Standing of each record, by its digest.
 
     Args:
         records: Of any envs.
         levels: Signed levels by the digest of the record.
-        ships: What ships for an env, by its id.
+        ships: The shipped env of an id.
 
     Only records of what ships, of one data, the same units and division are ranked against each other; on simulated
-    envs those of one seal. The main ranking of an env is that of the newest seal that STP is on, and of the record
-    that was checked best, STP's before others: never that of most records. A better record moves others down; apart
-    from that, what a record holds changes no group, guard or gap but its own. Records of an earlier version stand
-    apart, among themselves: they are not checked against what ships, and only those with a signed level are ranked.
+    envs those of one seal. The main ranking of an env is that of the newest seal with a record of STP, and of the
+    record with the highest level, STP's before others: never that of most records. A better record moves others down;
+    apart from that, a record changes no group, guard or gap but its own. Records of an earlier version stand apart,
+    among themselves: they are not compared with what ships, and only those with a signed level are ranked.
     """
-    found: dict[str, Standing] = {}
     levels = levels or {}
     groups: dict[tuple[str, str], list[Record]] = {}
     for record in records:
         groups.setdefault((record.env.id, record.earlier_version), []).append(record)
+    found: dict[str, Standing] = {}
     for group in groups.values():
-        found |= _of_env(group, levels, ships)
+        found |= _standings_of_env(group, levels, ships)
     return found
 
 
 def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
-    """What two must share to be compared with each other: then they have the same units, too."""
+    """Data, scenes and units: equal for results that can be compared."""
     if isinstance(sums, HiddenPart):
         of: tuple[object, ...] = (sums.commitment, sums.weights)
     else:
@@ -93,72 +92,89 @@ def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
 
 
 def difference_of(one: Checked, other: Checked, subset: Subset) -> PairedDifference | None:
-    """The error of ``one`` less that of ``other``, metres, paired unit by unit; they have the same `conditions`."""
+    """Ranking error of ``one`` minus that of ``other``, metres, paired by unit; both have the same `conditions`."""
     return paired_difference(one.sums.unit_error(subset), other.sums.unit_error(subset), one.sums.unit_weight(subset))
 
 
-def _of_env(records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships) -> dict[str, Standing]:
+def own_ends(submission: SubmissionPart) -> tuple[str, str] | None:
+    """Names of the records that bound gap_closed for the submission's predictor; None if unknown."""
+    if submission.ends == "controls":
+        return STP, TRUTH
+    if submission.ends is None:
+        return None
+    # weights that ship, as for simulated traffic, are in no list of a record
+    names = submission.networks or baseline_networks(submission.name)
+    pairs = map(network_references, sorted({name.partition("-")[0] for name in names}))
+    return next((pair for pair in pairs if pair is not None), None)
+
+
+def _standings_of_env(
+    records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships
+) -> dict[str, Standing]:
     taken = taken_names(records, levels)
     entrants = [_entrant(record, levels.get(record.digest), taken.get(record.digest), ships) for record in records]
     groups: dict[tuple[str, tuple[object, ...]], list[_Entrant]] = {}
     for entrant in entrants:
-        if entrant.why is None:
+        if entrant.unranked is None:
             groups.setdefault((entrant.record.division, conditions(entrant.sums)), []).append(entrant)
-    closed = [entrant for entrant in entrants if entrant.why is None and entrant.record.division == "closed"]
-    anchored = {conditions(entrant.sums) for entrant in closed if entrant.named == STP}
-    leading = [each for each in closed if conditions(each.sums) in anchored] or closed  # a seal that STP is not on yet
-    main = None if not leading else conditions(max(leading, key=_anchors).sums)
-    beside = [each for each in entrants if each.apart is None and main is not None and conditions(each.sums) == main]
-    places = {entrant.record.digest: _nowhere(entrant.why or "") for entrant in entrants}
+    main = _main_conditions([each for each in entrants if each.unranked is None and each.record.division == "closed"])
+    peers = [each for each in entrants if each.not_comparable is None and conditions(each.sums) == main]
+    places = {each.record.digest: _unranked(each.unranked or "") for each in entrants}
     for (division, condition), group in groups.items():
-        ranked = _places(group, beside)
+        ranked = _places(group, peers)
         if (division, condition) != ("closed", main):
-            ranked = [_nowhere(_outside(division, place["all"])) for place in ranked]
-        places |= {entrant.record.digest: place for entrant, place in zip(group, ranked, strict=True)}
-    inside = {entrant.record.digest for entrant in groups.get(("closed", main), [])} if main is not None else set()
-    gaps = {entrant.record.digest: _gaps(entrant, beside, (STP, TRUTH)) for entrant in beside}
-    own = {each.record.digest: _own_gaps(each, beside, gaps[each.record.digest]) for each in beside}
-    differences = {entrant.record.digest: _differences(entrant, _named(STP, beside)) for entrant in beside}
-    return {
-        digest: Standing(
-            place, digest in inside, gaps.get(digest, {}), own.get(digest, {}), differences.get(digest, {})
-        )
-        for digest, place in places.items()
-    }
+            ranked = [_unranked(_why_apart(division, place["all"])) for place in ranked]
+        places |= {each.record.digest: place for each, place in zip(group, ranked, strict=True)}
+    inside = {each.record.digest for each in groups.get(("closed", main), [])} if main is not None else set()
+    found = {digest: Standing(place, digest in inside) for digest, place in places.items()}
+    stp = _best_named(STP, peers)
+    for each in peers:
+        gaps, own = _gaps(each, peers, (STP, TRUTH)), own_ends(each.record.submission)
+        own_gaps = gaps if own == (STP, TRUTH) else _gaps(each, peers, own)
+        digest = each.record.digest
+        found[digest] = Standing(places[digest], digest in inside, gaps, own_gaps, _differences(each, stp))
+    return found
 
 
 def _entrant(record: Record, level: SignedLevel | None, taken: str | None, ships: Ships) -> _Entrant:
-    why = why_unranked(record, level, ships) or taken
-    return _Entrant(record, level, why, why_not_comparable(record, level, ships) or taken)
+    not_comparable = why_not_comparable(record, level, ships) or taken
+    return _Entrant(record, level, why_unranked(record, level, ships) or taken, not_comparable)
 
 
-def _anchors(entrant: _Entrant) -> tuple[object, ...]:
-    """How much a record says of which ranking is the main one; the largest decides."""
-    signed, name = entrant.signed, entrant.named
+def _main_conditions(closed: Sequence[_Entrant]) -> tuple[object, ...] | None:
+    """Conditions of the main ranking, from the ranked entrants of the closed division; None without any."""
+    with_stp = {conditions(each.sums) for each in closed if each.baseline == STP}
+    leading = [each for each in closed if conditions(each.sums) in with_stp] or closed  # a seal without STP yet
+    return conditions(max(leading, key=_precedence).sums) if leading else None
+
+
+def _precedence(entrant: _Entrant) -> tuple[object, ...]:
+    """Sort key: the largest decides on the main ranking, and among records of one name."""
+    signed, name = entrant.signed, entrant.baseline
     made = signed.seal.made if signed is not None and signed.seal is not None else ""
     return made, LEVELS.index(entrant.level), name == STP, name in baseline_names(), entrant.record.digest
 
 
-def _nowhere(why: str) -> dict[Subset, Place]:
+def _unranked(why: str) -> dict[Subset, Place]:
     return dict.fromkeys(SUBSETS, Place(why=why))
 
 
-def _outside(division: str, place: Place) -> str:
-    """Why a record has no rank that is ranked among others than those of the main ranking."""
+def _why_apart(division: str, place: Place) -> str:
+    """Why a record of another group than the main ranking has no rank."""
     if division == "closed":
         return OTHERS
     return "open division" + (f": rank {place.rank} there" if place.rank is not None else "")
 
 
-def _places(group: Sequence[_Entrant], beside: Sequence[_Entrant]) -> list[dict[Subset, Place]]:
-    """The places of records that are ranked against each other; ``beside`` has the ends of their gaps."""
+def _places(group: Sequence[_Entrant], peers: Sequence[_Entrant]) -> list[dict[Subset, Place]]:
+    """Places of records that are ranked against each other; ``peers`` hold their reference agents."""
     places: list[dict[Subset, Place]] = [{} for _ in group]
     sums = [entrant.sums for entrant in group]
-    limits = [_limits(entrant, beside) for entrant in group]
+    limits = [_stp_errors(entrant, peers) for entrant in group]
     for subset in SUBSETS:
-        nobody = why_not_on(subset, sums[0].row_of(subset).effective_objects, sums[0].unit_weight(subset))
+        of_all = why_not_on(subset, sums[0].row_of(subset).effective_objects, sums[0].unit_weight(subset))
         why = [
-            nobody or (None if subset == "all" else _guarded(each.row.error, *limit))
+            of_all or (None if subset == "all" else _guarded(each.row.error, *limit))
             for each, limit in zip(sums, limits, strict=True)
         ]
         ranks = ranks_among([each.unit_error(subset) for each in sums], why)
@@ -168,31 +184,20 @@ def _places(group: Sequence[_Entrant], beside: Sequence[_Entrant]) -> list[dict[
 
 
 def _guarded(error: float | None, stp: float | None, own: float | None) -> str | None:
-    """Why a record is not ranked on event subsets; where STP is not beside it nobody knows."""
+    """Why a record is not ranked on event subsets."""
     return "no record of stp beside it" if stp is None else guard(error, stp, own)
 
 
-def _limits(entrant: _Entrant, beside: Sequence[_Entrant]) -> tuple[float | None, float | None]:
-    """Errors over all targets of STP, and of STP with the record's own predictor; None: not known."""
-    ends = own_ends(entrant.record.submission)
-    stp, own = _named(STP, beside), None if ends is None else _named(ends[0], beside)
+def _stp_errors(entrant: _Entrant, peers: Sequence[_Entrant]) -> tuple[float | None, float | None]:
+    """Errors over all targets of STP, and of STP with the record's own predictor; None if unknown."""
+    pair = own_ends(entrant.record.submission)
+    stp, own = _best_named(STP, peers), None if pair is None else _best_named(pair[0], peers)
     return None if stp is None else stp.sums.row.error, None if own is None else own.sums.row.error
 
 
-def own_ends(submission: SubmissionPart) -> tuple[str, str] | None:
-    """Whose records are the ends of a gap with the predictor of a submission; None where there are none."""
-    if submission.ends == "controls":
-        return STP, TRUTH
-    # weights that ship, as for simulated traffic, are in no list of a record
-    named = submission.networks or baseline_networks(submission.name)
-    networks = sorted(name.partition("-")[0] for name in named)
-    found = next((NETWORK_ENDS[name] for name in networks if name in NETWORK_ENDS), None)
-    return found if submission.ends == "own" else None
-
-
-def _gaps(entrant: _Entrant, beside: Sequence[_Entrant], ends: tuple[str, str] | None) -> dict[Subset, float]:
-    """What a record closes of the gap between two records ``beside`` it, all of one k."""
-    stp, truth = (None, None) if ends is None else (_named(name, beside) for name in ends)
+def _gaps(entrant: _Entrant, peers: Sequence[_Entrant], pair: tuple[str, str] | None) -> dict[Subset, float]:
+    """gap_closed of a record on each subset, between two records of ``peers`` with the same k."""
+    stp, truth = (None, None) if pair is None else (_best_named(name, peers) for name in pair)
     if stp is None or truth is None or len({each.record.samples for each in (entrant, stp, truth)}) > 1:
         return {}
     closed: dict[Subset, float] = {}
@@ -204,25 +209,17 @@ def _gaps(entrant: _Entrant, beside: Sequence[_Entrant], ends: tuple[str, str] |
     return closed
 
 
-def _own_gaps(entrant: _Entrant, beside: Sequence[_Entrant], gaps: Mapping[Subset, float]) -> Mapping[Subset, float]:
-    """What a record closes of the gap between ends with its own predictor; ``gaps``: between STP and true pasts."""
-    ends = own_ends(entrant.record.submission)
-    return gaps if ends == (STP, TRUTH) else _gaps(entrant, beside, ends)
-
-
 def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, PairedDifference]:
-    """The error of a record minus that of the record of ``stp`` of the same k, paired unit by unit."""
+    """Ranking error of a record minus that of STP's record with the same k, on each subset."""
     if stp is None or stp is entrant or stp.record.samples != entrant.record.samples:
         return {}
-    found: dict[Subset, PairedDifference] = {}
-    for subset in SUBSETS if entrant.record.status == "finished" else ():
-        less = difference_of(entrant, stp, subset)
-        if less is not None:
-            found[subset] = less
-    return found
+    if entrant.record.status != "finished":
+        return {}
+    found = {subset: difference_of(entrant, stp, subset) for subset in SUBSETS}
+    return {subset: difference for subset, difference in found.items() if difference is not None}
 
 
-def _named(name: str, entrants: Sequence[_Entrant]) -> _Entrant | None:
-    """The genuine baseline of that name, the one that was checked best."""
-    found = [each for each in entrants if each.named == name and each.record.status == "finished"]
-    return max(found, key=_anchors, default=None)
+def _best_named(name: str, entrants: Sequence[_Entrant]) -> _Entrant | None:
+    """The finished record of the genuine submission ``name`` with the highest level."""
+    found = [each for each in entrants if each.baseline == name and each.record.status == "finished"]
+    return max(found, key=_precedence, default=None)

@@ -1,18 +1,18 @@
-"""The schema of a record and of what hidden scenes add to it, and in what two contents of them differ."""
+"""The schema of a record, and of the results on hidden scenes that its signed level may add."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
+from typing_extensions import TypeAliasType  # pydantic brings it
 
 from .._version import __version__
+from ..files import unseen
 from ..running.options import MOST_SEED
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
-from ..scoring.subsets import Subset
+from ..scoring.subsets import SUBSETS, Subset
 from ..strict import Section
 from ..submission.manifest import NAME_PATTERN
 from .canonical import Date, Sha256
@@ -20,79 +20,113 @@ from .canonical import Date, Sha256
 Division = Literal["closed", "open"]
 Mechanism = Literal["bubblewrap", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
+Observed = Literal["detections", "truth", "tracks"]
 EARLIER, EARLIER_VERSIONS = "0.2", ("0.1.", "0.2.")  # label of what these versions of the package made
-TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
+_LARGEST = 1 << 53  # larger whole numbers are not the same in every reader of JSON
 
+
+def _visible(text: str) -> str:
+    if not (text.isascii() and text.isprintable()):  # letters are looked at one by one only where needed
+        letter = next((letter for letter in text if unseen(letter) and letter not in "\n\t"), None)
+        if letter is not None:
+            raise ValueError(f"contains U+{ord(letter):04X}, expected no invisible and no control characters")
+    return text
+
+
+Text = Annotated[str, Field(max_length=MOST_TEXT), AfterValidator(_visible)]
+Name = Annotated[str, Field(max_length=MOST_NAME), AfterValidator(_visible)]
+if TYPE_CHECKING:
+    Json = Any
+else:  # finite numbers, bounded whole numbers and texts, however deep
+    _Whole = Annotated[int, Field(ge=-_LARGEST, le=_LARGEST)]
+    Json = TypeAliasType("Json", bool | _Whole | float | Text | list["Json"] | dict[Text, "Json"] | None)
 _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]  # part of a path
-_Name = Annotated[str, Field(max_length=MOST_NAME)]
-_Text = Annotated[str, Field(max_length=MOST_TEXT)]
+_Url = Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT), AfterValidator(_visible)]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
-_Unmade = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is sealed
+_Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is stored
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 _NotNegative = Annotated[float, Field(ge=0)]
+
+
+def _one_per_subset(rows: list[Row]) -> list[Row]:
+    subsets = tuple(row.subset for row in rows)
+    if subsets != SUBSETS:
+        raise ValueError(f"holds rows of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}")
+    return rows
+
+
+def _equally_long(sums: UnitSums) -> UnitSums:
+    if len({len(sums.get(subset, ())) for subset in SUBSETS} | {max(1, len(sums.get("all", ())))}) > 1:
+        raise ValueError("expected one sum or more of every subset, equally many of each")
+    return sums
+
+
 UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
+Rows = Annotated[list[Row], Field(max_length=MOST_NAMES), AfterValidator(_one_per_subset)]
+_SceneSums = Annotated[UnitSums, AfterValidator(_equally_long)]
 
 
 class SubmissionPart(Section):
-    """What was run."""
+    """The submission: name, digest, parameters."""
 
     name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME)]
-    authors: Annotated[list[_Name], Field(max_length=MOST_NAMES)]
-    description: _Text
-    source: Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT)]  # where it is published
+    authors: Annotated[list[Name], Field(max_length=MOST_NAMES)]
+    description: Text
+    source: _Url  # of its code
     commit: Annotated[str, Field(pattern=r"^([0-9a-f]{7,64})?$")]
-    paper: Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT)]  # where it is described
-    license: _Name
+    paper: _Url
+    license: Name
     digest: Sha256  # over all files that ran: those of the folder, and these weights
-    networks: dict[_Name, Sha256]  # weights beside the folder, trained on the machine where it ran: file, its sha256
-    parameters: dict[str, Any]
-    ends: Literal["controls", "own"] | None  # of its gap: stp and truth_past have its predictor, or it states others
+    networks: dict[Name, Sha256]  # weights outside the folder, trained on the machine where it ran: file, its sha256
+    parameters: dict[Text, Json]
+    hypotheses: Count | None = None  # as declared by a parameter; None: the answers state them
+    ends: Literal["controls", "own"] | None  # reference pair of its gap: STP and ground-truth tracks, or others
 
 
 class EnvPart(Section):
-    """What it was run on."""
+    """The environment, its split and its scenes."""
 
     id: _FileName
     card_digest: _CardDigest
-    split: _Name
-    data_manifest: Sha256  # over all that the scorer read
+    split: Name
+    data_manifest: Sha256  # over all data that the scorer read
     scenes: Annotated[int, Field(ge=1, le=MOST_SCENES)]
-    scenes_of_split: Count
-    observe: Literal["detections", "truth", "tracks"]
+    scenes_of_split: Annotated[Count, Field(le=_LARGEST)]
+    observe: Observed
     truth_complete: bool  # False: false forecasts are not known, all forecasts count against the budgets
-    keywords: dict[str, Any]  # settings of the env beyond the card
+    keywords: dict[Text, Json]  # settings of the env beyond the card
 
 
 class ScorerPart(Section):
-    """What scored it."""
+    """The scorer: version of the definitions, digest."""
 
-    definitions: _Name
+    definitions: Name
     source_digest: Sha256  # of the version of the definitions and the golden results, see `scorer_digest`
 
 
 class ReferencePart(Section):
     """The event weights."""
 
-    name: _Name  # the baseline whose events they are
+    name: Name  # baseline whose events they count
     hash: Sha256
-    origin: _Text
-    frozen: bool  # those that ship for the env; False: made from the scenes of this record
+    origin: Text
+    frozen: bool  # they ship for the env; False: made from the scenes of this record
 
 
 class HardwarePart(Section):
-    """Where it was run."""
+    """The machine."""
 
-    cpu: _Text
+    cpu: Text
     cores: Count
     memory_gib: _NotNegative
-    gpu: _Text | None
+    gpu: Text | None
 
 
 class LatencyPart(Section):
-    """Time per answer; the first of each scene, in which code is loaded and compiled, is left out."""
+    """Time per answer, without the first of each scene, in which code is loaded and compiled."""
 
     p50_ms: _NotNegative | None
     p95_ms: _NotNegative | None
@@ -100,41 +134,41 @@ class LatencyPart(Section):
 
 
 class MeasuredPart(Section):
-    """What an equal run would not repeat: outside the digest of the record, with a digest of its own."""
+    """Measurements that an equal run does not repeat: they have a digest of their own."""
 
     hardware: HardwarePart
     latency: LatencyPart
     ms_per_frame: _NotNegative | None  # mean
     peak_memory_mib: _NotNegative
     made: Date  # UTC
-    digest: _Unmade = ""
+    digest: _Digest = ""
 
 
 class LimitsPart(Section):
-    """What the agent was allowed; as `gateway.Limits`."""
+    """Limits of the agent, as `gateway.Limits`."""
 
     start: _Seconds
     reset: _Seconds
     first_frame: _Seconds
-    frame: _Seconds  # later answers are misses
+    frame: _Seconds  # later answers are missed
     scene: _Seconds
     memory: _Bytes
     disk: _Bytes
     answer: _Bytes
-    cuda: bool = False  # it was given the graphics cards
+    cuda: bool = False  # it got the graphics cards
 
 
 class MissedPart(Section):
-    """Frames, over all scenes and seeds, that are missing for another reason than silence; and scenes cut short."""
+    """Frames without an accepted answer, over all scenes and seeds, and scenes that were not finished."""
 
     late: Count
     malformed: Count
     crashed_scenes: Count  # of scenes x seeds
-    reasons: dict[str, _Text]  # "scene|seed" -> why it was cut short
+    reasons: dict[Text, Text]  # "scene|seed" -> why the scene was not finished
 
 
 class IsolationPart(Section):
-    """What held the agent in every run, the weakest of them; as `gateway.Isolation`."""
+    """How the agent was sandboxed, the weakest over all runs; as `gateway.Isolation`."""
 
     mechanism: Mechanism
     memory: Literal["cgroup", "watch"]
@@ -146,69 +180,70 @@ class IsolationPart(Section):
 
 
 class HashesPart(Section):
-    """What another run must repeat, over all scenes and seeds."""
+    """Digests that another run must repeat, over all scenes and seeds."""
 
-    seals: Sha256  # of the hash chains over the answers as they came
+    seals: Sha256  # of the hash chains over the answers
     rollouts: Sha256  # of the digests of the rollouts
 
 
 class ScenePart(Section):
-    """What ranks, summed over the targets of each unit of one scene: enough to rank records without their rollouts."""
+    """Sums of one scene over the targets of each unit: enough to rank records without their rollouts."""
 
-    scene: _Name
-    weight: UnitSums  # [units of the scene] of the targets
-    error: UnitSums  # [units] m, weighted, at the budgets of the whole record, mean over seeds
+    scene: Name
+    weight: _SceneSums  # [units of the scene] of the targets
+    error: _SceneSums  # [units] m, weighted, at the budgets of the whole record, mean over seeds
 
     @property
     def targets(self) -> int:
-        """Their number."""
+        """Number of targets."""
         return round(sum(self.weight["all"]))
 
     @property
     def mean_error(self) -> float | None:
-        """Over all targets, m; None without any."""
+        """Mean error over all targets, m; None without any."""
         return ratio(sum(self.error["all"]), sum(self.weight["all"]))
 
 
 class Record(Section):
-    """One submission on one env: an equal run gives an equal record, but for what is measured.
+    """Results of one submission on one env: an equal run gives an equal record, but for `measured`.
 
-    The rows have no ranks: those depend on the records beside it. ``gap_closed`` is null in them for the same reason,
-    and so is ``gap_closed_same_predictor``, unless the ends were run with the submission; ``ms_per_frame`` is measured.
-    How far a record was checked stands in a signed file beside it, see `attestation`.
+    The rows have no ranks, which depend on other records. ``gap_closed`` is null in them for the same reason, and so is
+    ``gap_closed_same_predictor`` unless its reference agents were run with the submission; ``ms_per_frame`` is
+    measured. The level to which a record was checked stands in a signed file beside it, see `attestation`.
     """
 
     format: Literal[2] = 2
     submission: SubmissionPart
     division: Division
-    training_data: Annotated[list[_Text], Field(max_length=MOST_NAMES)]  # as declared
+    training_data: Annotated[list[Text], Field(max_length=MOST_NAMES)]  # as declared
     env: EnvPart
     scorer: ScorerPart
     reference: ReferencePart
     seeds: Annotated[list[Annotated[int, Field(ge=0, le=MOST_SEED)]], Field(max_length=MOST_NAMES)]
     status: Status
-    status_reason: _Text
-    versions: Annotated[dict[str, _Name], Field(max_length=MOST_NAMES)]
+    status_reason: Text
+    versions: Annotated[dict[Name, Name], Field(max_length=MOST_NAMES)]
     limits: LimitsPart
     missed: MissedPart
     isolation: IsolationPart
     hypotheses: Count
     samples: Count
-    rows: list[Row]  # one per subset
-    silence: float | None  # m, what an agent that says nothing scores
-    details: dict[str, Any]  # as `Details` of the scorer are written
+    rows: Rows
+    silence: float | None  # m, error if nothing is predicted
+    details: dict[Text, Json]  # `Details` of the scorer
     per_scene: Annotated[list[ScenePart], Field(max_length=MOST_SCENES)]
     hashes: HashesPart
     measured: MeasuredPart
-    digest: _Unmade = ""
+    plan: _Digest = ""  # of all that was decided before the runs, see `parts`
+    digest: _Digest = ""
 
     @property
     def row(self) -> Row:
-        """The row of the subset "all"."""
+        """Row of the subset "all"."""
         return self.row_of("all")
 
     def row_of(self, subset: Subset) -> Row:
-        """The row of one subset."""
+        """Row of one subset."""
         return next(row for row in self.rows if row.subset == subset)
 
     @property
@@ -224,39 +259,39 @@ class Record(Section):
 
     @property
     def unfinished(self) -> str:
-        """Why not every scene was lived to its end, in a few words; empty where every one was."""
+        """Why some scenes were not finished; empty if all were."""
         if self.status != "finished":
             return f"{self.status}: {self.status_reason}"
-        cut = self.missed.crashed_scenes
-        return f"{cut} of {self.runs} scenes and seeds were cut short" if cut else ""
+        crashed = self.missed.crashed_scenes
+        return f"{crashed} of {self.runs} scenes and seeds were not finished" if crashed else ""
 
     def unit_weight(self, subset: Subset) -> list[float]:
         """Weight of the targets of each unit, over all scenes."""
         return [value for scene in self.per_scene for value in scene.weight[subset]]
 
     def unit_error(self, subset: Subset) -> list[float]:
-        """What ranks, times the weight, summed over the targets of each unit, m."""
+        """Weighted ranking error per unit [U], metres."""
         return [value for scene in self.per_scene for value in scene.error[subset]]
 
 
 class HiddenPart(Section):
-    """What was scored on scenes of secret seeds, without their names: a name tells the seed."""
+    """Results on scenes of secret seeds, without their names, from which the seeds would follow."""
 
     commitment: Sha256  # of the secret
-    weights: Sha256  # hash of their event weights, which are made once per seal
+    weights: Sha256  # hash of their event weights, made once per seal
     scenes: Count
-    rows: list[Row]  # one per subset
-    silence: float | None  # m, what an agent that says nothing scores there
+    rows: Rows
+    silence: float | None  # m, error if nothing is predicted there
     weight: UnitSums  # [units] of the targets, over all scenes, in an order that the salt of the seal draws
     error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
 
     @property
     def row(self) -> Row:
-        """The row of the subset "all"."""
+        """Row of the subset "all"."""
         return self.row_of("all")
 
     def row_of(self, subset: Subset) -> Row:
-        """The row of one subset."""
+        """Row of one subset."""
         return next(row for row in self.rows if row.subset == subset)
 
     def unit_weight(self, subset: Subset) -> list[float]:
@@ -264,38 +299,10 @@ class HiddenPart(Section):
         return self.weight.get(subset, [])
 
     def unit_error(self, subset: Subset) -> list[float]:
-        """What ranks, times the weight, summed over the targets of each unit, m."""
+        """Weighted ranking error per unit [U], metres."""
         return self.error.get(subset, [])
 
 
 def key_of(scene: str, seed: int) -> str:
     """Key of one run, as in ``missed.reasons``."""
     return f"{scene}|{seed}"
-
-
-class Difference(NamedTuple):
-    """Something that a record says and that was found to be otherwise."""
-
-    what: str
-    recorded: Any
-    found: Any
-
-
-def unequal(where: str, recorded: Any, found: Any) -> Iterator[Difference]:
-    """The leaves in which two contents of JSON differ, numbers by more than TOLERANCE."""
-    if isinstance(recorded, dict) and isinstance(found, dict):
-        for name in dict.fromkeys([*recorded, *found]):
-            path = f"{where}.{name}" if where else name
-            yield from unequal(path, recorded.get(name), found.get(name))
-    elif isinstance(recorded, list) and isinstance(found, list) and len(recorded) == len(found):
-        for index, (one, other) in enumerate(zip(recorded, found, strict=True)):
-            yield from unequal(f"{where}[{index}]", one, other)
-    elif not _same(recorded, found):
-        yield Difference(where, recorded, found)
-
-
-def _same(recorded: Any, found: Any) -> bool:
-    numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in (recorded, found))
-    if numbers:
-        return math.isclose(recorded, found, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
-    return type(recorded) is type(found) and bool(recorded == found)

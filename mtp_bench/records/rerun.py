@@ -1,71 +1,63 @@
-"""A submission that is run again: scenes in random order, and once more under a motion that nobody could know.
+"""A submission that is run again: scenes in random order, under a secret motion, and on hidden scenes.
 
 The seeds of a record are public, and with them how its scenes were turned and shifted: a table of coordinates as they
-were shown would score. It does not under another motion; an agent that tracks and predicts scores alike. What one run
-leaves in the page cache of the system for the next is of no use where nobody knows which comes next. A table relative
-to the first pose of the ego works under any motion: that nobody has one of recorded scenes is what authors declare.
+were shown would score. It does not under another motion; an agent that tracks and predicts scores alike. The order is
+random, so that what one run leaves in the page cache of the system cannot be used by the next. A table relative to the
+first pose of the ego works under any motion: that a submission has none is for its authors to declare.
+
+Hidden scenes, which rank on simulated envs, are made for a check, or for several, and deleted after it. Of them only
+sums per unit are published, since the name of a scene tells its seed.
 """
 
 from __future__ import annotations
 
 import secrets
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 
 from ..errors import RecordError
 from ..gateway import Limits, SceneRun
+from ..parallel import Progress
 from ..scoring import Reference
 from ..scoring.rank import why_not_on
 from ..scoring.rows import Row
-from .record import Difference, IsolationPart, Record
-from .running import Plan, evaluate_plan, run_seed, unanswered
+from ..scoring.subsets import SUBSETS
+from ..sources import discard, keep_private, open_source
+from .canonical import Difference
+from .record import HiddenPart, IsolationPart, Record
+from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
+from .seal import Sealed
 
 # Share of the error by which other draws may be worse, on all targets and on event subsets that rank. Seeds of a
-# baseline differ by 0.06 at most, by 0.015 where event subsets rank.
+# baseline differ by 0.06 at most, by 0.015 on event subsets that rank.
 ALIKE = 0.1
 _NEGLIGIBLE = 1e-3  # m
 _SEEDS = 1 << 60  # as many as those of hidden runs
-_chance = secrets.SystemRandom()
-
-Runs = dict[int, list[SceneRun]]
+_random = secrets.SystemRandom()
 
 
 def run_again(plan: Plan, seeds: Sequence[int], limits: Limits) -> Runs:
-    """The runs of each seed in the order of ``seeds`` and of the plan; they were made in a random one."""
-    found = {seed: _shuffled(plan, seed, limits) for seed in _chance.sample(list(seeds), len(seeds))}
+    """Run each seed, in the order of ``seeds`` and of the plan in the result, in a random one in time."""
+    found = {seed: _run_shuffled(plan, seed, limits) for seed in _random.sample(list(seeds), len(seeds))}
     return {seed: found[seed] for seed in seeds}
 
 
-def rows_when_moved(plan: Plan, reference: Reference, limits: Limits) -> Sequence[Row]:
-    """What the submission of ``plan`` scores on each subset under one secret seed.
+def rows_under_random_pose(plan: Plan, reference: Reference, limits: Limits) -> Sequence[Row]:
+    """Rows of the submission of ``plan`` under one secret seed, which turns and shifts the scenes.
 
-    Raises RecordError where the agent did not live to the end of every scene: it knows the public seeds.
+    Raises RecordError unless the agent finished every scene: it could recognise the public seeds.
     """
     seed = secrets.randbelow(_SEEDS)
-    runs = {seed: _shuffled(plan, seed, limits)}
-    require_whole(runs, plan.submission.name, "under a secret motion")
+    runs = {seed: _run_shuffled(plan, seed, limits)}
+    require_answered(runs, plan.submission.name, "under a secret motion")
     return evaluate_plan(plan, runs, reference).rows
 
 
-def require_whole(runs: Runs, agent: str, where: str) -> None:
-    """Raise RecordError unless the agent lived to the end of every scene and answered in time.
-
-    No scene is named, that would tell its seed.
-    """
-    lost = unanswered(runs)
-    if lost.crashed_scenes:
-        kinds = sorted({reason.partition(":")[0] for reason in lost.reasons.values()})
-        raise RecordError(
-            f"{agent}: runs {where} were cut short ({', '.join(kinds)}): {lost.crashed_scenes}, expected 0"
-        )
-    if lost.late:
-        raise RecordError(f"{agent}: answers {where} came late: {lost.late}, so nothing is shown: use fewer --jobs")
-
-
 def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
-    """What differs where an error is worse than what the record is ranked by; None where all are alike.
+    """An error that is larger than the record's under another motion; None if all are alike.
 
-    The worst of its seeds would be no measure: a table for the others, and nothing for that one, would pass.
+    It is compared with the mean of the record's seeds: a table for all of them but one would pass beside the worst.
     """
     for row in rows:
         ranked = record.row_of(row.subset)
@@ -78,15 +70,62 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
     return None
 
 
-def why_not_isolated(record: Record, held: IsolationPart) -> str:
-    """Why a run again proves nothing, in a few words: what held the agent then, and now; empty where it proves."""
-    for when, part in (("when the record was made", record.isolation), ("in this run", held)):
+def why_unsandboxed(record: Record, now: IsolationPart) -> str:
+    """Why a run again confirms nothing, in a few words; empty if the agent was sandboxed then and ``now``."""
+    for when, part in (("when the record was made", record.isolation), ("in this run", now)):
         if not part.sandboxed:
-            return f"nothing held the agent {when} (isolation {part.mechanism!r})"
+            return f"the agent was unsandboxed {when}"
     return ""
 
 
-def _shuffled(plan: Plan, seed: int, limits: Limits) -> list[SceneRun]:
-    order = _chance.sample(plan.scenes, len(plan.scenes))
+def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends: ExitStack) -> HiddenPart:
+    """Results of the submission of ``plan`` on the hidden scenes, under a secret seed in place of those of ``record``.
+
+    The scenes are made if they are missing, and deleted when ``ends`` is closed. Raises RecordError if the seal is of
+    another card, or the agent was unsandboxed.
+    """
+    card = plan.card
+    if (sealed.seeds.env, sealed.seeds.card_digest) != (card.id, card.digest):
+        raise RecordError(
+            f"the seal is of {sealed.seeds.env} with card digest {sealed.seeds.card_digest}, the record of {card.id} "
+            f"with {card.digest}"
+        )
+    hidden = sealed.card(card)
+    ends.callback(discard, hidden)
+    keep_private(hidden)
+    shown = plan.options.progress
+    progress = Progress(shown.started, lambda _: shown.done("a hidden scene"))  # a name would tell its seed
+    names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
+    hidden_plan = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
+    runs = run_again(hidden_plan, [sealed.run_seed(record.seeds[0])], limits)
+    why = why_unsandboxed(record, isolation(runs))
+    if why:
+        raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with bubblewrap")
+    require_answered(runs, plan.submission.name, "of hidden scenes")
+    reference = sealed.reference(hidden, names, options)
+    found = evaluate_plan(hidden_plan, runs, reference)
+    return HiddenPart(
+        commitment=sealed.commitment,
+        weights=reference.digest,
+        scenes=len(names),
+        rows=found.rows,
+        silence=found.silence,
+        weight={subset: [w for scene in found.per_scene for w in scene.weight[subset]] for subset in SUBSETS},
+        error={subset: [e for scene in found.per_scene for e in scene.error[subset]] for subset in SUBSETS},
+    )
+
+
+def require_answered(runs: Runs, agent: str, where: str) -> None:
+    """Raise RecordError unless the agent finished every scene and answered in time; scenes are not named."""
+    missed = unanswered(runs)
+    if missed.crashed_scenes:
+        kinds = ", ".join(sorted({reason.partition(":")[0] for reason in missed.reasons.values()}))
+        raise RecordError(f"{agent}: {missed.crashed_scenes} runs {where} were not finished ({kinds}), expected 0")
+    if missed.late:
+        raise RecordError(f"{agent}: {missed.late} answers {where} came late, expected 0: use fewer --jobs")
+
+
+def _run_shuffled(plan: Plan, seed: int, limits: Limits) -> list[SceneRun]:
+    order = _random.sample(plan.scenes, len(plan.scenes))
     found = {run.rollout.scene: run for run in run_seed(replace(plan, scenes=tuple(order)), seed, limits)}
     return [found[scene] for scene in plan.scenes]

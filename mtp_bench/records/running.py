@@ -1,7 +1,9 @@
-"""Runs of a submission behind the gateway, one per seed, and what they say of it beside their answers."""
+"""Runs of a submission behind the gateway, one per seed, and their digests and measurements."""
 
 from __future__ import annotations
 
+import os
+import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -27,17 +29,18 @@ from ..types import Rollout
 from .canonical import digest_of
 from .evaluation import Evaluation, evaluate
 from .parts import Parts
-from .record import HashesPart, IsolationPart, LatencyPart, MissedPart, key_of
+from .record import HardwarePart, HashesPart, IsolationPart, LatencyPart, MissedPart, key_of
 
-MOST_REASON = 1000  # characters of why a scene was cut short
+MOST_REASON = 1000  # characters of why a scene was not finished
+Runs = Mapping[int, Sequence[SceneRun]]  # seed -> scenes
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is run: a submission on scenes of an env."""
+    """A submission and the scenes of an env on which it is run."""
 
     submission: Submission
-    env: Any  # what MTPEnv takes: id, path of a card, or a card that is in no file
+    env: Any  # for MTPEnv: id, path of a card, or a card that is in no file
     card: Card
     scenes: tuple[str, ...]
     scenes_of_split: int
@@ -57,7 +60,7 @@ class Plan:
 
     @property
     def stated_keywords(self) -> dict[str, Any]:
-        """The keywords as the record states them: of stored tracks what they are, not where they lie."""
+        """The keywords in the record: of stored tracks their digest, not their path."""
         if self.options.track_file is None:
             return self.keywords
         return {**self.keywords, "tracks_sha256": content_digest(Path(self.options.track_file))}
@@ -66,17 +69,16 @@ class Plan:
 def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     """The scenes of an env for a submission, with its own parameters and k samples.
 
-    Raises MtpBenchError for an unknown env or split, another detector, missing data or a parameter that is wrong.
+    Raises MtpBenchError for an unknown env or split, another detector, missing data or a wrong parameter.
     """
     if options.detector is not None or options.detection_file is not None:
         raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
     if options.files is not None:
         raise MtpBenchError("a record is of the scenes that its env names: no files can take their place")
     options.require_tracks_used([submission])
-    shown = options.shown_to(submission)
-    env = MTPEnv(env_id, evaluation=True, data=options.data, split=options.split, **shown)
+    env = MTPEnv(env_id, evaluation=True, data=options.data, split=options.split, **options.shown_to(submission))
     keywords = setting_of(submission, env.card).env_keywords(env.card)
-    del keywords["observe"]  # the submission says it, and the record in a field of its own
+    del keywords["observe"]  # the record has it in a field of its own
     if env.card.source.split != load_card(env_id).source.split:
         keywords["split"] = env.card.source.split
     names, image = ranked_scenes(env.card, env.scene_names), image_of(submission, env.card.id)
@@ -89,9 +91,9 @@ def run_seed(
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     parts: Parts | None = None,
 ) -> list[SceneRun]:
-    """Every scene of the plan under one seed, in the order of the plan; never raises for what an agent does.
+    """Run every scene of the plan under one seed, in the order of the plan; never raises for the agent's actions.
 
-    Scenes that are among the ``parts`` are not run again; the others are stored there as soon as they are done.
+    Scenes that are among the ``parts`` are not run again; the others are stored there as soon as they are finished.
     """
     runs: dict[str, SceneRun] = {}
     for scene in plan.scenes:
@@ -104,8 +106,8 @@ def run_seed(
         if parts is not None:
             parts.write(seed, run)
 
-    left = [scene for scene in plan.scenes if scene not in runs]
-    if left:
+    remaining = [scene for scene in plan.scenes if scene not in runs]
+    if remaining:
         run_isolated_scenes(
             plan.submission.path,
             plan.env,
@@ -113,7 +115,7 @@ def run_seed(
             seed=seed,
             parameters=plan.submission.parameters,
             limits=limits,
-            scenes=left,
+            scenes=remaining,
             workers=plan.options.workers,
             progress=plan.options.progress,
             finished=keep,
@@ -121,29 +123,28 @@ def run_seed(
     return [runs[scene] for scene in plan.scenes]
 
 
-def rollouts_of(runs: Mapping[int, Sequence[SceneRun]]) -> dict[int, list[Rollout]]:
+def rollouts_of(runs: Runs) -> dict[int, list[Rollout]]:
     """The rollouts of each seed."""
     return {seed: [run.rollout for run in results] for seed, results in runs.items()}
 
 
-def evaluate_plan(
-    plan: Plan, runs: Mapping[int, Sequence[SceneRun]], reference: Reference, *, watched: bool = False
-) -> Evaluation:
-    """Numbers of the runs of a plan; ``watched``: the progress is told each scene that is scored."""
-    setting, options = plan.setting, plan.options if watched else replace(plan.options, progress=NO_PROGRESS)
+def evaluate_plan(plan: Plan, runs: Runs, reference: Reference, *, with_progress: bool = False) -> Evaluation:
+    """Score the runs of a plan; ``with_progress``: report each scene to the progress of the plan's options."""
+    setting = plan.setting
+    options = plan.options if with_progress else replace(plan.options, progress=NO_PROGRESS)
     name, rollouts = plan.submission.name, rollouts_of(runs)
     return evaluate(name, plan.card, options, rollouts, reference, setting.hypotheses, setting.ideal)
 
 
 def info_of(plan: Plan, seed: int) -> RunInfo:
-    """What a stored run of the plan says of itself; the data root is nobody's business."""
+    """Description of a stored run of the plan, without the data root."""
     env = MTPEnv(plan.env, data=plan.options.data, evaluation=True, **plan.shown, **plan.keywords)
     info = run_info(env, plan.setting, seed, {**plan.stated_keywords, "rigid_motion": True})
     return info.model_copy(update={"submission_digest": plan.image.digest})
 
 
-def hashes(runs: Mapping[int, Sequence[SceneRun]]) -> HashesPart:
-    """What a run again must repeat."""
+def hashes(runs: Runs) -> HashesPart:
+    """Digests that another run must repeat."""
     chains = {key_of(r.rollout.scene, seed): r.seal for seed, results in runs.items() for r in results}
     return HashesPart(seals=digest_of(chains), rollouts=rollouts_hash(rollouts_of(runs)))
 
@@ -153,10 +154,10 @@ def rollouts_hash(runs: Mapping[int, Sequence[Rollout]]) -> str:
     return digest_of({key_of(r.scene, seed): digest(r) for seed, rollouts in runs.items() for r in rollouts})
 
 
-def unanswered(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:
-    """Frames and scenes that are unanswered for another reason than silence."""
+def unanswered(runs: Runs) -> MissedPart:
+    """Frames without an accepted answer, and scenes that were not finished."""
     every = [run for results in runs.values() for run in results]
-    cut = {
+    reasons = {
         key_of(run.rollout.scene, seed): f"{run.status}: {clean_text(run.reason, MOST_REASON)}"
         for seed, results in runs.items()
         for run in results
@@ -165,22 +166,22 @@ def unanswered(runs: Mapping[int, Sequence[SceneRun]]) -> MissedPart:
     return MissedPart(
         late=sum(run.late for run in every),
         malformed=sum(run.malformed for run in every),
-        crashed_scenes=len(cut),
-        reasons=cut,
+        crashed_scenes=len(reasons),
+        reasons=reasons,
     )
 
 
-def isolation(runs: Mapping[int, Sequence[SceneRun]]) -> IsolationPart:
-    """What held the agent in every run: the weakest of them."""
+def isolation(runs: Runs) -> IsolationPart:
+    """The weakest isolation of all runs."""
     every = [run.isolation for results in runs.values() for run in results]
-    weakest = min(every, key=lambda held: (held.sandboxed, held.memory == "cgroup"))
+    weakest = min(every, key=lambda each: (each.sandboxed, each.memory == "cgroup"))
     return IsolationPart(**asdict(weakest))
 
 
 def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
-    """Percentiles over the frames of all rollouts but the first of each; those after the end of an agent are left out.
+    """Percentiles over the frames of all rollouts but the first of each, up to the end of the agent.
 
-    Late and malformed answers count with the time that was waited for them.
+    Late and malformed answers count with the time that the judge waited for them.
     """
     seconds = np.concatenate([np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)])
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]
@@ -190,6 +191,28 @@ def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
     return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most)
 
 
-def peak_memory(runs: Mapping[int, Sequence[SceneRun]]) -> float:
-    """MiB of the largest of the agent's processes."""
+def peak_memory(runs: Runs) -> float:
+    """Memory of the largest agent process, MiB."""
     return max((run.peak_memory for results in runs.values() for run in results), default=0) / 2**20
+
+
+def hardware() -> HardwarePart:
+    """Description of this machine, without names that identify it."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 0
+    cpu = _proc_field(Path("/proc/cpuinfo"), "model name") or platform.processor() or platform.machine()
+    paths = sorted(Path("/proc/driver/nvidia/gpus").glob("*/information"))
+    gpu = ", ".join(filter(None, (_proc_field(path, "Model") for path in paths))) or None
+    try:
+        memory = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        memory = 0.0
+    return HardwarePart(cpu=cpu, cores=cores, memory_gib=round(memory / 2**30, 1), gpu=gpu)
+
+
+def _proc_field(path: Path, name: str) -> str:
+    """Value of the first line ``name : value`` of a file of /proc; empty if there is no such line."""
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return ""
+    return next((line.split(":", 1)[1].strip() for line in lines if line.split(":")[0].strip() == name), "")

@@ -1,8 +1,8 @@
-"""Seals: scenes of hidden seeds, promised beforehand by a commitment.
+"""Seals: hidden scenes of secret seeds, promised beforehand by a commitment.
 
 A maintainer draws a secret range of seeds, publishes the sha256 of it with a salt, and keeps the file. Submissions are
 later run on those scenes. When the seal is retired its secret is published: then anyone can check that it is the one
-that was promised, and it ranks nobody any more who was not scored before.
+that was promised, and it ranks no further submission.
 """
 
 from __future__ import annotations
@@ -11,9 +11,12 @@ import hashlib
 import json
 import secrets
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from ..cards import Card, load_card
 from ..errors import MtpBenchError, RecordError
@@ -21,19 +24,60 @@ from ..files import require_file, whole_file, write_text
 from ..running.options import RunOptions
 from ..running.reference import make_reference
 from ..scoring import Reference, read_reference, write_reference
-from ..sources.highway.section import HighwaySource
+from ..sources.highway.section import SECRET_SEEDS, HighwaySource
 from ..strict import Section
-from .canonical import canonical, today
-from .promise import FIRST, LAST, MOST_SCENES, RETIRED, Commitment, Retired, SecretSeeds, commitment_of
+from .canonical import Date, Sha256, canonical, digest_of, today
 from .storage import read_as
-from .trust import Trust
 
-SEALS = Path("leaderboard", "seals")  # relative to the working folder: the checkout
+# Secret seeds are drawn from FIRST to LAST: far above those of the cards, and too many for an agent to find the name of
+# its scene, from which noise and motion follow, by trying.
+FIRST, LAST = SECRET_SEEDS, 2**62
+MOST_SCENES = 1000
+SEALS = Path("leaderboard", "seals")  # below the working folder: the checkout
+COMMITMENT, RETIRED, WEIGHTS = ".commitment.json", ".retired.json", ".weights.json"  # suffixes of the files
 _ABSENT = "no such file; `mtp-bench maintain seal` makes a secret and its commitment"
 
 
+class SecretSeeds(Section):
+    """Content of the secret file. Every scene is run once (format 1, of retired seals: once per seed of a record)."""
+
+    format: Literal[1, 2] = 2
+    env: str
+    card_digest: str
+    first: Annotated[int, Field(ge=FIRST, lt=LAST)]
+    count: Annotated[int, Field(ge=1, le=MOST_SCENES)]
+    salt: Annotated[str, Field(min_length=64)]  # else the seeds could be found by trying all of them
+
+
+class Commitment(Section):
+    """Content of the public file."""
+
+    format: Literal[1] = 1
+    env: str
+    card_digest: str
+    count: int
+    commitment: Sha256  # of the secret
+    made: Date
+
+
+class ListedSeal(Commitment):
+    """A seal of the leaderboard: its commitment, and whether its secret was published."""
+
+    name: str
+    retired: str  # date; empty: in use
+
+
+class Retired(Section):
+    """Content of the file that is published when a seal is retired."""
+
+    format: Literal[1] = 1
+    secret: SecretSeeds
+    weights: Sha256 | None  # hash of the event weights, in a file beside it; None: the seal was never used
+    retired: Date
+
+
 class RetiredSealError(RecordError):
-    """The secret was published: its scenes rank nobody any more."""
+    """The secret of a seal was published: its scenes rank no further submission."""
 
 
 @dataclass(frozen=True)
@@ -42,26 +86,22 @@ class Sealed:
 
     seeds: SecretSeeds
     commitment: str
-    weights: Path  # file of the event weights, as secret: their keys are hashes of names that tell the seeds
+    weights: Path  # file of the event weights, as secret as the seeds: its keys are hashes of names that tell them
 
     def card(self, card: Card) -> Card:
         """``card`` with the hidden scenes as its test split."""
-        source = _simulated(card)
+        source = _simulated_source(card)
         first = self.seeds.first
         ranges = source.seeds.model_copy(update={"test": (first, first + self.seeds.count)})
         hidden = source.model_copy(update={"split": "test", "seeds": ranges})
         return card.model_copy(update={"source": hidden})
 
-    def run_seeds(self, seeds: Sequence[int]) -> dict[int, int]:
-        """Secret seeds in place of the public ones under which hidden scenes are run.
-
-        A motion of a known seed would tell the name of its scene.
-        """
-        run = seeds if self.seeds.format == 1 else seeds[:1]
-        return {seed: int(self._drawn(f"run {seed}")[:15], 16) for seed in run}
+    def run_seed(self, seed: int) -> int:
+        """The secret seed of the run, in place of a public ``seed``, whose motion would tell the names of scenes."""
+        return int(self._drawn(f"run {seed}")[:15], 16)
 
     def shuffled(self, scenes: Iterable[str]) -> tuple[str, ...]:
-        """The hidden scenes in the order of every submission's sums; theirs is that of consecutive seeds."""
+        """The hidden scenes in the order of every submission's sums; their own order is that of their seeds."""
         return tuple(sorted(scenes, key=lambda scene: self._drawn(f"scene {scene}")))
 
     def _drawn(self, purpose: str) -> str:
@@ -78,129 +118,116 @@ class Sealed:
         return reference
 
 
+def commitment_of(seeds: SecretSeeds) -> str:
+    """Hex sha256 of the canonical JSON of the secret, salt included."""
+    return digest_of(seeds.model_dump())
+
+
 def seal(env_id: str, count: int, path: str | Path) -> Commitment:
     """Draw ``count`` secret scenes of a simulated env; the secret goes to ``path``, its commitment beside it.
 
-    Raises MtpBenchError where the env is not simulated, the file is there already or cannot be written.
+    Raises MtpBenchError if the env is not simulated, or the file exists or cannot be written.
     """
     path = Path(path)
-    public = commitment_path(path)
+    public = beside(path, COMMITMENT)
     card = load_card(env_id)
-    _simulated(card)
+    _simulated_source(card)
     if not 1 <= count <= MOST_SCENES:
         raise MtpBenchError(f"count is {count}, expected 1 to {MOST_SCENES}")
     for file in (path, public):
         require_file(file)
         if file.exists():
-            raise MtpBenchError(f"{file} is there already: a seal is never replaced, name another file")
+            raise MtpBenchError(f"{file} exists: a seal is never replaced, name another file")
     first = FIRST + secrets.randbelow(LAST - FIRST - count)
     seeds = SecretSeeds(env=card.id, card_digest=card.digest, first=first, count=count, salt=secrets.token_hex(32))
     promise = Commitment(
         env=card.id, card_digest=card.digest, count=count, commitment=commitment_of(seeds), made=today()
     )
-    path.touch(mode=0o600)  # the secret is never readable by others, not even while it is written
+    path.touch(mode=0o600)  # unreadable for others, also while it is written
     path.write_bytes(canonical(seeds.model_dump()) + b"\n")
     _publish(public, promise)
     return promise
 
 
-def open_seal(path: str | Path, commitment: str | Path | None = None, trust: Trust | None = None) -> Sealed:
-    """The secret seeds at ``path``, checked against their commitment: the file ``commitment``, None: the one beside.
+def open_seal(
+    path: str | Path, commitment: str | Path | None = None, listed: Mapping[str, ListedSeal] | None = None
+) -> Sealed:
+    """Read the secret seeds at ``path`` and check their commitment: the file ``commitment``, None: the one beside.
 
-    Raises RecordError where a file is missing or wrong or the secret is not the one that was promised,
-    RetiredSealError where the seal is retired, beside the secret or in the leaderboard of ``trust``.
+    Raises RecordError if a file is missing or wrong or the secret does not fit its commitment, RetiredSealError if the
+    seal is retired, beside the secret or among those ``listed`` by a leaderboard.
     """
     path = Path(path)
-    public = commitment_path(path) if commitment is None else Path(commitment)
+    public = beside(path, COMMITMENT) if commitment is None else Path(commitment)
     seeds = read_as(SecretSeeds, path, _ABSENT)
     found = commitment_of(seeds)
     promise = read_as(Commitment, public, _ABSENT)
     if (promise.commitment, promise.env, promise.count) != (found, seeds.env, seeds.count):
         raise RecordError(f"{path}: has the sha256 {found[:12]}, {public} promises {promise.commitment[:12]}")
-    listed = None if trust is None else trust.listed.get(found)
-    if retired_path(path).exists() or (listed is not None and listed.retired):
+    known = (listed or {}).get(found)
+    if beside(path, RETIRED).exists() or (known is not None and known.retired):
         raise RetiredSealError(
             f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench maintain seal`"
         )
-    return Sealed(seeds, found, weights_path(path))
+    return Sealed(seeds, found, beside(path, WEIGHTS))
 
 
-def require_listed(seals: Iterable[Sealed], trust: Trust) -> None:
-    """Raise RecordError where the leaderboard of ``trust`` promises no such seal: its levels would not be shown."""
-    for sealed in seals:
-        if sealed.commitment not in trust.listed:
-            raise RecordError(
-                f"the seal of {sealed.seeds.env} with the sha256 {sealed.commitment[:12]} is not promised in "
-                f"{trust.seals}, so no level on it would be shown: publish its commitment there first"
-            )
+def open_seals(folder: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
+    """The seals whose secrets are in ``folder``, by env; retired ones are left out.
 
-
-def open_seals(folder: Path, trust: Trust) -> dict[str, Sealed]:
-    """The seals whose secrets lie in ``folder``, by env; retired ones are left out.
-
-    Raises RecordError where a secret is wrong, none is left, or two are of one env.
+    Raises RecordError if a secret is wrong, none is left, or two are of one env.
     """
     found: dict[str, Sealed] = {}
-    for public in sorted(folder.glob("*.commitment.json")):
-        path = public.with_name(public.name.replace(".commitment.json", ".json"))
+    for public in sorted(folder.glob(f"*{COMMITMENT}")):
+        path = public.with_name(f"{public.name.removesuffix(COMMITMENT)}.json")
         if not path.is_file():
             continue
         try:
-            sealed = open_seal(path, trust=trust)
+            sealed = open_seal(path, listed=listed)
         except RetiredSealError:
             continue
         if sealed.seeds.env in found:
             raise RecordError(
-                f"{path}: a second seal of {sealed.seeds.env} there, expected one: retire the other, or name one file"
+                f"{path}: a second seal of {sealed.seeds.env}, expected one: retire the other, or name one file"
             )
         found[sealed.seeds.env] = sealed
     if not found:
-        raise RecordError(f"{folder}: no secret of a seal in use there, expected NAME.json beside NAME.commitment.json")
+        raise RecordError(f"{folder}: no secret of a seal in use, expected NAME.json beside NAME{COMMITMENT}")
     return found
 
 
 def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
-    """Publish the secret at ``path``, with its event weights where there are any, in ``folder``; the file.
+    """Publish the secret at ``path``, with its event weights if there are any, in ``folder``; the file.
 
-    Raises RecordError where the secret does not fit its commitment, MtpBenchError where a file cannot be written.
+    Raises RecordError if the secret does not fit its commitment, MtpBenchError if a file cannot be written.
     """
     path, folder = Path(path), Path(folder)
-    seeds, weights = read_as(SecretSeeds, path, _ABSENT), weights_path(path)
-    promise = read_as(Commitment, commitment_path(path), _ABSENT)
+    seeds, weights = read_as(SecretSeeds, path, _ABSENT), beside(path, WEIGHTS)
+    promise = read_as(Commitment, beside(path, COMMITMENT), _ABSENT)
     if promise.commitment != commitment_of(seeds):
-        raise RecordError(f"{path}: is not the secret that {commitment_path(path)} promises")
+        raise RecordError(f"{path}: is not the secret that {beside(path, COMMITMENT)} promises")
     hashed = read_reference(weights).digest if weights.is_file() else None
-    target = folder / retired_path(path).name
+    target = folder / beside(path, RETIRED).name
     for file in (target, folder / weights.name):
         require_file(file)
     if hashed is not None and weights.parent.resolve() != folder.resolve():
         with whole_file(folder / weights.name) as part:
             shutil.copyfile(weights, part)
-    _publish(folder / commitment_path(path).name, promise)
+    _publish(folder / beside(path, COMMITMENT).name, promise)
     _publish(target, Retired(secret=seeds, weights=hashed, retired=today()))
     return target
 
 
-def commitment_path(path: Path) -> Path:
-    """Where the commitment of the secret at ``path`` goes."""
-    return path.with_name(f"{path.stem}.commitment.json")
-
-
-def retired_path(path: Path) -> Path:
-    """Where the secret at ``path`` is published, in its own folder."""
-    return path.with_name(f"{path.stem}{RETIRED}")
-
-
-def weights_path(path: Path) -> Path:
-    """Where the event weights of the scenes of the secret at ``path`` are."""
-    return path.with_name(f"{path.stem}.weights.json")
+def beside(secret: Path, suffix: str) -> Path:
+    """Path of the commitment, the published secret or the event weights of the secret at ``secret``."""
+    return secret.with_name(f"{secret.stem}{suffix}")
 
 
 def _publish(path: Path, content: Section) -> None:
     write_text(path, json.dumps(content.model_dump(), indent=1) + "\n")
 
 
-def _simulated(card: Card) -> HighwaySource:
+def _simulated_source(card: Card) -> HighwaySource:
     if not isinstance(card.source, HighwaySource):
         raise MtpBenchError(f"{card.id} is recorded, expected a simulated env: only those have scenes for any seed")
     return card.source

@@ -1,4 +1,4 @@
-"""What ships for an env, which alone ranks: its card, and the frozen event weights of its scenes."""
+"""Environments and baselines as they ship: the digests and settings that records are compared with."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..submission.loader import load_submission
 
 @dataclass(frozen=True)
 class Shipped:
-    """An env as it ships."""
+    """Card and frozen event weights of an env."""
 
     card: str  # digest
     simulated: bool  # hidden scenes rank
@@ -30,9 +30,9 @@ class Shipped:
 
 @cache
 def shipped(env_id: str) -> Shipped | None:
-    """The env of this id; None where none ships, or without frozen event weights.
+    """The env of this id; None if it does not ship or has no frozen event weights.
 
-    Raises DataError where the file of the weights is broken.
+    Raises DataError if the file of the weights is broken.
     """
     if env_id not in card_ids():
         return None
@@ -44,12 +44,12 @@ def shipped(env_id: str) -> Shipped | None:
 
 
 def largest_error(card: Card) -> float:
-    """Largest error of a target, metres: what it costs to say nothing about it."""
+    """Largest error of a target, metres: that of a missed one."""
     return max(card.per_class(card.task.miss_error))
 
 
 def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:
-    """Digest of the baseline of that name as it ships, with weights that were trained for it; None for other names."""
+    """Digest of the shipped baseline ``name`` with weights that were trained for it; None for other names."""
     return _digest(name, tuple(sorted((networks or {}).items())))
 
 
@@ -63,12 +63,31 @@ def _digest(name: str, networks: tuple[tuple[str, str], ...]) -> str | None:
 
 @cache
 def baseline_networks(name: str) -> tuple[str, ...]:
-    """Networks that the manifest of the baseline of that name takes, such as modes-truth; none for other names."""
+    """Networks in the manifest of the shipped baseline ``name``, such as modes-truth; empty for other names."""
     return load_submission(name).networks if name in baseline_names() else ()
 
 
+@cache
+def network_references(network: str) -> tuple[str, str] | None:
+    """The reference pair of gap_closed for predictors with a network, such as modes; None if no pair ships.
+
+    Of the baselines that take this network trained on ground-truth tracks, they are the one with a single hypothesis
+    per its manifest's own reference parameters, and the one that observes the truth.
+    """
+    users = [
+        load_submission(name) for name in sorted(baseline_names()) if f"{network}-truth" in baseline_networks(name)
+    ]
+    single = [user.name for user in users if _is_own_reference(user.compare.gap_references, user.parameters)]
+    truth = [user.name for user in users if user.compare.observe == "truth"]
+    return (single[0], truth[0]) if single and truth else None
+
+
+def _is_own_reference(references: object, parameters: Mapping[str, object]) -> bool:
+    return isinstance(references, dict) and all(parameters.get(name) == value for name, value in references.items())
+
+
 def _sums(reference: Reference) -> dict[str, dict[Subset, float]]:
-    """As `Reference.weight` of every scene, summed; the scenes are known by their keys alone."""
+    """Sums of `Reference.weight` per scene; scenes are known by their keys alone."""
     found: dict[str, dict[Subset, float]] = {}
     for key, scene in reference.scenes.items():
         ids, lost, back, frag = (scene.counts.sum(axis=0, dtype=np.int64) / reference.runs).tolist()

@@ -1,50 +1,94 @@
-"""Records on disk: canonical JSON with a digest."""
+"""Records on disk: JSON with digests, the stored rollouts beside it, and the packed records of a wheel."""
 
 from __future__ import annotations
 
 import json
+import tarfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
+from .._bundle import bundled
 from ..errors import MtpBenchError, RecordError
-from ..files import require_folder, write_text
-from ..strict import SectionT, read_json, validate
+from ..files import ABSENT, describe_write_error, file_digest, read_bounded, require_folder, whole_folder, write_text
+from ..running.rollout_files import load_run
+from ..sources.cache import cache_root
+from ..strict import SectionT, explain
 from ..submission.manifest import PARTS as PARTS
 from ..submission.manifest import ROLLOUTS as ROLLOUTS
-from .bounds import MOST_BYTES, out_of_bounds, refuse
+from ..types import Rollout
 from .canonical import digest_of
-from .consistency import inconsistencies
 from .record import Record
 
-OUTSIDE = ("digest", "measured")  # no part of the digest
-LEVEL_SUFFIX = ".level.json"  # of the file beside a record that says how far it was checked
-_MOVED = dict.fromkeys(("verification", "hidden"), "levels are in a signed file of their own, never in a record")
+MOST_BYTES = 8 << 20  # of a file
+LEVEL_SUFFIX = ".level.json"  # of the file beside a record that holds its signed level
+PACKED = "records.tar.xz"  # in a wheel, made by hatch_build.py
+_NOT_DIGESTED = ("digest", "measured")
 
 
-def sealed(record: Record) -> Record:
-    """``record`` with the digests of its content and of what was measured."""
-    plain = _plain(record)
-    measured = record.measured.model_copy(update={"digest": measured_digest(plain)})
-    return record.model_copy(update={"digest": content_digest(plain), "measured": measured})
+def load_record(path: str | Path) -> Record:
+    """Read the record at ``path``, without the checks of `consistency.checked_record`.
+
+    Raises RecordError, naming the file, if it is missing, too large or of another schema.
+    """
+    return read_as(Record, Path(path), "no such record; `mtp-bench submit` makes one")
 
 
-def content_digest(content: dict[str, Any]) -> str:
-    """Hex sha256 over the canonical JSON of a record without OUTSIDE."""
-    return digest_of({name: value for name, value in content.items() if name not in OUTSIDE})
+def read_as(model: type[SectionT], path: Path, absent: str = ABSENT) -> SectionT:
+    """Read a JSON file as ``model``; raises RecordError, with the reason ``absent`` if there is no such file."""
+    return parse_as(model, read_bounded(path, MOST_BYTES, RecordError, absent), str(path))
 
 
-def measured_digest(content: dict[str, Any]) -> str:
-    """Hex sha256 over what was measured: it tells of accidents alone."""
+def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
+    """Parse JSON as ``model``; raises RecordError naming ``where`` the text is from."""
+    try:
+        return model.model_validate_json(text)
+    except ValidationError as error:
+        raise RecordError(f"{where}: {explain(error.errors(), model).removeprefix(': got ')}") from None
+
+
+def content_digest(content: Mapping[str, Any]) -> str:
+    """Hex sha256 of the canonical JSON of a record, without its digest and measurements."""
+    return digest_of({name: value for name, value in content.items() if name not in _NOT_DIGESTED})
+
+
+def measured_digest(content: Mapping[str, Any]) -> str:
+    """Hex sha256 of the measurements of a record: it shows accidental changes only."""
     return digest_of({name: value for name, value in content["measured"].items() if name != "digest"})
 
 
-def save_record(record: Record, path: str | Path) -> Record:
-    """Write ``record`` with its digest and return it so; folders are made. The file appears complete or not at all.
+def sealed(record: Record) -> Record:
+    """``record`` with the digests of its content and of its measurements."""
+    content = record.model_dump(mode="json")
+    measured = record.measured.model_copy(update={"digest": measured_digest(content)})
+    return record.model_copy(update={"digest": content_digest(content), "measured": measured})
 
-    Raises MtpBenchError where it cannot be written, RecordError where its content is no JSON.
+
+def record_text(record: Record, path: Path) -> tuple[Record, str]:
+    """``record`` with its digests, and the text of the file ``path`` that stores it.
+
+    Raises RecordError if it cannot be written as JSON, or would be too large to be read again.
+    """
+    try:
+        record = sealed(record)
+        text = json.dumps(record.model_dump(mode="json"), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        size = len(text.encode())
+    except (TypeError, ValueError, RecursionError) as error:
+        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
+    if size > MOST_BYTES:
+        raise RecordError(f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB")
+    return record, text
+
+
+def save_record(record: Record, path: str | Path) -> Record:
+    """Write ``record`` with its digests and return it with them; folders are made, the file is written atomically.
+
+    Raises MtpBenchError if it cannot be written, RecordError if it is not JSON.
     """
     path = Path(path)
-    record, text = written(record, path)
+    record, text = record_text(record, path)
     require_folder(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -54,92 +98,82 @@ def save_record(record: Record, path: str | Path) -> Record:
     return record
 
 
-def written(record: Record, path: Path) -> tuple[Record, str]:
-    """``record`` with its digests, and the content of the file ``path`` that holds it.
+def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
+    """Files of the records in ``folder`` and below it, sorted; those of ``env_id`` alone if one is given.
 
-    Raises RecordError where it is no JSON, or too large to be read again.
-    """
-    try:
-        record = sealed(record)
-        text = json.dumps(_plain(record), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        size = len(text.encode())
-    except (TypeError, ValueError, RecursionError) as error:
-        raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
-    if size > MOST_BYTES:
-        raise RecordError(f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB")
-    return record, text
-
-
-def load_record(path: str | Path) -> Record:
-    """The record at ``path``.
-
-    Raises RecordError, naming the file, where it is missing, too large, of another format or schema, does not fit its
-    digest, or says what does not follow from the rest of it.
-    """
-    return checked(read_table(Path(path), "no such record; `mtp-bench submit` makes one"), str(path))
-
-
-def checked(content: dict[str, Any], path: str) -> Record:
-    """The record that is ``content``, as JSON was read from ``path``. Raises RecordError as `load_record`."""
-    refuse(out_of_bounds(content), path)
-    if content.get("format") != 2:
-        raise RecordError(
-            f"{path}: format {content.get('format')!r}, expected 2: those of definitions 1.0 rank no more; make it "
-            "again with `mtp-bench submit`"
-        )
-    for name, advice in _MOVED.items():
-        if name in content:
-            raise RecordError(f"{path}: has the key {name!r}: {advice}")
-    record = validate(Record, content, path, RecordError)
-    for what, found, said in (
-        ("its content", content_digest(content), record.digest),
-        ("its section 'measured'", measured_digest(content), record.measured.digest),
-    ):
-        if found != said:
-            raise RecordError(
-                f"{path}: {what} has the digest {found[:12]}, the file says {said[:12] or 'none'}: it was changed "
-                "after it was made; make it again with `mtp-bench submit`"
-            )
-    refuse(inconsistencies(record), path)
-    return record
-
-
-def record_paths(folder: str | Path) -> list[Path]:
-    """Files of the records in ``folder`` and the folders below it, sorted; no levels, rollouts or parts.
-
-    Nor what is being written just now, or was when its writer was killed: such names of files and folders begin with
-    a dot.
+    Levels, rollouts, unfinished submits and temporary files, whose names begin with a dot, are left out. The file of a
+    record is named by its env, with ``-<split>`` for another split.
     """
     folder = Path(folder)
-    found = [path for path in sorted(folder.rglob("[!.]*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
-    return [path for path in found if not any(_is_aside(part) for part in path.relative_to(folder).parts)]
+    paths = [path for path in sorted(folder.rglob("[!.]*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
+    paths = [path for path in paths if not env_id or f"{path.stem}-".startswith(f"{env_id}-")]
+    return [path for path in paths if not any(_is_aside(part) for part in path.relative_to(folder).parts)]
 
 
 def _is_aside(name: str) -> bool:
     return name.startswith(".") or name.endswith((ROLLOUTS, PARTS))
 
 
-def rollouts_folder(path: Path, seed: int) -> Path:
-    """Where the stored rollouts of one seed of the record at ``path`` are."""
-    return seed_folder(path.with_suffix(ROLLOUTS), seed)
-
-
 def seed_folder(folder: Path, seed: int) -> Path:
-    """The part of ``folder``, which holds the rollouts of all seeds, that is of one seed."""
+    """The folder of one seed within ``folder``, which holds the rollouts of all seeds."""
     return folder / f"seed-{seed}"
 
 
-def _plain(record: Record) -> dict[str, Any]:
-    """The record as it is read back: lists and numbers of JSON alone."""
-    content: dict[str, Any] = record.model_dump(mode="json")
-    return content
+def rollouts_folder(path: Path, seed: int) -> Path:
+    """The folder of the stored rollouts of one seed of the record at ``path``."""
+    return seed_folder(path.with_suffix(ROLLOUTS), seed)
 
 
-def read_table(path: Path, absent: str) -> dict[str, Any]:
-    """A table from a JSON file; raises RecordError where there is none, with ``absent`` where there is no file."""
-    return read_json(path, RecordError, absent, MOST_BYTES)
+def stored_rollouts(path: Path, record: Record) -> dict[int, list[Rollout]]:
+    """Read the stored rollouts of each seed of the record at ``path``, in the order of ``per_scene``.
+
+    Raises RecordError if they are missing or not those of the record, RolloutError if a file is broken.
+    """
+    runs = {}
+    names = [scene.scene for scene in record.per_scene]
+    for seed in record.seeds:
+        folder = rollouts_folder(path, seed)
+        if not folder.is_dir():
+            raise RecordError(
+                f"{path}: its rollouts of seed {seed} are not stored at {folder}; run the submission again with --rerun"
+            )
+        run = load_run(folder)
+        for what, stored, expected in (
+            ("card", run.info.card_digest, record.env.card_digest),
+            ("submission", run.info.submission_digest, record.submission.digest),
+            ("seed", run.info.seed, seed),
+            ("observe", run.info.observe, record.env.observe),
+        ):
+            if stored != expected:
+                raise RecordError(f"{folder}: made with {what} {stored!r}, the record {path.name} says {expected!r}")
+        rollouts = {rollout.scene: rollout for rollout in run.rollouts}
+        if sorted(names) != sorted(rollouts):
+            others = ", ".join(sorted(set(names) ^ set(rollouts))[:5])
+            raise RecordError(f"{folder}: its scenes are not those of the record: {others or 'one occurs twice'}")
+        runs[seed] = [rollouts[name] for name in names]
+    return runs
 
 
-def read_as(model: type[SectionT], path: Path, absent: str = "no such file") -> SectionT:
-    """A JSON file as ``model``; raises RecordError as `read_table`, and where it is none."""
-    return validate(model, read_table(path, absent), str(path), RecordError)
+def shipped_records() -> Path:
+    """The folder of the records that ship; those of a wheel are unpacked once, into the user's cache.
+
+    Raises MtpBenchError if they cannot be unpacked.
+    """
+    leaderboard = bundled("leaderboard")
+    packed = leaderboard / PACKED
+    return unpacked(packed) if packed.is_file() else leaderboard / "records"
+
+
+def unpacked(packed: Path) -> Path:
+    """The folder ``records`` of a packed file, in the cache."""
+    folder = cache_root() / f"records-{file_digest(packed)[:16]}"
+    try:
+        if not folder.is_dir():
+            with whole_folder(folder) as part, tarfile.open(packed) as archive:
+                if hasattr(tarfile, "data_filter"):  # since Python 3.11.4
+                    archive.extraction_filter = tarfile.data_filter
+                archive.extractall(part)
+    except (OSError, tarfile.TarError, EOFError) as error:
+        why = describe_write_error(error, folder) if isinstance(error, OSError) else str(error)
+        raise MtpBenchError(f"{packed}: its records cannot be unpacked to {folder}: {why}") from None
+    return folder / "records"

@@ -1,8 +1,8 @@
-"""Whom a leaderboard trusts: keys that may sign levels, seals that were promised, and whose a name is."""
+"""The trusted leaderboard: keys that may sign levels, listed seals, and owners of names."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,17 +13,8 @@ from pydantic import Field
 from .._bundle import bundled
 from ..errors import RecordError
 from ..strict import Section, read_toml, validate
-from .promise import RETIRED, Commitment, Retired, commitment_of
+from .seal import COMMITMENT, RETIRED, Commitment, ListedSeal, Retired, Sealed, commitment_of
 from .storage import read_as
-
-_PROMISE = ".commitment.json"
-
-
-class ListedSeal(Commitment):
-    """A seal of the leaderboard: what was promised, and whether its secret was published."""
-
-    name: str
-    retired: str  # date; empty: it may still be used
 
 
 class _Owners(Section):
@@ -32,7 +23,7 @@ class _Owners(Section):
 
 @dataclass(frozen=True)
 class Trust:
-    """The folder ``leaderboard`` whose word counts."""
+    """The folder ``leaderboard`` that is trusted."""
 
     folder: Path
 
@@ -43,50 +34,59 @@ class Trust:
 
     @property
     def revoked(self) -> Path:
-        """Keys that may not any more, one public key per line, if there are any."""
+        """Revoked keys, one public key per line; the file may be missing."""
         return self.folder / "keys" / "revoked_keys"
 
     @property
     def seals(self) -> Path:
-        """Commitments, and the secrets of seals that were retired."""
+        """Folder of the commitments, and of the secrets of retired seals."""
         return self.folder / "seals"
 
     @cached_property
     def listed(self) -> Mapping[str, ListedSeal]:
-        """The seals by their commitment. Raises RecordError where a file is broken or does not fit its promise."""
+        """The seals by their commitment. Raises RecordError if a file is broken or does not fit its commitment."""
         found = {}
-        for path in sorted(self.seals.glob(f"*{_PROMISE}")):
+        for path in sorted(self.seals.glob(f"*{COMMITMENT}")):
             promise = read_as(Commitment, path)
-            name = path.name.removesuffix(_PROMISE)
+            name = path.name.removesuffix(COMMITMENT)
             retired = _retired(path.with_name(name + RETIRED), promise)
             found[promise.commitment] = ListedSeal(**promise.model_dump(), name=name, retired=retired)
         return found
 
     @cached_property
     def owners(self) -> Mapping[str, str]:
-        """Login by the name of a submission. Raises RecordError where the file is broken."""
+        """Login by the name of a submission. Raises RecordError if the file is broken."""
         return read_owners(self.folder / "owners.toml")
+
+    def require_listed(self, seals: Iterable[Sealed]) -> None:
+        """Raise RecordError for a seal that this leaderboard does not list: levels on it would not be shown."""
+        for sealed in seals:
+            if sealed.commitment not in self.listed:
+                raise RecordError(
+                    f"the seal of {sealed.seeds.env} with the sha256 {sealed.commitment[:12]} is not promised in "
+                    f"{self.seals}, so no level on it would be shown: publish its commitment there first"
+                )
 
 
 def read_owners(path: Path) -> dict[str, str]:
-    """Login by the name of a submission; none where there is no file. Raises RecordError where it is broken."""
+    """Login by the name of a submission; empty without a file. Raises RecordError if it is broken."""
     if not path.is_file():
         return {}
     return validate(_Owners, read_toml(path, RecordError), str(path), RecordError).owners
 
 
 def trusted(folder: Path | None = None) -> Trust:
-    """The leaderboard at ``folder``; None: the one that ships. Raises RecordError where there is no such folder."""
+    """The leaderboard at ``folder``; None: the one that ships. Raises RecordError if there is no such folder."""
     if folder is not None and not folder.is_dir():
         raise RecordError(f"{folder}: no such folder, expected a leaderboard with keys/allowed_signers and seals/")
     return Trust(folder or bundled("leaderboard"))
 
 
 def _retired(path: Path, promise: Commitment) -> str:
-    """When the seal was retired; RecordError where what was published is not what was promised."""
+    """Date on which the seal was retired; RecordError if the published secret does not fit the commitment."""
     if not path.is_file():
         return ""
     published = read_as(Retired, path)
     if commitment_of(published.secret) != promise.commitment:
-        raise RecordError(f"{path}: its secret is not the one that {promise.commitment[:12]} promised")
+        raise RecordError(f"{path}: its secret does not have the commitment {promise.commitment[:12]}")
     return published.retired

@@ -362,7 +362,7 @@ def test_foreign_files_are_not_removed(cli: CommandLine, command: list[str], tmp
     folder.mkdir(parents=True)
     (folder / "thesis.tex").touch()
     for how in ((), ("--resume",), ("--fresh",)):
-        assert "holds 'thesis.tex', so it is no part of a submit" in cli(*command, *how).error
+        assert "holds 'thesis.tex', which no submit wrote" in cli(*command, *how).error
     assert (folder / "thesis.tex").is_file()
 
 

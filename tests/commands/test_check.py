@@ -10,7 +10,7 @@ import pytest
 
 from mtp_bench.commands.check import finding_table
 from mtp_bench.gateway import SceneRun
-from mtp_bench.records.checking import Checked, gateway_findings
+from mtp_bench.records.checking import SubmissionCheck, gateway_findings
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding
 from mtp_bench.types import Rollout
@@ -176,6 +176,6 @@ def test_what_a_user_wrote_is_no_markup() -> None:
     console = Console(width=120, record=True, file=None, quiet=True)
     with console.capture() as captured:
         console.quiet = False
-        console.print(finding_table(Checked("mine", "MTP-X-v0", (finding,), ())))
+        console.print(finding_table(SubmissionCheck("mine", "MTP-X-v0", (finding,), ())))
     for text in ("[red]x[/red]", "expected: [bold]", "where: [link=a]", "to do: do", "in [x]"):
         assert text in captured.get()

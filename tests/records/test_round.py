@@ -15,9 +15,8 @@ from mtp_bench.records import load_record, save_record, submit, trusted, verify
 from mtp_bench.records.attestation import level_path
 from mtp_bench.records.record import LimitsPart
 from mtp_bench.records.rerun import run_again
-from mtp_bench.records.rounds import Round
 from mtp_bench.records.running import plan_run, rollouts_hash, rollouts_of
-from mtp_bench.records.verifying import Verification, attest
+from mtp_bench.records.verifying import Round, Verification, attest
 from mtp_bench.running.options import RunOptions
 from mtp_bench.submission.loader import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission

@@ -193,10 +193,10 @@ def test_who_dies_under_the_secret_motion_shows_nothing(
         first, *others = shuffled(plan, seed, limits)
         return [first, *others] if seed in (0, 1) else [replace(first, status="crashed", reason="crashed: no"), *others]
 
-    shuffled = rerun._shuffled
-    monkeypatch.setattr(rerun, "_shuffled", dies_where_the_seed_is_secret)
+    shuffled = rerun._run_shuffled
+    monkeypatch.setattr(rerun, "_run_shuffled", dies_where_the_seed_is_secret)
     with pytest.raises(
-        RecordError, match=r"^echo: runs under a secret motion were cut short \(crashed\): 1, expected 0$"
+        RecordError, match=r"^echo: 1 runs under a secret motion were not finished \(crashed\), expected 0$"
     ):
         verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
 
@@ -216,7 +216,7 @@ def test_limits_of_the_open_division_are_used_when_they_are_allowed(
 
     resign(path, open_with_much_memory)
     again = ("verify", path, "--env", card, "--data", kitti, "--jobs", 1, "--rerun", "--submission", submission)
-    assert "wants more than records that rank (memory 68719476736)" in cli(*again).error
+    assert "states higher limits than records that rank (memory 68719476736)" in cli(*again).error
     assert "holds, re-run" in cli.ok(*again, "--stated-limits")
     assert cli("verify", path, "--stated-limits").status == 2
 
@@ -458,7 +458,7 @@ def test_the_command_says_so_before_anything_runs(
     before = state_of(path.parent)
     part = ("--seeds", 1, "--scenes", 1, "--data", kitti, "--jobs", 1, "-o", path.parent)
     words = ("submit", submission, "--env", other, "--env", card, *part)
-    assert f"{path} is a finished record (seeds: 2, scenes: 3)" in cli(*words).error
+    assert f"{path}: would overwrite a finished record (seeds: 2, scenes: 3)" in cli(*words).error
     assert state_of(path.parent) == before
     cli.ok(*words, "--force")
     assert {load_record(path.parent / f"{name}.json").status for name in (CARD_ID, "MTP-Other-v0")} == {"partial"}
@@ -530,9 +530,9 @@ def test_wrong_usage(cli: CommandLine, card: str, kitti: str, tmp_path: Path) ->
     ("seeds", "division", "what"),
     [
         ((0, 1, 2), "closed", ""),
-        (range(5), "closed", "division: closed, seeds: 0, 1, 2, 3, 4"),
-        ((3, 4, 5), "closed", "division: closed, seeds: 3, 4, 5"),
-        ((0, 1, 2), "open", "division: open, seeds: 0, 1, 2"),
+        (range(5), "closed", "division closed, seeds 0, 1, 2, 3, 4"),
+        ((3, 4, 5), "closed", "division closed, seeds 3, 4, 5"),
+        ((0, 1, 2), "open", "division open, seeds 0, 1, 2"),
     ],
 )
 def test_a_record_that_can_rank_is_not_lost_to_one_that_cannot(
@@ -545,4 +545,6 @@ def test_a_record_that_can_rank_is_not_lost_to_one_that_cannot(
         return
     with pytest.raises(RecordError) as caught:
         require_kept(target, seeds, None, division)
-    assert f"{target} is a finished record that can rank, and this one could not ({what}): choose" in str(caught.value)
+    assert f"{target}: would overwrite a finished record that can rank with one that cannot ({what}): choose" in str(
+        caught.value
+    )

@@ -87,8 +87,8 @@ def test_a_finished_record_is_not_lost_to_a_partial_one(
     before = target.read_bytes()
     refused = cli(*words, "--scenes", 1)
     assert refused.status == 1
-    assert f"{target} is a finished record (seeds: 1, scenes: 3)" in refused.err
-    assert "this one would have less (seeds: 1, scenes: 1)" in refused.err
+    assert f"{target}: would overwrite a finished record (seeds: 1, scenes: 3)" in refused.err
+    assert "with a smaller one (seeds: 1, scenes: 1)" in refused.err
     assert target.read_bytes() == before
     cli(*words, "--scenes", 1, "--force")
     assert target.read_bytes() != before

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.records.provenance import scorer_digest
+from mtp_bench.records.evaluation import scorer_digest
 from mtp_bench.scoring import (
     AgentScores,
     Reference,

@@ -10,12 +10,11 @@ from typing import Any
 from mtp_bench.gateway import Limits
 from mtp_bench.records.attestation import Level, SignedLevel, Statement, bound_to
 from mtp_bench.records.eligibility import Ships
-from mtp_bench.records.evaluation import status_of
-from mtp_bench.records.provenance import scorer_digest
+from mtp_bench.records.evaluation import scorer_digest, status_of
 from mtp_bench.records.record import HiddenPart, Record, ScenePart
+from mtp_bench.records.seal import ListedSeal
 from mtp_bench.records.shipped import Shipped, baseline_digest
 from mtp_bench.records.storage import sealed
-from mtp_bench.records.trust import ListedSeal
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, ratio
 from mtp_bench.scoring.subsets import Subset

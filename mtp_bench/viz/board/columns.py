@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ...records.evaluation import rounded
+from ...records.canonical import rounded
 from ...scoring.rows import Row
 from ...scoring.subsets import Subset
 from ...tables import Column, Table, Value, columns_of
