@@ -148,7 +148,7 @@ def _owners(path: Path, trust: Trust, owner: str | None) -> Mapping[str, str]:
     changed = [name for name in known if proposed.get(name) != known[name]]
     if changed:
         raise RecordError(f"{OWNERS}: {changed[0]!r} belongs to {known[changed[0]]!r}: only maintainers change that")
-    for name in proposed.keys() - known.keys():
+    for name in [name for name in proposed if name not in known]:
         if owner is not None and proposed[name].lower() != owner.lower():
             raise RecordError(f"{OWNERS}: gives {name!r} to {proposed[name]!r}, expected {owner!r} who asks for it")
         others = (*baseline_names(), *(other for other in proposed if other != name))

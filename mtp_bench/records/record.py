@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Discriminator, Field, Tag
 from typing_extensions import TypeAliasType  # pydantic brings it
 
 from .._version import __version__
@@ -39,9 +41,14 @@ Text = Annotated[str, Field(max_length=MOST_TEXT), AfterValidator(_visible)]
 Name = Annotated[str, Field(max_length=MOST_NAME), AfterValidator(_visible)]
 if TYPE_CHECKING:
     Json = Any
-else:  # finite numbers, bounded whole numbers and texts, however deep
+else:  # finite numbers, bounded whole numbers and texts, however deep; chosen by type, so that errors name one type
     _Whole = Annotated[int, Field(ge=-_LARGEST, le=_LARGEST)]
-    Json = TypeAliasType("Json", bool | _Whole | float | Text | list["Json"] | dict[Text, "Json"] | None)
+    _KINDS = {
+        "NoneType": None, "bool": bool, "int": _Whole, "float": float, "str": Text, "list": list["Json"],
+        "dict": dict[Text, "Json"],
+    }  # fmt: skip
+    _any_kind = reduce(or_, (Annotated[kind, Tag(name)] for name, kind in _KINDS.items()))
+    Json = TypeAliasType("Json", Annotated[_any_kind, Discriminator(lambda value: type(value).__name__)])
 _FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]  # part of a path
 _Url = Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT), AfterValidator(_visible)]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]

@@ -333,7 +333,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     ),
     "more scenes than there are": (lambda c: c["env"].update(scenes_of_split=2), "scenes is 4, the split has 2"),
     "giant details": (lambda c: c.update(details={str(i): "x" * 1999 for i in range(600)}), "details take 12"),
-    "a long reason": (lambda c: c["details"].update(why="x" * 3000), r"at most 2000 characters"),
+    "a long reason": (lambda c: c["details"].update(why="x" * 3000), "at most 2000 characters"),
     "a key that steers the terminal": (lambda c: c["details"].update({"\x1b[2J": 1}), r"contains U\+001B"),
     "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"surrogate"),
     "nested a thousand times": (lambda c: c["details"].update(a=nested(900)), "nested deeper"),
