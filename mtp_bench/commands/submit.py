@@ -28,18 +28,16 @@ DIVISIONS = ("closed", "open")
 
 @dataclass(frozen=True)
 class Entry:
-    """How a record is entered on the leaderboard."""
+    """Options of the entry on the leaderboard."""
 
     division: Annotated[str, typer.Option(help="closed or open.", autocompletion=words(*DIVISIONS))] = "closed"
-    training_data: Annotated[
-        list[str] | None, typer.Option(help="Data it was trained on beside what its manifest says.")
-    ] = None
+    training_data: Annotated[list[str] | None, typer.Option(help="Training data beyond that of its manifest.")] = None
     commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
     cuda: Annotated[bool, typer.Option("--cuda", help="Give the agent the graphics cards: open division.")] = False
     tracks: TracksOption = None
 
-    def stated(self) -> dict[str, Any]:
-        """As arguments of `records.submit`; wrong usage for an unknown division, and what it does not have."""
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of `records.submit`; BadParameter for an unknown division, and options that it does not have."""
         from ..gateway import Limits
 
         one_of(self.division, DIVISIONS, "--division")
@@ -47,13 +45,16 @@ class Entry:
             raise typer.BadParameter("only with --division open", param_hint="--cuda")
         if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
             raise typer.BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
-        said = {"division": self.division, "training_data": self.training_data or (), "commit": self.commit}
-        return {**said, "limits": Limits(cuda=self.cuda)}
+        limits = Limits(cuda=self.cuda)
+        return {
+            "division": self.division, "training_data": self.training_data or (), "commit": self.commit,
+            "limits": limits,
+        }  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Runs:
-    """What is run of an environment."""
+    """Seeds and scenes of an environment."""
 
     seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws and frames.")] = SEEDS
     scenes: Annotated[
@@ -66,11 +67,13 @@ class Runs:
 
 @dataclass(frozen=True)
 class Every:
-    """All records of a leaderboard in one go."""
+    """Options of making all records of a leaderboard."""
 
     everything: Annotated[
         bool,
-        typer.Option("--all", help="Every baseline on every environment, or those of --env: what is done is kept."),
+        typer.Option(
+            "--all", help="Every baseline on every environment, or those of --env; finished records are kept."
+        ),
     ] = False
     minutes: Annotated[
         float | None, typer.Option(min=0, help="With --all: begin no further record after this time.")
@@ -79,16 +82,18 @@ class Every:
 
 @dataclass(frozen=True)
 class Restart:
-    """What becomes of an earlier submit: of scenes that it finished without coming to its end, and of its record."""
+    """Treatment of an earlier submit: of its finished scenes, and of its record."""
 
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the scenes that were finished before.")] = False
+    resume: Annotated[bool, typer.Option("--resume", help="Continue with the scenes that were finished before.")] = (
+        False
+    )
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the scenes that were finished before.")] = False
     force: Annotated[
-        bool, typer.Option("--force", help="Replace a finished record by a smaller one, or one that cannot rank.")
+        bool, typer.Option("--force", help="Replace a finished record also by a smaller one, or one that cannot rank.")
     ] = False
 
     def start(self) -> Start:
-        """As `records.submit` names it; wrong usage for both."""
+        """Argument ``start`` of `records.submit`; BadParameter for both options."""
         if self.resume and self.fresh:
             raise typer.BadParameter("they exclude each other", param_hint="--resume, --fresh")
         return "resume" if self.resume else "fresh" if self.fresh else "new"
@@ -113,7 +118,7 @@ def submit(
     """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
     from ..running.options import RunOptions
 
-    more, tracks = entry.stated(), absolute(entry.tracks)
+    more, tracks = entry.arguments(), absolute(entry.tracks)
     options = RunOptions(root, runs.scenes, range(runs.seeds), runs.split, track_file=tracks, workers=workers.workers())
     if every.everything:
         _refuse_with_all(entry, again, runs)
@@ -130,7 +135,7 @@ def submit(
 
 
 def _refuse_with_all(entry: Entry, again: Restart, runs: Runs) -> None:
-    """Records of baselines are made under the conditions that rank, and gone on with: nothing else can be asked for."""
+    """Raise BadParameter for options of other conditions than those that rank."""
     asked = {
         "--division": entry.division != DIVISIONS[0], "--training-data": entry.training_data, "--commit": entry.commit,
         "--cuda": entry.cuda, "--tracks": entry.tracks, "--split": runs.split, "--fresh": again.fresh,
@@ -148,7 +153,7 @@ def _submit_all(
     more: Mapping[str, Any],
     minutes: float | None,
 ) -> None:
-    """Every baseline, or the one named, on every environment, or those named."""
+    """Make the records of every baseline, or the named one, on every environment, or the named ones."""
     from ..records.inventory import Piece, inventory
     from ..viz.terminal.output import show, show_numbers
     from .submit_all import last_line, make_all, summary_table
@@ -172,7 +177,7 @@ def _submit_all(
 def _submit_one(
     path: str, env_ids: Sequence[str], options: RunOptions, output: Path | None, more: Mapping[str, Any]
 ) -> None:
-    """One submission on the environments that are named; each record is shown."""
+    """Make the records of one submission on the named environments, and show them."""
     from ..cards import load_card
     from ..records.parts import require_new
     from ..records.submitting import record_path, require_kept, require_writable
@@ -208,7 +213,7 @@ def _submit_one(
 def _one(
     submission: Submission, env_id: str, options: RunOptions, output: Path | None, more: Mapping[str, Any]
 ) -> Record:
-    """The record of one env, made with a progress bar."""
+    """Make the record of one env with a progress bar."""
     from ..records import submit as make_record
 
     prepare(env_id, options)
@@ -232,17 +237,19 @@ def _record_table(record: Record) -> Table:
 
 
 def _sentence(record: Record) -> str:
-    """Status, cost and what went wrong, for people."""
+    """Status, times and failures in one line."""
     from ..viz.terminal.output import counted
 
-    latency, lost = record.measured.latency, record.missed
+    latency, missed = record.measured.latency, record.missed
     parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
     if latency.p50_ms is not None and latency.p95_ms is not None:
         parts.append(f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms")
     parts += [f"{record.measured.peak_memory_mib:.0f} MiB", record.reference.origin]
-    for frames, what in ((lost.late, "late frames"), (lost.malformed, "malformed answers")):
+    for frames, what in ((missed.late, "late frames"), (missed.malformed, "malformed answers")):
         if frames:
             parts.append(f"{frames} {what}")
-    if lost.crashed_scenes:
-        parts.append(f"{counted(lost.crashed_scenes, 'scene')} cut short ({next(iter(lost.reasons.values()), '')})")
+    if missed.crashed_scenes:
+        parts.append(
+            f"{counted(missed.crashed_scenes, 'scene')} not finished ({next(iter(missed.reasons.values()), '')})"
+        )
     return "; ".join(parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,8 +16,6 @@ from .options import DataOption, JobsOption, JsonOption, TracksOption, WorkerCho
 from .output import require_writable, said_of, some_of, working, write_json
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from rich.table import Table
 
     from ..records.seal import Sealed
@@ -30,7 +29,7 @@ MOST_LETTERS = 60  # of a value in the table
 
 @dataclass(frozen=True)
 class RunningAgain:
-    """Whether and how submissions are run again."""
+    """Options of running submissions again."""
 
     rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False
     submission: Annotated[Path | None, typer.Option(help="Folder to run again; else the baseline of that name.")] = None
@@ -41,29 +40,27 @@ class RunningAgain:
         Path | None,
         typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."),
     ] = None
-    commitment: Annotated[
-        Path | None, typer.Option(help="What the secret was promised with. Default: the file beside it.")
-    ] = None
+    commitment: Annotated[Path | None, typer.Option(help="Commitment of the secret. Default: the file beside it.")] = (
+        None
+    )
     stated_limits: Annotated[
         bool,
         typer.Option("--stated-limits", help="Also under higher limits, which records of the open division may state."),
     ] = False
     no_sandbox: Annotated[
-        bool,
-        typer.Option("--no-sandbox", help="Run the agent without a sandbox, with your rights, if none works here."),
+        bool, typer.Option("--no-sandbox", help="Run the agent with your rights if no sandbox works here.")
     ] = False
     only_hidden: Annotated[
-        bool,
-        typer.Option("--only-hidden", help="With --hidden: do not repeat what a signed level shows to be run again."),
+        bool, typer.Option("--only-hidden", help="With --hidden: do not repeat runs that a signed level shows.")
     ] = False
 
 
 @dataclass(frozen=True)
 class Signing:
-    """Who signs, and whom one trusts."""
+    """Options of signing and of trust."""
 
     sign: Annotated[Path | None, typer.Option(help="Private SSH key: sign the level that is reached.")] = None
-    signer: Annotated[str | None, typer.Option(help="Whose key that is, as in keys/allowed_signers.")] = None
+    signer: Annotated[str | None, typer.Option(help="Name of its owner, as in keys/allowed_signers.")] = None
     base: Annotated[
         Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted. Default: the one that ships.")
     ] = None
@@ -71,12 +68,35 @@ class Signing:
 
 @dataclass(frozen=True)
 class TakingIn:
-    """What others propose."""
+    """Options of checking a pull request."""
 
     intake: Annotated[
-        bool, typer.Option("--intake", help="Check files of a pull request; nothing of a submission is run.")
+        bool, typer.Option("--intake", help="Check files of a pull request; no code of a submission is run.")
     ] = False
-    owner: Annotated[str | None, typer.Option(help="With --intake: login of whoever asks.")] = None
+    owner: Annotated[str | None, typer.Option(help="With --intake: login of its author.")] = None
+
+
+@dataclass(frozen=True)
+class _Work:
+    """The check of every record."""
+
+    asked: Round
+    trust: Trust
+    options: RunOptions
+    env: str | None
+    write: bool
+    key: Path | None
+    signer: str
+
+
+@dataclass(frozen=True)
+class _Result:
+    """Outcome of the check of one record."""
+
+    path: Path
+    verdict: dict[str, Any]
+    failed: str = ""
+    seconds: float = 0.0
 
 
 def verify(
@@ -85,15 +105,13 @@ def verify(
     signing: Signing,
     taking: TakingIn,
     root: DataOption = None,
-    write: Annotated[
-        bool, typer.Option("--write", help="Take over today's numbers where scorer or weights changed.")
-    ] = False,
+    write: Annotated[bool, typer.Option("--write", help="Write today's numbers if scorer or weights changed.")] = False,
     jobs: JobsOption = 0,
-    env: Annotated[str | None, typer.Option(help="Card of the record, where it does not ship.")] = None,
+    env: Annotated[str | None, typer.Option(help="Card of the record if it does not ship.")] = None,
     tracks: TracksOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Check records: digest, card, data, and stored rollouts scored again. Status 1 where one does not hold."""
+    """Check records: digest, card, data, and stored rollouts scored again. Status 1 if one does not hold."""
     from ..records import trusted
     from ..records.verifying import Round
     from ..running.options import RunOptions
@@ -118,36 +136,13 @@ def verify(
     require_writable(json_file)
     trust = trusted(signing.base)
     if taking.intake:
-        _intake(record, trust, taking.owner, json_file)
+        _take_in(record, trust, taking.owner, json_file)
         return
     seals = _seals(again.hidden, again.commitment, trust)
     how = (again.stated_limits, again.no_sandbox, again.only_hidden)
     asked = Round(again.rerun, seals, again.submissions, again.submission, *how)
     options = RunOptions(root, track_file=absolute(tracks), workers=WorkerChoice(jobs).workers())
     _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
-
-
-@dataclass(frozen=True)
-class _Work:
-    """What is done to every record."""
-
-    asked: Round
-    trust: Trust
-    options: RunOptions
-    env: str | None
-    write: bool
-    key: Path | None
-    signer: str
-
-
-@dataclass(frozen=True)
-class _Line:
-    """What came of one record."""
-
-    path: Path
-    verdict: dict[str, Any]
-    failed: str = ""
-    seconds: float = 0.0
 
 
 def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> None:
@@ -162,28 +157,28 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
         require_signer(work.key, work.signer, work.trust)
         work.trust.require_listed(work.asked.seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
-        lines = [_line(path, work, ends, alone=list(given) == [path]) for path in paths]
-    if len(lines) > 1:
-        show_numbers(_round_table(lines))
-    write_json(json_file, {"records": [line.verdict for line in lines]})
-    failed = [line.failed for line in lines if line.failed]
+        results = [_check_one(path, work, ends, alone=list(given) == [path]) for path in paths]
+    if len(results) > 1:
+        show_numbers(_summary(results))
+    write_json(json_file, {"records": [result.verdict for result in results]})
+    failed = [result.failed for result in results if result.failed]
     if failed:
         raise RecordError(some_of(failed))
 
 
-def _line(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Line:
-    """Check one record; an error does not stop the others."""
+def _check_one(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Result:
+    """Check one record; an error of one among several does not stop the others."""
     start = time.monotonic()
     try:
-        line = _checked(path, work, ends)
+        result = _checked(path, work, ends)
     except (MtpBenchError, OSError) as error:
         if alone:
             raise
-        line = _Line(path, {"record": str(path), "error": said_of(error)}, said_of(error))
-    return replace(line, seconds=time.monotonic() - start)
+        result = _Result(path, {"record": str(path), "error": said_of(error)}, said_of(error))
+    return replace(result, seconds=time.monotonic() - start)
 
 
-def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
+def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
     from ..records import checked_record
     from ..records import verify as check_record
     from ..records.verifying import attest, confirm
@@ -196,7 +191,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
         error = None if done.hidden is None else done.hidden.row.error
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
-        return _Line(path, {**known, "holds": True})
+        return _Result(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
         again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits, asked.no_sandbox)
         checked = check_record(path, watched, work.env, *again, asked.shown(path, record, work.trust))
@@ -209,13 +204,12 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Line:
     if work.key is not None and checked.holds:
         show(f"{attest(checked, work.key, work.signer, work.trust)}: {checked.level}, signed by {work.signer}")
     differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
-    return _Line(path, _as_json(checked), "" if checked.holds or written else differ)
+    return _Result(path, _as_json(checked), "" if checked.holds or written else differ)
 
 
 def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mapping[str, Sealed]:
     """Seals by env."""
-    from ..records import open_seal
-    from ..records.seal import open_seals
+    from ..records.seal import open_seal, open_seals
 
     if hidden is None:
         return {}
@@ -227,31 +221,31 @@ def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mappin
     return {sealed.seeds.env: sealed}
 
 
-def _intake(given: Sequence[Path], trust: Trust, owner: str | None, json_file: Path | None) -> None:
+def _take_in(given: Sequence[Path], trust: Trust, owner: str | None, json_file: Path | None) -> None:
     from ..records.intake import take_in
     from ..viz.terminal.output import show
 
-    taken = [take_in(path, trust, owner) for path in given]
-    refused = [text for each in taken for text in each.refused]
-    write_json(json_file, {"accepted": [str(p) for each in taken for p in each.accepted], "refused": refused})
-    for each in taken:
-        for text in (*(f"{path}: can be taken in" for path in each.accepted), *each.notes):
-            show(text)
+    outcomes = [take_in(path, trust, owner) for path in given]
+    accepted = [path for outcome in outcomes for path in outcome.accepted]
+    refused = [text for outcome in outcomes for text in outcome.refused]
+    write_json(json_file, {"accepted": list(map(str, accepted)), "refused": refused})
+    for text in (*(f"{path}: can be taken in" for path in accepted), *(n for each in outcomes for n in each.notes)):
+        show(text)
     if refused:
         raise RecordError(some_of(refused))
-    if not any(each.accepted for each in taken):
+    if not accepted:
         show(f"no record to take in: all are as in {trust.folder}")
 
 
 def _require_together(*pairs: tuple[str, object, str, object]) -> None:
-    """Wrong usage for an option without the one that it belongs to."""
+    """Raise BadParameter for an option without the one that it needs."""
     for option, given, needed, there in pairs:
         if given is not None and not there:
             raise typer.BadParameter(f"needs {needed}", param_hint=option)
 
 
 def _require_apart(*options: tuple[Any, ...]) -> None:
-    """Wrong usage for an option beside others that would do nothing."""
+    """Raise BadParameter for an option beside another that excludes it."""
     for option, given, *others in options:
         beside = next((name for name, there in others if there), None)
         if given and beside is not None:
@@ -260,45 +254,48 @@ def _require_apart(*options: tuple[Any, ...]) -> None:
 
 def _difference_table(checked: Verification) -> Table:
     from rich.markup import escape
-    from rich.table import Table
 
-    table = Table(title=escape(f"{checked.path}: what differs"))
-    for name in ("what", "recorded", "found"):
-        table.add_column(name, overflow="fold")
+    from ..viz.terminal.output import new_table
+
+    headings = ("what", "recorded", "found")
+    table = new_table(escape(f"{checked.path}: differences"), headings, left=headings)
     for difference in checked.differences[:MOST_DIFFERENCES]:
         texts = [str(value) for value in difference]
         short = [text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 3]}..." for text in texts]
         table.add_row(*map(escape, short))
-    hidden = len(checked.differences) - MOST_DIFFERENCES
-    if hidden > 0:
-        table.add_row(f"and {hidden} more", "", "")
+    more = len(checked.differences) - MOST_DIFFERENCES
+    if more > 0:
+        table.add_row(f"and {more} more", "", "")
     return table
 
 
-def _round_table(lines: Sequence[_Line]) -> Table:
-    """What came of every record."""
+def _summary(results: Sequence[_Result]) -> Table:
+    """One line per record."""
     from rich.markup import escape
 
     from ..viz.terminal.output import new_table, number
 
-    table = new_table(
-        "records", ("record", "level", "hidden error", "minutes", "note"), left=("record", "level", "note")
-    )
-    for line in lines:
-        verdict = line.verdict
-        note = "error" if "error" in verdict else "does not hold" if line.failed else ""
-        level = str(verdict.get("level", "–"))
-        shown = (f"{line.path.parent.name}/{line.path.stem}", level, number(verdict.get("hidden_error")))
-        table.add_row(*map(escape, shown), f"{line.seconds / 60:.1f}", note)
+    headings = ("record", "level", "hidden error", "minutes", "note")
+    table = new_table("records", headings, left=("record", "level", "note"))
+    for result in results:
+        verdict = result.verdict
+        note = "error" if "error" in verdict else "does not hold" if result.failed else ""
+        name, level = f"{result.path.parent.name}/{result.path.stem}", str(verdict.get("level", "–"))
+        cells = (name, level, number(verdict.get("hidden_error")))
+        table.add_row(*map(escape, cells), f"{result.seconds / 60:.1f}", note)
     return table
 
 
 def _as_json(checked: Verification) -> dict[str, Any]:
-    differences = [difference._asdict() for difference in checked.differences]
-    verdict = {"record": str(checked.path), "digest": checked.record.digest, "holds": checked.holds}
-    error = None if checked.hidden is None else checked.hidden.row.error
-    more = {"level": checked.level, "hidden_error": error, "differences": differences, "notes": list(checked.notes)}
-    return {**verdict, **more}
+    return {
+        "record": str(checked.path),
+        "digest": checked.record.digest,
+        "holds": checked.holds,
+        "level": checked.level,
+        "hidden_error": None if checked.hidden is None else checked.hidden.row.error,
+        "differences": [difference._asdict() for difference in checked.differences],
+        "notes": list(checked.notes),
+    }
 
 
 def _verdict(checked: Verification) -> str:
@@ -306,9 +303,9 @@ def _verdict(checked: Verification) -> str:
     from ..viz.terminal.output import counted, number
 
     record, hidden = checked.record, checked.hidden
-    who = f"{checked.path}: {record.submission.name} on {record.env.id}"
-    said = [f"{who}: holds, {checked.level}" if checked.holds else f"{who}: does not hold"]
+    subject = f"{checked.path}: {record.submission.name} on {record.env.id}"
+    sentences = [f"{subject}: holds, {checked.level}" if checked.holds else f"{subject}: does not hold"]
     if hidden is not None:
-        few = "" if hidden.scenes >= LEAST_HIDDEN else f", which ranks nobody: ranks need {LEAST_HIDDEN}"
-        said.append(f"error {number(hidden.row.error)} m on {counted(hidden.scenes, 'hidden scene')}{few}")
-    return ". ".join([*said, *checked.notes])
+        few = "" if hidden.scenes >= LEAST_HIDDEN else f", too few to rank: ranks need {LEAST_HIDDEN}"
+        sentences.append(f"error {number(hidden.row.error)} m on {counted(hidden.scenes, 'hidden scene')}{few}")
+    return ". ".join([*sentences, *checked.notes])
