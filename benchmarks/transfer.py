@@ -28,8 +28,8 @@ from mtp_bench.prediction.presence import file_of, read_model
 from mtp_bench.running.options import RunOptions
 from mtp_bench.training import Windows, windows
 from mtp_bench.training.predictors import HYPOTHESES, Request, learnable, taught, train_predictor
-from mtp_bench.training.presence import Rows, fit, quality, said_by, training_rows
-from mtp_bench.training.presence_recipes import RECIPES, Recipe
+from mtp_bench.training.presence import fit, quality, said_by
+from mtp_bench.training.presence_rows import PresenceRecipe, Rows, training_rows
 
 PRESENCE = {"megvii": ("nuscenes_megvii_raw", "nuscenes_megvii"), "pointrcnn": ("kitti_pointrcnn_raw",)}
 REAL, SIMULATED = "MTP-nuScenes-v0", ("MTP-IntersectionRaw-v0", "MTP-Roundabout-v0")
@@ -40,9 +40,10 @@ ROWS = 20_000  # windows that are forecast at once
 def presence(given: argparse.Namespace) -> None:
     """AUC of both models on recorded tracks, over all classes and of each."""
     for detector, profiles in PRESENCE.items():
-        rows, _ = training_rows(RECIPES[detector], RunOptions(given.data))
-        same = replace(RECIPES[detector], features=Recipe(()).features, products=True, calibrated=True)
-        said = {"recorded": fit(rows, RECIPES[detector])[1], "recorded, all features": fit(rows, same)[1]}
+        recipe = PresenceRecipe.of(detector)
+        rows, _ = training_rows(recipe, RunOptions(given.data))
+        same = replace(recipe, features=PresenceRecipe(()).features, products=True, calibrated=True)
+        said = {"recorded": fit(rows, recipe)[1], "recorded, all features": fit(rows, same)[1]}
         for profile in profiles:
             model, _ = read_model(file_of(profile))
             said[profile] = said_by(model, rows)

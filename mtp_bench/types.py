@@ -10,7 +10,7 @@ Rows over all frames are sorted by frame; the rows of frame t are ``start[t]:sta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, TypeVar
 
@@ -211,6 +211,8 @@ class Task:
     velocity: bool = False  # detections carry a measured velocity
     seed: int = 0  # for the agent's own random draws
     motion_noise: str = ""  # e.g. "KITTI": where objects move like here; agents choose their motion model by it
+    weights_of: str = ""  # the env whose network weights serve here too; empty: none
+    tracker: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by class; empty: those of the detector
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import pytest
 from mtp_bench.errors import UnknownNameError
 from mtp_bench.prediction.motion_noise import stored_noise
 from mtp_bench.similar import similar_class
-from mtp_bench.tracking.parameters import ab3dmot_parameters
+from mtp_bench.tracking.parameters import detector_parameters
 from tests.support.tracking_scenes import kitti_task
 
 KITTI = ("car", "pedestrian", "cyclist")
@@ -39,16 +39,16 @@ def test_nothing_is_like_a_class_where_none_is_known() -> None:
 
 
 def test_baselines_track_and_forecast_classes_of_own_cards() -> None:
-    car, truck, bus, cyclist, motorcycle = ab3dmot_parameters(
+    car, truck, bus, cyclist, motorcycle = detector_parameters(
         "kitti_pointrcnn-hard", ("car", "truck", "bus", "cyclist", "motorcycle")
     )
     assert (car == truck == bus, cyclist == motorcycle) == (True, True)
-    car, forklift = ab3dmot_parameters("pointrcnn-ours", ("car", "forklift"))
+    car, forklift = detector_parameters("pointrcnn-ours", ("car", "forklift"))
     assert car == forklift
     noise = stored_noise(kitti_task(detector="pointrcnn-ours", motion_noise="", classes=("forklift", "car")))
     assert noise.measurement[0] == noise.measurement[1]
     with pytest.raises(UnknownNameError, match="class for detector 'pointrcnn-ours' 'pedestrain': did you mean"):
-        ab3dmot_parameters("pointrcnn-ours", ("pedestrain",))
+        detector_parameters("pointrcnn-ours", ("pedestrain",))
 
 
 def test_motion_noise_knows_as_many_classes_as_it_can() -> None:

@@ -17,6 +17,10 @@ LARGEST_DISTANCE = 1e4  # m, of a gate or an error
 PerClass = dict[str, float]  # a single number in the TOML stands for every class
 
 
+# Hints for agents, and the place on the leaderboard.
+_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")
+
+
 class EventGate(Section):
     """When a true box and a track count as matched for identity events (protocol, "Matching")."""
 
@@ -46,13 +50,26 @@ class SizeSection(Section):
     hypotheses: Annotated[int, Field(ge=1)]  # H
 
 
+class TrackerSection(Section):
+    """Parameters of a tracker for one class (`mtp_bench.tracking.ClassParameters`)."""
+
+    assignment: Literal["hungarian", "greedy"]
+    affinity: Literal["giou_3d", "iou_3d", "center_distance"]
+    gate: float  # smallest affinity that may match; of distances the largest, m
+    min_hits: Annotated[int, Field(ge=1)]
+    max_age: Annotated[int, Field(ge=1)]
+
+
 class Card(Section):
     """One environment id. Functions of `mtp_bench.cards.changes` return changed copies."""
 
     id: str
     summary: str
     reference: str = "stp"  # baseline whose runs make the event weights
-    motion_noise: str | None = None  # where objects move like here, a hint for agents; not part of the digest
+    motion_noise: str | None = None  # where objects move like here
+    weights_of: str | None = None  # id of the env whose network weights serve here too
+    board: int | None = None  # place among the envs of the leaderboard; those without one come last
+    tracker: dict[str, TrackerSection] = Field(default_factory=dict)  # by class; empty: those of the detector
     source: SerializeAsAny[SourceSection]
     detector: DetectorSection | None = None
     task: TaskSection
@@ -61,8 +78,7 @@ class Card(Section):
     @property
     def digest(self) -> str:
         """First 16 hex digits of the sha256 of the card's content, the noise of a simulated detector included."""
-        # Hints by which agents choose their parameters do not change the score.
-        content = self.model_dump(mode="json", exclude_none=True, exclude={"motion_noise"})
+        content = self.model_dump(mode="json", exclude_none=True, exclude=set(_NOT_SCORED))
         if self.detector is not None:
             noise = self.detector.resolved
             content["detector"]["noise"] = noise.model_dump(mode="json", exclude_none=True)

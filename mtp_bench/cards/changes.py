@@ -72,15 +72,16 @@ def with_detector(card: Card, name: str) -> Card:
     elif source.traits.other_detections and card.detector is None:
         if not re.fullmatch(STORED_DETECTOR, name):
             raise CardError(f"detector is {name!r}, expected the first part of the names of its files")
-        return card.model_copy(update={"source": source.model_copy(update={"detector": name})})
+        return card.model_copy(update={"source": source.model_copy(update={"detector": name}), "tracker": {}})
     else:
         raise UnknownNameError(
             "detector profile", name, [*profile_names(), *VARIANTS], "or give the path of a .toml file"
         )
     if source.traits.mixed_detections:  # else its stored detections would stay
         source = source.model_copy(update={"detector": None})
-    section = card.detector or DetectorSection(field_of_view=source.traits.view)
-    changed = card.model_copy(update={"source": source, "detector": section.model_copy(update=update)})
+    section = (card.detector or DetectorSection(field_of_view=source.traits.view)).model_copy(update=update)
+    tracker = card.tracker if name in VARIANTS else {}  # the parameters suit the card's own detector
+    changed = card.model_copy(update={"source": source, "detector": section, "tracker": tracker})
     check_detector(changed, card.id)
     return changed
 

@@ -53,7 +53,7 @@ def card_text(card: Card) -> str:
     Of own scenes it names the folder, not the digest, which is computed again.
     """
     content = card.model_dump(exclude_none=True, exclude={"source": {"sha256"}})
-    tables = {name: content.pop(name) for name in ("source", "detector", "task", "size") if name in content}
+    tables = {name: content.pop(name) for name in ("source", "detector", "task", "size", "tracker") if name in content}
     if isinstance(card.source, FilesSource) and card.source.folder is not None:
         tables["source"]["folder"] = card.source.folder
     lines = toml_values(content)

@@ -132,28 +132,29 @@ DetectorArgument = Annotated[str, typer.Argument(help="A detector whose training
 
 
 def presence(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
-    """Fit how likely it is that a track's object is there, on the training scenes of a detector."""
+    """Fit the probability that a track's object is there, on the training scenes of a detector."""
     from ..training.presence import fit_detector
 
     _of_detector(detector, data, output, fit_detector)
 
 
-def cut(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
-    """Choose the scores below which detections are better not tracked, on the training scenes of a detector."""
-    from ..training.detection_cuts import fit_detector
+def score_thresholds(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
+    """Choose the least scores of detections to track, by MOTA on the training scenes of a detector."""
+    from ..training.score_thresholds import fit_detector
 
     _of_detector(detector, data, output, fit_detector)
 
 
 def _of_detector(detector: str, data: str | None, output: Path | None, fit: Callable[[str, RunOptions], str]) -> None:
     from ..running.options import RunOptions
-    from ..training.presence_recipes import DETECTORS, scenes_of
+    from ..tracking.parameters import detector_names
+    from ..training.presence_rows import PresenceRecipe
 
     require_writable(output)
-    one_of(detector, DETECTORS, "DETECTOR")
+    one_of(detector, detector_names(), "DETECTOR")
     options = RunOptions(data)
-    for scenes in scenes_of(detector):
-        prepare(scenes.env, scenes.options(options))
+    for choice in PresenceRecipe.of(detector).choices(detector):
+        prepare(choice.env, choice.options(options))
     with working("read", options) as watched:
         text = fit(detector, watched)
     print_or_write(output, text)
@@ -163,4 +164,4 @@ train = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode
 train.command("motion-noise")(opened(motion_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))
-train.command("cut")(opened(cut))
+train.command("score-thresholds")(opened(score_thresholds))

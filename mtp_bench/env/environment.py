@@ -232,6 +232,8 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         detector=card.detector_name,
         observe=observe,
         motion_noise=card.motion_noise or "",
+        weights_of=card.weights_of or "",
+        tracker={name: section.model_dump() for name, section in card.tracker.items()},
         ego_motion=card.ego_motion,
         velocity=card.velocity,
         **sizes,

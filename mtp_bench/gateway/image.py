@@ -35,12 +35,13 @@ _NAME = "mtp_bench-image"
 _known: dict[tuple[object, ...], Image] = {}
 
 
-def image_of(submission: Submission, env_id: str) -> Image:
+def image_of(submission: Submission, env_id: str, weights_of: str | None = None) -> Image:
     """The image of a submission for an env; made once per process, and again if a file has changed.
 
-    Raises SubmissionError for a folder that is not a submission.
+    ``weights_of``: another env whose network weights serve here too. Raises SubmissionError for a folder that is not a
+    submission.
     """
-    files, networks = files_of(submission.path), network_files(submission.networks, env_id)
+    files, networks = files_of(submission.path), network_files(submission.networks, env_id, weights_of)
     try:
         states = [(path, (s := path.lstat()).st_size, s.st_mtime_ns, s.st_ino) for path in (*files, *networks)]
         key = (submission.path, *states)

@@ -61,7 +61,7 @@ def run_isolated(
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
     env = MTPEnv(env_id, **keywords)
     observation, _ = env.reset(seed=derived_seed(seed, scene, "env"), options={"scene": scene})
-    image = image_of(loaded, env.card.id)
+    image = image_of(loaded, env.card.id, env.card.weights_of)
     if digest is not None and image.digest != digest:
         raise SubmissionError(f"{loaded.path}: its files changed while it ran; run it again")
     layout = layout_for(image, keywords.get("data"), limits.cuda, _own_files(env.card, keywords))
@@ -103,7 +103,8 @@ def run_isolated_scenes(
     called with every finished scene, in the order of completion and in this process.
     """
     compile_kernels()
-    digest = image_of(load_submission(submission), MTPEnv(env_id, **env_keywords).card.id).digest
+    card = MTPEnv(env_id, **env_keywords).card
+    digest = image_of(load_submission(submission), card.id, card.weights_of).digest
     # Decided once, so that all scenes run in the same sandbox; other machines decide for themselves.
     backend = sandbox_backend() if workers.scheduler is None else None
     calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, digest, backend) for scene in scenes]

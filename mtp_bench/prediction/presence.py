@@ -15,6 +15,7 @@ from typing import final
 import numpy as np
 
 from ..errors import SubmissionError, nearest
+from ..tracking.parameters import family_of
 from ..tracks import Tracks
 from ..types import Floats, Ints, Observation, Task
 from .presence_file import LikeFile, read_file
@@ -164,7 +165,7 @@ class LearnedPresence:
 
 def file_of(detector: str) -> Path:
     """The file that ships for a detector, or the default's."""
-    own = MODELS / f"{detector.split('-', maxsplit=1)[0]}.json"
+    own = MODELS / f"{family_of(detector)}.json"
     return own if own.is_file() else MODELS / f"{DEFAULT}.json"
 
 

@@ -81,7 +81,8 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     del keywords["observe"]  # the record has it in a field of its own
     if env.card.source.split != load_card(env_id).source.split:
         keywords["split"] = env.card.source.split
-    names, image = ranked_scenes(env.card, env.scene_names), image_of(submission, env.card.id)
+    names = ranked_scenes(env.card, env.scene_names)
+    image = image_of(submission, env.card.id, env.card.weights_of)
     return Plan(submission, env_id, env.card, options.chosen(names), len(names), keywords, options, image)
 
 

@@ -233,7 +233,8 @@ def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
 
 def _require_unchanged(plan: Plan) -> None:
     """Raise SubmissionError if the files of the submission were changed while it was run."""
-    if image_of(load_submission(plan.submission.path), plan.card.id).digest != plan.image.digest:
+    now = image_of(load_submission(plan.submission.path), plan.card.id, plan.card.weights_of)
+    if now.digest != plan.image.digest:
         raise SubmissionError(
             f"{plan.submission.path}: its files were changed while it was run, expected one submission in all scenes: "
             "submit again with --fresh"

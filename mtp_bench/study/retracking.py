@@ -21,7 +21,7 @@ def retracking_settings(card: Card) -> tuple[Setting, ...]:
 
     None either where their network was not trained on this machine.
     """
-    if not is_of_people(card) or not network_files(load_submission(PLAIN).networks, card.id):
+    if not is_of_people(card) or not network_files(load_submission(PLAIN).networks, card.id, card.weights_of):
         return ()
     both = load_submission(BOTH)
     return (

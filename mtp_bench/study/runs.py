@@ -162,7 +162,8 @@ def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:
 
 def _name(bench: Bench, setting: Setting, seed: int) -> str:
     """Name of the folder of a run: for people, and a digest of everything that decides what is said."""
-    weights = [file_digest(path) for path in network_files(setting.submission.networks, bench.card.id)]
+    networks = network_files(setting.submission.networks, bench.card.id, bench.card.weights_of)
+    weights = [file_digest(path) for path in networks]
     tracks = _given_files(bench.options) if setting.observe == "tracks" else []
     given = [file_digest(path) for path in tracks]
     content = "\n".join([bench.content, key_of(setting), str(seed), *weights, *given, library_digest()])

@@ -19,7 +19,7 @@ from ..tracks import Affinity
 from ..types import Floats, Ints, Task
 from .joint import joint_k_best, k_best
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
-from .parameters import Assignment, ClassParameters, ab3dmot_parameters
+from .parameters import Assignment, ClassParameters, recommended_parameters
 from .tree import HypothesisTree, Seen
 
 ASSIGNMENTS = ("hungarian", "as_parameters", "greedy")
@@ -29,9 +29,10 @@ _KINDS: dict[str, int] = {"center_distance": CENTER_DISTANCE, "iou_3d": IOU_3D, 
 class HypothesisTracker:
     """AB3DMOT's filter and life cycle with the ``hypotheses`` best global associations.
 
-    ``parameters``: one per class of the task; None takes AB3DMOT's for the task's detector. ``temperature`` turns costs
-    into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT's for some classes, is honoured only with
-    ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many is the Hungarian one.
+    ``parameters``: one per class of the task; None takes those of the task's card, else of its detector.
+    ``temperature`` turns costs into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT's for some
+    classes, is honoured only with ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many
+    is the Hungarian one.
     ``assignment="greedy"`` is greedy for every class.
     ``min_detection_score``: weaker detections are ignored, a number or one per class name; None: none is.
     """
@@ -61,7 +62,7 @@ class HypothesisTracker:
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
-        self._parameters = self._given or ab3dmot_parameters(task.detector, task.classes)
+        self._parameters = self._given or recommended_parameters(task)
         if self._assignment == "greedy":
             self._parameters = tuple(replace(rule, assignment="greedy") for rule in self._parameters)
         if len(self._parameters) != len(task.classes):

@@ -15,7 +15,7 @@ import numpy as np
 from ..env.environment import OBSERVE, MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..prediction.kalman import NoiseTable, filtered
-from ..prediction.motion_noise import condition, noise_of
+from ..prediction.motion_noise import noise_table, observed
 from ..running.options import DEFAULTS, Fold, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..types import Bools, Floats, Scene, Task
@@ -29,7 +29,7 @@ def fit_env(
     observe: str = "detections",
     without: Fold | None = None,
 ) -> str:
-    """TOML of the motion noise fitted on the training split of an env, as ``mtp_bench.prediction`` stores it.
+    """TOML of the motion noise fitted on the training split of an env: tables for the file of its domain.
 
     ``options`` may name another split. ``observe``: "truth" for true pasts. ``without``: a fold whose scenes are left
     out, see `open_split`. Raises MtpBenchError for whatever the user can mend, an empty split among it.
@@ -44,11 +44,11 @@ def fit_env(
             f"{env_id}: no track of the {len(split.names)} training scenes follows an object with {task.future} "
             "future frames, so there is nothing to fit"
         )
-    return as_toml(condition(task), rows)
+    return as_toml(observed(task), rows)
 
 
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
-    """Noise of every class of ``task`` from scenes of a training split, as stored under ``condition(task)``.
+    """Noise of every class of ``task`` from scenes of a training split, by class name.
 
     The past is what the single-hypothesis tracker makes of the detections, or the true past if the task observes it.
     A class without windows is left out.
@@ -82,7 +82,7 @@ def fit_motion_noise(position: Floats, valid: Bools, future: Floats, dt: float) 
     bounds = [tuple(np.log(limit)) for limit in _LIMITS]
 
     def loss(x: Floats) -> float:
-        return forecast_score(position, valid, future, noise_of(NoiseTable, [_row(np.exp(x))]), dt)
+        return forecast_score(position, valid, future, noise_table([_row(np.exp(x))]), dt)
 
     best = minimize(loss, start, method="L-BFGS-B", bounds=bounds, options={"eps": 1e-3, "maxiter": 60})
     return {field: np.round(value, 4).tolist() for field, value in _row(np.exp(best.x)).items()}

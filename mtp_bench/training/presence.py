@@ -7,86 +7,26 @@ without a scene say of it.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from ..cards import Card
-from ..env.environment import MTPEnv
 from ..errors import MtpBenchError
-from ..prediction.presence import FEATURES, History, PresenceModel, history_of, logistic
+from ..prediction.presence import FEATURES, PresenceModel, logistic
 from ..running.options import DEFAULTS, RunOptions
-from ..scoring.forecasts import match_objects
-from ..scoring.neutral import evaluated, neutral_places
-from ..tracking import HypothesisTracker
-from ..tracks import Tracks
-from ..types import Bools, Floats, Scene, Task, joined, select
-from .motion_windows import observations
-from .presence_recipes import LIKE, RECIPES, Like, Recipe, scenes_of
-from .split import open_split
+from ..types import Bools, Floats, Scene, select
+from .presence_rows import PresenceRecipe, Rows, thinned, training_rows
 
 RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes
 DIGITS = 6  # of stored numbers: the same on every machine
-MOST_ROWS = 40_000  # of neighbouring frames, which say nearly the same, every second or third is enough
 SCORE_RANKS = 16  # numbers of boxes at which the scores of two detectors are compared
 KNOT_BINS = 100  # of held-out rows, of equal size, that the isotonic regression sees
 
 
-@dataclass(frozen=True, eq=False)
-class Rows(History):
-    """Tracks of n frames and tracks in all, and whether an object was there."""
-
-    class_name: Any  # [n] str
-    present: Bools  # [n]
-    scene: Any  # [n] str: rows of one scene are never on both sides of a split
-
-
-def collect(scenes: Iterable[Scene], card: Card, task: Task) -> Rows:
-    """The tracks of the single-hypothesis tracker; a track on a neutral object is neither and left out.
-
-    An object is there if the track is matched to it by the rule for forecasts: one to one, within the forecast gate.
-    """
-    parts = [_scene_rows(scene, card, task) for scene in scenes]
-    if not any(len(part.present) for part in parts):
-        raise MtpBenchError(f"{card.id}: no track in any training scene, so there is nothing to fit")
-    return joined(parts)
-
-
-def _scene_rows(scene: Scene, card: Card, task: Task) -> Rows:
-    tracker = HypothesisTracker()
-    tracker.reset(task)
-    said: list[tuple[Tracks, History]] = []
-    for t, observation in enumerate(observations(scene)):
-        tracks = tracker.step(observation)
-        said.append((tracks, history_of(tracks, {"ego_pose": scene.ego[t]}, task.dt)))
-    frame = np.repeat(np.arange(len(said)), [len(tracks.box) for tracks, _ in said])
-    box, class_id = (np.concatenate([getattr(tracks, key) for tracks, _ in said]) for key in ("box", "class_id"))
-    truth = evaluated(scene).truth
-    found = match_objects(truth, frame, box, class_id, card)
-    present = np.zeros(len(frame), dtype=bool)
-    row = found.object_of_truth[~truth.neutral]
-    present[row[row >= 0]] = True
-    kept = present | (found.unmatched & ~neutral_places(scene, frame, box[:, :2], class_id))
-    history, names = joined([one for _, one in said]), np.array(task.classes)[class_id]
-    rows = Rows(**vars(history), class_name=names, present=present, scene=np.full(len(frame), scene.name))
-    return select(rows, kept)
-
-
-def training_rows(recipe: Recipe, options: RunOptions = DEFAULTS) -> tuple[Rows, list[dict[str, Any]]]:
-    """The rows of a recipe, and which scenes they are from."""
-    parts, origin = [], []
-    for wanted in recipe.scenes:
-        split = open_split(wanted.env, wanted.options(options), away=wanted.without)
-        parts.append(collect(split.scenes(), split.card, MTPEnv(split.card, data=options.data).task))
-        said = {"env": wanted.env, "split": wanted.split, "detector": split.card.detector_name}
-        origin.append({**said, "scenes": list(split.names)})
-    return joined(parts), origin
-
-
-def fit(rows: Rows, recipe: Recipe) -> tuple[PresenceModel, Floats]:
+def fit(rows: Rows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floats]:
     """The model of these rows, and what is said of each of them [n] without its scene.
 
     That is, by a model fitted on other scenes, calibrated by what such models said of yet other scenes.
@@ -104,7 +44,7 @@ def fit(rows: Rows, recipe: Recipe) -> tuple[PresenceModel, Floats]:
     return replace(model, knots=isotonic_knots(said, rows.present)), checked
 
 
-def fit_logistic(rows: Rows, recipe: Recipe) -> PresenceModel:
+def fit_logistic(rows: Rows, recipe: PresenceRecipe) -> PresenceModel:
     """The model before calibration, its numbers as they are stored."""
     estimator, model = logistic_regression(rows, recipe)
     f, names = len(model.features), sorted(set(rows.class_name))
@@ -114,7 +54,7 @@ def fit_logistic(rows: Rows, recipe: Recipe) -> PresenceModel:
     return replace(model, shared=shared, classes=dict(zip(names, own, strict=True)))
 
 
-def logistic_regression(rows: Rows, recipe: Recipe) -> tuple[Any, PresenceModel]:
+def logistic_regression(rows: Rows, recipe: PresenceRecipe) -> tuple[Any, PresenceModel]:
     """scikit-learn's estimator on `design`, and a model that standardises as it and has no coefficients yet."""
     from sklearn.linear_model import LogisticRegression
 
@@ -202,10 +142,10 @@ def raw_score(rows: Rows) -> Floats:
 
 
 def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
-    """The file of a detector of DETECTORS, as `mtp_bench.prediction.LearnedPresence` reads it."""
-    if detector in LIKE:
-        return fit_scores(detector, LIKE[detector], options)
-    recipe = RECIPES[detector]
+    """The presence file of a detector with a recipe, as `mtp_bench.prediction.LearnedPresence` reads it."""
+    recipe = PresenceRecipe.of(detector)
+    if recipe.like is not None:
+        return fit_scores(detector, recipe, options)
     rows, origin = training_rows(recipe, options)
     rows = thinned(rows)
     model, said = fit(rows, recipe)
@@ -213,13 +153,13 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
     return as_json(detector, recipe, model, origin, held_out)
 
 
-def fit_scores(detector: str, like: Like, options: RunOptions = DEFAULTS) -> str:
-    """The file of a detector whose scores stand for those of another one; no truth is looked at."""
-    here, there = (open_split(scenes.env, scenes.options(options)) for scenes in scenes_of(detector))
+def fit_scores(detector: str, recipe: PresenceRecipe, options: RunOptions = DEFAULTS) -> str:
+    """The file of a detector whose scores stand for those of another one; the truth is not read."""
+    here, there = (choice.open(options) for choice in recipe.choices(detector))
     classes = here.card.task.classes
     scores = [_scores(list(split.scenes()), len(classes)) for split in (here, there)]
     table = {name: score_table(mine, other).tolist() for name, mine, other in zip(classes, *scores, strict=True)}
-    content = {"detector": detector, "terms": like.terms, "like": like.detector}
+    content = {"detector": detector, "terms": recipe.terms, "like": recipe.like}
     return lines_of({**content, "score_map": {name: rows for name, rows in table.items() if len(rows[0]) > 2}})
 
 
@@ -246,7 +186,7 @@ def _scores(scenes: Sequence[Scene], classes: int) -> list[Floats]:
 
 
 def as_json(
-    detector: str, recipe: Recipe, model: PresenceModel, origin: list[dict[str, Any]], held_out: dict[str, Any]
+    detector: str, recipe: PresenceRecipe, model: PresenceModel, origin: list[dict[str, Any]], held_out: dict[str, Any]
 ) -> str:
     """The text of a model's file."""
     content: dict[str, Any] = {"detector": detector}
@@ -269,12 +209,6 @@ def said_by(model: PresenceModel, rows: Rows) -> Floats:
     """Probabilities [n] of rows."""
     names, class_id = np.unique(rows.class_name, return_inverse=True)
     return model.probability(rows, class_id, names.tolist())
-
-
-def thinned(rows: Rows) -> Rows:
-    """Every so manieth row, such that there are at most MOST_ROWS."""
-    n = len(rows.present)
-    return select(rows, np.arange(0, n, -(-n // MOST_ROWS)))
 
 
 def _rounded(values: Floats) -> Floats:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..cards import Card
 from ..errors import MtpBenchError
@@ -30,10 +30,10 @@ class Split:
 
 
 def open_split(env_id: str, options: RunOptions, without: Fold | None = None, away: Sequence[str] = ()) -> Split:
-    """The first scenes of the split that ``options`` names; raises MtpBenchError where there is none.
+    """The first scenes of the split that ``options`` names; raises MtpBenchError if there is none.
 
-    ``without``: a fold whose scenes are left out, for another run scores them. As there, it is a fold of the whole
-    split: the first scenes are taken of those that are left. ``away``: further scenes that are left out.
+    ``without``: a fold of the whole split whose scenes are left out, for another run scores them. ``away``: further
+    scenes that are left out. The first scenes are taken of those that are left.
     """
     card = options.card(env_id)
     source = open_source(card, options.data)
@@ -42,3 +42,22 @@ def open_split(env_id: str, options: RunOptions, without: Fold | None = None, aw
     if not names:
         raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
     return Split(card, source, names, options)
+
+
+@dataclass(frozen=True)
+class SceneChoice:
+    """Scenes of an env, as the file of a detector names them for its fits."""
+
+    env: str
+    split: str = "train"
+    detector: str | None = None  # another one than the card's
+    first: int | None = None  # so many scenes; None: all
+    without: tuple[str, ...] = ()
+
+    def options(self, options: RunOptions) -> RunOptions:
+        """``options`` on these scenes."""
+        return replace(options, split=self.split, detector=self.detector, scenes=self.first)
+
+    def open(self, options: RunOptions) -> Split:
+        """The scenes themselves."""
+        return open_split(self.env, self.options(options), away=self.without)

@@ -149,8 +149,11 @@ def test_the_digest_changes_with_every_field(content: Content, key: str, value: 
 
 
 def test_the_digest_does_not_depend_on_what_agents_choose_their_parameters_by(content: Content) -> None:
-    card = parse_card({**content, "motion_noise": "KITTI"})
-    assert (card.motion_noise, card.digest) == ("KITTI", parse_card(content).digest)
+    rule = {"assignment": "greedy", "affinity": "center_distance", "gate": 2.0, "min_hits": 1, "max_age": 2}
+    hints = {"motion_noise": "KITTI", "weights_of": "MTP-KITTI-v0", "board": 3, "tracker": {"car": rule}}
+    card = parse_card({**content, **hints})
+    assert card.digest == parse_card(content).digest
+    assert {name: card.model_dump()[name] for name in hints} == hints
 
 
 def test_every_field_has_a_change_in_the_test_above(content: Content) -> None:
@@ -163,7 +166,14 @@ def test_every_field_has_a_change_in_the_test_above(content: Content) -> None:
 
     dumped = leaves(parse_card(content).model_dump())
     # test_cards_simulated.py changes the fields of a simulated detector.
-    assert dumped - {"source.name", "task.forecast_gate.pedestrian", "detector", "motion_noise"} == set(CHANGES)
+    assert dumped - {
+        "source.name",
+        "task.forecast_gate.pedestrian",
+        "detector",
+        "motion_noise",
+        "weights_of",
+        "board",
+    } == set(CHANGES)
 
 
 WRONG: dict[str, tuple[str, object, str]] = {

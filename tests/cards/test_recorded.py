@@ -21,7 +21,7 @@ from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
 from mtp_bench.sources.nuscenes.section import NuScenesSource
 from mtp_bench.sources.wildtrack.section import WildtrackSource
-from mtp_bench.tracking.parameters import ab3dmot_parameters
+from mtp_bench.tracking.parameters import detector_parameters
 
 VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle")
 PROTOCOL = {
@@ -88,7 +88,7 @@ def test_a_simulated_detector_needs_to_see_more_than_targets() -> None:
 def test_vehicle_detectors_know_all_classes_of_mini(profile: str) -> None:
     """Those who have only the free mini download have no detections."""
     card = with_detector(load_card("MTP-nuScenes-mini-v0"), profile)
-    assert len(ab3dmot_parameters(card.detector_name, card.task.classes)) == 8
+    assert len(detector_parameters(card.detector_name, card.task.classes)) == 8
     assert card.detector is not None
     assert card.detector.field_of_view == 360.0
 

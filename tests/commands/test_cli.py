@@ -348,13 +348,13 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
     common = ("train", "motion-noise", "--env", card, "--data", training)
     printed = cli.ok(*common)
     fitted = tomllib.loads(printed)
-    assert list(fitted) == ["MTP-Small-v0-pointrcnn-world"]
-    assert list(fitted["MTP-Small-v0-pointrcnn-world"]) == ["car", "pedestrian"]
+    assert list(fitted) == ["pointrcnn-world"]
+    assert list(fitted["pointrcnn-world"]) == ["car", "pedestrian"]
     fields = {"measurement", "jerkiness", "speed", "acceleration"}
-    assert set(fitted["MTP-Small-v0-pointrcnn-world"]["car"]) == fields
+    assert set(fitted["pointrcnn-world"]["car"]) == fields
     assert cli.ok(*common, "-o", tmp_path / "noise.toml") == ""
     assert (tmp_path / "noise.toml").read_text() == printed
-    assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["MTP-Small-v0-truth-world"]
+    assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["truth-world"]
 
 
 def test_train_without_anything_to_fit(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
@@ -376,7 +376,7 @@ def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path
     os.close(side)
     shown = os.read(terminal, 1 << 16).decode()
     os.close(terminal)
-    assert list(tomllib.loads(done.stdout)) == ["MTP-Small-v0-pointrcnn-world"]
+    assert list(tomllib.loads(done.stdout)) == ["pointrcnn-world"]
     assert "1/1" in shown
 
 

@@ -163,7 +163,7 @@ def test_weights_that_were_trained_here_are_part_of_what_runs(tmp_path: Path, mo
     assert without.digest == load_submission(folder).digest
     for env_id in ("MTP-Highway-v0", "MTP-KITTI-v0"):
         (weights / file_name("modes", "truth", env_id)).write_bytes(b"weights")
-    found = image_of(load_submission(folder), "MTP-Merge-v0")  # borrows from Highway
+    found = image_of(load_submission(folder), "MTP-Merge-v0", "MTP-Highway-v0")
     assert [path.name for path in found.networks.iterdir()] == [file_name("modes", "truth", "MTP-Highway-v0")]
     assert found.digest != without.digest
 

@@ -26,7 +26,7 @@ from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.stored import open_run
 from mtp_bench.running.track_export import TrackRows, export_tracks, write_tracks
 from mtp_bench.scoring import SceneScore, score_scene
-from mtp_bench.tracking import GivenTracker, HypothesisTracker, ab3dmot_parameters
+from mtp_bench.tracking import GivenTracker, HypothesisTracker, detector_parameters
 from tests.support.command_line import CommandLine
 from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD_ID
@@ -235,7 +235,7 @@ class Reported:
 
     def reset(self, task: Task) -> None:
         """Every track is output from its first detection on, so that its whole life is in the file."""
-        rules = ab3dmot_parameters(task.detector, task.classes)
+        rules = detector_parameters(task.detector, task.classes)
         self._tracker = HypothesisTracker(parameters=tuple(replace(rule, min_hits=1) for rule in rules))
         self._tracker.reset(task)
 

@@ -396,6 +396,6 @@ ENDS = {
 
 def test_runs_are_made_again_when_what_was_fitted_changes() -> None:
     files = set(library_files())
-    assert {"prediction/presence_models/default.json", "tracking/detection_cuts.toml", "tracks.py"} <= files
-    assert {"env/environment.py", "running/run.py", "prediction/motion_noise.toml"} <= files
+    assert {"prediction/presence_models/default.json", "tracking/detectors/megvii.toml", "tracks.py"} <= files
+    assert {"env/environment.py", "running/run.py", "prediction/motion_noise/KITTI.toml"} <= files
     assert not [name for name in files if name.startswith(("viz/", "scoring/", "study/")) or name.endswith(".pyc")]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtp_bench.agent import Observation, Tracks
-from mtp_bench.tracking.parameters import ab3dmot_parameters
+from mtp_bench.tracking.parameters import detector_parameters
 from mtp_bench.types import Floats, Ints, Task
 from tests.support.plain_affinity import gains
 from tests.support.textbook_k_best import k_best
@@ -45,7 +45,7 @@ class PlainTracker:
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
-        self._task, self._parameters = task, ab3dmot_parameters(task.detector, task.classes)
+        self._task, self._parameters = task, detector_parameters(task.detector, task.classes)
         self._frame = self._born = 0
         self._leaves: list[_Leaf] = []
         self._held: list[list[int]] = [[]]  # leaves of each hypothesis

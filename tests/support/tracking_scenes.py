@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mtp_bench.agent import Observation, Tracker
-from mtp_bench.tracking import AB3DMOT, ClassParameters
+from mtp_bench.tracking import ClassParameters, detector_parameters
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Bools, Floats, Ints, Task
 
@@ -32,7 +32,7 @@ def kitti_task(**changes: Any) -> Task:
 
 def at_once() -> tuple[ClassParameters, ...]:
     """AB3DMOT's parameters, but every track is output from its first detection on: nothing is hidden."""
-    return tuple(replace(rule, min_hits=1) for rule in AB3DMOT["pointrcnn"].values())
+    return tuple(replace(rule, min_hits=1) for rule in detector_parameters("pointrcnn", kitti_task().classes))
 
 
 def frame(*objects: tuple[float, float, int]) -> Frame:

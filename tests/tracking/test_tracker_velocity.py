@@ -9,8 +9,8 @@ import pytest
 
 from mtp_bench.agent import Observation
 from mtp_bench.errors import UnknownNameError
-from mtp_bench.tracking import AB3DMOT, HypothesisTracker
-from mtp_bench.tracking.parameters import ab3dmot_parameters
+from mtp_bench.tracking import HypothesisTracker
+from mtp_bench.tracking.parameters import detector_parameters
 from tests.support.tracking_scenes import CAR, frame, kitti_task, observation
 
 DT = 0.5
@@ -44,15 +44,15 @@ def test_a_velocity_of_a_task_without_velocities_is_not_looked_at() -> None:
 
 
 def test_a_simulated_detector_is_tracked_like_the_one_it_was_fitted_to() -> None:
-    kitti = ab3dmot_parameters("kitti_pointrcnn", ("car", "pedestrian", "cyclist"))
-    assert kitti == tuple(AB3DMOT["pointrcnn"].values())
-    assert ab3dmot_parameters("kitti_pointrcnn-hard", ("car", "truck")) == (kitti[0], kitti[0])
+    kitti = detector_parameters("kitti_pointrcnn", ("car", "pedestrian", "cyclist"))
+    assert kitti == detector_parameters("pointrcnn", ("car", "pedestrian", "cyclist"))
+    assert detector_parameters("kitti_pointrcnn-hard", ("car", "truck")) == (kitti[0], kitti[0])
     for name in ("nuscenes_megvii", "nuscenes_centerpoint", "clean"):
-        assert len(ab3dmot_parameters(name, ("car", "truck", "bus", "motorcycle", "pedestrian"))) == 5
+        assert len(detector_parameters(name, ("car", "truck", "bus", "motorcycle", "pedestrian"))) == 5
 
 
 def test_an_unknown_detector_is_an_error() -> None:
     with pytest.raises(UnknownNameError, match="unknown detector 'lidar-x'"):
-        ab3dmot_parameters("lidar-x", ("car",))
+        detector_parameters("lidar-x", ("car",))
     with pytest.raises(UnknownNameError, match="class for detector 'megvii-iid' 'trialer'"):
-        ab3dmot_parameters("megvii-iid", ("trialer",))
+        detector_parameters("megvii-iid", ("trialer",))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import pytest
 
 from mtp_bench.errors import UnknownNameError
 from mtp_bench.prediction import NoiseTable, motion_noise, stored_noise
-from mtp_bench.prediction.motion_noise import condition, noise_of
+from mtp_bench.prediction.motion_noise import condition, noise_table
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 from mtp_bench.training.motion_noise import as_toml, fit_motion_noise, fit_scenes, forecast_score
 from mtp_bench.training.motion_windows import collect, observations
@@ -52,17 +52,17 @@ def test_a_fit_finds_the_noise_that_made_the_windows() -> None:
     for name in ("jerkiness", "acceleration"):
         np.testing.assert_allclose(found[name], TRUE[name], rtol=0.35)
     fresh = simulated(np.random.default_rng(1), 1500)
-    reached, best = (forecast_score(*fresh, noise_of(NoiseTable, [row]), DT) for row in (found, TRUE))
+    reached, best = (forecast_score(*fresh, noise_table([row]), DT) for row in (found, TRUE))
     assert reached < 1.01 * best
 
 
 def test_the_score_is_least_at_the_true_noise() -> None:
     windows = simulated(np.random.default_rng(2), 3000)
-    best = forecast_score(*windows, noise_of(NoiseTable, [TRUE]), DT)
+    best = forecast_score(*windows, noise_table([TRUE]), DT)
     for name in ("measurement", "jerkiness", "acceleration"):
         for factor in (0.3, 3.0):
             other = {**TRUE, name: (np.array(TRUE[name]) * factor).tolist()}
-            assert forecast_score(*windows, noise_of(NoiseTable, [other]), DT) > 1.002 * best
+            assert forecast_score(*windows, noise_table([other]), DT) > 1.002 * best
 
 
 CONDITIONS: dict[str, dict[str, Any]] = {
@@ -113,20 +113,25 @@ LIKE: dict[str, tuple[dict[str, Any], float]] = {
 
 @pytest.mark.parametrize("name", LIKE)
 def test_the_most_similar_condition_stands_in(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion_noise, "read_store", lambda _: STORE)
+    monkeypatch.setattr(motion_noise, "_read_folder", lambda _: STORE)
     changes, measurement = LIKE[name]
     assert stored_noise(kitti_task(**{"classes": ("car",), **changes})).measurement[0] == measurement
 
 
 def test_a_moving_frame_has_no_substitute(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion_noise, "read_store", lambda _: STORE)
+    monkeypatch.setattr(motion_noise, "_read_folder", lambda _: STORE)
     with pytest.raises(UnknownNameError, match="motion noise 'test-pointrcnn-ego'"):
         stored_noise(kitti_task(classes=("car",), ego_motion=False))
 
 
-def test_the_text_of_a_condition_can_be_read_back() -> None:
+def test_a_file_in_the_folder_is_a_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(motion_noise, "FOLDER", tmp_path)
     rows = {"car": TRUE, "pedestrian": {**TRUE, "measurement": 0.03}}
-    assert tomllib.loads(as_toml("lidar-world", rows)) == {"lidar-world": rows}
+    for domain, order in (("Aachen", "order = 2\n"), ("Mine", "order = 1\n"), ("Last", "")):
+        (tmp_path / f"{domain}.toml").write_text(order + as_toml("lidar-world", rows))
+    assert list(motion_noise._read_folder(tmp_path)) == ["Mine-lidar-world", "Aachen-lidar-world", "Last-lidar-world"]
+    task = kitti_task(motion_noise="Mine", detector="lidar", classes=("pedestrian",))
+    assert stored_noise(task).measurement.tolist() == [0.03]
 
 
 # make_scene: a car along x at 8 m/s, one along y at 5 m/s, a pedestrian at rest; 0.1 s a frame, 8 frames.

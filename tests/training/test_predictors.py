@@ -14,7 +14,7 @@ import torch
 from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.prediction.learned.registry import network_of
-from mtp_bench.prediction.learned.weights import find_weights, read_weights
+from mtp_bench.prediction.learned.weights import find_weights, read_weights, require_fit
 from mtp_bench.running.options import RunOptions, fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.fitting import Plan, device_of, one_cycle
@@ -59,7 +59,7 @@ def test_training_lowers_the_error_and_repeats_itself(found: Windows, tmp_path: 
     again, _ = train_predictor(found, request, tmp_path / "two.safetensors")
     assert path.read_bytes() == again.read_bytes()
     assert [file.suffix for file in tmp_path.iterdir() if "one" in file.name] == [".safetensors"]
-    read_weights(path, network_of("modes"), found.task)
+    require_fit(read_weights(path, network_of("modes")).sizes, found.task, path)
 
 
 class InterruptionError(Exception):
@@ -113,7 +113,7 @@ def test_weights_may_have_any_name(name: str, found: Windows, tmp_path: Path) ->
     path, _ = train_predictor(found, request, tmp_path / name, lambda epoch, _: rest.append(epoch))
     assert rest == [4, 5, 6]
     assert list(tmp_path.glob("mine*")) == [path]
-    read_weights(path, network_of("modes"), found.task)
+    require_fit(read_weights(path, network_of("modes")).sizes, found.task, path)
 
 
 def test_it_stops_where_nothing_gets_better(found: Windows, tmp_path: Path) -> None:

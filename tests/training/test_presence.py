@@ -18,15 +18,15 @@ from mtp_bench.prediction.presence import FEATURES, MODELS, History, logistic, r
 from mtp_bench.running.options import RunOptions
 from mtp_bench.sources import load_scenes
 from mtp_bench.training import presence
-from mtp_bench.training.presence import Rows, design, isotonic_knots, quality
-from mtp_bench.training.presence_recipes import Recipe
+from mtp_bench.training.presence import design, isotonic_knots, quality
+from mtp_bench.training.presence_rows import PresenceRecipe, Rows, collect
 from mtp_bench.types import Floats
 from tests.support.command_line import CommandLine
 from tests.support.scoring_scenes import at, make_card, make_scene, with_detections
 from tests.support.tracking_scenes import kitti_task
 
-FULL = Recipe((), terms="of nobody")
-SMALL = Recipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)
+FULL = PresenceRecipe((), terms="of nobody")
+SMALL = PresenceRecipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)
 
 
 def made_up(n: int = 4000, scenes: int = 8, seed: int = 0) -> tuple[Rows, Floats]:
@@ -43,7 +43,7 @@ def made_up(n: int = 4000, scenes: int = 8, seed: int = 0) -> tuple[Rows, Floats
 
 
 @pytest.mark.parametrize("recipe", [FULL, SMALL], ids=["full", "small"])
-def test_evaluated_as_by_scikit_learn(recipe: Recipe, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_evaluated_as_by_scikit_learn(recipe: PresenceRecipe, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(presence, "DIGITS", 17)
     rows, _ = made_up()
     estimator, bare = presence.logistic_regression(rows, recipe)
@@ -117,7 +117,7 @@ def test_labels_are_those_of_the_rule_for_forecasts() -> None:
     card, frames = make_card(), 6
     truth = [[at(1, (10.0, 0.0)), at(2, (20.0, 0.0), neutral=True)] for _ in range(frames)]
     seen = [[at(i, xy) for i, xy in enumerate([(10.0, 0.3), (10.0, -0.1), (20.0, 0.0), (30.0, 0.0)])]] * frames
-    rows = presence.collect([with_detections(make_scene(truth), seen)], card, kitti_task(classes=card.task.classes))
+    rows = collect([with_detections(make_scene(truth), seen)], card, kitti_task(classes=card.task.classes))
     told = [(round(float(away)), bool(there)) for away, there in zip(rows.range, rows.present, strict=True)]
     frames_told = len(told) // 3
     assert frames_told > 0
@@ -126,7 +126,7 @@ def test_labels_are_those_of_the_rule_for_forecasts() -> None:
 
 def test_rows_of_presence_are_complete(card: str, kitti: str) -> None:
     env = MTPEnv(card, kitti)
-    rows = presence.collect(load_scenes(card, data=kitti), load_card(card), env.task)
+    rows = collect(load_scenes(card, data=kitti), load_card(card), env.task)
     assert rows.present.any()
     assert set(rows.class_name) <= set(env.task.classes)
     assert len({len(values) for values in vars(rows).values()}) == 1
@@ -149,7 +149,7 @@ def test_the_quality_of_probabilities() -> None:
 
 def test_wrong_usage(cli: CommandLine) -> None:
     assert cli("train", "presence", "megvi").status == 2
-    assert cli("train", "cut", "megvi").status == 2
+    assert cli("train", "score-thresholds", "megvi").status == 2
 
 
 @pytest.mark.data

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from ..windows import shown_as_truth, surroundings_of, windows_of
 from .around import taken_alone
 from .local import to_absolute
 from .registry import AROUND, network_of
-from .weights import Stored, find_weights, read_weights
+from .weights import Stored, find_weights, read_weights, require_fit
 
 ASSOCIATIONS = ("network", "track")
 
@@ -50,7 +50,9 @@ class LearnedPredictor:
     def reset(self, task: Task) -> None:
         """Forget everything; a new scene begins."""
         path = self._given or find_weights(self._network.name, self._on, task)
-        self._stored = stored = _read(path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name, task)
+        stored = _read(path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name)
+        require_fit(stored.sizes, task, path)
+        self._stored = stored
         self._as_truth = stored.card.get("on") == "truth" if self._chosen is None else self._chosen
         self._class = np.array([stored.sizes.classes.index(name) for name in task.classes])
 
@@ -85,7 +87,7 @@ def _require_association(association: str, network: str) -> None:
         )
 
 
-@cache
-def _read(path: Path, changed: int, network: str, task: Task) -> Stored:
-    """Weights are read once per process, and again when the file has ``changed``."""
-    return read_weights(path, network_of(network), task)
+@lru_cache(maxsize=4)  # one file per scene would otherwise be read anew for every scene
+def _read(path: Path, changed: int, network: str) -> Stored:
+    """The weights of a file that was ``changed`` last at this time, ns."""
+    return read_weights(path, network_of(network))

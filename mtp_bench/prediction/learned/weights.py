@@ -17,7 +17,7 @@ import numpy as np
 
 from ...errors import SubmissionError
 from ...files import open_regular, whole_file
-from ...networks import file_name, lender_of, weights_folder
+from ...networks import file_name, weights_folder
 from ...strict import parse_json
 from ...types import Task
 from .local import Arrays
@@ -44,14 +44,14 @@ def find_weights(network: str, on: str, task: Task) -> Path:
 
     Raises SubmissionError that says how to make it, where there is none.
     """
-    for env_id in (task.env_id, lender_of(task.env_id)):
+    for env_id in filter(None, (task.env_id, task.weights_of)):
         name = file_name(network, on, env_id)
         for path in (weights_folder() / name, SHIPPED / f"{name}{PACKED}"):
             if path.is_file():
                 return path
     raise SubmissionError(
         f"{task.env_id}: no weights {file_name(network, on, task.env_id)} in {weights_folder()}, and none ship; train "
-        f"them: mtp-bench train predictor {network} --env {lender_of(task.env_id)} --on {on}"
+        f"them: mtp-bench train predictor {network} --env {task.weights_of or task.env_id} --on {on}"
     )
 
 
@@ -70,8 +70,8 @@ def content_of(stored: Stored) -> bytes:
     return save(halves, {"mtp_bench": json.dumps(said, sort_keys=True)})
 
 
-def read_weights(path: Path, network: Network, task: Task | None = None) -> Stored:
-    """The weights of ``network`` in a file, checked; for a ``task``, that they are made for it.
+def read_weights(path: Path, network: Network) -> Stored:
+    """The weights of ``network`` in a file, checked.
 
     Nothing in the file is run. Raises SubmissionError that says what was found and what was expected.
     """
@@ -87,8 +87,6 @@ def read_weights(path: Path, network: Network, task: Task | None = None) -> Stor
         shapes = network.shapes(sizes)
     except (KeyError, TypeError, ValueError) as error:
         raise SubmissionError(f"{path}: does not say what it is made for ({error})") from None
-    if task is not None:
-        _check_task(path, sizes, task)
     got = {name: value.shape for name, value in tensors.items()}
     for name in sorted(shapes.keys() | got.keys()):
         if shapes.get(name) != got.get(name):
@@ -101,7 +99,8 @@ def read_weights(path: Path, network: Network, task: Task | None = None) -> Stor
     return Stored(tensors, network.name, sizes, card)
 
 
-def _check_task(path: Path, sizes: Sizes, task: Task) -> None:
+def require_fit(sizes: Sizes, task: Task, path: Path) -> None:
+    """Raise SubmissionError unless weights of these sizes, in a file, are made for the task."""
     wanted = Sizes.of(task)
     for class_name in wanted.classes:
         if class_name not in sizes.classes:

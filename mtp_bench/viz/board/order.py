@@ -1,4 +1,4 @@
-"""The order of environments on a leaderboard: those of the paper, other recorded ones, then simulated ones."""
+"""Order of environments on a leaderboard."""
 
 from __future__ import annotations
 
@@ -7,24 +7,14 @@ from functools import cache
 from ..._bundle import card_ids
 from ...cards import load_card
 
-PAPER = (
-    "MTP-nuScenes-v0",
-    "MTP-nuScenes-CenterPoint-v0",
-    "MTP-nuScenes-mini-v0",
-    "MTP-KITTI-v0",
-    "MTP-KITTI-noego-v0",
-    "MTP-KITTI-5Hz-v0",
-    "MTP-WILDTRACK-v0",
-    "MTP-WILDTRACK-k10-v0",
-    "MTP-PETS-v0",
-)
+_LAST = 1000  # behind all envs whose card states a place
 
 
+@cache
 def env_place(env_id: str) -> tuple[int, str]:
-    """What environments are sorted by."""
-    if env_id in PAPER:
-        return PAPER.index(env_id), env_id
-    return len(PAPER) + simulated(env_id), env_id
+    """Sort key of environments: the place that the card states, then recorded ones, then simulated ones."""
+    place = load_card(env_id).board if env_id in card_ids() else None
+    return _LAST + simulated(env_id) if place is None else place, env_id
 
 
 @cache

@@ -20,7 +20,14 @@ from mtp_bench.prediction.learned.local import Arrays, local_future, local_input
 from mtp_bench.prediction.learned.modes import CAUTION, Modes, spread_of
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.learned.registry import NETWORKS, network_of
-from mtp_bench.prediction.learned.weights import FORMAT, Stored, find_weights, read_weights, write_weights
+from mtp_bench.prediction.learned.weights import (
+    FORMAT,
+    Stored,
+    find_weights,
+    read_weights,
+    require_fit,
+    write_weights,
+)
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.types import Ints
@@ -151,7 +158,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_weights_come_back_in_half_precision(file: Path) -> None:
-    stored = read_weights(file, network_of("modes"), TASK)
+    stored = read_weights(file, network_of("modes"))
     weights, _ = started(network_of("modes"), random_windows())
     assert stored.sizes == SIZES
     assert stored.card == {"present": True}
@@ -168,9 +175,9 @@ def rewritten(file: Path, arrays: Arrays | None = None, **changes: Any) -> Path:
 def test_files_that_do_not_fit_are_refused(file: Path) -> None:
     modes = network_of("modes")
     with pytest.raises(SubmissionError, match=r"made for car, pedestrian, cyclist, but test has the class 'bus'"):
-        read_weights(file, modes, replace(TASK, classes=("car", "bus")))
+        require_fit(read_weights(file, modes).sizes, replace(TASK, classes=("car", "bus")), file)
     with pytest.raises(SubmissionError, match="made for future 10, but test has 12"):
-        read_weights(file, modes, replace(TASK, future=12))
+        require_fit(read_weights(file, modes).sizes, replace(TASK, future=12), file)
     arrays = dict(read_weights(file, modes).weights)
     with pytest.raises(SubmissionError, match=r"net.1.bias is \(7,\), expected \(256,\)"):
         read_weights(rewritten(file, {**arrays, "net.1.bias": np.zeros(7, np.float32)}), modes)

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mtp_bench import card_ids
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import SubmissionError
-from mtp_bench.networks import LENDERS
 from mtp_bench.prediction.learned.registry import network_of
 from mtp_bench.prediction.learned.shipping import rounded, ship
 from mtp_bench.prediction.learned.weights import MOST_BYTES as MOST_WEIGHTS
-from mtp_bench.prediction.learned.weights import PACKED, SHIPPED, find_weights, read_weights, write_weights
+from mtp_bench.prediction.learned.weights import PACKED, SHIPPED, find_weights, read_weights, require_fit, write_weights
 
 FILES = sorted(SHIPPED.glob(f"*.safetensors{PACKED}"))
 MOST_BYTES = 2_000_000
@@ -39,10 +39,12 @@ def test_they_are_of_simulated_traffic_and_serve_their_envs(
     assert card["on"] == on
     for trained_on in card["env"].split(", "):
         assert load_card(trained_on).simulated
-    for borrower in (env_id, *(other for other, lender in LENDERS.items() if lender == env_id)):
-        task = MTPEnv(borrower).task
+    others = [other for other in card_ids() if load_card(other).weights_of == env_id]
+    assert others
+    for served in (env_id, *others):
+        task = MTPEnv(served).task
         assert find_weights(name, on, task) == file
-        read_weights(file, network_of(name), task)
+        require_fit(read_weights(file, network_of(name)).sizes, task, file)
 
 
 def test_what_is_packed_to_ship_keeps_eight_bits_of_each_number(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The choice of input cuts: below which score the detections of a class are better not tracked.
+"""The choice of score thresholds: the least score of detections that are tracked, per class.
 
 By MOTA of the single-hypothesis tracker on training scenes, per class:
 1 - (false positives + misses + switches) / true boxes.
@@ -21,18 +21,18 @@ from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..types import Floats, Ints, Scene, Task
 from .motion_windows import observations
-from .presence_recipes import LIKE, Scenes, scenes_of
-from .split import open_split
+from .presence_rows import PresenceRecipe
+from .split import SceneChoice
 
 QUANTILES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)  # of the scores of detections of true objects
-LEAST_TRUTH = 200  # true boxes of a class, without which it gets no cut
+LEAST_TRUTH = 200  # true boxes of a class, below which it gets no threshold
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Of one class over training scenes, with one cut."""
+    """Errors of the tracker for one class over training scenes, with one threshold."""
 
-    cut: float
+    threshold: float
     truth: int
     false: int
     missed: int
@@ -45,15 +45,16 @@ class Counts:
 
 
 def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
-    """TOML of the cuts of a detector of `presence.DETECTORS`, as `mtp_bench.tracking.stored_cuts` reads them.
+    """The table [min_detection_score] of a detector's file, as `mtp_bench.tracking.score_thresholds` reads it.
 
-    A detector that takes another one's presence takes its cuts too, at scores of equal rank.
+    A detector that takes the presence of another one takes its thresholds too, at scores of equal rank.
     """
-    if detector not in LIKE:
-        return as_toml(detector, best_cuts(detector, options))
+    like = PresenceRecipe.of(detector).like
+    if like is None:
+        return as_toml(best_thresholds(detector, options))
     _, tables = read_model(file_of(detector))
-    cuts = {name: cut for name, cut in best_cuts(LIKE[detector].detector, options).items() if name in tables}
-    return as_toml(detector, {name: float(np.interp(cut, *tables[name][::-1])) for name, cut in cuts.items()})
+    best = {name: score for name, score in best_thresholds(like, options).items() if name in tables}
+    return as_toml({name: float(np.interp(score, *tables[name][::-1])) for name, score in best.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,27 +66,27 @@ class Drive:
     task: Task
 
 
-def best_cuts(detector: str, options: RunOptions = DEFAULTS) -> dict[str, float]:
-    """The cut of each class with the greatest MOTA; classes that are best without a cut are left out."""
-    drives = [_drive(wanted, options) for wanted in scenes_of(detector)]
+def best_thresholds(detector: str, options: RunOptions = DEFAULTS) -> dict[str, float]:
+    """The threshold of each class with the greatest MOTA; classes that are best without one are left out."""
+    drives = [_drive(choice, options) for choice in PresenceRecipe.of(detector).scenes]
     best = {}
-    for name, tried in tried_cuts(drives).items():
+    for name, tried in try_thresholds(drives).items():
         top = max(tried, key=lambda counts: counts.mota)
         if tried[0].truth >= LEAST_TRUTH and top.mota > tried[0].mota:
-            best[name] = top.cut
+            best[name] = top.threshold
     return best
 
 
-def _drive(wanted: Scenes, options: RunOptions) -> Drive:
-    split = open_split(wanted.env, wanted.options(options), away=wanted.without)
+def _drive(choice: SceneChoice, options: RunOptions) -> Drive:
+    split = choice.open(options)
     scenes = list(split.scenes())
     if not all(scene.truth_complete for scene in scenes):
-        raise MtpBenchError(f"{wanted.env}: the truth is not complete, so false positives cannot be told")
+        raise MtpBenchError(f"{choice.env}: the truth is not complete, so false positives are unknown")
     return Drive(scenes, split.card, MTPEnv(split.card, data=options.data).task)
 
 
-def tried_cuts(drives: Sequence[Drive]) -> dict[str, list[Counts]]:
-    """What comes of a cut at each of QUANTILES, by class name; the first is none."""
+def try_thresholds(drives: Sequence[Drive]) -> dict[str, list[Counts]]:
+    """Counts with a threshold at each of QUANTILES, by class name; the first is without one."""
     scores: dict[str, list[Floats]] = {}
     for drive in drives:
         for name, mine in zip(drive.task.classes, _true_scores(drive), strict=True):
@@ -93,25 +94,25 @@ def tried_cuts(drives: Sequence[Drive]) -> dict[str, list[Counts]]:
     joined = {name: np.concatenate(parts) for name, parts in scores.items()}
     tried: dict[str, list[Counts]] = {name: [] for name in joined}
     for quantile in QUANTILES:
-        cut = {
+        threshold = {
             name: float(f"{np.quantile(mine, quantile):.3g}") if quantile and len(mine) else -np.inf
             for name, mine in joined.items()
         }
         total = {name: np.zeros(4, dtype=np.int64) for name in joined}
         for drive in drives:
             names = drive.task.classes
-            tracker = HypothesisTracker(min_detection_score={name: cut[name] for name in names})
+            tracker = HypothesisTracker(min_detection_score={name: threshold[name] for name in names})
             for scene in drive.scenes:
                 for name, row in zip(names, _count(scene, drive, tracker), strict=True):
                     total[name] += row
         for name, row in total.items():
-            tried[name].append(Counts(cut[name], *row.tolist()))
+            tried[name].append(Counts(threshold[name], *row.tolist()))
     return tried
 
 
-def as_toml(detector: str, cuts: dict[str, float]) -> str:
-    """The table of one detector."""
-    return "\n".join([f"[{detector}]", *(f"{name} = {cut:.3g}" for name, cut in cuts.items()), ""])
+def as_toml(thresholds: dict[str, float]) -> str:
+    """The text of the table."""
+    return "\n".join(["[min_detection_score]", *(f"{name} = {score:.3g}" for name, score in thresholds.items()), ""])
 
 
 def _true_scores(drive: Drive) -> list[Floats]:
