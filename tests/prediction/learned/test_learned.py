@@ -204,7 +204,7 @@ def test_where_weights_are_looked_for(file: Path, monkeypatch: pytest.MonkeyPatc
     with pytest.raises(SubmissionError, match="mtp-bench train predictor modes --env test --on tracklets"):
         find_weights("modes", "tracklets", TASK)
     lent = file.rename(file.with_name("modes-truth-MTP-Highway-v0.safetensors"))
-    assert find_weights("modes", "truth", replace(TASK, env_id="MTP-Merge-v0")) == lent
+    assert find_weights("modes", "truth", replace(TASK, env_id="MTP-Merge-v0", weights_of="MTP-Highway-v0")) == lent
 
 
 def test_an_agent_runs_the_network_of_its_task(file: Path) -> None:
