@@ -32,7 +32,7 @@ class EnvKeywords(TypedDict, total=False):
     split: str | None  # another split of the card's source
     detector: str | None  # another detector, simulated on the true boxes or stored (`cards.with_detector`)
     detection_file: str | None  # stored detections of one's own (`cards.with_detections`)
-    track_file: str | None  # file or folder of stored tracks (`sources.tracks`), for ``observe="tracks"``
+    track_file: str | None  # file or folder of stored tracks (`sources.stored_tracks`), for ``observe="tracks"``
     files: str | None  # a folder of scenes of one's own (`cards.with_files`)
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
     render_mode: str | None  # one of RENDERERS

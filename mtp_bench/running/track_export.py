@@ -13,13 +13,15 @@ from ..cards import Card
 from ..errors import CardError
 from ..files import new_folder, whole_file
 from ..parallel import NO_PROGRESS, Progress
+from ..sources.files.columns import BOX
+from ..sources.files.table import write_table
 from ..sources.kitti.layout import TYPES
 from ..sources.kitti.section import KittiSource
 from ..sources.kitti.tracks import poses_of, result_lines
 from ..sources.nuscenes.section import NuScenesSource
 from ..sources.nuscenes.source import NuScenes
 from ..sources.nuscenes.tracks import submission_box
-from ..sources.tracks.table import SCORED, table_path, write_table_of_tracks
+from ..sources.stored_tracks import table_path
 from ..types import Floats, Ints, Rollout, Scene, starts_of_sorted
 from .stored import OpenedRun
 
@@ -73,7 +75,7 @@ def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False, prog
     """Write the tracks of a stored run to ``path`` and return the number of boxes; ``progress`` counts scenes.
 
     nuScenes: a .json file in the submission form of the tracking task. KITTI: a folder of the benchmark's results. With
-    ``table``, and for every other source: a folder of tables (`sources.tracks.table`). Raises CardError for a path
+    ``table``, and for every other source: a folder of tables (`sources.stored_tracks`). Raises CardError for a path
     that does not fit the format, and MtpBenchError for a folder that is not empty.
     """
     card, scenes = opened.card, ((rollout, opened.recorded(rollout.scene)) for rollout in opened.run.rollouts)
@@ -119,10 +121,14 @@ def _write_result(scene: Scene, rows: TrackRows, card: Card, data: str | None, f
 
 
 def _write_table(scene: Scene, rows: TrackRows, card: Card, data: str | None, folder: Path) -> None:
-    names = [card.task.classes[c] for c in rows.class_id]
-    columns = (rows.frame.tolist(), rows.track_id.tolist(), names, rows.box.tolist(), rows.score.tolist())
-    every = ([t, i, name, *box, score] for t, i, name, box, score in zip(*columns, strict=True))
-    write_table_of_tracks(table_path(folder, scene.name), every, SCORED)
+    columns = {
+        "frame": rows.frame,
+        "id": rows.track_id,
+        "class": np.array(card.task.classes)[rows.class_id],
+        **dict(zip(BOX, rows.box.T, strict=True)),
+        "score": rows.score,
+    }
+    write_table(table_path(folder, scene.name), columns)
 
 
 def _write_submission(rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path) -> int:

@@ -11,18 +11,20 @@ from pathlib import Path
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, UnknownNameError
 from ..types import Scene
+from .base import CameraImage as CameraImage
 from .base import ChangedScenes, Preparation, SourcePackage
 from .base import SceneSource as SceneSource
 from .dataset import DataCheck as DataCheck
 from .dataset import Dataset as Dataset
 from .dataset import DataStatus as DataStatus
-from .images import CameraImage as CameraImage
 from .simulated import detected as detected
-from .tracks import find_tracks
+from .stored_tracks import find_tracks
+
+Note = Callable[[str], object]
 
 
 def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
-    """The scenes that ``card`` names, found but not read yet.
+    """Find the scenes that ``card`` names, without reading them.
 
     ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA, else the user data folder.
     Raises DataError when the root, a folder or the card's detector is missing.
@@ -32,9 +34,9 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
 
 
 def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: str | Path) -> SceneSource:
-    """The scenes of ``source`` with the stored tracks of a foreign program; `sources.tracks` says in which forms.
+    """The scenes of ``source`` with the stored tracks of another program, in a form of `sources.stored_tracks`.
 
-    ``card`` and ``data``: what ``source`` was opened with. Raises DataError where ``path`` holds no tracks for it.
+    ``card`` and ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
     """
     read = find_tracks(_package(card), card, data, path)
     return ChangedScenes(source, lambda scene: replace(scene, tracks=read(scene)))
@@ -43,10 +45,10 @@ def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: 
 def load_scenes(
     card: str | Card, data: str | Path | None = None, names: Iterable[str] | None = None
 ) -> Iterator[Scene]:
-    """The scenes of an env, truth included, read one after the other as they are asked for.
+    """Read the scenes of an env, ground truth included, one after the other as they are asked for.
 
-    ``card``: an env id, the path of a card, or a card (`cards.with_split` chooses another split). ``data``: the data
-    root, else that of MTP_BENCH_DATA. ``names``: those scenes alone. Raises UnknownNameError or DataError.
+    ``card``: an env id, the path of a card, or a card (`with_split` chooses another split). ``data``: the data root,
+    else that of MTP_BENCH_DATA. ``names``: those scenes alone. Raises UnknownNameError or DataError.
     """
     source = open_source(card if isinstance(card, Card) else load_card(card), data)
     if isinstance(names, str):
@@ -58,13 +60,11 @@ def load_scenes(
     return (source.load(name) for name in chosen)
 
 
-def with_map(
-    scene: Scene, card: Card, data: str | Path | None = None, note: Callable[[str], object] = lambda text: None
-) -> Scene:
-    """``scene`` with the road that pictures of it show: of the map expansion of nuScenes, where it is there.
+def with_map(scene: Scene, card: Card, data: str | Path | None = None, note: Note = lambda text: None) -> Scene:
+    """``scene`` with the road for pictures of it: that of the map expansion of nuScenes, if it is there.
 
-    A run, a score and a training read no map, for which this is apart from `SceneSource.load`. A map that is broken is
-    left out, and ``note`` is told what is wrong with it.
+    Runs, scores and trainings read no map, so `SceneSource.load` leaves it out. A map that is broken is left out too,
+    with a message to ``note``.
     """
     try:
         return replace(scene, lanes=tuple(_package(card).lanes(card, data, scene)))
@@ -74,11 +74,11 @@ def with_map(
 
 
 def camera_images(
-    scene: Scene, card: Card, data: str | Path | None = None, note: Callable[[str], object] = lambda text: None
+    scene: Scene, card: Card, data: str | Path | None = None, note: Note = lambda text: None
 ) -> tuple[CameraImage, ...]:
-    """The images of the cameras of a recording, in the order of frames; none where their files are not there.
+    """The images of the cameras of a recording whose files are there, in the order of frames.
 
-    ``note`` is told where a table is broken that says what they show; there are none then.
+    There are none if a table that describes them is broken, with a message to ``note``.
     """
     try:
         return tuple(_package(card).images(card, data, scene))
@@ -88,13 +88,17 @@ def camera_images(
 
 
 def about(card: Card) -> Dataset:
-    """What is known of the dataset that ``card`` needs, such as its licence; no data is looked for."""
+    """Facts about the dataset that ``card`` needs, such as its licence; reads no data."""
     return _package(card).about(card)
 
 
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:
-    """What ``card`` needs of a dataset, what of it was found, and how to get it; a missing root is no error here."""
-    return _package(card).describe(card, data)
+    """Files that ``card`` needs, those that were found, and how to get the others; a missing root is not an error."""
+    package = _package(card)
+    found = package.locate(card, data)
+    if found.root is not None:
+        package.inspect(card, found)
+    return found
 
 
 def prepare(
@@ -105,15 +109,15 @@ def prepare(
     started: Callable[[int], object] | None = None,
     progress: Callable[[str], object] | None = None,
 ) -> None:
-    """Do now what is done once per machine: make simulated scenes, or the compact copy of nuScenes tables.
+    """Do now the work that is done once per machine: simulate scenes, or make the compact copy of nuScenes tables.
 
     Args:
         card: names the scenes.
         data: the data root, as for `open_source`.
-        scenes: of simulated ones, the first so many; None: all. Those in the cache are not made again.
-        workers: processes that make simulated scenes.
-        started: is told how many pieces of work there are.
-        progress: is told the name of each that is done.
+        scenes: number of simulated scenes to make; None: all. Those in the cache are not made again.
+        workers: processes that simulate scenes.
+        started: is called with the number of pieces of work.
+        progress: is called with the name of each piece that is done.
 
     Raises DataError.
     """
@@ -121,16 +125,16 @@ def prepare(
 
 
 def keep_private(card: Card) -> None:
-    """Let nobody else on this machine read the simulated scenes of the card, or their names, which tell their seeds."""
+    """Let no other user of this machine read the simulated scenes of the card, or their names, which hold the seeds."""
     _package(card).keep_private(card)
 
 
 def discard(card: Card) -> None:
-    """Take the simulated scenes of the card's split out of the cache; of recorded scenes nothing is kept there."""
+    """Remove the simulated scenes of the card's split from the cache; recorded scenes are not kept there."""
     _package(card).discard(card)
 
 
 def _package(card: Card) -> SourcePackage:
-    """The package of the card's source, which has the name of its section; imported when it is needed first."""
+    """The package of the card's source, which has the name of its section; imported when it is first needed."""
     package: SourcePackage = import_module(f".{card.source.name}", __name__).PACKAGE
     return package

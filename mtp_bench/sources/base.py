@@ -1,4 +1,4 @@
-"""What every source of scenes offers, and what all of them ask of a card."""
+"""Interface of every source of scenes, and the checks of cards that several sources share."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ import numpy as np
 
 from ..cards import Card, SourceSection
 from ..errors import CardError, nearest
-from ..types import Detections, Ints, Lane, Scene, StoredTracks
+from ..types import Detections, Floats, Ints, Lane, Scene, StoredTracks
 from .dataset import Dataset, DataStatus
-from .images import CameraImage
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
 SectionT = TypeVar("SectionT", bound=SourceSection)
@@ -34,7 +33,7 @@ class SceneSource(Protocol):
 
 @dataclass(frozen=True)
 class ChangedScenes:
-    """The scenes of another source, each with something in it changed when it is read."""
+    """The scenes of another source, each changed when it is read."""
 
     source: SceneSource
     change: Callable[[Scene], Scene]
@@ -49,14 +48,25 @@ class ChangedScenes:
         return self.change(self.source.load(name))
 
 
+@dataclass(frozen=True, eq=False)
+class CameraImage:
+    """One image of a recording, found but not read; shown beside events, and used for nothing else."""
+
+    frame: int
+    camera: str  # such as "CAM_FRONT"
+    path: Path
+    size: tuple[int, int]  # pixels, width and height, that ``projection`` is for
+    projection: Floats  # [3, 4] from the scene's frame of reference, homogeneous, to pixels; its third row gives metres
+
+
 @dataclass(frozen=True)
 class Preparation:
-    """How to do what is done once per machine."""
+    """How to do the work that is done once per machine."""
 
     scenes: int | None = None  # the first ones; None: all
     workers: int = 1
-    started: Callable[[int], object] | None = None  # is told how many pieces of work there are
-    progress: Callable[[str], object] | None = None  # is told the name of each that is done
+    started: Callable[[int], object] | None = None  # is called with the number of pieces of work
+    progress: Callable[[str], object] | None = None  # is called with the name of each piece that is done
 
 
 ReadTracks = Callable[[Scene], StoredTracks]
@@ -64,7 +74,7 @@ ReadTracks = Callable[[Scene], StoredTracks]
 
 @dataclass(frozen=True)
 class TrackForm:
-    """A form in which foreign programs store tracks of a dataset."""
+    """A form in which other programs store tracks of a dataset."""
 
     name: str  # in words, for errors
     fits: Callable[[Path], bool]
@@ -73,12 +83,13 @@ class TrackForm:
 
 @dataclass(frozen=True)
 class SourcePackage:
-    """What the package of a source offers, as its ``PACKAGE``; `mtp_bench.sources` finds it by the card's section."""
+    """Functions of the package of a source, its ``PACKAGE``; `mtp_bench.sources` finds it by the card's section."""
 
     open: Callable[[Card, DataRoot], SceneSource]
-    about: Callable[[Card], Dataset]  # what is known of the dataset, of which nothing is read
-    describe: Callable[[Card, DataRoot], DataStatus]
-    tracks: TrackForm | None = None  # in which foreign trackers store their tracks of this dataset
+    about: Callable[[Card], Dataset]  # facts about the dataset; reads no data
+    locate: Callable[[Card, DataRoot], DataStatus]  # where the files are, see `Dataset.status`
+    inspect: Callable[[Card, DataStatus], None] = lambda card, found: None  # completes the status of what was found
+    tracks: TrackForm | None = None  # in which trackers store their tracks of this dataset
     prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None
     discard: Callable[[Card], None] = lambda card: None
     keep_private: Callable[[Card], None] = lambda card: None
@@ -87,14 +98,14 @@ class SourcePackage:
 
 
 def section_of(card: Card, kind: type[SectionT]) -> SectionT:
-    """The card's source section, which must be of ``kind``; raises CardError where it is another source's."""
+    """The card's source section, which must be of ``kind``; raises CardError for that of another source."""
     if not isinstance(card.source, kind):
         raise CardError(f"{card.id}: source is {card.source.name!r}, expected the section of {kind.__name__}")
     return card.source
 
 
 def require_classes(card: Card, dataset: str, known: Collection[str]) -> None:
-    """Raise CardError for a class of the task that the dataset has not."""
+    """Raise CardError for a class of the task that the dataset does not have."""
     for name in card.task.classes:
         if name not in known:
             raise CardError(f"{card.id}: {dataset} has no class {name!r}{nearest(name, known)}")
@@ -108,12 +119,12 @@ def require_rate(card: Card, dataset: str, rate: float, stride: int = 1) -> None
 
 
 def class_ids(known: Sequence[str], classes: Sequence[str]) -> Ints:
-    """Place of each of the ``known`` classes of a dataset among those of a task, -1 for one that is not there."""
+    """Index of each of the ``known`` classes of a dataset among those of a task, -1 for a class that is not in it."""
     return np.array([classes.index(name) if name in classes else -1 for name in known], dtype=np.int64)
 
 
 def no_detections(frames: int) -> Detections:
-    """The record of a scene of ``frames`` frames in which nothing is detected."""
-    none = np.zeros(0, dtype=np.int64)
+    """Detections of a scene of ``frames`` frames without any."""
+    no_ids = np.zeros(0, dtype=np.int64)
     start = np.zeros(frames + 1, dtype=np.int64)
-    return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), none, np.zeros(0))
+    return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), no_ids, np.zeros(0))

@@ -1,4 +1,4 @@
-"""The cache of what is made once per machine: where it is, and files of arrays that show when they are broken."""
+"""Folder of the cache, and files of arrays with a hash that shows when they are broken."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ VARIABLE = "MTP_BENCH_CACHE"
 
 
 def cache_root() -> Path:
-    """The folder of everything that is made once: the one that MTP_BENCH_CACHE names, else the user cache folder."""
+    """The folder of files made once per machine: that of MTP_BENCH_CACHE, else the user cache folder."""
     if os.environ.get(VARIABLE):
         return Path(os.environ[VARIABLE]).expanduser()
     from platformdirs import user_cache_path
@@ -27,7 +27,7 @@ def cache_root() -> Path:
 
 
 def content_hash(arrays: Arrays) -> str:
-    """sha256 of the arrays' names, types, shapes and values, whatever their order."""
+    """sha256 of the arrays' names, types, shapes and values, in any order of the arrays."""
     digest = hashlib.sha256()
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
@@ -37,7 +37,7 @@ def content_hash(arrays: Arrays) -> str:
 
 
 def read_arrays(path: Path) -> Arrays | None:
-    """Stored arrays; None where they are not there or not what was written."""
+    """Stored arrays; None if the file is missing or not as it was written."""
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays: Arrays = {name: file[name] for name in file.files}
@@ -48,9 +48,9 @@ def read_arrays(path: Path) -> Arrays | None:
 
 
 def write_arrays(path: Path, arrays: Arrays, brief: bool = False) -> None:
-    """Store arrays with a hash of their content, as a whole or not at all. Raises OSError.
+    """Store arrays with a hash of their content, atomically. Raises OSError.
 
-    ``brief``: they are kept for minutes alone, so that packing them would take longer than it is worth.
+    ``brief``: without compression, for files that are kept for minutes.
     """
     save = np.savez if brief else np.savez_compressed
     with whole_file(path) as part, part.open("wb") as file:

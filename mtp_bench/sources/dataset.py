@@ -1,4 +1,4 @@
-"""What is known of a dataset, where it is looked for, and the one form of what was found of it."""
+"""Facts about a dataset, its folder on this machine, and the status of its files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def data_root(data: str | Path | None) -> tuple[Path, str]:
 
 @dataclass(frozen=True)
 class DataCheck:
-    """A count over the files beside the total that the dataset is known to have."""
+    """A count over the files beside the known total of the dataset."""
 
     what: str
     found: int
@@ -44,7 +44,7 @@ class DataCheck:
 
 @dataclass(frozen=True)
 class Dataset:
-    """What is known of a dataset, whatever of it is on this machine."""
+    """Facts about a dataset, the same on every machine."""
 
     name: str
     folders: tuple[str, ...]  # of the data root in which it may lie, best first; the data root may be that folder, too
@@ -62,7 +62,7 @@ class Dataset:
     def find(self, data: str | Path | None, holds: str, others: Sequence[str] = ()) -> Path:
         """The folder that holds the folder ``holds``, which may be a pattern.
 
-        Raises DataError that says where it was looked for, and which of ``others`` were found there instead.
+        Raises DataError that names the folders that were searched, and which of ``others`` are there instead.
         """
         folders = self.searched(data)
         for folder in folders:
@@ -75,32 +75,30 @@ class Dataset:
             + f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
         )
 
-    def status(self, data: str | Path | None, holds: str, inspect: Callable[[DataStatus], None]) -> DataStatus:
-        """What ``inspect`` finds in the folder that holds ``holds``; a dataset that is not there is no error."""
+    def status(self, data: str | Path | None, holds: str) -> DataStatus:
+        """Status of the folder that holds ``holds``, to be completed; its root is None without that folder."""
         try:
             root = self.find(data, holds)
         except DataError:
             return DataStatus(self, None, self.searched(data))
-        found = DataStatus(self, root, (root,))
-        inspect(found)
-        return found
+        return DataStatus(self, root, (root,))
 
 
 @dataclass
 class DataStatus:
-    """What a card needs of a dataset and what of it was found, step by step; names are relative to the root."""
+    """Files that a card needs of a dataset and those that were found; names are relative to the root."""
 
     about: Dataset
     root: Path | None  # None: not found
-    searched: tuple[Path, ...]  # folders that were looked at for the root
+    searched: tuple[Path, ...]  # folders in which the root was looked for
     missing: list[str] = field(default_factory=list)  # files and folders that the card needs
-    notes: list[str] = field(default_factory=list)  # what is absent but optional
+    notes: list[str] = field(default_factory=list)  # on optional files
     problems: list[str] = field(default_factory=list)  # files that cannot be read, one sentence each
     checks: list[DataCheck] = field(default_factory=list)
 
     @property
     def usable(self) -> bool:
-        """True if the card's scenes can be read: everything needed is there and sound."""
+        """True if the card's scenes can be read: every needed file is there and sound."""
         return self.root is not None and not self.missing and not self.problems
 
     @property
@@ -115,16 +113,16 @@ class DataStatus:
         return self.root
 
     def require(self, *names: str) -> None:
-        """Note the files that are not there as missing."""
+        """Note which of these files are missing."""
         self.missing += [name for name in names if not (self.folder / name).is_file()]
 
     def require_all(self, folder: str, names: Sequence[str]) -> None:
-        """The same for the files ``names`` of ``folder``; the folder stands for them if it has none of them."""
+        """Note which of the files ``names`` of ``folder`` are missing; the folder alone if all of them are."""
         absent = [f"{folder}/{name}" for name in names if not (self.folder / folder / name).is_file()]
         self.missing += [f"{folder}/"] if len(absent) == len(names) else absent
 
     def attempt(self, read: Callable[[Path], Read], name: str) -> Read | None:
-        """What ``read`` makes of a file; None if it is absent, or wrong, which is noted as a problem."""
+        """Result of ``read`` on a file; None if the file is absent, or wrong, which is noted as a problem."""
         path = self.folder / name
         if not path.is_file():
             return None
@@ -135,16 +133,16 @@ class DataStatus:
             return None
 
     def note_detector(self, advice: str) -> None:
-        """Note ``advice``, what runs without stored detections, where those are missing."""
+        """Note ``advice`` on running without stored detections, if those are missing."""
         if advice and any("/det" in f"/{name}" for name in self.missing):
             self.notes.append(advice.removeprefix("; "))
 
     def add_problem(self, error: DataError) -> None:
-        """Note what an error says, once."""
+        """Note the message of an error, once."""
         if str(error) not in self.problems:
             self.problems.append(str(error))
 
     def count(self, totals: Mapping[str, int], found: Iterable[int]) -> None:
-        """Note counts beside the known totals, in their order."""
+        """Add counts beside the known totals, in their order."""
         pairs = zip(totals.items(), found, strict=True)
         self.checks += [DataCheck(what, number, total) for (what, total), number in pairs]

@@ -1,4 +1,4 @@
-"""What a scene holds, as one number: by it a result knows whether it is of the data that lies there now."""
+"""Digest of a scene, by which a result is compared with the data that is there now."""
 
 from __future__ import annotations
 

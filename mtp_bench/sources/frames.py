@@ -1,4 +1,4 @@
-"""Scenes whose every frame has its own frame of reference, in that of the world and back."""
+"""Scenes in which every frame has its own frame of reference, brought to that of the world and back."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ RowsT = TypeVar("RowsT", Truth, Detections)
 
 
 def in_world(scene: Scene) -> Scene:
-    """Truth, detections and ego of a scene in one frame of reference, where the scene says where its frames are.
+    """Truth, detections and ego of a scene in one frame of reference, if the scene knows where its frames are.
 
     Else the scene as it is. Boxes turn about z alone and stay upright; velocities are turned, not made anew.
     """
@@ -27,8 +27,8 @@ def in_world(scene: Scene) -> Scene:
 def in_frames(seen: Detections, world: Floats, time: Floats) -> Detections:
     """Detections of the world in the frames ``world`` ``[F, 4]`` x y z yaw, which are at the times ``time`` ``[F]`` s.
 
-    Velocities are those in the frames: what stands in the world moves against a frame that drives. Nothing is known of
-    the frames' motion before the first.
+    Velocities are those in the frames: an object that stands in the world moves against a frame that drives. The motion
+    of the frames before the first is unknown.
     """
     frame = seen.frame_of_rows
     before = np.maximum(frame - 1, 0)

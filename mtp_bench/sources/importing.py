@@ -23,7 +23,7 @@ from .kitti.layout import TYPES
 from .kitti.poses import FRAME_PERIOD, Poses, integrated_poses
 from .kitti.source import Frames, detections_of, stored_rows, truth_of
 from .motion import looking_back
-from .tracks.table import table_path
+from .stored_tracks import table_path
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from ..types import Floats, Ints, Truth
 
 
 def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floats) -> Floats:
-    """Velocities ``[R, 2]`` m/s since the object's position in the frame before; NaN where it was not there.
+    """Velocities ``[R, 2]`` m/s since the object's position in the frame before; NaN if it was absent.
 
-    They hold nothing of the future.
+    They use no later frame.
 
     ``frame`` and ``object_id`` ``[R]``, ``position`` ``[R, 2]`` m, ``time`` ``[F]`` s.
     """
@@ -26,7 +26,7 @@ def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floa
 
 
 def looking_back(truth: Truth, time: Floats) -> Truth:
-    """``truth`` with backward velocities: what an agent may be shown of it. ``time`` ``[F]`` s."""
+    """``truth`` with backward velocities: which an agent may see. ``time`` ``[F]`` s."""
     velocity = backward_velocity(truth.frame_of_rows, truth.object_id, truth.box[:, :2], time)
     return replace(truth, velocity=velocity)
 
@@ -34,7 +34,7 @@ def looking_back(truth: Truth, time: Floats) -> Truth:
 def central_velocity(frame: Ints, object_id: Ints, position: Floats, period: float) -> Floats:
     """Velocities ``[R, 2]`` m/s from the object's positions ``[R, 2]`` one frame before and after; NaN without both.
 
-    They tell where the object is in the next frame: a source of such velocities has the trait ``velocity_ahead``.
+    They show where the object is in the next frame: a source of such velocities has the trait ``velocity_ahead``.
     """
     velocity = np.full(position.shape, np.nan)
     order = np.lexsort((frame, object_id))

@@ -1,4 +1,4 @@
-"""People of whom only the place on the ground is known."""
+"""Boxes of people of whom only the place on the ground is known."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from ..types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
 from .motion import backward_velocity
 
-PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for everybody
+PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for every person
 
 
 def person_boxes(place: Floats) -> Floats:
@@ -57,6 +57,6 @@ def extent(box: Floats) -> tuple[float, float, float, float] | None:
 def as_places(detections: Detections) -> Detections:
     """``detections`` as boxes of the nominal person: places are all that such a detector reports.
 
-    A simulated false positive has a heading and a size of its own, which would give it away.
+    A simulated false positive has a heading and a size of its own, which would tell it from a true one.
     """
     return replace(detections, box=person_boxes(detections.box[:, :2]))

@@ -1,14 +1,16 @@
-"""Text files of datasets, read into arrays; every error names the file and the line that is wrong."""
+"""Text and JSON files of datasets, read into arrays and records; every error names the file and the place in it."""
 
 from __future__ import annotations
 
-import json
+import codecs
+import re
 import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +22,9 @@ TURN = 8 * np.pi  # rad; an angle that is never wrapped may be some turns beyond
 RADIANS = "expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees"
 MOST_LETTERS = 200  # of a word: an array has room for the longest in every row
 _FEW = 10  # columns, which an error can name
+_NAN = re.compile(rb'(?<![\w"])NaN(?![\w"])')
+
+Content = TypeVar("Content")
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,51 +35,58 @@ class Table:
     columns: Sequence[str]
     line: Ints  # [R] line in the file, from 1
     value: Floats  # [R, columns]; 0 in the column of texts
-    text: NDArray[np.str_]  # [R] the column of texts; empty where there is none
+    text: NDArray[np.str_]  # [R] the column of texts; empty if there is none
+
+    def __getitem__(self, column: str) -> Floats:
+        """The numbers [R] of a column."""
+        return self.value[:, self.columns.index(column)]
+
+    def select(self, rows: Bools) -> Table:
+        """The table of some of the rows [R]."""
+        return Table(self.path, self.columns, self.line[rows], self.value[rows], self.text[rows])
 
     def refuse(self, bad: Bools, what: str | Callable[[int], str]) -> None:
-        """Raise DataError for the first row where ``bad``; ``what`` is wrong may depend on the row."""
-        refuse(bad, lambda at: f"{self.path}, line {self.line[at]}: {what if isinstance(what, str) else what(at)}")
+        """Raise DataError for the first row of ``bad`` [R]; ``what``: the message, or a function of the row."""
+        refuse(bad, lambda row: f"{self.path}, line {self.line[row]}: {what if isinstance(what, str) else what(row)}")
 
     def refuse_not_finite(self, first: int | None = None) -> None:
         """Raise DataError for NaN, infinity or a number beyond `LIMIT` in the ``first`` columns, or in all."""
         bad = ~(np.abs(self.value[:, :first]) <= LIMIT)
 
-        def what(at: int) -> str:
-            place = int(np.argmax(bad[at]))
-            return f"{self.columns[place]} is {self.value[at, place]:g}, expected a finite number up to {LIMIT:g}"
+        def what(row: int) -> str:
+            place = int(np.argmax(bad[row]))
+            return f"{self.columns[place]} is {self.value[row, place]:g}, expected a finite number up to {LIMIT:g}"
 
         self.refuse(np.asarray(bad.any(axis=1)), what)
 
     def refuse_degrees(self, column: str, rows: Bools | None = None) -> None:
         """Raise DataError for an angle of some turns, in all ``rows`` or in these: it is in degrees."""
-        value = self.value[:, self.columns.index(column)]
-        turned = np.isfinite(value) & (np.abs(value) > TURN)
-        bad = turned if rows is None else rows & turned
-        self.refuse(bad, lambda at: f"{column} is {value[at]:g}, {RADIANS}")
+        turned = np.abs(self[column]) > TURN
+        bad = np.isfinite(self[column]) & turned & (True if rows is None else rows)
+        self.refuse(bad, lambda row: f"{column} is {self[column][row]:g}, {RADIANS}")
 
     def whole(self, column: str) -> Ints:
-        """A column as integers; DataError where one is not whole."""
-        value = self.value[:, self.columns.index(column)]
+        """A column as integers; raises DataError for a number that is not whole."""
+        value = self[column]
         bad = ~((np.abs(value) <= LIMIT) & (value == np.round(value)))
-        self.refuse(bad, lambda at: f"{column} is {value[at]:g}, expected a whole number up to {LIMIT:g}")
+        self.refuse(bad, lambda row: f"{column} is {value[row]:g}, expected a whole number up to {LIMIT:g}")
         return value.astype(np.int64)
 
-    def refuse_second_box(self, frame: Ints, object_id: Ints, row: Ints) -> None:
-        """Raise DataError where, among the rows ``row``, an object has two boxes in a frame."""
+    def refuse_second_box(self, frame: Ints, object_id: Ints, rows: Ints) -> None:
+        """Raise DataError if an object has two boxes in a frame, among these ``rows``."""
         twice = np.zeros(len(frame), dtype=bool)
-        twice[row] = repeated(frame[row], object_id[row])
-        self.refuse(twice, lambda at: f"a second box of object {object_id[at]} in frame {frame[at]}")
+        twice[rows] = repeated(frame[rows], object_id[rows])
+        self.refuse(twice, lambda row: f"a second box of object {object_id[row]} in frame {frame[row]}")
 
 
 def refuse(bad: Bools, what: Callable[[int], str]) -> None:
-    """Raise DataError, which says ``what`` is wrong, for the first row where ``bad``."""
+    """Raise DataError with the message ``what`` for the first row of ``bad`` [R]."""
     if bad.any():
         raise DataError(what(int(np.argmax(bad))))
 
 
 def repeated(*keys: NDArray[Any]) -> Bools:
-    """Which rows have all the ``keys`` ``[R]`` of an earlier row."""
+    """Rows [R] that have all the ``keys`` [R] of an earlier row."""
     order = np.lexsort(keys)  # rows that are alike stay in their order
     again = np.zeros(len(order), dtype=bool)
     again[order[1:]] = np.all([key[order[1:]] == key[order[:-1]] for key in keys], axis=0)
@@ -91,18 +103,8 @@ def read_text(path: Path) -> str:
         raise DataError(f"{path} cannot be read as text: {error}") from None
 
 
-def read_json(path: Path) -> Any:
-    """The content of a JSON file that fits into memory."""
-    try:
-        return json.loads(read_text(path))
-    except RecursionError:
-        raise DataError(f"{path} cannot be read as JSON: nested too deeply") from None
-    except ValueError as error:
-        raise DataError(f"{path} cannot be read as JSON: {error}") from None
-
-
 def numbered_lines(path: Path) -> tuple[Ints, list[str]]:
-    """Lines that are not blank, and their numbers from 1."""
+    """Numbers, from 1, and texts of the lines that are not blank."""
     lines = read_text(path).splitlines()
     kept = [number for number, line in enumerate(lines, 1) if line.strip()]
     return np.array(kept, dtype=np.int64), [lines[number - 1] for number in kept]
@@ -117,38 +119,63 @@ def read_table(path: Path, columns: str, delimiter: str | None = None, text: str
     number, lines = numbered_lines(path)
     names = columns.split()
     kinds: list[Any] = [(name, "U16" if name == text else "f8") for name in names]
-    none = np.empty(0, dtype="U16")
+    no_text = np.empty(0, dtype="U16")
     if not lines:
-        return Table(path, names, number, np.empty((0, len(names))), none)
+        return Table(path, names, number, np.empty((0, len(names))), no_text)
     try:
-        table = np.loadtxt(lines, dtype=kinds, delimiter=delimiter, comments=None, ndmin=1)
+        rows = np.loadtxt(lines, dtype=kinds, delimiter=delimiter, comments=None, ndmin=1)
     except ValueError as error:
-        _explain(path, number, lines, names, delimiter, text)
-        raise DataError(f"{path}: {error}") from None
-    value = np.column_stack([np.zeros(len(table)) if name == text else table[name] for name in names])
-    return Table(path, names, number, value, table[text] if text else none)
+        problem = _first_problem(lines, names, delimiter, text)
+        where, what = problem if problem is not None else (0, str(error))
+        raise DataError(f"{path}, line {number[where]}{what}") from None
+    value = np.column_stack([np.zeros(len(rows)) if name == text else rows[name] for name in names])
+    return Table(path, names, number, value, rows[text] if text else no_text)
 
 
-def _explain(
-    path: Path, number: Ints, lines: list[str], columns: Sequence[str], delimiter: str | None, text: str
-) -> None:
-    """Raise DataError for the first row that is no row of the table."""
-    for at, line in zip(number, lines, strict=True):
+def _first_problem(
+    lines: Sequence[str], columns: Sequence[str], delimiter: str | None, text: str
+) -> tuple[int, str] | None:
+    """Index of the first line that does not fit the columns, and the end of the message about it."""
+    for index, line in enumerate(lines):
         cells = line.split(delimiter)
         if len(cells) != len(columns):
             named = f" ({', '.join(columns)})" if len(columns) <= _FEW else ""
-            raise DataError(
-                f"{path}, line {at}: {len(cells)} columns, expected {len(columns)}{named}: is the file cut off?"
-            )
+            return index, f": {len(cells)} columns, expected {len(columns)}{named}: is the file cut off?"
         for place, (name, cell) in enumerate(zip(columns, cells, strict=True), 1):
-            if name != text and not _is_number(cell):
+            try:
+                float("0" if name == text else cell)
+            except ValueError:
                 got = reprlib.repr(cell.strip())
-                raise DataError(f"{path}, line {at}, column {place} ({name}): got {got}, expected a number")
+                return index, f", column {place} ({name}): got {got}, expected a number"
+    return None
 
 
-def _is_number(cell: str) -> bool:
+def read_json(path: Path, kind: type[Content]) -> Content:
+    """The content of a JSON file, decoded as ``kind``; NaN counts as null. DataError names the place in the file."""
+    return decode(read_bytes(path), kind, path)
+
+
+def read_bytes(path: Path) -> bytes:
+    """The text of a JSON file, with null in place of NaN, which official files have for unknown velocities."""
     try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise DataError(f"no file {path}") from None
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
+    content = content.removeprefix(codecs.BOM_UTF8)  # some editors write it
+    return _NAN.sub(b"null", content) if b"NaN" in content else content
+
+
+def decode(content: bytes | msgspec.Raw, kind: type[Content], where: object) -> Content:
+    """JSON decoded as ``kind``; raises DataError naming ``where`` it is from, the place in it and what was expected."""
+    try:
+        return msgspec.json.decode(content, type=kind)
+    except RecursionError:
+        raise DataError(f"{where} cannot be read as JSON: nested too deeply") from None
+    except msgspec.ValidationError as error:
+        what, _, place = str(error).partition(" - at `$")
+        raise DataError(f"{where}{', ' * bool(place)}{place.rstrip('`')}: {what[0].lower()}{what[1:]}") from None
+    except (msgspec.DecodeError, ValueError) as error:
+        cut = "; is the file cut off?" if "truncated" in str(error) else ""
+        raise DataError(f"{where} cannot be read as JSON: {error}{cut}") from None

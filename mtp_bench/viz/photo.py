@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from ..geometry import bev_corners
-from ..sources.images import CameraImage
+from ..sources.base import CameraImage
 from ..types import Floats
 from .focus import Focus
 

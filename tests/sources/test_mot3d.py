@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
-from mtp_bench.errors import CardError, UnknownNameError
-from mtp_bench.sources import open_source
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.sources import describe, open_source
 from mtp_bench.types import Scene
 from tests.support.source_files import card_of, write
 
@@ -174,7 +174,7 @@ def test_empty_files(root: Path) -> None:
     np.testing.assert_array_equal(scene.ego, 0)
 
 
-def test_a_simulated_detector_needs_no_detections_and_sees_everybody(root: Path) -> None:
+def test_a_simulated_detector_needs_no_detections_and_sees_every_person(root: Path) -> None:
     """Person 3 stands behind another one, seen from the reference point; both are detected without occlusion."""
     (root / DET).unlink()
     write(root / GT, *[row(t, i, x, 0.0) for t in range(1, TEN + 1) for i, x in ((1, -4.0), (2, 3.0), (3, 4.0))])
@@ -211,3 +211,45 @@ def test_there_are_only_pedestrians(root: Path, classes: list[str]) -> None:
 def test_unknown_scene(root: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown scene 'TUD-Stadtmitte-0001'"):
         load(root, "0001")  # of the other split
+
+
+@pytest.mark.parametrize("folder", ["mot3d2015", "3DMOT2015", "."])
+def test_the_root_is_the_parent_or_the_folder_itself(root: Path, folder: str) -> None:
+    data = root if folder == "." else root.parent
+    if folder == "3DMOT2015":
+        root.rename(root.parent / folder)
+    assert open_source(mot3d_card(), data).names == (f"{SEQUENCE}-0005",)
+    assert describe(mot3d_card(), data).usable
+
+
+def test_missing_root(root: Path, tmp_path: Path) -> None:
+    nowhere = tmp_path / "nothing"
+    with pytest.raises(DataError, match=r"none of .*mot3d2015, .*3DMOT2015, .*given as data root.*motchallenge\.net"):
+        open_source(mot3d_card(), nowhere)
+    with pytest.raises(DataError, match=r"train/PETS09-S2L1 is in none of .*; found there: TUD-Stadtmitte; name"):
+        open_source(mot3d_card(sequence="PETS09-S2L1"), root)
+
+
+def test_status_lists_missing_and_wrong_files(root: Path) -> None:
+    status = describe(mot3d_card(), root)
+    assert status.usable
+    assert not status.verified  # ten frames of 179
+    assert [(check.what, check.found) for check in status.checks] == [
+        ("frames", 10), ("tracks", 2), ("boxes", 15), ("detections", 10),
+    ]  # fmt: skip
+    write(root / GT, "1,2,3")
+    (root / DET).unlink()
+    (root / INI).unlink()
+    status = describe(mot3d_card(), root)
+    assert status.missing == [INI, DET]
+    assert [problem.partition(": ")[2] for problem in status.problems] == [
+        "3 columns, expected 10 (frame, id, left, top, width, height, confidence, X, Y, Z): is the file cut off?"
+    ]
+    assert [check.found for check in status.checks] == [0, 0, 0, 0]
+
+
+def test_status_with_a_simulated_detector_needs_no_detections(root: Path) -> None:
+    (root / DET).unlink()
+    status = describe(mot3d_card(detector={"profile": "clean"}), root)
+    assert status.usable
+    assert [check.what for check in status.checks] == ["frames", "tracks", "boxes"]

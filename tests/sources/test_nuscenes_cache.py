@@ -1,11 +1,10 @@
-"""The compact copy of nuScenes is that of the files as they are: changed in place, moved, edited, broken."""
+"""The compact copy of nuScenes follows the files: changed, moved, broken, built by several; status of a root."""
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
-from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +12,24 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import DataError
-from mtp_bench.sources import open_source
-from mtp_bench.sources.nuscenes import folders
-from mtp_bench.sources.nuscenes.folders import file_hash
-from tests.support.nuscenes_root import VERSION, make_tables, nuscenes_card, scene, write_root, write_tables
-
-pytestmark = pytest.mark.usefixtures("own_cache")
+from mtp_bench.sources import describe, open_source, prepare
+from tests.support.nuscenes_root import (
+    DETECTIONS,
+    PREDICTION,
+    SCENES,
+    VERSION,
+    make_detections,
+    make_tables,
+    make_targets,
+    nuscenes_card,
+    scene,
+    write_json,
+    write_root,
+    write_tables,
+)
 
 LONG_AGO = 10**18  # ns
-FILES = {"detections": "nuscenes/detections/megvii_all.json", "tables": f"nuscenes/{VERSION}/sample_annotation.json"}
-
-
-@pytest.fixture
-def settled(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The files of the test count as old: their hashes are kept."""
-    monkeypatch.setattr(folders, "_SETTLED", -1)
+FILES = {"detections": DETECTIONS, "tables": f"nuscenes/{VERSION}/sample_annotation.json"}
 
 
 def stored_scene(own_cache: Path, kind: str) -> Path:
@@ -36,46 +38,34 @@ def stored_scene(own_cache: Path, kind: str) -> Path:
     return tables if kind == "tables" else detections
 
 
-def rewrite(path: Path, old: str, new: str) -> None:
-    """Change a file in place and restore its size and time; not within the tick of the clock of its last change."""
-    before = path.stat().st_ctime_ns
-    content = path.read_text().replace(old, new)
-    while path.stat().st_ctime_ns == before:
-        path.write_text(content)
-        os.utime(path, ns=(LONG_AGO, LONG_AGO))
+def test_the_cache_is_used_until_a_file_changes(data: Path, own_cache: Path) -> None:
+    first = scene(data)
+    made = {path: path.stat().st_ino for path in own_cache.rglob("*.npz")}
+    assert len(made) == 9  # three scenes, their samples and an index; detections of three scenes and an index
+    np.testing.assert_array_equal(scene(data).truth.box, first.truth.box)
+    assert {path: path.stat().st_ino for path in own_cache.rglob("*.npz")} == made
+    write_json(data / PREDICTION, make_targets(SCENES[:1]))
+    assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0301",)
 
 
-def test_hashes_are_kept(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = data / "nuscenes" / VERSION / "sensor.json"
-    os.utime(path, ns=(LONG_AGO, LONG_AGO))
-    read: list[int] = []
-    fresh = file_hash(path, read.append)
-    assert file_hash(path, read.append) == fresh
-    assert len(read) == 2  # whatever its time says, it was changed just now: again, perhaps, within the clock's tick
-    monkeypatch.setattr(folders, "_SETTLED", -1)
-    assert [file_hash(path, read.append) for _ in range(3)] == [fresh] * 3
-    assert len(read) == 3
-    path.write_text(path.read_text() + " ")
-    assert file_hash(path, read.append) != fresh
-
-
-@pytest.mark.usefixtures("settled")
 @pytest.mark.parametrize("kind", FILES)
-def test_a_file_changed_in_place_with_the_same_size_and_time(data: Path, kind: str) -> None:
+def test_a_file_changed_in_place_with_the_same_size_and_time(data: Path, own_cache: Path, kind: str) -> None:
     path = data / FILES[kind]
     os.utime(path, ns=(LONG_AGO, LONG_AGO))
-    size = path.stat().st_size
+    before = path.stat()
     scene(data)
-    rewrite(path, "10.0", "77.0")
-    assert (path.stat().st_size, path.stat().st_mtime_ns) == (size, LONG_AGO)
+    while path.stat().st_ctime_ns == before.st_ctime_ns:
+        path.write_text(path.read_text().replace("10.0", "77.0"))
+        os.utime(path, ns=(LONG_AGO, LONG_AGO))
+    assert (path.stat().st_size, path.stat().st_mtime_ns) == (before.st_size, LONG_AGO)
     found = scene(data)
     assert 77 in (found.detections.box[:, 0] if kind == "detections" else found.truth.box[:, 0])
 
 
-@pytest.mark.usefixtures("settled")
-def test_another_root_moved_to_the_same_place(data: Path, tmp_path: Path) -> None:
+def test_another_root_moved_to_the_same_place(data: Path, tmp_path: Path, own_cache: Path) -> None:
     other = write_root(tmp_path / "other")
-    rewrite(other / FILES["detections"], "10.0", "55.0")
+    path = other / FILES["detections"]
+    path.write_text(path.read_text().replace("10.0", "55.0"))
     for path in (path for root in (data, other) for path in root.rglob("*.json")):
         os.utime(path, ns=(LONG_AGO, LONG_AGO))
     scene(data)
@@ -84,49 +74,19 @@ def test_another_root_moved_to_the_same_place(data: Path, tmp_path: Path) -> Non
     assert scene(data).detections.box[0, 0] == 55
 
 
-EDITS: dict[str, Callable[[dict[str, Any]], object]] = {
-    "without a scene": lambda index: index["scenes"].pop("scene-0003"),
-    "without counts": lambda index: index["scenes"].update({"scene-0003": {}}),
-    "other counts": lambda index: index.update(instances=1),
-    "without digest": lambda index: index.pop("digest"),
-    "other digest": lambda index: index.update(digest=3),
-}
-
-
-@pytest.mark.parametrize("change", EDITS.values(), ids=EDITS)
-def test_an_edited_index_is_not_believed(data: Path, own_cache: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    first = scene(data)
-    indices = sorted(path for path in own_cache.rglob("index.json"))
-    assert len(indices) == 2  # of the tables and the detections
-    content = [path.read_text() for path in indices]
-    for path in indices:
-        index = json.loads(path.read_text())
-        change(index)
-        path.write_text(json.dumps(index))
-    np.testing.assert_array_equal(scene(data).detections.box, first.detections.box)
-    assert [path.read_text() for path in indices] == content
-
-
-@pytest.mark.parametrize("content", ["{", "[" * 100_000, '{"scenes": ' + "9" * 5000 + "}", "[]", "{}"])
-def test_an_index_that_cannot_be_read(data: Path, own_cache: Path, content: str) -> None:
-    first = scene(data)
-    for path in own_cache.rglob("index.json"):
-        path.write_text(content)
-    np.testing.assert_array_equal(scene(data).detections.box, first.detections.box)
-
-
 @pytest.mark.parametrize("content", [b"", b"no archive", None, {}], ids=["empty", "other", "gone", "edited"])
-@pytest.mark.parametrize("kind", FILES)
-def test_a_broken_file_of_the_cache_is_built_again(data: Path, own_cache: Path, kind: str, content: Any) -> None:
-    first, source, broken = scene(data), open_source(nuscenes_card(), data), stored_scene(own_cache, kind)
-    if content is None:
-        broken.unlink()
-    elif isinstance(content, bytes):
-        broken.write_bytes(content)
-    else:
-        with np.load(broken) as file:
-            arrays = {name: file[name] for name in file.files}
-        np.savez(broken, **{**arrays, "box": arrays["box"] + 1})
+@pytest.mark.parametrize("name", ["scene-0003", "all.index", "all.samples"])
+def test_a_broken_file_of_the_cache_is_made_again(data: Path, own_cache: Path, name: str, content: Any) -> None:
+    first, source = scene(data), open_source(nuscenes_card(), data)
+    for broken in own_cache.rglob(f"{name}.npz"):
+        if content is None:
+            broken.unlink()
+        elif isinstance(content, bytes):
+            broken.write_bytes(content)
+        else:
+            with np.load(broken) as file:
+                arrays = {key: file[key] for key in file.files}
+            np.savez(broken, **{**arrays, "box": np.ones((2, 7))})
     for again in (source.load("scene-0003"), scene(data)):
         np.testing.assert_array_equal(again.truth.box, first.truth.box)
         np.testing.assert_array_equal(again.detections.box, first.detections.box)
@@ -134,25 +94,18 @@ def test_a_broken_file_of_the_cache_is_built_again(data: Path, own_cache: Path, 
 
 
 @pytest.mark.parametrize("kind", FILES)
-def test_a_broken_file_is_not_built_from_other_sources(data: Path, own_cache: Path, kind: str) -> None:
-    """The folder is named by the tables as they were; those of today belong in another one."""
+def test_a_broken_file_is_not_made_from_other_sources(data: Path, own_cache: Path, kind: str) -> None:
+    """The folder is named by the files as they were; those of today belong in another one."""
     source = open_source(nuscenes_card(), data)
     broken = stored_scene(own_cache, kind)
     broken.write_bytes(b"")
     (data / FILES[kind]).write_text((data / FILES[kind]).read_text().replace("10.0", "77.0"))
-    what = "the tables of v1.0-mini" if kind == "tables" else r".*megvii_all\.json"
-    with pytest.raises(DataError, match=rf"scene-0003\.npz is broken, and {what} changed .*: open the source again"):
+    with pytest.raises(DataError, match="changed since the scenes were opened"):
         source.load("scene-0003")
     assert broken.read_bytes() == b""
     assert 77 in np.concatenate([scene(data).truth.box[:, 0], scene(data).detections.box[:, 0]])
-
-
-def test_a_table_that_vanishes(data: Path, own_cache: Path) -> None:
-    source = open_source(nuscenes_card(), data)
-    for path in own_cache.rglob("scene-0003.npz"):
-        path.unlink()
-    (data / FILES["tables"]).unlink()
-    with pytest.raises(DataError, match=r"sample_annotation\.json cannot be read: No such file"):
+    (data / FILES[kind]).unlink()
+    with pytest.raises(DataError, match=rf"{Path(FILES[kind]).name} cannot be read: No such file"):
         source.load("scene-0003")
 
 
@@ -160,7 +113,78 @@ def test_tables_repaired_after_an_error(data: Path) -> None:
     tables = make_tables()
     tables["sample"][0]["timestamp"] = -1
     write_tables(data, tables)
-    with pytest.raises(DataError, match="timestamp is -1"):
+    with pytest.raises(DataError, match="timestamp"):
         scene(data)
     write_tables(data, make_tables())
     assert len(scene(data).time) == 4
+
+
+def test_a_cache_that_cannot_be_written(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "file"))
+    with pytest.raises(DataError, match=r"cannot be kept in .*file.nuscenes: .*; MTP_BENCH_CACHE names"):
+        open_source(nuscenes_card(), data)
+
+
+def test_many_may_build_at_once(data: Path, own_cache: Path) -> None:
+    with ThreadPoolExecutor(8) as pool:
+        boxes = list(pool.map(lambda _: scene(data).detections.box, range(8)))
+    for box in boxes:
+        np.testing.assert_array_equal(box, boxes[0])
+    assert len(list(own_cache.rglob("*.npz"))) == 9
+
+
+def test_the_cache_names_no_folder_of_the_machine(data: Path, own_cache: Path) -> None:
+    scene(data)
+    for path in (path for path in own_cache.rglob("*") if path.is_file()):
+        assert str(data).encode() not in path.read_bytes()
+
+
+def test_prepare_reports_its_work(data: Path, own_cache: Path) -> None:
+    totals: list[int] = []
+    names: list[str] = []
+    prepare(nuscenes_card(), data, started=totals.append, progress=names.append)
+    assert totals == [len(names)]
+    assert len(list(own_cache.rglob("*.npz"))) == 9
+
+
+def test_status(data: Path) -> None:
+    status = describe(nuscenes_card(), data)
+    assert (status.usable, status.verified, status.root) == (True, False, data / "nuscenes")
+    assert {check.what: (check.found, check.expected) for check in status.checks} == {
+        "scenes": (3, 10), "keyframes": (12, 404),
+        "prediction targets of mini_train": (0, 742), "prediction targets of mini_val": (0, 61),
+    }  # fmt: skip
+    assert status.notes[:2] == [
+        "v1.0-mini has the splits train (1 scene), train_val (1 scene), val (1 scene)",
+        "detections: megvii_all.json",
+    ]
+
+
+def test_status_names_missing_files(data: Path) -> None:
+    other = describe(nuscenes_card(version="v1.0-trainval", detector="x"), data)
+    assert other.missing == ["v1.0-trainval/", "detections/x*.json"]
+    assert other.notes == ["versions found: v1.0-mini"]
+    (data / PREDICTION).unlink()
+    (data / DETECTIONS).unlink()
+    status = describe(nuscenes_card(truth="targets"), data)
+    assert status.missing == ["maps/prediction/prediction_scenes.json", "detections/megvii*.json"]
+    assert [check.found for check in status.checks] == [3, 12]
+    (line,) = describe(nuscenes_card(detections_file="none.json", detections_sha256="0" * 64), data).missing
+    assert "none.json" in line
+    (data / "nuscenes" / VERSION / "scene.json").unlink()
+    assert describe(nuscenes_card(), data).missing == ["v1.0-mini/scene.json", "detections/megvii*.json"]
+
+
+def test_status_names_wrong_files(data: Path) -> None:
+    status = describe(nuscenes_card(split="mini_val"), data)
+    assert (status.missing, status.problems) == (["scenes of split 'mini_val' in v1.0-mini/"], [])
+    write_json(data / DETECTIONS, make_detections(SCENES[:2]))
+    (problem,) = describe(nuscenes_card(), data).problems
+    assert "no entry for sample 'scene-0003-t0'" in problem
+    tables = make_tables()
+    tables["sample"][1]["timestamp"] = -1
+    write_tables(data, tables)
+    status = describe(nuscenes_card(), data)
+    assert (status.usable, status.checks) == (False, [])
+    assert "sample.json" in status.problems[0]

@@ -55,8 +55,8 @@ def test_counts_of_mini(data_root: Path, mini: list[Scene]) -> None:
         "prediction targets of mini_train": 742,
         "prediction targets of mini_val": 61,
     }
-    index = NuScenes(MINI, data_root).tables.index
-    assert (index["instances"], index["boxes"]) == (905, 18389)
+    tables = NuScenes(MINI, data_root).tables
+    assert (tables.instances, tables.boxes) == (905, 18389)
     assert [len(mini), sum(scene.frames for scene in mini)] == [10, 404]
     assert sum(len(scene.truth.box) for scene in mini) == 18389 - 2323 - 1378  # without barriers and cones
     assert sum(scene.truth.neutral.sum() for scene in mini) == 25  # somebody on a scooter

@@ -266,23 +266,14 @@ def submission(change: Callable[[dict[str, Any]], Any]) -> dict[str, Any]:
 
 
 TOKEN = sample("scene-0003", 1)
-NUSCENES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
-    "a sample missing": (lambda r: r.pop(TOKEN), f"no entry for sample '{TOKEN}' of scene-0003, expected one for each"),
-    "no id": (
-        lambda r: r[TOKEN][0].pop("tracking_id"),
-        f"sample '{TOKEN}', box 0: tracking_id is None, expected a text",
-    ),
-    "an id without end": (
-        lambda r: r[TOKEN][0].update(tracking_id="a" * 201),
-        r"tracking_id is 'a+\.\.\.a+', expected at most 200",
-    ),
+NUSCENES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {  # change, what the error names
+    "a sample missing": (lambda r: r.pop(TOKEN), f"no entry for sample '{TOKEN}' of scene-0003"),
+    "no id": (lambda r: r[TOKEN][0].pop("tracking_id"), f"sample '{TOKEN}', \\[0\\]: .*`tracking_id`"),
+    "an id without end": (lambda r: r[TOKEN][0].update(tracking_id="a" * 201), "tracking_id: .*<= 200"),
     "a box twice": (lambda r: r[TOKEN].append(tracked(TOKEN)), f"sample '{TOKEN}': a second box of tracking_id '7'"),
-    "detections": (
-        lambda r: r.update({TOKEN: [detection(TOKEN)]}),
-        "it has a detection_name: the file is a submission to the detection task; expected one to the tracking task",
-    ),
-    "a class": (lambda r: r[TOKEN][0].update(tracking_name="auto"), "tracking_name is 'auto', expected one of car"),
-    "a score": (lambda r: r[TOKEN][0].update(tracking_score=None), "tracking_score is None, expected a number"),
+    "detections": (lambda r: r.update({TOKEN: [detection(TOKEN)]}), "expected a submission to the tracking task"),
+    "a class": (lambda r: r[TOKEN][0].update(tracking_name="auto"), "tracking_name: .*'auto'"),
+    "a score": (lambda r: r[TOKEN][0].update(tracking_score=None), "tracking_score: expected `float`"),
 }
 
 
@@ -331,6 +322,6 @@ def test_what_holds_no_tracks(card: str, kitti: str, tmp_path: Path) -> None:
         tracks_of(one, kitti, tmp_path, "0001")
     (tmp_path / "0006.txt").write_text("")
     with pytest.raises(
-        DataError, match=r"no file .*0001.txt, expected the tracks of each sequence that is run; --scenes"
+        DataError, match=r"no file .*0001.txt, expected the tracks of each sequence that is run, .*--scenes"
     ):
         tracks_of(one, kitti, tmp_path, "0001")

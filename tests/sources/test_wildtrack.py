@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.errors import CardError, UnknownNameError
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.sources import describe
 from mtp_bench.sources.people import as_places
+from mtp_bench.sources.wildtrack.files import read_detections
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
-from mtp_bench.sources.wildtrack.status import wildtrack_status
 from mtp_bench.types import Detections, Scene
 from tests.support.source_files import with_source, write
 
@@ -35,7 +36,7 @@ def write_people(root: Path, number: int, *people: dict[str, Any]) -> None:
 
 
 def make_root(tmp_path: Path) -> Path:
-    """Nobody in any frame but the first of the last scene: one person in the middle, who is detected."""
+    """One person in the middle of the first frame of the last scene, who is detected; the other frames are empty."""
     folder = tmp_path / "wildtrack"
     for number in range(0, 2000, 5):
         write_people(folder, number)
@@ -161,7 +162,7 @@ def test_folders_in_which_it_is_found(root: Path, folder: str) -> None:
 
 
 def test_status(root: Path) -> None:
-    status = wildtrack_status(wildtrack_card(), root)
+    status = describe(wildtrack_card(), root)
     assert status.usable
     assert not status.verified
     found = {check.what: (check.found, check.expected) for check in status.checks}
@@ -169,12 +170,26 @@ def test_status(root: Path) -> None:
     assert status.notes[0] == "detections only for the last 40 frames; the other frames have simulated ones"
 
 
-def test_status_names_what_is_missing_and_broken(root: Path) -> None:
+def test_missing_files(root: Path, tmp_path: Path) -> None:
+    (root / DETECTIONS).unlink()
+    with pytest.raises(DataError, match=r"no file .*mvdet_test.txt, detections of wildtrack-1800; .*MVDet"):
+        load(root)
+    assert load(root, "wildtrack-0000", split="train").detector == ""  # that split has none anyway
+    with pytest.raises(DataError, match=r"annotations_positions is in none of .*Wildtrack_dataset.* get the data"):
+        Wildtrack(wildtrack_card(), tmp_path / "elsewhere")
+
+
+def test_a_file_without_detections(root: Path) -> None:
+    write(root / DETECTIONS)
+    assert read_detections(root / DETECTIONS).place.shape == (0, 2)
+
+
+def test_status_names_missing_and_broken_files(root: Path) -> None:
     write(root / ANNOTATIONS / "00001805.json", "[")
     (root / ANNOTATIONS / "00001810.json").unlink()
     (root / DETECTIONS).unlink()
-    status = wildtrack_status(wildtrack_card(), root)
+    status = describe(wildtrack_card(), root)
     assert status.missing == ["annotations_positions/00001810.json", "detections/mvdet_test.txt"]
     assert len(status.problems) == 1
     assert "00001805.json" in status.problems[0]
-    assert wildtrack_status(wildtrack_card(split="train"), root).missing == []
+    assert describe(wildtrack_card(split="train"), root).missing == []

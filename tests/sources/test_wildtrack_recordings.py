@@ -19,9 +19,9 @@ from mtp_bench.detector.fit.samples import RADIAL, TANGENTIAL, collect_samples
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.visibility import Sensor, visibility_of
 from mtp_bench.scoring import find_targets
+from mtp_bench.sources import describe
 from mtp_bench.sources.wildtrack.files import read_annotations
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, SCENES, SPLITS, STORED, Wildtrack
-from mtp_bench.sources.wildtrack.status import wildtrack_status
 from mtp_bench.types import Detections, Floats, Scene, Truth
 
 pytestmark = pytest.mark.data
@@ -49,7 +49,7 @@ def hits(truth: Truth, detections: Detections) -> int:
 
 
 def test_counts_of_the_dataset(data_root: Path, scenes: dict[str, Scene]) -> None:
-    status = wildtrack_status(load_card("MTP-WILDTRACK-v0"), data_root)
+    status = describe(load_card("MTP-WILDTRACK-v0"), data_root)
     assert {check.what: check.found for check in status.checks} == {
         "frames": 400,
         "annotations": 9518,

@@ -24,11 +24,13 @@ from tests.support.source_files import card_of
 
 VERSION = "v1.0-mini"
 PREDICTION = "nuscenes/maps/prediction/prediction_scenes.json"
+DETECTIONS = "nuscenes/detections/megvii_all.json"
 SCENES = ("scene-0301", "scene-0001", "scene-0003")  # in the order of the table
 TIMES = (0.0, 0.5, 0.9, 1.5)  # s
 CAR_Y = (0.0, 2.0, 4.0, 7.0)
 LEFT = [0.7071, 0.0, 0.0, 0.7071]  # heading along y, as four digits give it
 AHEAD = [1.0, 0.0, 0.0, 0.0]
+MOUNT = {"translation": [0.0, 0.0, 0.0], "rotation": AHEAD, "camera_intrinsic": []}
 CATEGORIES = {
     "car": "vehicle.car",
     "walker": "human.pedestrian.adult",
@@ -68,8 +70,8 @@ def make_tables(scenes: tuple[str, ...] = SCENES) -> Tables:
     tables: Tables = {
         "sensor": [{"token": "lidar", "channel": "LIDAR_TOP"}, {"token": "cam", "channel": "CAM_FRONT"}],
         "calibrated_sensor": [
-            {"token": "lidar-1", "sensor_token": "lidar"},
-            {"token": "cam-1", "sensor_token": "cam"},
+            {"token": "lidar-1", "sensor_token": "lidar", **MOUNT},
+            {"token": "cam-1", "sensor_token": "cam", **MOUNT},
         ],
         "category": [{"token": key, "name": name} for key, name in CATEGORIES.items()],
     }
@@ -96,7 +98,7 @@ def _add_scene(tables: Tables, scene: str, start: int) -> None:
                 {
                     "token": f"{scene}-{sensor}-{key_frame}-{t}", "sample_token": sample(scene, t),
                     "calibrated_sensor_token": sensor, "is_key_frame": key_frame,
-                    "ego_pose_token": f"{scene}-{pose}-{t}",
+                    "ego_pose_token": f"{scene}-{pose}-{t}", "filename": "", "width": 0, "height": 0,
                 }
             )  # fmt: skip
         for pose, x in (("far", 1e6), ("pose", 0.0)):
@@ -160,7 +162,7 @@ def write_root(data: Path) -> Path:
     """Write all of the root."""
     write_tables(data, make_tables())
     write_json(data / PREDICTION, make_targets())
-    write_json(data / "nuscenes/detections/megvii_all.json", make_detections())
+    write_json(data / DETECTIONS, make_detections())
     return data
 
 

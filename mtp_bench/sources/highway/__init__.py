@@ -7,7 +7,7 @@ from .status import DATASET, highway_status
 PACKAGE = SourcePackage(
     open=HighwayTraffic,
     about=lambda card: DATASET,
-    describe=highway_status,
+    locate=highway_status,
     prepare=generate,
     discard=lambda card: HighwayTraffic(card).discard(),
     keep_private=lambda card: HighwayTraffic(card).store.keep_private(),

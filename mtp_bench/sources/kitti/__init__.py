@@ -1,16 +1,17 @@
 """KITTI tracking: the official folders, read into scenes."""
 
 from ..base import SourcePackage
-from .images import scene_images
-from .layout import DATASET
+from .image import scene_images
+from .layout import DATASET, LABELS
 from .source import KittiTracking
-from .status import kitti_status
+from .status import inspect
 from .tracks import FORM
 
 PACKAGE = SourcePackage(
     open=KittiTracking,
     about=lambda card: DATASET,
-    describe=kitti_status,
+    locate=lambda card, data: DATASET.status(data, LABELS),
+    inspect=inspect,
     tracks=FORM,
     images=scene_images,
 )

@@ -14,24 +14,20 @@ from numpy.typing import NDArray
 
 from ...errors import DataError
 from ...geometry import wrap_angle
-from ...types import Floats, Ints
+from ...types import Bools, Floats, Ints
 from ..text import Table, numbered_lines, read_table
 
 _BOX = "height width length x y z rotation_y"  # in camera axes
 LABEL = f"frame id type truncated occluded alpha left top right bottom {_BOX}"
-RESULT = f"{LABEL} score"  # what trackers and detectors write for the benchmark
+RESULT = f"{LABEL} score"  # of trackers and detectors, for the benchmark
 DETECTION = f"frame type left top right bottom score {_BOX} alpha"
 OXTS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
 )
-_NOT_TURNED = 0.01  # of an entry: rounding of files is far below
 ODOMETRY = " ".join(f"{row}{column}" for row in "xyz" for column in "123t")
-
 KINDS = ("Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc", "DontCare")
-
-ROUNDING = 1e-2  # of a rotation in a calibration, whose entries may have few digits
-
+ROUNDING = 1e-2  # of the entries of a rotation, which may have few digits
 SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
@@ -42,7 +38,7 @@ class Labels:
     table: Table  # columns `LABEL`
     frame: Ints  # [R]
     object_id: Ints  # [R] -1 for DontCare
-    type: NDArray[np.str_]  # [R] Car, Van, Truck, Pedestrian, Person, Cyclist, Tram, Misc, DontCare
+    type: NDArray[np.str_]  # [R] one of `KINDS`
     image_box: Floats  # [R, 4] left top right bottom, pixels
     box: Floats  # [R, 7] sensor frame; NaN for DontCare
 
@@ -70,56 +66,79 @@ def read_labels(path: Path) -> Labels:
     """Labels of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
     table = read_table(path, LABEL, text="type")
     require_kinds(table)
-    value, boxed = table.value, table.text != "DontCare"
+    boxed = table.text != "DontCare"
     table.refuse_not_finite()
-    table.refuse(boxed & (value[:, 10:13] <= 0).any(axis=1), "a box with a size that is not above 0")
+    refuse_flat(table, boxed)
     table.refuse_degrees("rotation_y", boxed)
     frame, object_id = table.whole("frame"), table.whole("id")
     table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
-    box = sensor_boxes(value[:, 10:17])
+    box = sensor_boxes(table.value[:, 10:17])
     box[~boxed] = np.nan
-    return Labels(table, frame, object_id, table.text, value[:, 6:10], box)
+    return Labels(table, frame, object_id, table.text, table.value[:, 6:10], box)
 
 
 def read_detections(path: Path, kind: str, code: int) -> StoredDetections:
     """Detections of one sequence and class; an empty file gives no rows. DataError names the line that is wrong.
 
-    ``code``: what the file has for the class ``kind`` (1 Pedestrian, 2 Car, 3 Cyclist). NaN and
-    sizes that are not positive are kept: what to do with such rows is the caller's decision.
+    ``code``: number of the class ``kind`` in the file (1 Pedestrian, 2 Car, 3 Cyclist). NaN and sizes that are not
+    positive are kept: the caller decides about such rows.
     """
     table = read_table(path, DETECTION, ",")
-    value, found = table.value, table.whole("type")
-    table.refuse(found != code, lambda at: f"type {found[at]}, expected {code} ({kind})")
+    got = table.whole("type")
+    table.refuse(got != code, lambda row: f"type {got[row]}, expected {code} ({kind})")
     table.refuse_degrees("rotation_y")
-    return StoredDetections(table, table.whole("frame"), value[:, 6], sensor_boxes(value[:, 7:14]))
+    return StoredDetections(table, table.whole("frame"), table["score"], sensor_boxes(table.value[:, 7:14]))
 
 
 def read_results(path: Path, kind: str) -> StoredDetections:
-    """Detections of the type ``kind`` in a file of rows as KITTI's tracking benchmark takes them, of all types.
+    """Detections of the type ``kind`` in a file of all types, in the result form of KITTI's tracking benchmark.
 
     NaN and sizes that are not positive are kept. DataError names the line that is wrong.
     """
     table = read_table(path, RESULT, text="type")
     require_kinds(table)
-    table.refuse_degrees("rotation_y", table.text == kind)
-    frame, row = table.whole("frame"), np.flatnonzero(table.text == kind)
-    value = table.value[row]
-    chosen = Table(table.path, table.columns, table.line[row], value, table.text[row])
-    return StoredDetections(chosen, frame[row], value[:, 17], sensor_boxes(value[:, 10:17]))
+    table.whole("frame")
+    chosen = table.select(table.text == kind)
+    chosen.refuse_degrees("rotation_y")
+    return StoredDetections(chosen, chosen.whole("frame"), chosen["score"], sensor_boxes(chosen.value[:, 10:17]))
 
 
 def require_kinds(table: Table) -> None:
-    """Raise DataError for the first row whose type is none of KITTI's."""
+    """Raise DataError for the first row with a type that KITTI does not have."""
     unknown = ~np.isin(table.text, KINDS)
-    table.refuse(unknown, lambda at: f"type {str(table.text[at])!r}, expected one of {', '.join(KINDS)}")
+    table.refuse(unknown, lambda row: f"type {str(table.text[row])!r}, expected one of {', '.join(KINDS)}")
+
+
+def refuse_flat(table: Table, rows: Bools) -> None:
+    """Raise DataError for a box, among these ``rows``, with a side that is not above 0."""
+    sides = np.column_stack([table[name] for name in ("height", "width", "length")])
+    table.refuse(rows & (sides <= 0).any(axis=1), "a box with a size that is not above 0")
 
 
 def read_oxts(path: Path) -> Oxts:
     """GPS/IMU rows of one sequence, at least one."""
     table = _rows_of_frames(path, OXTS)
     table.refuse_not_finite(11)
-    # The file gives the northern velocity before the eastern one.
-    return Oxts(geodetic=table.value[:, :3], attitude=table.value[:, 3:6], velocity=table.value[:, [7, 6, 10]])
+    velocity = np.column_stack([table[name] for name in ("ve", "vn", "vu")])
+    return Oxts(geodetic=table.value[:, :3], attitude=table.value[:, 3:6], velocity=velocity)
+
+
+def read_odometry(path: Path) -> Floats:
+    """Poses ``[F, 3, 4]`` camera to world (world = camera axes of frame 0), one row of 12 numbers per frame."""
+    table = _rows_of_frames(path, ODOMETRY)
+    table.refuse_not_finite()
+    pose = table.value.reshape(-1, 3, 4)
+    turn = pose[:, :, :3]
+    off = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > ROUNDING
+    table.refuse(off | (np.linalg.det(turn) < 0), "expected a rotation in the first three columns of a 3 x 4 matrix")
+    return pose
+
+
+def _rows_of_frames(path: Path, columns: str) -> Table:
+    table = read_table(path, columns)
+    if not len(table.value):
+        raise DataError(f"{path} is empty, expected one row per frame")
+    return table
 
 
 def read_imu_to_camera(path: Path) -> Floats:
@@ -138,20 +157,12 @@ def _read_motion(path: Path, names: tuple[str, ...], columns: int) -> Floats:
     return whole
 
 
-def _rows_of_frames(path: Path, columns: str) -> Table:
-    """A table of one row per frame, of which there is one at least."""
-    table = read_table(path, columns)
-    if not len(table.value):
-        raise DataError(f"{path} is empty, expected one row per frame")
-    return table
-
-
 def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats:
     """The matrix of 3 rows and ``columns`` under one of these names, as a part of a unit matrix ``[4, 4]``."""
-    rows = {words[0].rstrip(":"): words[1:] for words in (line.split() for line in numbered_lines(path)[1]) if words}
+    rows = {words[0].rstrip(":"): words[1:] for words in (line.split() for line in numbered_lines(path)[1])}
     words = next((rows[name] for name in names if name in rows), None)
     if words is None:
-        raise DataError(f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'nothing'}")
+        raise DataError(f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'no lines'}")
     try:
         value = np.array(words, dtype=np.float64).reshape(3, columns)
     except ValueError:
@@ -163,28 +174,13 @@ def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats
     return whole
 
 
-def read_odometry(path: Path) -> Floats:
-    """Poses ``[F, 3, 4]`` camera to world (world = camera axes of frame 0), one row of 12 numbers per frame."""
-    table = _rows_of_frames(path, ODOMETRY)
-    table.refuse_not_finite()
-    pose = table.value.reshape(-1, 3, 4)
-    turn = pose[:, :, :3]
-    off = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > _NOT_TURNED
-    table.refuse(
-        off | (np.linalg.det(turn) < 0), "no pose: the first three columns of its 3 x 4 matrix are no rotation"
-    )
-    return pose
-
-
 def read_sequence_map(path: Path) -> dict[str, int]:
     """Frames of each sequence of a split, in the order of the file (``0001 empty 000000 000447``)."""
     lengths: dict[str, int] = {}
     for number, line in zip(*numbered_lines(path), strict=True):
         words = line.split()
-        if len(words) != 4 or not words[2].isdigit() or not words[3].isdigit() or int(words[3]) <= int(words[2]):
-            raise DataError(f"{path}, line {number}: got {line!r}, expected 'name empty first end'")
-        if int(words[2]) != 0:
-            raise DataError(f"{path}, line {number}: first frame is {words[2]}, expected 0")
+        if len(words) != 4 or not words[3].isdigit() or set(words[2]) != {"0"} or int(words[3]) < 1:
+            raise DataError(f"{path}, line {number}: got {line!r}, expected 'name empty 000000 end'")
         lengths[words[0]] = int(words[3])
     if not lengths:
         raise DataError(f"{path} names no sequence")

@@ -1,4 +1,4 @@
-"""What the labels of KITTI's colour camera (image 2) can confirm."""
+"""The left colour camera of KITTI (image 2): which objects its labels can confirm, and its images."""
 
 from __future__ import annotations
 
@@ -7,10 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from ...cards import Card
 from ...errors import DataError
-from ...types import Floats, ImageField, Ints
+from ...types import Floats, ImageField, Ints, Scene
+from ..base import CameraImage, DataRoot, section_of
 from .files import SENSOR_FROM_CAMERA, read_calibration
+from .layout import DATASET, IMAGES, LABELS
 from .poses import Poses
+from .section import KittiSource
+
+CAMERA = "image_02"
 
 # Width and height of the images of each recording day, by the focal length of its calibration; the images are not
 # needed. The right and bottom ends of DontCare regions agree: they reach exactly to these borders.
@@ -22,7 +28,7 @@ BOX_SIZES = {"car": (3.88, 1.63, 1.50), "pedestrian": (0.67, 0.60, 1.71), "cycli
 
 
 def known_camera(path: Path) -> bool:
-    """Whether a calibration is of one of KITTI's cameras, whose images have a known size."""
+    """True if a calibration is of one of KITTI's cameras, whose images have a known size."""
     try:
         focal = read_calibration(path, ("P2",), 4)[0, 0]
     except DataError:  # of the GPS/IMU unit alone
@@ -33,7 +39,7 @@ def known_camera(path: Path) -> bool:
 def image_field(
     path: Path, poses: Poses, ego_motion: bool, region: Floats, region_start: Ints, classes: Sequence[str]
 ) -> ImageField:
-    """What the image of each frame of a scene can confirm.
+    """Area in which the image of each frame of a scene can confirm objects.
 
     ``path`` of the calibration, ``poses`` of the F frames, ``region`` [R, 4] and ``region_start`` [F + 1] of DontCare.
     The ground lies level below the camera also where every frame has its own frame of reference: gravity is known from
@@ -63,3 +69,24 @@ def _about_z(yaw: Floats) -> Floats:
     """Rotations [F, 3, 3] by ``yaw`` [F] about z."""
     cos, sin, zero, one = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw), np.ones_like(yaw)
     return np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
+
+
+def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage, ...]:
+    """The images of the frames of a sequence whose files are there."""
+    section, root = section_of(card, KittiSource), DATASET.find(data, LABELS)
+    folder = root / IMAGES / scene.name
+    if scene.image is None or not folder.is_dir():
+        return ()
+    projection = scene.image.projection
+    if scene.world is not None:  # every frame in its own sensor frame, which the labels are given in
+        camera = read_calibration(root / f"training/calib/{scene.name}.txt", ("P2",), 4)[:3]
+        projection = np.broadcast_to(_from_sensor(camera), (scene.frames, 3, 4))
+    paths = [folder / f"{t * section.stride:06d}.png" for t in range(scene.frames)]
+    return tuple(
+        CameraImage(t, CAMERA, path, scene.image.size, projection[t]) for t, path in enumerate(paths) if path.is_file()
+    )
+
+
+def _from_sensor(camera: Floats) -> Floats:
+    """The projection ``camera`` [3, 4] of camera axes, for places in the sensor frame."""
+    return np.column_stack([camera[:, :3] @ SENSOR_FROM_CAMERA.T, camera[:, 3]])

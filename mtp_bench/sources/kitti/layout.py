@@ -82,7 +82,7 @@ def require_detector(root: Path, card: Card) -> Path:
 
 
 def _own_detections(card: Card, section: KittiSource) -> Path:
-    """The folder of detections that stands in for the detector's; see `cards.with_detections`."""
+    """The folder of detections that replaces those of the detector's; see `cards.with_detections`."""
     if section.detections_file is None:
         raise DataError(
             f"{card.id} has the detections of a folder with sha256 {section.detections_sha256}: "
@@ -91,7 +91,7 @@ def _own_detections(card: Card, section: KittiSource) -> Path:
     folder = Path(section.detections_file)
     if not folder.is_dir():
         expected = f"{section.traits.detection_file}: 0001.txt, ..., or Car/0001.txt, ..."
-        raise DataError(f"{folder} is no folder, expected {expected}")
+        raise DataError(f"{folder} is not a folder, expected {expected}")
     if section.detections_sha256 not in (None, folder_digest(folder, TEXTS)):
         raise DataError(f"{folder}: its files were changed since {card.id} was made with them; run the agent again")
     return folder

@@ -20,7 +20,7 @@ velocities cover the distance between the GPS positions, and lets parked cars wa
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Poses of the sensor frame, one per frame."""
+    """Poses of the sensor frame, one per image."""
 
     rotation: Floats  # [F, 3, 3] sensor to world
     position: Floats  # [F, 3] m, world

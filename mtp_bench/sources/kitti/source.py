@@ -27,7 +27,7 @@ from .layout import DATASET, LABELS, TYPES, require_detector, split_names, valid
 from .poses import FRAME_PERIOD, Poses, integrated_poses, odometry_poses
 from .section import KittiSource
 
-# Types that KITTI's own evaluation neither rewards nor punishes: their annotation overlaps with the class.
+# Types that KITTI's own evaluation leaves out of account: their annotation overlaps with the class.
 NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting"), "cyclist": ()}
 
 
@@ -88,7 +88,7 @@ class KittiTracking:
 
 
 def read_poses(root: Path, name: str, length: int) -> Poses:
-    """Poses ``[length]`` of one sequence: odometry where ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
+    """Poses ``[length]`` of one sequence: odometry if ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
     oxts_path = root / f"training/oxts/{name}.txt"
     oxts = read_oxts(oxts_path)
     imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
@@ -125,7 +125,7 @@ class Frames:
         return starts_of_sorted(frame // self.stride, -(-self.length // self.stride))
 
     def regions(self, labels: Labels) -> tuple[Floats, Ints]:
-        """Where labels do not care in the image: ``[G, 4]`` in frames of the scene, and the first of each frame."""
+        """DontCare regions of the image ``[G, 4]`` in frames of the scene, and the first of each frame."""
         row = self.select(labels.frame, labels.type == "DontCare")
         return labels.image_box[row], self.starts(labels.frame[row])
 
@@ -140,7 +140,7 @@ class Frames:
 
 
 def truth_of(labels: Labels, classes: tuple[str, ...], frames: Frames) -> Truth:
-    """The truth of a sequence: boxes of ``classes``, and as neutral those beside them."""
+    """The truth of a sequence: boxes of ``classes``, and as neutral those of `NEIGHBOURS`."""
     class_id = np.full(len(labels.frame), -1)
     neutral = np.zeros(len(labels.frame), dtype=bool)
     for index, name in enumerate(classes):
@@ -188,14 +188,14 @@ def detections_of(
 
 
 def stored_rows(folder: Path, name: str, kind: str, code: int) -> StoredDetections:
-    """Detections of a class: of its own folder, as AB3DMOT has them, else of one file for all, as KITTI takes them."""
+    """Detections of a class: in its own folder, as of AB3DMOT, else in one file for all, as KITTI takes them."""
     if (folder / kind).is_dir():
         return read_detections(folder / kind / f"{name}.txt", kind, code)
     return read_results(folder / f"{name}.txt", kind)
 
 
 def _sound(box: Floats, score: Floats, skipped: dict[str, int]) -> Bools:
-    """Rows that can be used; the others are counted by reason in ``skipped``."""
+    """Rows [R] that can be used; the others are counted by reason in ``skipped``."""
     finite = np.isfinite(box).all(axis=1) & np.isfinite(score)
     empty = finite & (box[:, 4:7] <= 0).any(axis=1)
     for reason, bad in (("detection not finite", ~finite), ("detection size not above 0", empty)):

@@ -15,9 +15,9 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Ints, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
+from ..stored_tracks import FEWER, stored_tracks
 from ..text import read_table
-from ..tracks.building import FEWER, stored_tracks
-from .files import RESULT, camera_fields, require_kinds, sensor_boxes
+from .files import RESULT, camera_fields, refuse_flat, require_kinds, sensor_boxes
 from .layout import TYPES
 from .poses import Poses
 from .section import KittiSource
@@ -40,20 +40,20 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     outside = used & ((frame < 0) | (frame > last))
     table.refuse(outside, lambda at: f"frame {frame[at]}, but the last one of sequence {scene.name} is {last}")
     table.refuse_degrees("rotation_y", used)
-    table.refuse(used & (table.value[:, 10:13] <= 0).any(axis=1), "a box with a size that is not above 0")
+    refuse_flat(table, used)
     for index in range(len(classes)):
         table.refuse_second_box(frame, object_id, np.flatnonzero(used & (class_id == index)))
     box = sensor_boxes(table.value[used, 10:17])
     box = box if poses is None else poses.to_world(box, frame[used])
     return stored_tracks(
-        scene.frames, frame[used] // stride, object_id[used], class_id[used], box, table.value[used, 17]
+        scene.frames, frame[used] // stride, object_id[used], class_id[used], box, table["score"][used]
     )
 
 
 def result_lines(
     frame: Ints, track_id: Ints, types: Sequence[str], box: Floats, score: Floats, poses: Poses | None
 ) -> list[str]:
-    """Lines of boxes [R, 7] in the scene's frame of reference, without what only the image tells (-1)."""
+    """Lines of boxes [R, 7] in the scene's frame of reference, with -1 for the fields of the image."""
     fields = camera_fields(box if poses is None else poses.to_sensor(box, frame))
     return [
         f"{t} {i} {kind} -1 -1 -10 -1 -1 -1 -1 {' '.join(f'{value:.6f}' for value in row)} {s:.6f}"
@@ -73,8 +73,8 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
         path = folder / f"{scene.name}.txt"
         if not path.is_file():
             raise DataError(
-                f"no file {path}, expected the tracks of each sequence that is run; {FEWER}, and an empty file says "
-                "that nothing was tracked"
+                f"no file {path}, expected the tracks of each sequence that is run, an empty file if there are none; "
+                f"{FEWER}"
             )
         return read_result(path, scene, card.task.classes, stride, poses_of(card, data, scene.name))
 

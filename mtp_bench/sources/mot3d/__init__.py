@@ -2,6 +2,11 @@
 
 from ..base import SourcePackage
 from .source import Mot3d
-from .status import about_mot3d, mot3d_status
+from .status import about, folder_of, inspect
 
-PACKAGE = SourcePackage(open=Mot3d, about=about_mot3d, describe=mot3d_status)
+PACKAGE = SourcePackage(
+    open=Mot3d,
+    about=about,
+    locate=lambda card, data: about(card).status(data, folder_of(card)),
+    inspect=inspect,
+)

@@ -11,48 +11,29 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Ints
-from ..dataset import Dataset
 from ..text import Table, read_table, read_text
 
 SEQINFO, TRUTH, DETECTIONS = "seqinfo.ini", "gt/gt.txt", "det/det.txt"  # inside train/<sequence>
 COLUMNS = "frame id left top width height confidence X Y Z"
 LONGEST = 1e6  # frames of a sequence, and its frame rate in Hz
-DATASET = Dataset(
-    name="3DMOT2015",
-    folders=("mot3d2015", "3DMOT2015"),  # the second is the folder of the official archive
-    layout="""\
-mot3d2015/ (or 3DMOT2015/)
-  train/<sequence>/gt/gt.txt        true positions
-  train/<sequence>/det/det.txt      ACF detections (not needed with a simulated detector)
-  train/<sequence>/seqinfo.ini      frame rate and number of frames""",
-    licence="CC BY-NC-SA 3.0 (MOTChallenge): non-commercial",
-    citation=(
-        "L. Leal-Taixé, A. Milan, I. Reid, S. Roth, K. Schindler: MOTChallenge 2015: towards a benchmark for "
-        "multi-target tracking. arXiv 1504.01942, 2015"
-    ),
-    how_to_get=(
-        "download 3D MOT 2015 from https://motchallenge.net/data/3D_MOT_2015 and unpack it into mot3d2015/ or "
-        "3DMOT2015/ of the data root; the images are not needed"
-    ),
-)
 
 
 @dataclass(frozen=True)
 class SequenceInfo:
-    """What ``seqinfo.ini`` says of a sequence."""
+    """Content of ``seqinfo.ini``."""
 
     rate: float  # Hz
     length: int  # frames
 
 
-# What a seqinfo.ini that was lost has to say.
-KNOWN = {"PETS09-S2L1": SequenceInfo(7.0, 795), "TUD-Stadtmitte": SequenceInfo(25.0, 179)}
+KNOWN = {"PETS09-S2L1": SequenceInfo(7.0, 795), "TUD-Stadtmitte": SequenceInfo(25.0, 179)}  # for a lost seqinfo.ini
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Rows of ``gt.txt`` or ``det.txt`` in the order of the file."""
 
+    table: Table
     frame: Ints  # [R] from 1
     object_id: Ints  # [R] -1 for detections
     confidence: Floats  # [R] detections: score; truth: 0 = not to be evaluated
@@ -81,9 +62,8 @@ def read_sequence_info(path: Path) -> SequenceInfo:
 
 def read_truth(path: Path, length: int) -> Rows:
     """True rows of a sequence of ``length`` frames; DataError names the line that is wrong."""
-    table = _read_table(path, length)
-    rows = _rows(table)
-    table.refuse_second_box(rows.frame, rows.object_id, np.arange(len(rows.frame)))
+    rows = _read_rows(path, length)
+    rows.table.refuse_second_box(rows.frame, rows.object_id, np.arange(len(rows.frame)))
     return rows
 
 
@@ -92,26 +72,23 @@ def read_detections(path: Path, length: int) -> Rows:
 
     Detections of the 2D benchmark have sequences of the same names, but X = Y = Z = -1 everywhere: DataError says so.
     """
-    rows = _rows(_read_table(path, length))
+    rows = _read_rows(path, length)
     if len(rows.frame) and (rows.ground == -1).all():
         raise DataError(
-            f"{path}: X, Y and Z are -1 in every row, as in the 2D benchmark (2DMOT2015); {DATASET.how_to_get}"
+            f"{path}: X, Y and Z are -1 in every row, as in the 2D benchmark (2DMOT2015); expected the file of "
+            "3D MOT 2015, https://motchallenge.net/data/3D_MOT_2015"
         )
     return rows
 
 
-def _read_table(path: Path, length: int) -> Table:
-    """The table of either file, whose frames lie in the sequence; an empty file gives no rows."""
+def _read_rows(path: Path, length: int) -> Rows:
+    """The rows of either file, whose frames lie in the sequence; an empty file gives no rows."""
     table = read_table(path, COLUMNS, ",")
     table.refuse_not_finite()
     frame = table.whole("frame")
     outside = (frame < 1) | (frame > length)
-    table.refuse(outside, lambda at: f"frame {frame[at]}, expected 1 to {length}, the seqLength of {SEQINFO}")
-    return table
-
-
-def _rows(table: Table) -> Rows:
-    return Rows(table.whole("frame"), table.whole("id"), table.value[:, 6], table.value[:, 7:])
+    table.refuse(outside, lambda row: f"frame {frame[row]}, expected 1 to {length}, the seqLength of {SEQINFO}")
+    return Rows(table, frame, table.whole("id"), table["confidence"], table.value[:, 7:])
 
 
 def _number(path: Path, parser: configparser.ConfigParser, key: str) -> float:

@@ -11,32 +11,23 @@ from ...errors import CardError, DataError, UnknownNameError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..people import people_detections, people_truth
-from .files import (
-    DATASET,
-    DETECTIONS,
-    KNOWN,
-    SEQINFO,
-    TRUTH,
-    Rows,
-    read_detections,
-    read_sequence_info,
-    read_truth,
-)
+from .files import DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
 from .section import Mot3dSource
+from .status import DATASET, folder_of, needed
 
 
 class Mot3d:
     """Scenes of one sequence of 3DMOT2015, cut from it one after the other.
 
-    Intervals of a score are over scenes, and a dataset of one sequence would be a single scene without any: so it is
-    cut into scenes of ``scene_frames`` kept frames. What is left at the end is a scene if a target fits into it. The
-    cuts make no new recordings: neighbouring scenes show the same place and partly the same people, so they are not
-    independent, and an interval over them is narrower than one over recordings would be.
+    Intervals of a score are over scenes, and one sequence would be a single scene. So it is cut into scenes of
+    ``scene_frames`` kept frames; the frames that remain are a scene if a target fits into them. Neighbouring scenes
+    show the same place and partly the same people. They are not independent, so an interval over them is narrower than
+    one over recordings would be.
 
     Frame of reference: the ground plane of the files, in metres. Boxes are nominal, 0.6 m x 0.6 m x 1.75 m with yaw 0:
     neither sizes nor headings are annotated. There is no ego vehicle: the ego state is a fixed reference point, the
-    middle of all true positions of the sequence in whole metres. Line of sight from there means nothing, so every box
-    counts as visible. Time is (official frame - 1) / frame rate. Truth rows with confidence 0 are neutral.
+    middle of all true positions of the sequence in whole metres. It is not a sensor, so every box counts as visible.
+    Time is (official frame - 1) / frame rate. Truth rows with confidence 0 are neutral.
 
     Raises CardError for another class than pedestrian, a rate that is not the sequence's, scenes too short for a target
     and a split without scenes; DataError for files that are missing or broken.
@@ -46,7 +37,7 @@ class Mot3d:
         self.card = card
         self.section = section_of(card, Mot3dSource)
         require_classes(card, DATASET.name, ("pedestrian",))
-        folder = f"train/{self.section.sequence}"
+        folder = folder_of(card)
         self.folder = DATASET.find(data, folder, others=[f"train/{name}" for name in KNOWN]) / folder
         self._info = read_sequence_info(self.folder / SEQINFO)
         require_rate(card, self.section.sequence, self._info.rate, self.section.stride)
@@ -87,11 +78,6 @@ class Mot3d:
             visible=np.ones(len(truth.box)),
             recording=section.sequence,
         )
-
-
-def needed(card: Card) -> tuple[str, ...]:
-    """Files that the card needs, relative to ``train/<sequence>``; a simulated detector needs no detections."""
-    return (SEQINFO, TRUTH, DETECTIONS) if card.detector is None else (SEQINFO, TRUTH)
 
 
 def split_frames(card: Card, length: int) -> dict[str, Ints]:

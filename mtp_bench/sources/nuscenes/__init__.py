@@ -2,16 +2,17 @@
 
 from ..base import SourcePackage
 from .cameras import scene_images
-from .layout import DATASET
+from .layout import DATASET, VERSIONS
 from .road import scene_lanes
 from .source import NuScenes, prepare_nuscenes
-from .status import nuscenes_status
+from .status import inspect
 from .tracks import FORM
 
 PACKAGE = SourcePackage(
     open=NuScenes,
     about=lambda card: DATASET,
-    describe=nuscenes_status,
+    locate=lambda card, data: DATASET.status(data, VERSIONS),
+    inspect=inspect,
     prepare=prepare_nuscenes,
     tracks=FORM,
     lanes=scene_lanes,

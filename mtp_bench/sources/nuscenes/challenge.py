@@ -10,22 +10,33 @@ import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Annotated, TextIO
 
+import msgspec
 import numpy as np
 
 from ...errors import DataError
 from ...types import Floats
-from .fields import LIMIT
-from .json_stream import brief, read_records, unwatched
+from ..text import LIMIT, read_json
+from .decoding import Pair
 
 FUTURE = 12  # places of a mode
 MOST_MODES = 25
 
+_Mode = Annotated[list[Pair], msgspec.Meta(min_length=FUTURE, max_length=FUTURE)]
+_Modes = msgspec.Meta(min_length=1, max_length=MOST_MODES)
+
+
+class _Entry(msgspec.Struct, gc=False):
+    instance: str
+    sample: str
+    prediction: Annotated[list[_Mode], _Modes]
+    probabilities: Annotated[list[Annotated[float, msgspec.Meta(ge=0, le=LIMIT)]], _Modes]
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """What is predicted of an object from one sample on."""
+    """Forecast of an object from one sample on."""
 
     instance: str
     sample: str
@@ -36,21 +47,18 @@ class Prediction:
 def read_predictions(path: Path) -> Iterator[Prediction]:
     """The predictions of a file, in its order; DataError names the file and the entry that is wrong."""
     seen: set[tuple[str, str]] = set()
-    for place, record in enumerate(read_records(path, unwatched)):
-        where = f"{path}, entry {place}"
-        tokens = []
-        for key in ("instance", "sample"):
-            if not isinstance(record.get(key), str):
-                raise DataError(f"{where}: {key} is {brief(record.get(key))}, expected a token")
-            tokens.append(record[key])
-        if (tokens[0], tokens[1]) in seen:
-            raise DataError(f"{where}: a second prediction of instance {tokens[0]!r} in sample {tokens[1]!r}")
-        seen.add((tokens[0], tokens[1]))
-        modes = _numbers(where, record, "prediction", ("S", FUTURE, 2))
-        probability = _numbers(where, record, "probabilities", (len(modes),))
-        if (probability < 0).any():
-            raise DataError(f"{where}: probabilities are {brief(probability.tolist())}, expected numbers from 0 on")
-        yield Prediction(tokens[0], tokens[1], modes, probability)
+    for row, entry in enumerate(read_json(path, list[_Entry])):
+        if (entry.instance, entry.sample) in seen:
+            raise DataError(
+                f"{path}, entry {row}: a second prediction of instance {entry.instance!r} in sample {entry.sample!r}"
+            )
+        seen.add((entry.instance, entry.sample))
+        if len(entry.prediction) != len(entry.probabilities):
+            raise DataError(
+                f"{path}, entry {row}: {len(entry.probabilities)} probabilities, expected one for each of "
+                f"{len(entry.prediction)} modes"
+            )
+        yield Prediction(entry.instance, entry.sample, np.array(entry.prediction), np.array(entry.probabilities))
 
 
 def write_predictions(file: TextIO, predictions: Iterable[Prediction]) -> int:
@@ -69,20 +77,3 @@ def write_predictions(file: TextIO, predictions: Iterable[Prediction]) -> int:
         count += 1
     file.write("\n]\n")
     return count
-
-
-def _numbers(where: str, record: dict[str, Any], key: str, shape: tuple[int | str, ...]) -> Floats:
-    """An array of a record; a text in ``shape`` stands for 1 to `MOST_MODES`."""
-    try:
-        value = np.asarray(record.get(key), dtype=np.float64)
-    except (TypeError, ValueError):
-        value = np.zeros(())
-    fits = value.ndim == len(shape) and all(
-        isinstance(n, str) or n == m for n, m in zip(shape, value.shape, strict=True)
-    )
-    if not fits or not 1 <= len(value) <= MOST_MODES:
-        got = f"shape {list(value.shape)}" if value.ndim else brief(record.get(key))
-        raise DataError(f"{where}: {key} is {got}, expected numbers {list(shape)}, at most {MOST_MODES} modes")
-    if not (np.abs(value) <= LIMIT).all():
-        raise DataError(f"{where}: {key} has a number that is not finite or beyond {LIMIT:g}")
-    return value

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-CLASSES = (
+from typing import Literal, get_args
+
+ClassName = Literal[
     "car",
     "truck",
     "bus",
@@ -13,7 +15,8 @@ CLASSES = (
     "bicycle",
     "traffic_cone",
     "barrier",
-)  # class_id in the cache is an index into these
+]
+CLASSES: tuple[str, ...] = get_args(ClassName)  # class_id in the cache is an index into these
 
 # The official detection task evaluates these (``nuscenes.eval.detection.utils.category_to_detection_name``).
 CLASS_OF = {
@@ -32,7 +35,7 @@ CLASS_OF = {
     "movable_object.trafficcone": "traffic_cone",
     "movable_object.barrier": "barrier",
 }
-# It leaves these out, but a detector takes them for something: matching one is neither right nor wrong.
+# The task leaves these out, but a detector reports them as one of its classes: a match is neither right nor wrong.
 NEUTRAL_OF = {
     "vehicle.emergency.police": "car",
     "vehicle.emergency.ambulance": "truck",

@@ -2,175 +2,151 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ...errors import DataError
-from ...types import Detections, Ints, starts_of_sorted
+from ...types import Bools, Detections, starts_of_sorted
 from ..base import class_ids
-from ..cache import Arrays, read_arrays, write_arrays
-from . import folders
+from ..cache import Arrays, write_arrays
 from .classes import CLASSES
-from .detection_file import DetectedBoxes, no_match, read_detections
+from .folders import CachedFolder
 from .splits import counted
-from .store import SAMPLES, TableStore
-from .work import Work, no_work
+from .store import INDEX, Note, TableStore
+from .submission import no_match, read_submission
+
+_HEAD = 1 << 16  # bytes of a file in which its first sample is looked for
+_FIRST_SAMPLE = re.compile(rb'"results"\s*:\s*\{\s*"([^"\\]*)"')
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DetectionStore:
     """A detection file and its cache: the boxes of the samples that the tables have."""
 
     path: Path
-    digest: str  # sha256 of the file
-    tables: TableStore
-    folder: Path
-    index: Mapping[str, Any]  # samples: in the file; example: a token of it; scenes: the frames of each that it has
+    cache: CachedFolder
+    covered: Bools  # [N] samples of the tables that the file has
 
-    @property
-    def frames(self) -> Mapping[str, list[int]]:
-        """Frames of each scene that the file has."""
-        found: Mapping[str, list[int]] = self.index["scenes"]
-        return found
-
-    def arrays(self, name: str) -> Arrays:
-        """Arrays of a scene that the file has; a broken file of the cache is built again, if this one is the same."""
-        path = self.folder / f"{name}.npz"
-
-        def build_again() -> None:
-            digest = folders.file_hash(self.path, no_work().on(self.path.name))
-            folders.refuse_changed(path, _folder(self.tables.folder, digest), str(self.path))
-            _build(self.path, self.folder, self.tables, no_work())
-
-        return folders.made(path, read_arrays, build_again)
+    def arrays(self, scene: str) -> Arrays:
+        """Arrays of a scene that the file has some of."""
+        return self.cache.read(scene)
 
 
-def bytes_left(paths: Sequence[Path], tables: Path | None) -> int:
-    """Bytes to read before these files can be used; ``tables``: the cache of the tables, where it is known."""
-    left = 0
-    for path in paths:
-        known, size = folders.stamped_hash(path), folders.file_size(path)
-        built = known is not None and tables is not None and folders.read_index(_folder(tables, known)) is not None
-        left += (known is None) * size + (not built) * size
-    return left
+def open_detections(
+    paths: Sequence[Path], tables: TableStore, names: Sequence[str], note: Note
+) -> tuple[DetectionStore, ...]:
+    """Caches of the files that the scenes ``names`` need; ``note`` is told each file that is read.
 
-
-def open_detections(paths: Sequence[Path], tables: TableStore, work: Work) -> tuple[DetectionStore, ...]:
-    """The caches of these files, built first where they are not there.
-
-    Raises DataError for a file that is wrong, naming the sample token, and where no file has samples of these tables.
+    These are the files that begin with a sample of one of the scenes, or whose beginning is not understood, and if they
+    do not cover all scenes, as many of the others as it takes. Raises DataError for a file that is wrong, naming the
+    sample token, and if no file has samples of these tables.
     """
-    stores = tuple(_open(path, tables, work) for path in paths)
-    if stores and not any(store.frames for store in stores):
-        said = [
-            no_match(store.path, store.index["samples"], store.index["example"], tables.tables.version, "detections")
-            for store in stores
-        ]
-        raise DataError("; ".join(said))
-    return stores
+    wanted = np.zeros(tables.start[-1], dtype=bool)
+    for name in names:
+        wanted[tables.samples(name)] = True
+    begins = {path: len(paths) == 1 or _begins_in(path, tables, wanted) for path in paths}
+    stores: list[DetectionStore] = []
+    for path in sorted(paths, key=lambda path: not begins[path]):
+        covered = np.any([store.covered for store in stores], axis=0)
+        if begins[path] or not np.all(covered | ~wanted):
+            stores.append(_open(path, tables, note))
+    if stores and not any(store.covered.any() for store in stores):
+        indices = [store.cache.read(INDEX) for store in stores]
+        raise DataError(
+            "; ".join(
+                no_match(store.path, int(index["samples"]), str(index["example"]), tables.version, "detections")
+                for store, index in zip(stores, indices, strict=True)
+            )
+        )
+    return tuple(stores)
 
 
 def require_covered(
-    stores: Sequence[DetectionStore], names: Sequence[str], splits: Mapping[str, Sequence[str]], split: str
+    stores: Sequence[DetectionStore],
+    tables: TableStore,
+    names: Sequence[str],
+    splits: Mapping[str, Sequence[str]],
+    split: str,
 ) -> None:
-    """Raise DataError unless each frame of the scenes ``names`` of ``split`` is in one of the files, and only in one.
+    """Raise DataError unless each frame of the scenes ``names`` of ``split`` is in exactly one of the files.
 
     ``splits``: the scenes of all splits, named in the error.
     """
+    files = np.sum([store.covered for store in stores], axis=0)  # [N] that have the sample
     for name in names:
-        _refuse_shared(stores, name)
-    lost = {name: frame for name in names if (frame := _first_lost(stores, name)) is not None}
+        rows = np.array(tables.samples(name))
+        if (files[rows] > 1).any():
+            row = int(rows[np.argmax(files[rows] > 1)])
+            both = " and ".join(str(store.path) for store in stores if store.covered[row])
+            token = tables.tokens[row].decode()
+            raise DataError(f"{both} both have sample {token!r} of {name}; name one of them with --detections")
+    lost = [name for name in names if not files[tables.samples(name)].all()]
     if not lost:
         return
-    name, frame = next(iter(lost.items()))
-    token = str(stores[0].tables.arrays(name)["sample"][frame])
+    first = tables.samples(lost[0])
+    token = tables.tokens[first[int(np.argmin(files[first]))]].decode()
     whole = {
         other: scenes
         for other, scenes in splits.items()
-        if other != split and all(_first_lost(stores, scene) is None for scene in scenes)
+        if other != split and all(files[tables.samples(scene)].all() for scene in scenes)
     }
-    files = ", ".join(str(store.path) for store in stores)
     hint = (
         f"wholly covered: {counted(whole)}; choose one with --split or split="
         if whole
         else "no split is wholly covered"
     )
     raise DataError(
-        f"{files}: no entry for sample {token!r} of {name}: detections cover {len(names) - len(lost)} of the "
-        f"{len(names)} scenes of split {split!r}; {hint}"
+        f"{', '.join(str(store.path) for store in stores)}: no entry for sample {token!r} of {lost[0]}: detections "
+        f"cover {len(names) - len(lost)} of the {len(names)} scenes of split {split!r}; {hint}"
     )
 
 
-def scene_detections(stores: Sequence[DetectionStore], name: str, frames: int, classes: Sequence[str]) -> Detections:
-    """Detections of a scene of ``frames`` frames from all files that have some of it; other classes are dropped."""
-    parts = [store.arrays(name) for store in stores if name in store.frames]
+def scene_detections(stores: Sequence[DetectionStore], samples: range, name: str, classes: Sequence[str]) -> Detections:
+    """Detections of a scene with these ``samples`` from all files that have some of it; other classes are dropped."""
+    parts = [store.arrays(name) for store in stores if store.covered[samples].any()]
     frame, box, velocity, score, kind = (
         np.concatenate([part[key] for part in parts]) for key in ("frame", "box", "velocity", "score", "class_id")
     )
     class_id = class_ids(CLASSES, classes)[kind]
     used = np.flatnonzero(class_id >= 0)
     row = used[np.argsort(frame[used], kind="stable")]
-    start = starts_of_sorted(frame[row], frames)
+    start = starts_of_sorted(frame[row], len(samples))
     return Detections(start, box[row], velocity[row], class_id[row], score[row])
 
 
-def _open(path: Path, tables: TableStore, work: Work) -> DetectionStore:
-    digest = folders.file_hash(path, work.on(path.name))
-    folder = _folder(tables.folder, digest)
-    index = folders.made(folder, folders.read_index, lambda: _build(path, folder, tables, work))
-    return DetectionStore(path, digest, tables, folder, index)
+def _begins_in(path: Path, tables: TableStore, wanted: Bools) -> bool:
+    """True if the first sample of a file is a wanted one, or if the beginning of the file is not understood."""
+    try:
+        with path.open("rb") as file:
+            found = _FIRST_SAMPLE.search(file.read(_HEAD))
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
+    return found is None or bool(wanted[tables.tokens == found.group(1)].any())
 
 
-def _folder(tables: Path, digest: str) -> Path:
-    return folders.cache_folder() / f"{tables.name}-{folders.joint_digest([('detections', digest)])}"
+def _open(path: Path, tables: TableStore, note: Note) -> DetectionStore:
+    cache = CachedFolder.of(tables.cache.path.name, {"detections": path}, partial(_fill, path, tables, note))
+    return DetectionStore(path, cache, cache.read(INDEX)["covered"])
 
 
-def _build(path: Path, folder: Path, tables: TableStore, work: Work) -> None:
-    samples = tables.arrays(SAMPLES)
-    row = {str(token): at for at, token in enumerate(samples["token"])}
-    boxes = read_detections(path, row, work.on(path.name))
-    names = tuple(tables.index["scenes"])
-    folders.build(folder, lambda part: _fill(part, boxes, names, samples["start"]))
-
-
-def _fill(folder: Path, boxes: DetectedBoxes, names: Sequence[str], start: Ints) -> None:
-    """Write the scenes ``names`` [S], whose samples begin at ``start`` [S + 1]."""
-    scenes: dict[str, list[int]] = {}
-    for index, name in enumerate(names):
-        own = start[index : index + 2]
-        covered = boxes.covered[slice(*np.searchsorted(boxes.covered, own))]
-        if not len(covered):
-            continue
-        row = slice(*np.searchsorted(boxes.sample, own))
-        arrays = {
-            "frame": boxes.sample[row] - own[0], "box": boxes.box[row], "velocity": boxes.velocity[row],
-            "class_id": boxes.class_id[row], "score": boxes.score[row],
-        }  # fmt: skip
-        write_arrays(folder / f"{name}.npz", arrays)
-        scenes[name] = (covered - own[0]).tolist()
-    folders.write_index(folder, {"samples": boxes.samples, "example": boxes.example, "scenes": scenes})
-
-
-def _refuse_shared(stores: Sequence[DetectionStore], name: str) -> None:
-    """Raise DataError where two files have the same sample."""
-    owner: dict[int, DetectionStore] = {}
-    for store in stores:
-        for frame in store.frames.get(name, ()):
-            if frame in owner:
-                token = str(store.tables.arrays(name)["sample"][frame])
-                raise DataError(
-                    f"{store.path} and {owner[frame].path} both have sample {token!r} of {name}; "
-                    "name one of them with --detections"
-                )
-            owner[frame] = store
-
-
-def _first_lost(stores: Sequence[DetectionStore], name: str) -> int | None:
-    """The first frame of a scene that no file has; None if there is none."""
-    covered = {frame for store in stores for frame in store.frames.get(name, ())}
-    frames = range(stores[0].tables.index["scenes"][name]["frames"])
-    return next((frame for frame in frames if frame not in covered), None)
+def _fill(path: Path, tables: TableStore, note: Note, folder: Path) -> None:
+    note(path.name)
+    boxes = read_submission(path, tables.row_of_token)
+    covered = np.zeros(tables.start[-1], dtype=bool)
+    covered[boxes.covered] = True
+    for name in tables.scenes:
+        samples = tables.samples(name)
+        if covered[samples].any():
+            row = slice(*np.searchsorted(boxes.sample, [samples.start, samples.stop]))
+            arrays = {
+                "frame": boxes.sample[row] - samples.start, "box": boxes.box[row], "velocity": boxes.velocity[row],
+                "class_id": boxes.class_id[row], "score": boxes.score[row],
+            }  # fmt: skip
+            write_arrays(folder / f"{name}.npz", arrays)
+    index = {"covered": covered, "samples": np.array(boxes.samples), "example": np.array(boxes.example)}
+    write_arrays(folder / f"{INDEX}.npz", index)

@@ -1,167 +1,80 @@
-"""Folders of the cache: named by the content of their source files, written as a whole or not at all."""
+"""Folders of the cache, named by the state of the files that they are made from, and written as a whole."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
-import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
 
 from ...errors import DataError
-from ...files import whole_file
-from ..cache import VARIABLE, cache_root
-from .json_stream import Read
+from ...files import whole_folder
+from ..cache import VARIABLE, Arrays, cache_root, read_arrays
 
-Content = TypeVar("Content")
-
-FORMAT = 2  # of the arrays in the cache: a change gets a new number
-INDEX = "index.json"
-_CHUNK = 1 << 22  # bytes
-_SETTLED = 2_000_000_000  # ns; a file that was changed just now may change again without a new time
+FORMAT = 3  # of the arrays in the cache: a change gets a new number
 
 
-def cache_folder() -> Path:
-    """Where the compact copies of nuScenes are."""
-    return cache_root() / "nuscenes"
+@dataclass(frozen=True)
+class CachedFolder:
+    """A folder of files of arrays, which ``fill`` makes from ``sources`` once per machine."""
+
+    prefix: str  # of its name
+    sources: Mapping[str, Path]  # the files that it is made from, by what they are
+    fill: Callable[[Path], None]  # writes the files of the folder
+    path: Path
+
+    @classmethod
+    def of(cls, prefix: str, sources: Mapping[str, Path], fill: Callable[[Path], None]) -> CachedFolder:
+        """The folder for these files in their present state; raises DataError if one of them cannot be read."""
+        return cls(prefix, sources, fill, _path(prefix, sources))
+
+    def read(self, name: str) -> Arrays:
+        """Arrays of the file ``name``; the folder is filled first if the file is missing or broken.
+
+        Raises DataError if the sources are wrong or changed since the folder was opened, or if the cache cannot be
+        written.
+        """
+        path = self.path / f"{name}.npz"
+        arrays = read_arrays(path)
+        return self._made(path) if arrays is None else arrays
+
+    def _made(self, path: Path) -> Arrays:
+        from filelock import FileLock
+
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with FileLock(self.path.with_name(f".{self.path.name}.lock")):
+                arrays = read_arrays(path)  # another process may have filled it meanwhile
+                if arrays is None:
+                    self._fill()
+                    arrays = read_arrays(path)
+        except OSError as error:
+            raise DataError(
+                f"the compact copy of nuScenes cannot be kept in {self.path.parent}: {error.strerror or error}; "
+                f"{VARIABLE} names another folder"
+            ) from None
+        if arrays is None:
+            raise DataError(f"{path} cannot be read back after writing it")
+        return arrays
+
+    def _fill(self) -> None:
+        if _path(self.prefix, self.sources) != self.path:
+            changed = ", ".join(str(path) for path in self.sources.values())
+            raise DataError(f"{changed}: changed since the scenes were opened; open them again")
+        with whole_folder(self.path) as part:
+            self.fill(part)
 
 
-def stamped_hash(path: Path) -> str | None:
-    """sha256 of a file, if it was hashed before and is the same file in the same state."""
-    stamp = _read_json(_stamp_path(path))
-    return str(stamp["sha256"]) if stamp and _state(path).items() <= stamp.items() and "sha256" in stamp else None
-
-
-def file_hash(path: Path, read: Read) -> str:
-    """sha256 of a file, kept with its state, so that gigabytes are not hashed at every start.
-
-    Raises DataError for a file that cannot be read.
-    """
-    known = stamped_hash(path)
-    if known is not None:
-        return known
-    state, digest = _state(path), hashlib.sha256()
-    with _readable(path), path.open("rb") as file:
-        while chunk := file.read(_CHUNK):
-            digest.update(chunk)
-            read(len(chunk))
-    if time.time_ns() - max(state["mtime_ns"], state["ctime_ns"]) > _SETTLED:
-        with suppress(OSError):  # it is hashed again next time
-            _write_text(_stamp_path(path), json.dumps({**state, "path": str(path), "sha256": digest.hexdigest()}))
-    return digest.hexdigest()
-
-
-def file_size(path: Path) -> int:
-    """Bytes of a file; DataError where it cannot be read."""
-    return _state(path)["size"]
-
-
-def joint_digest(hashes: Iterable[tuple[str, str]]) -> str:
-    """Digest of files by what they are and their hashes."""
-    content = json.dumps([FORMAT, *sorted(hashes)])
-    return hashlib.sha256(content.encode()).hexdigest()[:16]
-
-
-def read_index(folder: Path) -> dict[str, Any] | None:
-    """The index of a folder of the cache; None where it is not there or not what was written."""
-    index = _read_json(folder / INDEX)
-    digest = index.pop("digest", None) if index else None
-    return index if index and digest == _index_digest(index) else None
-
-
-def write_index(folder: Path, content: dict[str, Any]) -> None:
-    """Store the index of a folder with a hash of its content."""
-    _write_text(folder / INDEX, json.dumps({**content, "digest": _index_digest(content)}, separators=(",", ":")))
-
-
-def build(folder: Path, fill: Callable[[Path], None]) -> None:
-    """Let ``fill`` write a folder, which is put in place as a whole; several processes may do so at once.
-
-    Raises DataError where the cache cannot be written.
-    """
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as beside:
-            part = Path(beside, folder.name)
-            part.mkdir()
-            fill(part)
-            _install(part, folder)
-    except OSError as error:
-        raise DataError(
-            f"the compact copy of nuScenes cannot be kept in {folder.parent}: {error.strerror or error}; "
-            f"{VARIABLE} names another folder"
-        ) from None
-
-
-def _install(part: Path, folder: Path) -> None:
-    """A folder that is there has the same content, of another process that may be reading it, or it is broken.
-
-    So its files are replaced one by one, the index last; the folder is there all the time.
-    """
-    if not folder.exists():
-        with suppress(OSError):
-            part.rename(folder)
-            return
-    for path in sorted(part.iterdir(), key=lambda path: path.name == INDEX):
-        path.replace(folder / path.name)
-
-
-def made(path: Path, read: Callable[[Path], Content | None], make: Callable[[], None]) -> Content:
-    """What ``read`` finds at a path of the cache, which ``make`` writes first where it is not there or broken."""
-    if (content := read(path)) is None:
-        make()
-        content = read(path)
-    if content is None:
-        raise DataError(f"{path} cannot be read back after writing it")
-    return content
-
-
-def refuse_changed(path: Path, folder: Path, what: str) -> None:
-    """Raise DataError where a broken file of the cache cannot be built again: today ``what`` belongs in ``folder``."""
-    if folder != path.parent:
-        raise DataError(f"{path} is broken, and {what} changed since it was written: open the source again")
-
-
-def _index_digest(content: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def _stamp_path(path: Path) -> Path:
-    name = hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:24]
-    return cache_folder() / "stamps" / f"{name}.json"
-
-
-def _state(path: Path) -> dict[str, int]:
-    """What changes with a file's content; a program may restore the time of the content, but not that of the state."""
-    with _readable(path):
-        state = path.stat()
-    return {
-        "size": state.st_size, "mtime_ns": state.st_mtime_ns, "ctime_ns": state.st_ctime_ns,
-        "inode": state.st_ino, "device": state.st_dev,
-    }  # fmt: skip
-
-
-@contextmanager
-def _readable(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
-
-
-def _read_json(path: Path) -> dict[str, Any] | None:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return None
-    return content if isinstance(content, dict) else None
-
-
-def _write_text(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with whole_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
+    """The state of a file changes with its content; programs can restore all of it but the second time."""
+    states = []
+    for name, path in sorted(sources.items()):
+        try:
+            state = path.stat()
+        except OSError as error:
+            raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
+        times = [state.st_mtime_ns, state.st_ctime_ns]
+        states.append([name, str(path.resolve()), state.st_size, state.st_ino, *times])
+    digest = hashlib.sha256(json.dumps([FORMAT, *states]).encode("utf-8", "surrogatepass")).hexdigest()[:16]
+    return cache_root() / "nuscenes" / f"{prefix}-{digest}"

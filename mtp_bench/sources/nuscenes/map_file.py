@@ -6,98 +6,96 @@
 ``arcline_path_3``        the middle line of each of them by its token: parts of three arcs or straights each
 ``polygon``, ``node``     polygons by the tokens of their nodes, nodes in metres of the global frame
 ========================= ==================================================================================
-
-The layers are read one after the other: of a file of many megabytes only what the lanes need is kept.
 """
 
 from __future__ import annotations
 
 import math
-from array import array
-from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated
 
+import msgspec
 import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Lane
-from .fields import LIMIT, extended, named, text
-from .json_stream import Read, Record, brief, read_entries, read_list
+from ..text import read_json
+from .decoding import Number, Record, Vector, find
 
-LAYERS = {"lane": False, "lane_connector": True}  # whether it leads through a junction
-PASSES = 5  # how often a file is read, one layer after the other
 STEP = 2.0  # m, between points of a middle line, at most
 LONGEST = 5e3  # m, part of a middle line
 HALF = 1.75, 6.0  # m, from the middle of a lane to its border: without a polygon, and at most
 _TURN = {"L": 1.0, "S": 0.0, "R": -1.0}  # sign of the curvature
+_Length = Annotated[float, msgspec.Meta(ge=0, le=LONGEST)]
 
 
-def read_lanes(path: Path, read: Read) -> tuple[Lane, ...]:
+class _LaneRecord(Record):
+    polygon_token: str
+
+
+class _Polygon(Record):
+    exterior_node_tokens: list[str]
+
+
+class _Node(Record):
+    x: Number
+    y: Number
+
+
+class _Path(msgspec.Struct):
+    """Up to three arcs or straights that go on from each other."""
+
+    start_pose: Vector  # x y heading
+    shape: Annotated[str, msgspec.Meta(pattern="^[LSR]{3}$")]
+    segment_length: tuple[_Length, _Length, _Length]
+    radius: Annotated[float, msgspec.Meta(ge=0)]
+
+
+class _Map(msgspec.Struct):
+    lane: list[_LaneRecord] = []
+    lane_connector: list[Record] = []
+    arcline_path_3: dict[str, list[_Path]] = {}
+    polygon: list[_Polygon] = []
+    node: list[_Node] = []
+
+
+def read_lanes(path: Path) -> tuple[Lane, ...]:
     """The lanes of a location, in the global frame; DataError names the file and token that is wrong."""
-    polygon_of, junction = _read_layers(path, read)
-    center = _read_centers(path, junction, read)
-    rings = _read_rings(path, {polygon_of[lane] for lane in center if lane in polygon_of}, read)
-    places = _read_nodes(path, {node for ring in rings.values() for node in ring}, read)
+    layers = read_json(path, _Map)
+    polygons = {polygon.token: polygon for polygon in layers.polygon}
+    nodes = {node.token: (node.x, node.y) for node in layers.node}
     lanes = []
-    for lane, line in center.items():
-        nodes = rings.get(polygon_of.get(lane, ""), [])
-        left, right = borders(line, np.array([places[node] for node in nodes]).reshape(-1, 2))
-        lanes.append(Lane(line, left, right, junction=junction[lane]))
+    for record in (*layers.lane, *layers.lane_connector):
+        center = _center(layers.arcline_path_3.get(record.token, []))
+        if len(center) < 2:
+            continue  # a lane without a middle line
+        ring: list[tuple[float, float]] = []
+        if isinstance(record, _LaneRecord):
+            polygon = find(polygons, record, "polygon_token", path)
+            missing = set(polygon.exterior_node_tokens) - nodes.keys()
+            if missing:
+                raise DataError(f"{path}: layer 'node' has no record {min(missing)!r}, which a polygon names")
+            ring = [nodes[token] for token in polygon.exterior_node_tokens]
+        left, right = borders(center, np.array(ring).reshape(-1, 2))
+        lanes.append(Lane(center, left, right, junction=not isinstance(record, _LaneRecord)))
+    if not lanes:
+        raise DataError(f"{path} has no lane with a middle line, expected a file of the map expansion")
     return tuple(lanes)
 
 
-def _read_layers(path: Path, read: Read) -> tuple[dict[str, str], dict[str, bool]]:
-    """The polygon of each lane of a road, and whether each lane leads through a junction."""
-    polygon_of: dict[str, str] = {}
-    junction: dict[str, bool] = {}
-    for layer, inside in LAYERS.items():
-        for record in read_list(path, layer, read):
-            token = text(path, record, "token")
-            junction[token] = inside
-            if layer == "lane":
-                polygon_of[token] = text(path, record, "polygon_token")
-    if not junction:
-        raise DataError(f"{path} has no lanes, expected a file of the map expansion with the layer 'lane'")
-    return polygon_of, junction
+def _center(parts: list[_Path]) -> Floats:
+    """Points [n, 2] of a middle line."""
+    line = np.concatenate([np.zeros((0, 2)), *(_points(part) for part in parts)])
+    moves = np.linalg.norm(np.diff(line, axis=0, prepend=np.inf), axis=1) > 1e-3  # parts meet in a point
+    return np.asarray(line[moves])
 
 
-def _read_centers(path: Path, lanes: Iterable[str], read: Read) -> dict[str, Floats]:
-    """Middle lines [n, 2] by lane; a lane without one is left out."""
-    wanted, found = set(lanes), dict[str, Floats]()
-    for lane, parts in read_entries(path, "arcline_path_3", read):
-        if lane in wanted:
-            if not isinstance(parts, list):
-                raise DataError(f"{path}, lane {lane!r}: got {brief(parts)}, expected parts of its middle line")
-            line = np.concatenate([np.zeros((0, 2)), *(_arcs(path, lane, part) for part in parts)])
-            moves = np.linalg.norm(np.diff(line, axis=0, prepend=np.inf), axis=1) > 1e-3  # parts meet in a point
-            if moves.sum() > 1:
-                found[lane] = line[moves]
-    if not found:
-        raise DataError(f"{path}: 'arcline_path_3' has no middle line of a lane")
-    return found
-
-
-def _arcs(path: Path, lane: str, part: Record) -> Floats:
-    """Points [n, 2] of one part of a middle line: up to three arcs or straights that go on from each other."""
-    numbers = array("d")
-    shape = part.get("shape") if isinstance(part, dict) else None
-    sound = (
-        isinstance(shape, str)
-        and len(shape) == 3
-        and _TURN.keys() >= set(shape)
-        and extended(numbers, part.get("start_pose"), 3)
-        and extended(numbers, part.get("segment_length"), 3)
-        and extended(numbers, [part.get("radius")], 1)
-    )
-    if not sound or not _drivable(numbers):
-        raise DataError(
-            f"{path}, lane {lane!r}: got {brief(part)}, expected a part of its middle line with start_pose, a shape "
-            f"such as 'LSR', a radius from 0 on and three lengths up to {LONGEST:g} m"
-        )
-    x, y, heading, *lengths, radius = numbers
+def _points(part: _Path) -> Floats:
+    """Points [n, 2] of one part of a middle line."""
+    x, y, heading = part.start_pose
     points = [np.array([[x, y]])]
-    for letter, length in zip(str(shape), lengths, strict=True):
-        curvature = _TURN[letter] / radius if radius else 0.0
+    for letter, length in zip(part.shape, part.segment_length, strict=True):
+        curvature = _TURN[letter] / part.radius if part.radius else 0.0
         along = np.linspace(0.0, length, max(1, math.ceil(length / STEP)) + 1)[1:]
         turned = heading + curvature * along
         chord = along * np.sinc(curvature * along / (2 * np.pi))
@@ -105,44 +103,6 @@ def _arcs(path: Path, lane: str, part: Record) -> Floats:
         points.append(points[-1][-1] + chord[:, None] * np.column_stack([np.cos(way), np.sin(way)]))
         heading = float(turned[-1])
     return np.concatenate(points)
-
-
-def _drivable(numbers: array[float]) -> bool:
-    *pose, a, b, c, radius = numbers
-    return all(abs(value) <= LIMIT for value in pose) and all(0 <= n <= LONGEST for n in (a, b, c)) and radius >= 0
-
-
-def _read_rings(path: Path, wanted: set[str], read: Read) -> dict[str, list[str]]:
-    """Tokens of the nodes around each of the polygons ``wanted``."""
-    rings: dict[str, list[str]] = {}
-    for record in read_list(path, "polygon", read):
-        token = text(path, record, "token")
-        if token in wanted:
-            nodes = record.get("exterior_node_tokens")
-            if not isinstance(nodes, list) or not all(isinstance(node, str) for node in nodes):
-                raise DataError(f"{path}, {named(record)}: exterior_node_tokens is {brief(nodes)}, expected tokens")
-            rings[token] = nodes
-    _require(path, "polygon", wanted - rings.keys())
-    return rings
-
-
-def _read_nodes(path: Path, wanted: set[str], read: Read) -> dict[str, tuple[float, float]]:
-    """Places of the nodes ``wanted``."""
-    found: dict[str, tuple[float, float]] = {}
-    for record in read_list(path, "node", read):
-        token = text(path, record, "token")
-        if token in wanted:
-            place = array("d")
-            if not extended(place, [record.get("x"), record.get("y")], 2) or not all(abs(v) <= LIMIT for v in place):
-                raise DataError(f"{path}, {named(record)}: x and y are no numbers up to {LIMIT:g}: {brief(record)}")
-            found[token] = place[0], place[1]
-    _require(path, "node", wanted - found.keys())
-    return found
-
-
-def _require(path: Path, layer: str, lost: set[str]) -> None:
-    if lost:
-        raise DataError(f"{path}: its layer {layer!r} has no record {min(lost)!r}, which a lane needs")
 
 
 def borders(center: Floats, ring: Floats) -> tuple[Floats, Floats]:

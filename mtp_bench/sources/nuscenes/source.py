@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
 
 from ...cards import Card
+from ...cards.own import known_digest
 from ...errors import DataError, UnknownNameError
 from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
-from ..base import Preparation, class_ids, no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, Preparation, class_ids, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
 from ..motion import backward_velocity
 from .classes import CLASSES
-from .detections import DetectionStore, bytes_left, open_detections, require_covered, scene_detections
+from .detections import open_detections, require_covered, scene_detections
 from .layout import DATASET, VERSIONS, detection_paths, require_prediction
 from .section import NuScenesSource
 from .splits import counted, splits_of
-from .store import TableStore, find_tables
+from .store import Note, TableStore, open_tables
 from .tables import SECOND
-from .work import working
 
 RATE = 2.0  # Hz of the keyframes, nominal
 
@@ -32,29 +34,23 @@ class NuScenes:
     "targets"`` only the objects that the prediction challenge names in a scene are in its truth.
     """
 
-    def __init__(
-        self,
-        card: Card,
-        data: str | Path | None = None,
-        started: Callable[[int], object] | None = None,
-        progress: Callable[[str], object] | None = None,
-    ) -> None:
+    def __init__(self, card: Card, data: DataRoot = None, note: Note | None = None) -> None:
+        """``note`` is told each file before it is read; None: a line on the terminal shows it."""
         self.card = card
         self.section = section_of(card, NuScenesSource)
         require_classes(card, DATASET.name, CLASSES)
         require_rate(card, DATASET.name, RATE)
         self.root = DATASET.find(data, VERSIONS)
-        tables = find_tables(self.root, self.section.version)
         require_prediction(self.root, card)
         paths = detection_paths(self.root, card)
-        with working(tables.bytes_left + bytes_left(paths, tables.known_folder), started, progress) as work:
-            self.tables: TableStore = tables.open(work)
+        with show_reading() if note is None else nullcontext(note) as told:
+            self.tables = open_tables(self.root, self.section.version, told)
             splits = available_splits(self.tables, self.section.truth == "targets")
             self.names = _names(card, self.root, splits)
-            self.detections: tuple[DetectionStore, ...] = open_detections(paths, self.tables, work)
+            self.detections = open_detections(paths, self.tables, self.names, told)
         if paths:
-            _check_hash(card, self.detections)
-            require_covered(self.detections, self.names, splits, self.section.split)
+            _check_digest(card, paths)
+            require_covered(self.detections, self.tables, self.names, splits, self.section.split)
 
     def load(self, name: str) -> Scene:
         """Read one scene from the cache."""
@@ -65,7 +61,7 @@ class NuScenes:
         detections, label = no_detections(len(time)), ""
         if self.detections:
             label = f"{self.section.detector}, stored detections"
-            detections = scene_detections(self.detections, name, len(time), classes)
+            detections = scene_detections(self.detections, self.tables.samples(name), name, classes)
         listed = self.section.truth == "targets"
         return Scene(
             name=name,
@@ -79,19 +75,34 @@ class NuScenes:
         )
 
 
-def prepare_nuscenes(card: Card, data: str | Path | None, how: Preparation) -> None:
-    """Make the compact copy of the tables and detections of ``card`` where it is not there.
+def prepare_nuscenes(card: Card, data: DataRoot, how: Preparation) -> None:
+    """Make the compact copy of the tables and detections of ``card`` if it is missing; one piece of work.
 
-    Progress is told by hundredths of the bytes to read, with the name of the file. Raises DataError for everything that
-    stops the card's scenes from being read.
+    Raises DataError for everything that stops the card's scenes from being read.
     """
-    NuScenes(card, data, how.started, how.progress)
+    if how.started is not None:
+        how.started(1)
+    source = NuScenes(card, data, note=lambda name: None)
+    if how.progress is not None:
+        how.progress(source.section.version)
+
+
+@contextmanager
+def show_reading() -> Iterator[Note]:
+    """Yield a function that shows the name of a file that is read, if stderr is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda name: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("nuScenes") as status:
+        yield lambda name: status.update(f"reading {name} (once)")
 
 
 def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, ...]]:
     """Scenes of each split that has any; with ``targets`` only those that have a prediction target."""
-    scenes = tables.index["scenes"]
-    return splits_of([name for name, counts in scenes.items() if not targets or counts["targets"]])
+    counts = tables.targets if targets and tables.targets is not None else np.full(len(tables.scenes), int(not targets))
+    return splits_of([name for name, count in zip(tables.scenes, counts, strict=True) if count])
 
 
 def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bool) -> Truth:
@@ -130,11 +141,9 @@ def _names(card: Card, root: Path, splits: dict[str, tuple[str, ...]]) -> tuple[
     )
 
 
-def _check_hash(card: Card, stores: Sequence[DetectionStore]) -> None:
-    """The file that the card names is the one it means."""
+def _check_digest(card: Card, paths: Sequence[Path]) -> None:
+    """Raise DataError if the file of detections that the card names has another content than when it was named."""
     expected = section_of(card, NuScenesSource).detections_sha256
-    for store in stores:
-        if expected is not None and store.digest != expected:
-            raise DataError(
-                f"{store.path} has the sha256 {store.digest}, expected {expected}: the detections of {card.id}"
-            )
+    for path in paths if expected is not None else ():
+        if (digest := known_digest(path)) != expected:
+            raise DataError(f"{path} has the sha256 {digest}, expected {expected}: the detections of {card.id}")

@@ -2,121 +2,103 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..cache import Arrays, read_arrays, write_arrays
-from . import folders
-from .annotations import Annotations, read_annotations
-from .layout import PREDICTION, prediction_path, table_paths
+from ...types import Ints
+from ..cache import Arrays, write_arrays
+from .folders import CachedFolder
+from .layout import PREDICTION, TABLES, prediction_path, table_paths
+from .objects import Annotations, read_annotations
 from .tables import Keyframes, read_keyframes
-from .work import Work, no_work
 
-SAMPLES = "all.samples"  # file of the sample tokens of all scenes; no scene has a dot in its name
+Note = Callable[[str], object]  # is told the name of a file or folder before it is read
 
-
-@dataclass(frozen=True)
-class Tables:
-    """The tables of one version, found but not read; ``prediction``: the list of targets, where it is there."""
-
-    version: str
-    paths: Mapping[str, Path]
-    prediction: Path | None
-
-    @property
-    def sources(self) -> dict[str, Path]:
-        """All files by what they are."""
-        own = {f"{name}.json": path for name, path in self.paths.items()}
-        return own if self.prediction is None else {**own, PREDICTION: self.prediction}
-
-    @property
-    def known_folder(self) -> Path | None:
-        """The cache of the tables, if its name is known without hashing them."""
-        hashes = [(name, folders.stamped_hash(path)) for name, path in self.sources.items()]
-        known = [(name, found) for name, found in hashes if found is not None]
-        return self._folder(folders.joint_digest(known)) if len(known) == len(hashes) else None
-
-    @property
-    def bytes_left(self) -> int:
-        """Bytes to read before the cache can be used, at most."""
-        size = sum(folders.file_size(path) for path in self.sources.values())
-        folder = self.known_folder
-        if folder is None:
-            hashed = sum(
-                folders.file_size(path) for path in self.sources.values() if folders.stamped_hash(path) is None
-            )
-            return size + hashed
-        return 0 if folders.read_index(folder) else size
-
-    def open(self, work: Work) -> TableStore:
-        """The cache, built first where it is not there; DataError names the file and token that is wrong."""
-        folder = self.hashed_folder(work)
-        return TableStore(self, folder, folders.made(folder, folders.read_index, lambda: self.build(folder, work)))
-
-    def hashed_folder(self, work: Work) -> Path:
-        """The cache of the tables as they are now."""
-        hashes = ((name, folders.file_hash(path, work.on(path.name))) for name, path in self.sources.items())
-        return self._folder(folders.joint_digest(hashes))
-
-    def build(self, folder: Path, work: Work) -> None:
-        """Read the tables and write the cache."""
-        keyframes = read_keyframes(self.paths, work.on(self.version))
-        boxes = read_annotations(self.paths, self.prediction, keyframes, work.on(self.version))
-        folders.build(folder, lambda part: _fill(part, keyframes, boxes, self.prediction is not None))
-
-    def _folder(self, digest: str) -> Path:
-        return folders.cache_folder() / f"{self.version}-{digest}"
+INDEX, SAMPLES = "all.index", "all.samples"  # no scene has a dot in its name
 
 
-def find_tables(root: Path, version: str) -> Tables:
-    """The tables of ``version``; raises DataError where the version or a table is missing."""
-    return Tables(version, table_paths(root, version), prediction_path(root))
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TableStore:
     """The cached tables of one version."""
 
-    tables: Tables
-    folder: Path
-    index: Mapping[str, Any]
-    # scenes: frames, boxes, objects and targets (None: no list) of each; instances and boxes of all categories
+    version: str
+    cache: CachedFolder
+    scenes: tuple[str, ...]  # [S] names, sorted
+    start: Ints  # [S + 1] first row of each scene among all samples
+    targets: Ints | None  # [S] prediction targets; None without the list of targets
+    instances: int  # of all categories
+    boxes: int  # of all categories
 
-    def arrays(self, name: str) -> Arrays:
-        """Arrays of a scene, or of `SAMPLES`; a broken file is built again, if the tables are still the same."""
-        path = self.folder / f"{name}.npz"
+    def arrays(self, scene: str) -> Arrays:
+        """Arrays of a scene, see `_scene_arrays`."""
+        return self.cache.read(scene)
 
-        def build_again() -> None:
-            folders.refuse_changed(path, self.tables.hashed_folder(no_work()), f"the tables of {self.tables.version}")
-            self.tables.build(self.folder, no_work())
+    def samples(self, scene: str) -> range:
+        """Rows of the samples of a scene."""
+        row = self.scenes.index(scene)
+        return range(int(self.start[row]), int(self.start[row + 1]))
 
-        return folders.made(path, read_arrays, build_again)
+    @cached_property
+    def tokens(self) -> NDArray[np.bytes_]:
+        """Tokens [N] of all samples."""
+        tokens: NDArray[np.bytes_] = self.cache.read(SAMPLES)["token"]
+        return tokens
+
+    @property
+    def row_of_token(self) -> dict[str, int]:
+        """Row of each sample by its token."""
+        return {token.decode(): row for row, token in enumerate(self.tokens.tolist())}
 
 
-def _fill(folder: Path, keyframes: Keyframes, boxes: Annotations, has_list: bool) -> None:
-    scenes: dict[str, dict[str, Any]] = {}
+def open_tables(root: Path, version: str, note: Note = lambda name: None) -> TableStore:
+    """The cached tables of ``version``, which are read first if they are not in the cache.
+
+    ``note`` is told the name of the version before. Raises DataError naming the file, and the token, that is wrong.
+    """
+    sources = table_paths(root, version)
+    prediction = prediction_path(root)
+    if prediction is not None:
+        sources[PREDICTION] = prediction
+    cache = CachedFolder.of(version, sources, partial(_fill, sources, version, note))
+    index = cache.read(INDEX)
+    return TableStore(
+        version=version,
+        cache=cache,
+        scenes=tuple(index["scene"].tolist()),
+        start=index["start"],
+        targets=index.get("targets"),
+        instances=int(index["instances"]),
+        boxes=int(index["boxes"]),
+    )
+
+
+def _fill(sources: dict[str, Path], version: str, note: Note, folder: Path) -> None:
+    note(version)
+    paths = {name: sources[name] for name in TABLES}
+    keyframes = read_keyframes(paths)
+    boxes = read_annotations(paths, sources.get(PREDICTION), keyframes)
+    targets = []
     for index, name in enumerate(keyframes.scene):
         arrays = _scene_arrays(index, keyframes, boxes)
         write_arrays(folder / f"{name}.npz", arrays)
-        scenes[name] = {
-            "frames": len(arrays["time"]),
-            "boxes": len(arrays["box"]),
-            "objects": len(arrays["instance"]),
-            "targets": int(arrays["listed"].sum()) if has_list else None,
-        }
-    tokens = np.array(keyframes.token, dtype=np.str_)
-    write_arrays(folder / f"{SAMPLES}.npz", {"token": tokens, "start": keyframes.start})
-    folders.write_index(folder, {"scenes": scenes, "instances": len(boxes.token), "boxes": boxes.boxes})
+        targets.append(int(arrays["listed"].sum()))
+    tokens = np.array([token.encode() for token in keyframes.token], dtype=np.bytes_)
+    write_arrays(folder / f"{SAMPLES}.npz", {"token": tokens})
+    listed = {"targets": np.array(targets, dtype=np.int64)} if PREDICTION in sources else {}
+    numbers = {"instances": np.array(len(boxes.token)), "boxes": np.array(boxes.boxes)}
+    index_arrays = {"scene": np.array(keyframes.scene, dtype=np.str_), "start": keyframes.start, **numbers, **listed}
+    write_arrays(folder / f"{INDEX}.npz", index_arrays)
 
 
 def _scene_arrays(index: int, keyframes: Keyframes, boxes: Annotations) -> Arrays:
-    """What is kept of a scene.
+    """Arrays of a scene with F frames, R boxes and O objects.
 
-    Objects are numbered in the order of their tokens, which depends on nothing but the objects.
+    Objects are numbered in the order of their tokens, which depends on the objects alone.
     """
     first, end = (int(row) for row in keyframes.start[index : index + 2])
     row = slice(*np.searchsorted(boxes.sample, [first, end]))

@@ -2,26 +2,64 @@
 
 from __future__ import annotations
 
-import re
-from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
+from typing import Annotated
 
+import msgspec
 import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Ints, starts_of
-from .fields import add_numbers, check, floats, ints, named, text, time_stamp, whole, yaw_of
-from .json_stream import Read, Record, brief, read_records
-
-Value = TypeVar("Value")
+from .decoding import Count, Quaternion, Record, Vector, by_token, find, floats, read_records, require_rotations, yaw_of
 
 SECOND = 1e6  # microseconds
 STEPS = 0.25, 1.0  # s, between samples: nominally 0.5
 LIDAR = "LIDAR_TOP"  # its keyframes carry the ego pose of a sample, as in the official development kit
+
+
+class SceneRecord(Record):
+    """A record of ``scene.json``; the name becomes that of a file."""
+
+    name: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]+$")]
+    nbr_samples: Count
+
+
+class SampleRecord(Record):
+    """A record of ``sample.json``."""
+
+    scene_token: str
+    timestamp: Annotated[float, msgspec.Meta(ge=0, le=2.0**53)]  # microseconds; a float holds each of them exactly
+
+
+class SensorRecord(Record):
+    """A record of ``sensor.json``."""
+
+    channel: str
+
+
+class MountRecord(Record):
+    """A record of ``calibrated_sensor.json``."""
+
+    sensor_token: str
+
+
+class DataRecord(Record):
+    """A record of ``sample_data.json``."""
+
+    sample_token: str
+    ego_pose_token: str
+    calibrated_sensor_token: str
+    is_key_frame: bool
+
+
+class PoseRecord(Record):
+    """A record of ``ego_pose.json``."""
+
+    translation: Vector
+    rotation: Quaternion
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,54 +69,49 @@ class Keyframes:
     scene: tuple[str, ...]  # [S] names
     start: Ints  # [S + 1] first row of each scene
     token: list[str]  # [N] of the samples
-    row: Mapping[str, int]  # row of each token
+    row: dict[str, int]  # row of each token
     time: Floats  # [N] microseconds
     ego: Floats  # [N, 4] x y z yaw, global frame
 
 
-def read_keyframes(paths: Mapping[str, Path], read: Read) -> Keyframes:
+def read_keyframes(paths: Mapping[str, Path]) -> Keyframes:
     """Read the tables of scenes, samples, sensors and ego poses; DataError names the file and token that is wrong."""
-    scene, start, token, time = _read_samples(paths, read)
-    row = {name: at for at, name in enumerate(token)}
-    pose = _read_lidar_poses(paths, row, read)
-    position, turn = read_poses(paths["ego_pose"], paths["sample_data"], pose, read)
-    return Keyframes(scene, start, token, row, time, np.column_stack([position, yaw_of(turn)]))
+    scene, start, token, time = _read_samples(paths)
+    row = {name: index for index, name in enumerate(token)}
+    pose = _read_lidar_poses(paths, row)
+    position, rotation = read_poses(paths["ego_pose"], paths["sample_data"], pose)
+    return Keyframes(scene, start, token, row, time, np.column_stack([position, yaw_of(rotation)]))
 
 
-def _read_samples(paths: Mapping[str, Path], read: Read) -> tuple[tuple[str, ...], Ints, list[str], Floats]:
+def _read_samples(paths: Mapping[str, Path]) -> tuple[tuple[str, ...], Ints, list[str], Floats]:
     """Scene names [S] and row starts [S + 1], sample tokens [N] and times [N]."""
     path, table = paths["scene"], paths["sample"]
-    scenes = sorted(
-        (_scene_name(path, record), token, whole(path, record, "nbr_samples")) for token, record in by_token(path, read)
-    )
-    names, own = tuple(name for name, _, _ in scenes), [token for _, token, _ in scenes]
-    for name, following in pairwise(names):
-        if name == following:
-            raise DataError(f"{path} has several scenes {name!r}, expected one")
-    place = {token: at for at, token in enumerate(own)}
-    samples, group, times = list[str](), array("q"), array("d")
-    for token, record in by_token(table, read):
-        samples.append(token)
-        group.append(known(place, record, table, "scene"))
-        times.append(time_stamp(table, record, "timestamp"))
-    count, scene = np.array([number for _, _, number in scenes], dtype=np.int64), ints(group)
-    require_counts(path, own, count, scene, table)
-    time = floats(times, 1)[:, 0]
-    order = np.lexsort((time, scene))
-    start, ordered, time = starts_of(count), [samples[i] for i in order], time[order]
-    _check_steps(table, names, start, ordered, time)
-    return names, start, ordered, time
+    scenes = sorted(by_token(path, SceneRecord).values(), key=lambda scene: (scene.name, scene.token))
+    for before, after in pairwise(scenes):
+        if before.name == after.name:
+            raise DataError(f"{path} has several scenes {before.name!r}, expected one")
+    row = {scene.token: index for index, scene in enumerate(scenes)}
+    samples = list(by_token(table, SampleRecord).values())
+    group = np.array([find(row, sample, "scene_token", table) for sample in samples], dtype=np.int64)
+    count = np.array([scene.nbr_samples for scene in scenes], dtype=np.int64)
+    require_counts(path, list(row), count, group, table)
+    time = floats([sample.timestamp for sample in samples], 1)[:, 0]
+    order = np.lexsort((time, group))
+    start, tokens, time = starts_of(count), [samples[index].token for index in order], time[order]
+    names = tuple(scene.name for scene in scenes)
+    _check_steps(table, names, start, tokens, time)
+    return names, start, tokens, time
 
 
-def require_counts(path: Path, token: Sequence[str], said: Ints, group: Ints, table: Path) -> None:
-    """Raise DataError unless each record of ``path`` has as many rows of ``table`` as it says, and at least one.
+def require_counts(path: Path, token: Sequence[str], stated: Ints, group: Ints, table: Path) -> None:
+    """Raise DataError unless each record of ``path`` has as many rows of ``table`` as it states, and at least one.
 
-    ``token`` and ``said``: of the records [G]; ``group``: the record of each row [R].
+    ``token`` and ``stated``: of the records [G]; ``group``: the record of each row [R].
     """
-    found = np.bincount(group, minlength=len(token))
-    for at in np.flatnonzero((found != said) | (found == 0))[:1]:
+    count = np.bincount(group, minlength=len(token))
+    for index in np.flatnonzero((count != stated) | (count == 0))[:1]:
         raise DataError(
-            f"{path}, record {token[at]!r}: says that it has {said[at]} records in {table.name}, found {found[at]}"
+            f"{path}, record {token[index]!r}: {table.name} has {count[index]} records of it, expected {stated[index]}"
         )
 
 
@@ -87,8 +120,8 @@ def _check_steps(path: Path, scene: tuple[str, ...], start: Ints, token: list[st
     for name, first, end in zip(scene, start[:-1], start[1:], strict=True):
         steps = np.diff(time[first:end])
         if not steps.all():
-            at = first + int(np.argmin(steps))
-            raise DataError(f"{path}, record {token[at]!r}: another sample of {name} has its time")
+            row = first + int(np.argmin(steps))
+            raise DataError(f"{path}, record {token[row]!r}: another sample of {name} has its time")
         step = float(np.median(steps)) / SECOND if len(steps) else STEPS[0]
         if not STEPS[0] <= step <= STEPS[1]:
             raise DataError(
@@ -97,74 +130,38 @@ def _check_steps(path: Path, scene: tuple[str, ...], start: Ints, token: list[st
             )
 
 
-def _scene_name(path: Path, record: Record) -> str:
-    """The name of a scene, which becomes the name of a file."""
-    name = text(path, record, "name")
-    if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
-        raise DataError(f"{path}, {named(record)}: name is {brief(name)}, expected a name like 'scene-0061'")
-    return name
-
-
-def _read_lidar_poses(paths: Mapping[str, Path], row: Mapping[str, int], read: Read) -> list[str]:
+def _read_lidar_poses(paths: Mapping[str, Path], row: dict[str, int]) -> list[str]:
     """Token [N] of the ego pose of each sample: that of its LIDAR_TOP keyframe."""
-    path = paths["sample_data"]
-    channel = {token: text(paths["sensor"], record, "channel") for token, record in by_token(paths["sensor"], read)}
-    mounted: dict[str, str] = {}
-    for token, record in by_token(paths["calibrated_sensor"], read):
-        mounted[token] = known(channel, record, paths["calibrated_sensor"], "sensor")
+    path, mounts = paths["sample_data"], paths["calibrated_sensor"]
+    sensors = by_token(paths["sensor"], SensorRecord)
+    channel = {
+        token: find(sensors, mount, "sensor_token", mounts).channel
+        for token, mount in by_token(mounts, MountRecord).items()
+    }
     pose = [""] * len(row)
-    for record in read_records(path, read):
-        if known(mounted, record, path, "calibrated_sensor") != LIDAR or record.get("is_key_frame") is not True:
+    for record in read_records(path, DataRecord):
+        if find(channel, record, "calibrated_sensor_token", path) != LIDAR or not record.is_key_frame:
             continue
-        at = known(row, record, path, "sample")
-        if pose[at]:
-            raise DataError(f"{path}, record {record.get('token')!r}: a second {LIDAR} keyframe of its sample")
-        pose[at] = text(path, record, "ego_pose_token")
-    for token, at in row.items():
-        if not pose[at]:
-            raise DataError(f"{path} has no {LIDAR} keyframe of sample {token!r}")
+        sample = find(row, record, "sample_token", path)
+        if pose[sample]:
+            raise DataError(f"{path}, record {record.token!r}: a second {LIDAR} keyframe of its sample")
+        pose[sample] = record.ego_pose_token
+    if "" in pose:
+        token = next(token for token, sample in row.items() if not pose[sample])
+        raise DataError(f"{path} has no {LIDAR} keyframe of sample {token!r}")
     return pose
 
 
-def read_poses(path: Path, referrer: Path, pose: list[str], read: Read) -> tuple[Floats, Floats]:
+def read_poses(path: Path, referrer: Path, pose: list[str]) -> tuple[Floats, Floats]:
     """Places [N, 3] and quaternions [N, 4] of the ego by pose tokens [N]; a table has many more poses.
 
-    ``referrer``: the table that names them. DataError for a pose that is not there, or that two records share.
+    ``referrer``: the table that names them. DataError for a pose that is missing, or that two records share.
     """
-    wanted: dict[str, int] = dict.fromkeys(pose, -1)
-    translation, rotation, tokens = array("d"), array("d"), list[str]()
-    for token, record in by_token(path, read):
-        if token not in wanted:
-            continue
-        wanted[token] = len(tokens)
-        tokens.append(token)
-        add_numbers(path, record, "translation", 3, translation)
-        add_numbers(path, record, "rotation", 4, rotation)
-    for token, at in wanted.items():
-        if at < 0:
-            raise DataError(f"{path} has no record {token!r}, which {referrer.name} names as ego_pose_token")
-    position, turn = floats(translation, 3), floats(rotation, 4)
-    check(path, tokens, {"translation": position, "rotation": turn})
-    row = np.array([wanted[token] for token in pose], dtype=np.int64)
-    return position[row], turn[row]
-
-
-def by_token(path: Path, read: Read) -> Iterator[tuple[str, Record]]:
-    """Records of a table with their tokens; DataError for a token that two of them share."""
-    seen: set[str] = set()
-    for record in read_records(path, read):
-        token = text(path, record, "token")
-        if token in seen:
-            raise DataError(f"{path}: several records have the token {token!r}, expected one")
-        seen.add(token)
-        yield token, record
-
-
-def known(table: Mapping[str, Value], record: Record, path: Path, name: str) -> Value:
-    """Entry of ``table`` for the token of a ``name`` in a record of ``path``; DataError where there is none."""
-    token = text(path, record, f"{name}_token")
-    if token not in table:
-        raise DataError(
-            f"{path}, record {record.get('token')!r}: {name}_token is {token!r}, but {name}.json has no such record"
-        )
-    return table[token]
+    poses = by_token(path, PoseRecord)
+    missing = next((token for token in pose if token not in poses), None)
+    if missing is not None:
+        raise DataError(f"{path} has no record {missing!r}, which {referrer.name} names as ego_pose_token")
+    records = [poses[token] for token in pose]
+    rotation = floats([record.rotation for record in records], 4)
+    require_rotations(path, records, rotation)
+    return floats([record.translation for record in records], 3), rotation

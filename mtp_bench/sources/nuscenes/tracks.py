@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,50 +12,43 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids
+from ..stored_tracks import FEWER, stored_tracks
 from ..text import refuse, repeated
-from ..tracks.building import FEWER, stored_tracks
 from .classes import CLASSES
-from .detection_file import TRACKING, DetectedBoxes, no_match, read_detections
-from .json_stream import unwatched
 from .source import NuScenes
-from .store import SAMPLES, TableStore
+from .store import TableStore
+from .submission import TRACKING, SubmittedBoxes, no_match, read_submission
 
 
-@dataclass(frozen=True, eq=False)
-class _File:
-    """The boxes of a file, and the samples of the tables."""
-
-    boxes: DetectedBoxes
-    samples: Sequence[str]  # tokens of all samples
-
-
-def scene_tracks(file: _File, path: Path, scene: Scene, first: int, classes: Sequence[str]) -> StoredTracks:
-    """The tracks of a scene whose samples are rows ``first``... of the tables; other classes are left out.
+def scene_tracks(
+    boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: Scene, classes: Sequence[str]
+) -> StoredTracks:
+    """The tracks of a scene; other classes are left out.
 
     Raises DataError for a sample that the file does not have, and for two boxes of one track in a sample.
     """
-    boxes, end = file.boxes, first + scene.frames
-    lost = np.setdiff1d(np.arange(first, end), boxes.covered)
+    samples = tables.samples(scene.name)
+    lost = np.setdiff1d(samples, boxes.covered)
     if len(lost):
-        fewer = f"; {FEWER}" if len(lost) == scene.frames else ""  # the file has nothing of this scene
+        fewer = f"; {FEWER}" if len(lost) == scene.frames else ""  # the file has no sample of this scene
         raise DataError(
-            f"{path}: no entry for sample {file.samples[lost[0]]!r} of {scene.name}, expected one for each of its "
-            f"{scene.frames} samples, empty where nothing is tracked{fewer}"
+            f"{path}: no entry for sample {tables.tokens[lost[0]].decode()!r} of {scene.name}, expected one for each "
+            f"of its {scene.frames} samples, empty where nothing is tracked{fewer}"
         )
-    row = np.arange(*np.searchsorted(boxes.sample, [first, end]))
+    row = np.arange(*np.searchsorted(boxes.sample, [samples.start, samples.stop]))
     class_id = class_ids(CLASSES, classes)[boxes.class_id[row]]
     row, class_id = row[class_id >= 0], class_id[class_id >= 0]
-    frame = boxes.sample[row] - first
-    found = stored_tracks(
+    frame = boxes.sample[row] - samples.start
+    tracks = stored_tracks(
         scene.frames, frame, boxes.identity[row], class_id, boxes.box[row], boxes.score[row], boxes.velocity[row]
     )
 
-    def what(at: int) -> str:
-        token, name = file.samples[first + int(frame[at])], str(boxes.identity[row[at]])
+    def what(index: int) -> str:
+        token, name = tables.tokens[boxes.sample[row[index]]].decode(), str(boxes.identity[row[index]])
         return f"{path}, sample {token!r}: a second box of tracking_id {name!r}, expected one"
 
-    refuse(repeated(found.frame_of_rows, found.object_id), what)
-    return found
+    refuse(repeated(tracks.frame_of_rows, tracks.object_id), what)
+    return tracks
 
 
 def submission_box(token: str, box: Floats, velocity: Floats, name: str, identity: str, score: float) -> dict[str, Any]:
@@ -74,31 +66,30 @@ def submission_box(token: str, box: Floats, velocity: Floats, name: str, identit
     }
 
 
-_kept: dict[tuple[Path, int, int, Path], _File] = {}  # the last file: it is read once per process, not per scene
+_last_read: dict[tuple[Path, int, int, Path], SubmittedBoxes] = {}  # one file
 
 
 def _open(card: Card, data: DataRoot, path: Path) -> ReadTracks:
     tables = NuScenes(card, data).tables
-    file = _read(path, tables)
-    start = dict(zip(tables.index["scenes"], tables.arrays(SAMPLES)["start"].tolist(), strict=False))
+    boxes = _read(path, tables)
 
     def read(scene: Scene) -> StoredTracks:
-        return scene_tracks(file, path, scene, start[scene.name], card.task.classes)
+        return scene_tracks(boxes, tables, path, scene, card.task.classes)
 
     return read
 
 
-def _read(path: Path, tables: TableStore) -> _File:
+def _read(path: Path, tables: TableStore) -> SubmittedBoxes:
+    """The boxes of a file, which is read once per process, not per scene."""
     state = path.stat()
-    key = path, state.st_size, state.st_mtime_ns, tables.folder
-    if key not in _kept:
-        tokens = [str(token) for token in tables.arrays(SAMPLES)["token"]]
-        boxes = read_detections(path, {token: at for at, token in enumerate(tokens)}, unwatched, TRACKING)
+    key = path, state.st_size, state.st_mtime_ns, tables.cache.path
+    if key not in _last_read:
+        boxes = read_submission(path, tables.row_of_token, TRACKING)
         if not len(boxes.covered):
-            raise DataError(no_match(path, boxes.samples, boxes.example, tables.tables.version, "tracks"))
-        _kept.clear()
-        _kept[key] = _File(boxes, tokens)
-    return _kept[key]
+            raise DataError(no_match(path, boxes.samples, boxes.example, tables.version, "tracks"))
+        _last_read.clear()
+        _last_read[key] = boxes
+    return _last_read[key]
 
 
 def _fits(path: Path) -> bool:

@@ -1,7 +1,11 @@
 """WILDTRACK: the published annotations and MVDet's detections, read into scenes."""
 
 from ..base import SourcePackage
-from .source import DATASET, Wildtrack
-from .status import wildtrack_status
+from .source import ANNOTATIONS, DATASET, Wildtrack, inspect
 
-PACKAGE = SourcePackage(open=Wildtrack, about=lambda card: DATASET, describe=wildtrack_status)
+PACKAGE = SourcePackage(
+    open=Wildtrack,
+    about=lambda card: DATASET,
+    locate=lambda card, data: DATASET.status(data, ANNOTATIONS),
+    inspect=inspect,
+)

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-import reprlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
+import msgspec
 import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Ints
-from ..text import LIMIT, Table, read_json, read_table
+from ..text import Table, read_json, read_table
 
 GRID = 480, 1440  # cells of the annotated area along x and y
 CELL = 0.025  # m
 CORNER = -3.0, -9.0  # m, x and y of cell (0, 0)
+
+
+class _Person(msgspec.Struct):
+    id: Annotated[int, msgspec.Meta(ge=-(10**9), le=10**9)] = msgspec.field(name="personID")
+    position: Annotated[int, msgspec.Meta(ge=0, lt=GRID[0] * GRID[1])] = msgspec.field(name="positionID")  # the cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,20 +42,13 @@ class StoredDetections:
 
 def read_annotations(path: Path) -> Annotations:
     """People of one frame; DataError names the file and the person that is wrong."""
-    content = read_json(path)
-    if not isinstance(content, list):
-        raise DataError(f"{path}: got {type(content).__name__}, expected a list of people")
-    person, place = [], []
-    for number, entry in enumerate(content):
-        where = f"{path}, entry {number}"
-        person.append(_integer(entry, "personID", where))
-        where = f"{path}, person {person[-1]}"
-        place.append(_place(_integer(entry, "positionID", where), where))
-    ids = np.array(person, dtype=np.int64)
-    known, count = np.unique(ids, return_counts=True)
+    people = read_json(path, list[_Person])
+    person = np.array([each.id for each in people], dtype=np.int64)
+    known, count = np.unique(person, return_counts=True)
     if (count > 1).any():
         raise DataError(f"{path}: person {known[np.argmax(count > 1)]} is there twice, expected once per frame")
-    return Annotations(ids, np.reshape(place, (-1, 2)))
+    cell = np.array([each.position for each in people], dtype=np.int64)
+    return Annotations(person, metres(np.column_stack([cell % GRID[0], cell // GRID[0]])))
 
 
 def read_detections(path: Path) -> StoredDetections:
@@ -58,12 +56,12 @@ def read_detections(path: Path) -> StoredDetections:
     table = read_table(path, "frame gx gy")
     frame, cell = table.whole("frame"), table.value[:, 1:]
     off = np.asarray(~((cell >= 0) & (cell < GRID)).all(axis=1))  # NaN is off the grid, too
-    table.refuse(off, lambda at: f"cell {cell[at, 0]:g} {cell[at, 1]:g} is off the grid of {GRID[0]} x {GRID[1]}")
+    table.refuse(off, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} is off the grid of {GRID[0]} x {GRID[1]}")
     _, first, place = np.unique(table.value, axis=0, return_index=True, return_inverse=True)
     original = first[place.reshape(-1)]
     table.refuse(
         original < np.arange(len(original)),
-        lambda at: f"a second detection at the place of line {table.line[original[at]]}",
+        lambda row: f"a second detection at the place of line {table.line[original[row]]}",
     )
     return StoredDetections(table, frame, metres(cell))
 
@@ -71,20 +69,3 @@ def read_detections(path: Path) -> StoredDetections:
 def metres(cell: Floats | Ints) -> Floats:
     """Places ``[..., 2]`` in metres of grid cells ``[..., 2]``."""
     return np.asarray(np.array(CORNER) + CELL * cell)
-
-
-def _place(position: int, where: str) -> Floats:
-    if not 0 <= position < GRID[0] * GRID[1]:
-        raise DataError(f"{where}: positionID is {position}, off the grid of {GRID[0]} x {GRID[1]} cells")
-    return metres(np.array([position % GRID[0], position // GRID[0]]))
-
-
-def _integer(entry: Any, key: str, where: str) -> int:
-    if not isinstance(entry, dict):
-        raise DataError(f"{where}: got {reprlib.repr(entry)}, expected an object with {key!r}")
-    value = entry.get(key)
-    if key not in entry:
-        raise DataError(f"{where}: no {key!r}")
-    if not isinstance(value, int) or isinstance(value, bool) or abs(value) > LIMIT:
-        raise DataError(f"{where}: {key!r} is {reprlib.repr(value)}, expected an integer up to {LIMIT:g}")
-    return value

@@ -10,7 +10,7 @@ from ...cards import Card, instead_of_stored
 from ...errors import DataError, UnknownNameError
 from ...types import Detections, Ints, Ragged, Scene, Truth
 from ..base import no_detections, require_classes, require_rate, section_of
-from ..dataset import Dataset
+from ..dataset import Dataset, DataStatus
 from ..people import people_detections, people_truth
 from .files import CELL, CORNER, GRID, read_annotations, read_detections
 from .section import WildtrackSource
@@ -25,6 +25,7 @@ SCENES = {f"wildtrack-{first:04d}": first for first in range(0, FRAMES * STEP, S
 STORED = "wildtrack-1800"  # MVDet's test frames, the only ones with stored detections
 SPLITS = {"train": tuple(SCENES)[:6], "val": tuple(SCENES)[6:], "test": (STORED,)}
 MIDDLE = tuple(start + CELL * cells / 2 for start, cells in zip(CORNER, GRID, strict=True))  # m, of the annotated area
+TOTALS = {"frames": FRAMES, "annotations": 9518, "people": 313, "detections": 966}
 DATASET = Dataset(
     name="WILDTRACK",
     folders=("wildtrack", "Wildtrack_dataset"),  # the second is the name in the published archive
@@ -52,11 +53,11 @@ class Wildtrack:
 
     The world is WILDTRACK's ground plane in metres, the ground at z = 0. People are upright boxes of one nominal size
     with yaw 0: only their places are annotated. There is no ego vehicle: the ego state is the middle of the annotated
-    area in all frames. Velocities are backward differences, NaN where a person was not there in the frame before.
+    area in all frames. Velocities are backward differences, NaN if a person was absent in the frame before.
     """
 
     def __init__(self, card: Card, data: str | Path | None = None) -> None:
-        """Raises CardError for other classes or another rate, DataError where the data is not there."""
+        """Find the scenes; raises CardError for other classes or another rate, and DataError if files are missing."""
         self.card = card
         self.section = section_of(card, WildtrackSource)
         require_classes(card, DATASET.name, ("pedestrian",))
@@ -80,7 +81,7 @@ class Wildtrack:
             truth=truth,
             detections=_detections(self.root / DETECTIONS) if stored else no_detections(SCENE_FRAMES),
             detector=f"{self.section.detector}, stored detections" if stored else "",
-            visible=np.ones(len(truth.box)),  # seven cameras all around: from one point, nobody hides anybody
+            visible=np.ones(len(truth.box)),  # seven cameras all around: no line of sight from one point counts
             recording="wildtrack",
         )
 
@@ -89,6 +90,24 @@ def needs_detections(card: Card) -> bool:
     """True if a scene of the card's split has stored detections and the card wants them."""
     section = section_of(card, WildtrackSource)
     return section.detector is not None and STORED in SPLITS[section.split]
+
+
+def inspect(card: Card, found: DataStatus) -> None:
+    """Note the files that ``card`` needs, and count over all files."""
+    section = section_of(card, WildtrackSource)
+    numbers = [SCENES[scene] + STEP * t for scene in SPLITS[section.split] for t in range(SCENE_FRAMES)]
+    found.require_all(ANNOTATIONS, [f"{number:08d}.json" for number in numbers])
+    if needs_detections(card):
+        found.require(DETECTIONS)
+        found.note_detector(instead_of_stored(card))
+    if section.detector is not None:
+        found.notes.append(f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones")
+    names = sorted(path.name for path in (found.folder / ANNOTATIONS).glob("*.json"))
+    frames = [found.attempt(read_annotations, f"{ANNOTATIONS}/{name}") for name in names]
+    people = np.concatenate([np.zeros(0, dtype=np.int64), *(frame.person for frame in frames if frame is not None)])
+    detections = found.attempt(read_detections, DETECTIONS)
+    stored = 0 if detections is None else len(detections.frame)
+    found.count(TOTALS, (len(names), len(people), len(np.unique(people)), stored))
 
 
 def _truth(folder: Path, numbers: Ints) -> Truth:

@@ -1,0 +1,102 @@
+"""Tables of nuScenes, decoded by msgspec into typed records.
+
+A file is read whole. The most memory is needed for ``sample_data.json`` of the official v1.0-trainval: about 1.2 GB for
+its text and 0.8 GB for its 2.6 million records. Both are free again before the next table is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+import numpy as np
+
+from ...errors import DataError
+from ...types import Floats
+from ..text import LIMIT, read_json
+
+NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
+MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
+
+Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
+Pair = tuple[Number, Number]
+Vector = tuple[Number, Number, Number]
+Quaternion = tuple[Number, Number, Number, Number]  # w x y z
+_Side = Annotated[float, msgspec.Meta(gt=0, le=100)]  # m
+Size = tuple[_Side, _Side, _Side]  # width, length, height
+
+Content = TypeVar("Content")
+
+
+class Record(msgspec.Struct, gc=False):
+    """A record of a table; keys that are not declared are skipped."""
+
+    token: str
+
+
+RecordT = TypeVar("RecordT", bound=Record)
+
+
+def read_records(path: Path, kind: type[RecordT]) -> list[RecordT]:
+    """All records of a table, in its order."""
+    return read_json(path, list[kind])  # type: ignore[valid-type]
+
+
+def by_token(path: Path, kind: type[RecordT]) -> dict[str, RecordT]:
+    """Records of a table by their tokens; raises DataError for a token that two of them share."""
+    records = read_records(path, kind)
+    table = {record.token: record for record in records}
+    if len(table) < len(records):
+        token = next(record.token for record in records if table[record.token] is not record)
+        raise DataError(f"{path}: several records have the token {token!r}, expected one")
+    return table
+
+
+def find(table: dict[str, Content], record: Record, key: str, path: Path) -> Content:
+    """Entry of ``table`` that the token ``key`` of a record of ``path`` names; raises DataError if it is missing."""
+    token = getattr(record, key)
+    if token not in table:
+        name = key.removesuffix("_token")
+        raise DataError(f"{path}, record {record.token!r}: {key} is {token!r}, but {name}.json has no such record")
+    return table[token]
+
+
+def floats(rows: Sequence[Any], columns: int) -> Floats:
+    """Tuples of ``columns`` numbers as ``[R, columns]``."""
+    return np.array(rows, dtype=np.float64).reshape(-1, columns)
+
+
+def first_wrong_rotation(rotation: Floats) -> int | None:
+    """The first of quaternions ``[R, 4]`` that is not a unit quaternion; None if all are."""
+    wrong = np.abs(np.linalg.norm(rotation, axis=1) - 1.0) > NORM_TOLERANCE
+    return int(np.argmax(wrong)) if wrong.any() else None
+
+
+def require_rotations(path: Path, records: Sequence[Record], rotation: Floats) -> None:
+    """Raise DataError naming the first record whose quaternion ``[R, 4]`` is not a unit quaternion."""
+    row = first_wrong_rotation(rotation)
+    if row is not None:
+        got = rotation[row].tolist()
+        raise DataError(f"{path}, record {records[row].token!r}: rotation is {got}, expected a unit quaternion")
+
+
+def tilted_rows(rotation: Floats) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Rows of quaternions ``[R, 4]`` that tilt by over 45 degrees, if these are many: w was written last."""
+    _, x, y, _ = rotation.T
+    tilted = 1.0 - 2.0 * (x * x + y * y) < np.sqrt(0.5)
+    many = len(rotation) > 0 and tilted.mean() > MOST_TILTED
+    return np.flatnonzero(tilted & many)
+
+
+def yaw_of(rotation: Floats) -> Floats:
+    """Headings ``[R]`` of quaternions ``[R, 4]`` (w, x, y, z): the turned x axis, projected on the ground."""
+    w, x, y, z = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
+    return np.asarray(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
+
+
+def upright_boxes(translation: Floats, size: Floats, rotation: Floats) -> Floats:
+    """Boxes ``[R, 7]`` x y z yaw l w h of the tables' fields; ``size`` is width, length, height."""
+    return np.column_stack([translation, yaw_of(rotation), size[:, [1, 0, 2]]])

@@ -1,0 +1,129 @@
+"""Boxes of all objects: the tables of categories, instances and annotations, and the list of prediction targets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import DataError
+from ...types import Bools, Floats, Ints
+from ..text import read_json, repeated
+from .classes import NEUTRAL_OF, class_index
+from .decoding import (
+    Count,
+    Quaternion,
+    Record,
+    Size,
+    Vector,
+    by_token,
+    find,
+    floats,
+    require_rotations,
+    upright_boxes,
+)
+from .tables import Keyframes, require_counts
+
+
+class CategoryRecord(Record):
+    """A record of ``category.json``."""
+
+    name: str
+
+
+class InstanceRecord(Record):
+    """A record of ``instance.json``."""
+
+    category_token: str
+    nbr_annotations: Count
+
+
+class BoxRecord(Record):
+    """A record of ``sample_annotation.json``; tables of other makers may not count points."""
+
+    sample_token: str
+    instance_token: str
+    translation: Vector
+    size: Size
+    rotation: Quaternion
+    num_lidar_pts: int | None = None
+    num_radar_pts: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Annotations:
+    """Boxes of the classes of the detection task, neutral ones included, sorted by sample and place in the table."""
+
+    sample: Ints  # [R] row of the keyframe
+    instance: Ints  # [R]
+    box: Floats  # [R, 7] global frame
+    class_id: Ints  # [R] index into CLASSES
+    neutral: Bools  # [R] of a category beside the evaluated ones, or without a point of lidar and radar
+    listed: Bools  # [R] a target of the prediction challenge
+    token: list[str]  # of all instances
+    boxes: int  # of all categories
+
+
+def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes) -> Annotations:
+    """Read all boxes; ``prediction``: the list of targets, if any. DataError names the file and token that is wrong."""
+    instances, categories = by_token(paths["instance"], InstanceRecord), by_token(paths["category"], CategoryRecord)
+    names = [find(categories, each, "category_token", paths["instance"]).name for each in instances.values()]
+    path = paths["sample_annotation"]
+    records = list(by_token(path, BoxRecord).values())
+    row = {token: index for index, token in enumerate(instances)}
+    sample = np.array([find(keyframes.row, record, "sample_token", path) for record in records], dtype=np.int64)
+    instance = np.array([find(row, record, "instance_token", path) for record in records], dtype=np.int64)
+    twice = repeated(sample, instance)
+    if twice.any():
+        raise DataError(
+            f"{path}, record {records[int(np.argmax(twice))].token!r}: a second box of its instance in its sample"
+        )
+    count = np.array([each.nbr_annotations for each in instances.values()], dtype=np.int64)
+    require_counts(paths["instance"], list(instances), count, instance, path)
+    rotation = floats([record.rotation for record in records], 4)
+    require_rotations(path, records, rotation)
+    box = upright_boxes(
+        floats([record.translation for record in records], 3), floats([record.size for record in records], 3), rotation
+    )
+    listed = np.zeros(len(records), dtype=bool)
+    if prediction is not None:
+        key = instance * len(keyframes.token) + sample
+        listed = np.isin(key, _read_targets(prediction, row, keyframes, key))
+    class_of = np.array([class_index(name) for name in names], dtype=np.int64)
+    neutral = np.array([name in NEUTRAL_OF for name in names], dtype=bool)[instance]
+    neutral |= np.array([record.num_lidar_pts == record.num_radar_pts == 0 for record in records], dtype=bool)
+    used = np.flatnonzero(class_of[instance] >= 0)
+    order = used[np.argsort(sample[used], kind="stable")]
+    return Annotations(
+        sample=sample[order],
+        instance=instance[order],
+        box=box[order],
+        class_id=class_of[instance[order]],
+        neutral=neutral[order],
+        listed=listed[order],
+        token=list(instances),
+        boxes=len(records),
+    )
+
+
+def _read_targets(path: Path, instances: Mapping[str, int], keyframes: Keyframes, known: Ints) -> Ints:
+    """Keys (instance x samples + sample) of the targets in scenes of these tables; ``known``: keys of all boxes."""
+    targets = read_json(path, dict[str, list[str]])
+    keys: list[int] = []
+    for index, scene in enumerate(keyframes.scene):
+        own = range(keyframes.start[index], keyframes.start[index + 1])
+        for entry in targets.get(scene, []):
+            instance, _, sample = entry.partition("_")
+            if instance not in instances or keyframes.row.get(sample, -1) not in own:
+                raise DataError(
+                    f"{path}, {scene}, entry {entry!r}: expected the tokens of an instance and of a sample of the scene"
+                )
+            keys.append(instances[instance] * len(keyframes.token) + keyframes.row[sample])
+    key = np.array(keys, dtype=np.int64)
+    if len(lost := np.setdiff1d(key, known)):
+        instance_row, sample_row = divmod(int(lost[0]), len(keyframes.token))
+        entry = f"{list(instances)[instance_row]}_{keyframes.token[sample_row]}"
+        raise DataError(f"{path}, entry {entry!r}: the instance has no box in this sample")
+    return key

@@ -1,0 +1,145 @@
+"""A file in the official submission form of the detection or the tracking task, read into arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from ...errors import DataError
+from ...types import Floats, Ints
+from ..text import MOST_LETTERS, decode, read_json
+from .classes import CLASSES, ClassName
+from .decoding import (
+    Number,
+    Quaternion,
+    Size,
+    Vector,
+    first_wrong_rotation,
+    floats,
+    tilted_rows,
+    upright_boxes,
+)
+
+_UNKNOWN = np.nan, np.nan
+_CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
+
+
+class _Box(msgspec.Struct, gc=False):
+    sample_token: str
+    translation: Vector
+    size: Size
+    rotation: Quaternion
+    velocity: tuple[Number | None, Number | None] | None = None
+
+
+class DetectedBox(_Box, gc=False, kw_only=True):
+    """A box of a submission to the detection task."""
+
+    name: ClassName = msgspec.field(name="detection_name")
+    score: Number = msgspec.field(name="detection_score")
+    identity: str = ""
+
+
+class TrackedBox(_Box, gc=False, kw_only=True):
+    """A box of a submission to the tracking task."""
+
+    name: ClassName = msgspec.field(name="tracking_name")
+    score: Number = msgspec.field(name="tracking_score")
+    identity: Annotated[str, msgspec.Meta(max_length=MOST_LETTERS)] | int = msgspec.field(name="tracking_id")
+
+
+@dataclass(frozen=True)
+class Form:
+    """The submission form of a task."""
+
+    task: str
+    kind: type[list[DetectedBox]] | type[list[TrackedBox]]  # the boxes of a sample
+
+
+DETECTION, TRACKING = Form("detection", list[DetectedBox]), Form("tracking", list[TrackedBox])
+
+
+class _File(msgspec.Struct):
+    results: dict[str, msgspec.Raw]
+
+
+@dataclass(frozen=True, eq=False)
+class SubmittedBoxes:
+    """Boxes of those samples of a file that the tables have, sorted by sample, otherwise in the order of the file."""
+
+    samples: int  # in the file
+    example: str  # a token of the file
+    covered: Ints  # [n] rows of the tables' samples that the file has, sorted
+    sample: Ints  # [R] row of the sample
+    box: Floats  # [R, 7] global frame
+    velocity: Floats  # [R, 2] m/s, NaN if unknown: not given, NaN, or exactly 0
+    class_id: Ints  # [R] index into CLASSES
+    score: Floats  # [R]
+    identity: NDArray[np.str_]  # [R] tracking_id; empty texts in the detection task
+
+
+def read_submission(path: Path, row: Mapping[str, int], form: Form = DETECTION) -> SubmittedBoxes:
+    """Boxes of the samples in ``row`` (token to row); other samples of the file are left out.
+
+    Raises DataError that names the file, the sample token and the place of the box that is wrong.
+    """
+    results = read_json(path, _File).results
+    covered = [token for token in results if token in row]
+    boxes: list[DetectedBox | TrackedBox] = []
+    for token in covered:
+        boxes += _sample_boxes(path, token, results[token], form)
+    sample = np.array([row[box.sample_token] for box in boxes], dtype=np.int64)
+    rotation = floats([box.rotation for box in boxes], 4)
+    _require_upright(path, boxes, rotation)
+    box = upright_boxes(floats([box.translation for box in boxes], 3), floats([box.size for box in boxes], 3), rotation)
+    velocity = floats([_UNKNOWN if box.velocity is None else box.velocity for box in boxes], 2)
+    velocity[np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)] = np.nan
+    order = np.argsort(sample, kind="stable")
+    return SubmittedBoxes(
+        samples=len(results),
+        example=next(iter(results), ""),
+        covered=np.sort(np.array([row[token] for token in covered], dtype=np.int64)),
+        sample=sample[order],
+        box=box[order],
+        velocity=velocity[order],
+        class_id=np.array([_CLASS_INDEX[box.name] for box in boxes], dtype=np.int64)[order],
+        score=floats([box.score for box in boxes], 1)[order, 0],
+        identity=np.array([str(box.identity) for box in boxes], dtype=np.str_)[order],
+    )
+
+
+def no_match(path: Path, samples: int, example: str, version: str, what: str) -> str:
+    """Message that a file of ``what`` has ``samples`` samples, and none of them is in the tables of ``version``."""
+    such = f" (for example {example!r})" if example else ""
+    return (
+        f"{path}: none of its {samples} sample tokens{such} is in sample.json of {version}; expected {what} of these "
+        "scenes"
+    )
+
+
+def _sample_boxes(path: Path, token: str, content: msgspec.Raw, form: Form) -> Sequence[DetectedBox | TrackedBox]:
+    try:
+        boxes = decode(content, form.kind, f"{path}, sample {token!r}")
+    except DataError as error:
+        raise DataError(f"{error}; expected a submission to the {form.task} task") from None
+    for place, box in enumerate(boxes):
+        if box.sample_token != token:
+            raise DataError(f"{path}, sample {token!r}, box {place}: sample_token is {box.sample_token!r}")
+    return boxes
+
+
+def _require_upright(path: Path, boxes: list[DetectedBox | TrackedBox], rotation: Floats) -> None:
+    """Raise DataError for a rotation that is not a unit quaternion, and if many boxes do not stand upright."""
+    row, expected = first_wrong_rotation(rotation), "a unit quaternion"
+    if row is None and len(tilted := tilted_rows(rotation)):
+        row = int(tilted[0])
+        expected = f"w, x, y, z of a box that stands upright; {len(tilted)} of {len(boxes)} do not: is w written last?"
+    if row is not None:
+        got, token = rotation[row].tolist(), boxes[row].sample_token
+        raise DataError(f"{path}, sample {token!r}: rotation is {got}, expected {expected}")

@@ -1,0 +1,132 @@
+"""Stored tracks of other programs, as `mtp_bench.types.StoredTracks` of the scenes that they are of.
+
+====================== =================================================================================
+a ``.json`` file       nuScenes: the official submission to the tracking task
+a folder of ``.txt``   KITTI: a file of the tracking benchmark's result form for each sequence, as AB3DMOT writes
+a folder of tables     every source: a ``.csv`` or ``.parquet`` for each scene, see `TABLE`
+====================== =================================================================================
+
+The columns of a table are `sources.files.columns.TRACKS`. A slash in the name of a scene is ``%2F`` in its file name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import Card
+from ..errors import DataError
+from ..files import file_stem
+from ..types import Floats, Ints, Scene, StoredTracks, starts_of_sorted
+from .base import DataRoot, ReadTracks, SourcePackage, TrackForm
+from .files.checks import check_boxes
+from .files.columns import FORMS
+from .files.scene import boxes_of, class_ids_of, find_table, ids_of, scores_of, velocities_of
+from .files.table import ColumnTable, read_table
+from .text import repeated
+
+FEWER = "--scenes N (scenes= in Python) takes the first N alone"  # advice if only some scenes have tracks
+
+
+def find_tracks(package: SourcePackage, card: Card, data: DataRoot, path: str | Path) -> ReadTracks:
+    """A function that reads the tracks at ``path`` for a scene of ``card``, in the form that they have.
+
+    Raises DataError if ``path`` does not exist, or has no form that the card's source knows.
+    """
+    where = Path(path).expanduser().absolute()
+    if not where.exists():
+        raise DataError(f"no file or folder {where}, expected stored tracks")
+    forms = [TABLE] if package.tracks is None else [package.tracks, TABLE]
+    for form in forms:
+        if form.fits(where):
+            return form.open(card, data, where)
+    known = " or ".join(form.name for form in forms)
+    raise DataError(f"{where} holds no stored tracks that fit {card.id}, expected {known}")
+
+
+def stored_tracks(
+    frames: int,
+    frame: Ints,
+    identity: NDArray[Any],
+    class_id: Ints,
+    box: Floats,
+    score: Floats,
+    velocity: Floats | None = None,
+) -> StoredTracks:
+    """Tracks of a scene of ``frames`` frames, from R rows in any order.
+
+    ``frame`` [R], ``identity`` [R] as in the file, ``class_id`` [R] of the task, ``box`` [R, 7] in the scene's frame of
+    reference, ``score`` [R], ``velocity`` [R, 2] m/s if known. An identity in two classes is two identities: some
+    programs count per class.
+    """
+    order = np.argsort(frame, kind="stable")
+    _, name = np.unique(identity, return_inverse=True)
+    _, number = np.unique(np.stack([name.reshape(-1), class_id]), axis=1, return_inverse=True)
+    return StoredTracks(
+        start=starts_of_sorted(frame[order], frames),
+        box=box[order],
+        velocity=np.full((len(box), 2), np.nan) if velocity is None else velocity[order],
+        class_id=class_id[order],
+        score=score[order],
+        object_id=number.reshape(-1)[order],
+    )
+
+
+def table_path(folder: Path, scene: str) -> Path:
+    """Path of the table that is written for a scene."""
+    return folder / f"{file_stem(scene)}.csv"
+
+
+def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> StoredTracks:
+    """The tracks of a scene in a table; DataError names the line that is wrong."""
+    table = read_table(path, "tracks")
+    frame, number, class_id = table.whole("frame"), ids_of(table), class_ids_of(table, classes)
+    check_boxes(table, frame, scene.frames)
+    _refuse_misspelt(table, classes)
+    kind = table.words["class"]
+    twice = repeated(frame, kind, number)  # an id in another class is another track
+    table.refuse(twice, "id", lambda row: f"a second box of this {kind[row]} in frame {frame[row]}")
+    kept, velocity = np.flatnonzero(class_id >= 0), velocities_of(table)
+    return stored_tracks(
+        scene.frames,
+        frame[kept],
+        number[kept],
+        class_id[kept],
+        boxes_of(table)[kept],
+        scores_of(table)[kept],
+        None if velocity is None else velocity[kept],
+    )
+
+
+def _refuse_misspelt(table: ColumnTable, classes: Sequence[str]) -> None:
+    """Raise DataError for a class that is one of the task's in other letters ("Cars", "vehicle.car")."""
+    kind = table.words["class"]
+    for got in np.unique(kind[~np.isin(kind, classes)]).tolist():
+        word = got.lower().rsplit(".", maxsplit=1)[-1]
+        meant = next((name for name in classes if name.lower() in (word, word.removesuffix("s"))), None)
+        if meant is not None:
+            where = table.where(int(np.argmax(kind == got)), "class")
+            raise DataError(f"{where}: {got!r} is not a class of the task; did you mean {meant!r}?")
+
+
+def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
+    def read(scene: Scene) -> StoredTracks:
+        path = find_table(folder, file_stem(scene.name))
+        if path is None:
+            raise DataError(
+                f"no file {table_path(folder, scene.name)}, expected the tracks of each scene that is run; {FEWER}"
+            )
+        return read_track_table(path, scene, card.task.classes)
+
+    return read
+
+
+def _fits(path: Path) -> bool:
+    return path.is_dir() and any(any(path.glob(f"*.{form}")) for form in FORMS)
+
+
+TABLE = TrackForm("a folder with a table <scene>.csv or <scene>.parquet for each scene", _fits, _open)

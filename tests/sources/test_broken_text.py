@@ -1,0 +1,165 @@
+"""Broken text files of KITTI, WILDTRACK and 3DMOT2015: one error each, which names the file and the place in it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench.sources.text import read_table
+from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS
+from tests.sources import test_kitti as kitti
+from tests.sources import test_mot3d as mot3d
+from tests.sources import test_wildtrack as wildtrack
+from tests.support.source_files import assert_one_error, write
+
+Lines = list[str] | None  # of a file; None: the file is removed
+
+TABLES: dict[str, tuple[str, str]] = {  # second line of a table, what the error says of it
+    "cut off": ("1,2", r"line 3: 2 columns, expected 3 \(frame, x, yaw\): is the file cut off\?"),
+    "too long": ("1,2,3,4", "line 3: 4 columns"),
+    "blanks for commas": ("1 2 3", "line 3: 1 columns"),
+    "a word": ("1,two,3", r"line 3, column 2 \(x\): got 'two', expected a number"),
+    "not a number": ("1,nan,3", "line 3: x is nan, expected a finite number"),
+    "infinite": ("1,inf,3", "line 3: x is inf, expected a finite number"),
+    "too large": ("1,-1e308,3", r"line 3: x is -1e\+308, expected .* up to 1e\+09"),
+    "half a frame": ("1.5,2,3", "line 3: frame is 1.5, expected a whole number"),
+    "degrees": ("1,2,90", r"line 3: yaw is 90, expected radians"),
+    "no text": ("\udcff", "cannot be read as text"),
+}
+
+
+@pytest.mark.parametrize(("line", "text"), TABLES.values(), ids=TABLES)
+def test_a_table(tmp_path: Path, line: str, text: str) -> None:
+    def read() -> None:
+        table = read_table(tmp_path / "table.txt", "frame x yaw", ",")
+        table.refuse_not_finite()
+        table.refuse_degrees("yaw")
+        table.whole("frame")
+
+    assert_one_error(tmp_path / "table.txt", ["0,0,0", "", line], text, read)
+
+
+def test_a_table_that_is_sound(tmp_path: Path) -> None:
+    (tmp_path / "table.txt").write_text("0 Car 1.5\r\n\r\n  7  Van -2e3\r\n", encoding="utf-8-sig")
+    table = read_table(tmp_path / "table.txt", "frame type x", text="type")
+    assert (table.whole("frame").tolist(), table["x"].tolist()) == ([0, 7], [1.5, -2000.0])
+    assert (table.text.tolist(), table.line.tolist()) == (["Car", "Van"], [1, 3])
+    assert table.select(table.text == "Van").line.tolist() == [3]
+    write(tmp_path / "table.txt")
+    assert read_table(tmp_path / "table.txt", "frame x").value.shape == (0, 2)
+
+
+PARKED, CALIBRATION = kitti.PARKED, kitti.CALIBRATION.splitlines()
+ODOMETRY = "poses_orbslam3/0000.txt"
+KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error says
+    "a misspelt type": (kitti.LABELS, [PARKED, PARKED.replace("Car", "Cars")], "line 2: type 'Cars', expected one"),
+    "a label not finite": (kitti.LABELS, [PARKED.replace("1.65", "nan")], "line 1: y is nan"),
+    "a flat label": (kitti.LABELS, [PARKED.replace("1.5 2 4", "1 0 1")], "line 1: a box with a size"),
+    "a label after the end": (kitti.LABELS, [PARKED.replace("0", "6", 1)], "line 1: frame 6, but .* 6 frames"),
+    "an object twice": (kitti.LABELS, [PARKED, "", PARKED], "line 3: a second box of object 7 in frame 0"),
+    "no labels": (kitti.LABELS, None, "no file"),
+    "another type": (kitti.DETECTED, [kitti.detection(0, 1, 0, 1, 2, 3)], r"line 1: type 1, expected 2 \(Car\)"),
+    "a detection before": (kitti.DETECTED, [kitti.detection(-1, 2, 0, 1, 2, 3)], "line 1: frame -1, but"),
+    "no detections": (kitti.DETECTED, None, "no file"),
+    "GPS/IMU too short": (kitti.OXTS, [kitti.oxts()] * 5, "has 5 rows, expected one for each of the 6 frames"),
+    "GPS/IMU empty": (kitti.OXTS, [], "is empty, expected one row per frame"),
+    "GPS/IMU not finite": (kitti.OXTS, [kitti.oxts(yaw=np.nan)] * 6, "line 1: yaw is nan"),
+    "no GPS/IMU": (kitti.OXTS, None, "no file"),
+    "no calibration": (kitti.CALIB, None, "no file"),
+    "a line too few": (kitti.CALIB, CALIBRATION[:-1], "no line 'Tr_imu_velo'; found P2, R_rect"),
+    "a calibration without the image": (kitti.CALIB, CALIBRATION[1:], "no line 'P2'; found R_rect"),
+    "a calibration without a turn": (
+        kitti.CALIB,
+        [line if "R_rect" not in line else "R_rect 0 0 0 0 0 0 0 0 0" for line in CALIBRATION],
+        "line 'R_rect' must hold a rotation",
+    ),
+    "a calibration not finite": (kitti.CALIB, [each.replace("-1.5", "nan") for each in CALIBRATION], "'Tr_imu_velo'"),
+    "a calibration cut off": (kitti.CALIB, [*CALIBRATION[:-1], "Tr_imu_velo 1 2"], "must hold 12 numbers"),
+    "a broken sequence map": (kitti.SEQMAP, ["0000 empty 0"], "line 1: got '0000 empty 0', expected"),
+    "a sequence map from 1": (kitti.SEQMAP, ["0000 empty 000001 000006"], "line 1: got"),
+    "an empty sequence map": (kitti.SEQMAP, [], "names no sequence"),
+    "scaled poses": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 1 0", *["2 0 0 0 0 2 0 0 0 0 2 0"] * 5], "line 2: .* rotation"),
+    "mirrored poses": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 -1 0"] * 6, "line 1: expected a rotation"),
+    "transposed poses": (ODOMETRY, ["0 0 0 1 0 0 0 1 0 0 0 1"] * 6, "line 1: expected a rotation"),
+    "poses too short": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 1 0"] * 5, "has 5 rows, expected one for each of the 6"),
+}
+
+GT, DET, INI, row, seqinfo = mot3d.GT, mot3d.DET, mot3d.INI, mot3d.row, mot3d.seqinfo
+MOT3D: dict[str, tuple[str, Lines, str]] = {
+    "truth not finite": (GT, [row(1, 7, np.nan, 0)], "line 1: X is nan"),
+    "a score not finite": (DET, [row(1, -1, 0, 0, np.inf)], "line 1: confidence is inf"),
+    "half an id": (GT, [row(1, 7, 0, 0).replace("7", "7.5", 1)], "line 1: id is 7.5"),
+    "frames from 0": (GT, [row(0, 7, 0, 0)], "line 1: frame 0, expected 1 to 10, the seqLength of seqinfo.ini"),
+    "a frame after the end": (DET, [row(11, -1, 0, 0)], "line 1: frame 11, expected 1 to 10"),
+    "a person twice": (GT, [row(1, 7, 0, 0), row(2, 7, 0, 0), row(1, 7, 1, 0)], "line 3: a second box of object 7"),
+    "no truth": (GT, None, "no file"),
+    "no detections": (DET, None, "no file"),
+    "detections in pixels": (DET, [row(1, -1, -1, -1)[:-1] + "-1"], "-1 in every row, as in the 2D benchmark"),
+    "no seqinfo": (INI, None, r"write it with the lines '\[Sequence\]', 'name=TUD-Stadtmitte', 'frameRate=25' and "),
+    "no rate": (INI, [seqinfo()[0], *seqinfo()[3:]], "no key 'frameRate' in the section"),
+    "another section": (INI, ["[Other]", *seqinfo()[1:]], "no key 'frameRate' in the section"),
+    "no section": (INI, seqinfo()[1:], "cannot be read: File contains no section headers"),
+    "a rate in words": (INI, seqinfo(rate="7 Hz"), "frameRate is '7 Hz', expected a number above 0"),
+    "no frames": (INI, seqinfo(length="0"), "seqLength is '0'"),
+    "too many frames": (INI, seqinfo(length="99999999"), "seqLength is '99999999'"),
+    "half a length": (INI, seqinfo(length="9.5"), "seqLength is 9.5, expected a whole number"),
+}
+
+FRAME = f"{ANNOTATIONS}/00001800.json"
+
+
+def people(*values: object) -> list[str]:
+    """An annotation file of people with these ids and positions, one after the other."""
+    return [json.dumps([wildtrack.person(*values[i : i + 2]) for i in range(0, len(values), 2)])]
+
+
+WILDTRACK: dict[str, tuple[str, Lines, str]] = {
+    "no JSON": (FRAME, ["[{]"], "cannot be read as JSON"),
+    "nested": (FRAME, ['[{"x": ' + "[" * 100_000], "cannot be read as JSON: nested too deeply"),
+    "no list": (FRAME, ["{}"], "expected `array`"),
+    "no person": (FRAME, ["[3]"], r", \[0\]"),
+    "a large id": (FRAME, people(10**30, 1), r", \[0\]\.personID"),
+    "a truth value for an id": (FRAME, people(True, 1), r", \[0\]\.personID"),
+    "no id": (FRAME, [json.dumps([{"positionID": 1}])], "`personID`"),
+    "no position": (FRAME, [json.dumps([{"personID": 7}])], "`positionID`"),
+    "half a position": (FRAME, people(7, 1.5), r", \[0\]\.positionID"),
+    "beyond the grid": (FRAME, people(3, 1, 7, 691200), r", \[1\]\.positionID: expected `int` <= 691199"),
+    "before the grid": (FRAME, people(7, -1), r", \[0\]\.positionID: expected `int` >= 0"),
+    "a person twice": (FRAME, people(7, 1, 8, 2, 7, 3), "person 7 is there twice"),
+    "no frame": (f"{ANNOTATIONS}/00001805.json", None, "no file"),
+    "no cell": (DETECTIONS, ["1800 nan 1"], "line 1: cell nan 1 is off the grid of 480 x 1440"),
+    "a cell beyond": (DETECTIONS, ["1800 480 1"], "line 1: cell 480 1 is off the grid"),
+    "a cell before": (DETECTIONS, ["1800 1 -1"], "line 1: cell 1 -1 is off the grid"),
+    "a cell twice": (DETECTIONS, ["1800 0 0", "1800 0 0.0"], "line 2: a second detection at the place of line 1"),
+    "between frames": (DETECTIONS, ["1801 1 1"], "line 1: frame 1801 is not among the annotated test frames, 1800"),
+    "after the end": (DETECTIONS, ["2000 1 1"], "line 1: frame 2000 is not among"),
+    "before the start": (DETECTIONS, ["1795 1 1"], "line 1: frame 1795 is not among"),
+}
+
+DATASETS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object], dict[str, tuple[str, Lines, str]]]] = {
+    "KITTI": (kitti.make_root, kitti.load, KITTI),
+    "3DMOT2015": (mot3d.make_root, lambda root: mot3d.load(root, "0005"), MOT3D),
+    "WILDTRACK": (wildtrack.make_root, wildtrack.load, WILDTRACK),
+}
+CASES = [pytest.param(name, case, id=f"{name}: {case}") for name, (*_, cases) in DATASETS.items() for case in cases]
+
+
+@pytest.mark.parametrize(("dataset", "case"), CASES)
+def test_files(tmp_path: Path, dataset: str, case: str) -> None:
+    make_root, load, cases = DATASETS[dataset]
+    root, (file, lines, text) = make_root(tmp_path), cases[case]
+    assert_one_error(root / file, lines, text, lambda: load(root))
+
+
+def test_a_byte_order_mark_is_not_read(tmp_path: Path) -> None:
+    root = wildtrack.make_root(tmp_path)
+    before = wildtrack.load(root)
+    for path in (root / FRAME, root / DETECTIONS):
+        path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    after = wildtrack.load(root)
+    np.testing.assert_array_equal(after.truth.box, before.truth.box)
+    np.testing.assert_array_equal(after.detections.box, before.detections.box)

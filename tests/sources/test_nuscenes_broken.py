@@ -1,0 +1,239 @@
+"""Broken files of nuScenes: one error each, which names the file and the record."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.errors import DataError
+from mtp_bench.sources import open_source
+from mtp_bench.sources.nuscenes.decoding import Record, read_records, yaw_of
+from mtp_bench.sources.nuscenes.splits import SPLITS, official_scenes, split_scenes
+from mtp_bench.sources.text import decode
+from tests.support.nuscenes_root import (
+    DETECTIONS,
+    PREDICTION,
+    VERSION,
+    make_detections,
+    make_targets,
+    nuscenes_card,
+    sample,
+    scene,
+    write_json,
+)
+
+Change = Callable[[list[dict[str, Any]]], object]
+NAN = float("nan")
+
+
+def record(token: str, /, **changes: Any) -> Change:
+    """The record with this token gets other values; None removes a key."""
+
+    def change(records: list[dict[str, Any]]) -> None:
+        found = next(each for each in records if each["token"] == token)
+        found.update(changes)
+        for key in [key for key, value in changes.items() if value is None]:
+            del found[key]
+
+    return change
+
+
+def remove(token: str) -> Change:
+    return lambda records: records.remove(next(each for each in records if each["token"] == token))
+
+
+def repeat(token: str, /, **changes: Any) -> Change:
+    return lambda records: records.append({**next(each for each in records if each["token"] == token), **changes})
+
+
+def scale_times(divisor: float) -> Change:
+    return lambda records: [each.update(timestamp=each["timestamp"] / divisor) for each in records]
+
+
+BOX, CAR, WALKER, T = "sample_annotation", "scene-0003-car", "scene-0003-walker", "scene-0003-t"
+S3, POSE, KEY = "scene-0003-token", "scene-0003-pose-1", "scene-0003-lidar-1-True-2"
+C1, C2 = f"{CAR}-t1", f"{CAR}-t2"
+TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error names
+    "a sample is missing": ("sample", remove(T + "2"), "sample.json has 3 records of it, expected 4"),
+    "a sample is in another scene": ("sample", record(T + "2", scene_token="scene-0001-token"), "has 5 records"),
+    "a sample is in no scene": ("sample", record(T + "1", scene_token="?"), f"record '{T}1': scene_token is '?'"),
+    "a sample comes twice": ("sample", repeat(T + "1"), f"token '{T}1', expected one"),
+    "two samples have one time": ("sample", record(T + "1", timestamp=1_500_000_200_000_000), "has its time"),
+    "a time is not finite": ("sample", record(T + "1", timestamp=NAN), "[9].timestamp: expected `float`"),
+    "a time is a text": ("sample", record(T + "1", timestamp="now"), "[9].timestamp: expected `float`"),
+    "a time is a truth value": ("sample", record(T + "1", timestamp=True), "[9].timestamp: expected `float`"),
+    "a time is negative": ("sample", record(T + "1", timestamp=-5), "[9].timestamp: expected `float` >= 0"),
+    "times are in milliseconds": ("sample", scale_times(1000), "timestamp must be in microseconds"),
+    "times are in nanoseconds": ("sample", scale_times(0.001), "timestamp: expected `float` <="),
+    "a scene has no samples": ("scene", repeat(S3, token="new", name="new", nbr_samples=0), "record 'new'"),
+    "a scene has a name twice": ("scene", record(S3, name="scene-0001"), "several scenes 'scene-0001'"),
+    "a scene has no name for a file": ("scene", record(S3, name="../x"), "[2].name"),
+    "a scene counts other samples": ("scene", record(S3, nbr_samples=5), "has 4 records of it, expected 5"),
+    "a scene counts too many samples": ("scene", record(S3, nbr_samples=10**10), "[2].nbr_samples"),
+    "no lidar keyframe": ("sample_data", record(KEY, is_key_frame=False), f"LIDAR_TOP keyframe of sample '{T}2'"),
+    "two lidar keyframes": ("sample_data", record("scene-0003-lidar-1-False-2", is_key_frame=True), "a second LIDAR"),
+    "a keyframe of no sample": ("sample_data", record(KEY, sample_token="x"), "sample_token is 'x'"),
+    "a keyframe of no sensor": ("sample_data", record(KEY, calibrated_sensor_token="x"), f"record '{KEY}'"),
+    "an unknown sensor": ("calibrated_sensor", record("cam-1", sensor_token="x"), "sensor_token is 'x'"),
+    "a calibration comes twice": ("calibrated_sensor", repeat("lidar-1", sensor_token="cam"), "token 'lidar-1'"),
+    "a sensor comes twice": ("sensor", repeat("lidar", channel="CAM"), "token 'lidar'"),
+    "a category comes twice": ("category", repeat("car", name="animal"), "token 'car'"),
+    "a pose is missing": ("ego_pose", remove(POSE), f"no record '{POSE}'"),
+    "a pose comes twice": ("ego_pose", repeat(POSE), f"token '{POSE}'"),
+    "a pose is too far": ("ego_pose", record(POSE, translation=[1e308, 0, 0]), "translation[0]"),
+    "a pose is not turned": ("ego_pose", record(POSE, rotation=[0, 0, 0, 0]), f"'{POSE}': rotation is"),
+    "a box is missing": (BOX, remove(C2), "has 3 records of it, expected 4"),
+    "two boxes in a sample": (BOX, record(C2, sample_token=T + "1"), f"record '{C2}': a second box"),
+    "a box in no sample": (BOX, record(C1, sample_token="x"), f"record '{C1}': sample_token is 'x'"),
+    "a box of no instance": (BOX, record(C1, instance_token=""), f"record '{C1}': instance_token is ''"),
+    "a box of another instance": (BOX, record(CAR + "-t3", instance_token=WALKER), f"'{WALKER}-t3': a second box"),
+    "a box is not finite": (BOX, record(C1, translation=[NAN, 0, 0]), "translation[0]"),
+    "a box is too large": (BOX, record(C1, size=[1, 100.5, 1]), "size[1]"),
+    "a box has a side of 0": (BOX, record(C1, size=[1, 0, 1]), "size[1]"),
+    "a box has two sides": (BOX, record(C1, size=[1, 2]), "size"),
+    "a box has no rotation": (BOX, record(C1, rotation=None), "rotation"),
+    "a box is not turned properly": (BOX, record(C1, rotation=[0.7, 0, 0, 0.6]), f"'{C1}': rotation is [0.7, "),
+    "an instance counts other boxes": ("instance", record(CAR, nbr_annotations=3), "has 4 records of it, expected 3"),
+    "an instance counts texts": ("instance", record(CAR, nbr_annotations="4"), "nbr_annotations"),
+    "an instance of no category": ("instance", record(CAR, category_token="x"), f"'{CAR}': category_token is 'x'"),
+    "an instance without a token": ("instance", record(CAR, token=None), "`token`"),
+}
+
+
+@pytest.mark.parametrize(("table", "change", "text"), TABLES.values(), ids=TABLES)
+def test_tables(data: Path, table: str, change: Change, text: str) -> None:
+    path = data / "nuscenes" / VERSION / f"{table}.json"
+    content = json.loads(path.read_text())
+    change(content)
+    write_json(path, content)
+    with pytest.raises(DataError) as caught:
+        open_source(nuscenes_card(), data)
+    assert f"{table}.json" in str(caught.value)
+    assert text in str(caught.value)
+
+
+S = sample("scene-0003", 1)
+BOXES: dict[str, dict[str, Any] | Callable[[dict[str, Any]], object]] = {  # changes of a box, or of the results
+    "place not finite": {"translation": [NAN, 0, 0]},
+    "place too far": {"translation": [1e300, 0, 0]},
+    "place of texts": {"translation": ["1", 2, 3]},
+    "place of truth values": {"translation": [True, 0, 0]},
+    "side of 0": {"size": [1, 0, 1]},
+    "side too large": {"size": [101, 1, 1]},
+    "score not finite": {"detection_score": NAN},
+    "score too large": {"detection_score": 1e30},
+    "no score": {"detection_score": None},
+    "quaternion of norm 2": {"rotation": [2, 0, 0, 0]},
+    "three numbers for a quaternion": {"rotation": [1, 0, 0]},
+    "too fast": {"velocity": [1e308, 0]},
+    "unknown name": {"detection_name": "tram"},
+    "box of another sample": {"sample_token": "x"},
+    "no box": lambda results: results[S].append(3),
+    "no list": lambda results: results.update({S: {}}),
+}
+
+
+@pytest.mark.parametrize("change", BOXES.values(), ids=BOXES)
+def test_detections(data: Path, change: dict[str, Any] | Callable[[dict[str, Any]], object]) -> None:
+    content = make_detections()
+    if isinstance(change, dict):
+        content["results"][S][1].update(change)
+    else:
+        change(content["results"])
+    write_json(data / DETECTIONS, content)
+    with pytest.raises(DataError, match=rf"megvii_all\.json, sample '{S}'"):
+        open_source(nuscenes_card(), data)
+
+
+TARGETS: dict[str, Any] = {
+    "no such instance": {"scene-0003": [f"x_{T}0"]},
+    "no such sample": {"scene-0003": ["scene-0003-car_x"]},
+    "a sample of another scene": {"scene-0003": ["scene-0003-car_scene-0001-t0"]},
+    "a sample without the box": {"scene-0003": [f"{WALKER}_{T}2"]},
+    "an instance alone": {"scene-0003": [CAR]},
+    "a number": {"scene-0003": [3]},
+    "a text": {"scene-0003": "x"},
+    "a list": ["scene"],
+}
+
+
+@pytest.mark.parametrize("content", TARGETS.values(), ids=TARGETS)
+def test_prediction_targets(data: Path, content: Any) -> None:
+    write_json(data / PREDICTION, {**make_targets(), **content} if isinstance(content, dict) else content)
+    with pytest.raises(DataError, match=r"prediction_scenes\.json"):
+        open_source(nuscenes_card(truth="targets"), data)
+
+
+TEXTS = {
+    "empty": "",
+    "cut off between records": '[{"token": "a"},',
+    "cut off within a text": '[{"token": "a',
+    "no comma": '[{"token": "a"} {"token": "b"}]',
+    "a wrong literal": '[{"token": nul}]',
+    "not a number of JSON": '[{"token": "a", "x": Infinity}]',
+    "nested too deeply": "[" * 100_000,
+    "nested too deeply in a skipped value": '[{"x": ' + "[" * 100_000,
+    "more after the end": '[{"token": "a"}] []',
+    "no list": '{"a": 1}',
+    "no record": "[1, 2]",
+    "bytes that are no text": b'[{"token": "\xff\xfe"}]',
+}
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_texts_that_are_not_json(tmp_path: Path, text: str | bytes) -> None:
+    path = tmp_path / "table.json"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    with pytest.raises(DataError, match=r"table\.json"):
+        read_records(path, Record)
+
+
+def test_nan_is_null_outside_of_texts(tmp_path: Path) -> None:
+    path = tmp_path / "table.json"
+    path.write_text('[{"token": "NaN", "x": NaN, "y": [NaN,NaN]}, {"token": "aNaN"}]')
+    assert [each.token for each in read_records(path, Record)] == ["NaN", "aNaN"]
+    with pytest.raises(DataError, match="somewhere"):
+        decode(b"NaN", list[Record], "somewhere")
+
+
+def test_a_byte_order_mark_is_not_read(data: Path) -> None:
+    for path in (data / "nuscenes").rglob("*.json"):
+        path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+    assert scene(data, truth="targets").truth.object_id.tolist() == [0, 1, 0, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("rotation", "yaw"),
+    [
+        pytest.param([1, 0, 0, 0], 0.0, id="ahead"),
+        pytest.param([0.7071, 0, 0, 0.7071], np.pi / 2, id="left"),
+        pytest.param([-0.7071, 0, 0, -0.7071], np.pi / 2, id="left, the other sign"),
+        pytest.param([np.cos(0.1), 0, np.sin(0.1), 0], 0.0, id="nose down"),
+        pytest.param([np.cos(0.4), np.sin(0.4), 0, 0], 0.0, id="rolled"),
+        pytest.param([0, 0, 0, 1], np.pi, id="back"),
+        # yaw 1.0, then pitch 0.3: the projected x axis keeps its heading
+        pytest.param(
+            np.outer([np.cos(0.5), np.sin(0.5)], [np.cos(0.15), np.sin(0.15)]).ravel()[[0, 3, 1, 2]] * [1, -1, 1, 1],
+            1.0,
+            id="turned and pitched",
+        ),
+    ],
+)
+def test_yaw(rotation: list[float], yaw: float) -> None:
+    assert yaw_of(np.array([rotation], dtype=np.float64))[0] == pytest.approx(yaw)
+
+
+def test_official_splits() -> None:
+    scenes = official_scenes()
+    assert [len(scenes[name]) for name in SPLITS] == [500, 200, 150, 8, 2]
+    whole = {*scenes["train"], *scenes["train_val"], *scenes["val"]}
+    assert len(whole) == 850
+    assert {*scenes["mini_train"], *scenes["mini_val"]} < whole
+    assert max(scenes["train_val"]) < min(scenes["train"])
+    assert split_scenes("all", ["scene-9", "scene-0301"]) == ("scene-0301", "scene-9")
+    assert split_scenes("train", ["scene-9", "scene-0301"]) == ("scene-0301",)
