@@ -189,7 +189,7 @@ def _read(path: Path, start: _Start, added: bool) -> Found:
 
 
 def _code_of(record: Record, start: _Start) -> str | None:
-    """Address of the folder of a baseline that ships; None for a submission of others, whatever its name."""
+    """Address of the folder of a baseline that ships; None for a submission of others, also under such a name."""
     from ..records.eligibility import why_not_genuine
 
     name = record.submission.name

@@ -28,7 +28,7 @@ Score = Annotated[float | None, Column(better="higher")]
 Chance = Annotated[float | None, Column(format=".3f", help="Sign-flip test over units.")]
 
 
-class Setting(Section):
+class AgentSetting(Section):
     """An agent in one setting."""
 
     agent: Annotated[str, Column()]
@@ -37,7 +37,7 @@ class Setting(Section):
     budget: Annotated[Budget, Column("samples allowed", help="equal: k of the task; free: more.")]
 
 
-class Row(Setting):
+class Row(AgentSetting):
     """Numbers of one subset of the targets.
 
     A further metric is one field here, optional and None by default, and its value where the rows are made.
@@ -78,7 +78,7 @@ class Row(Setting):
     ms_per_frame: Annotated[float | None, Column("ms per frame", "ms", "lower", ".1f")]
 
 
-class PairedRow(Setting):
+class PairedRow(AgentSetting):
     """Differences of an agent to a control on one subset."""
 
     other: Annotated[str, Column("less", help="The control.")]
@@ -157,7 +157,7 @@ class Reliability(Section):
     forecasts: Count
 
 
-class Details(Setting):
+class Details(AgentSetting):
     """Further numbers of an agent over all targets."""
 
     seeds: Count

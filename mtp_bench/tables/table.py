@@ -40,7 +40,7 @@ class Table:
         return pairs
 
     def is_text(self, column: Column) -> bool:
-        """Whether a column holds words, which are aligned left; a text with a unit holds numbers."""
+        """Return True for a column of words, which is aligned left; a text with a unit holds numbers."""
         return not column.unit and any(isinstance(column.value(row), str) for row in self.rows)
 
     def cells(self, row: Any) -> list[str]:

@@ -1,4 +1,4 @@
-"""Templates of pages, and the other texts that lie beside the code that makes a page."""
+"""Templates of pages, and other texts that ship beside the code of a page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 @cache
 def text_of(folder: Path, name: str) -> str:
-    """A text that ships with the library; MtpBenchError where it is not there."""
+    """A text that ships with the library; raises MtpBenchError where it is missing."""
     path = folder / name
     try:
         return path.read_text(encoding="utf-8")
@@ -25,12 +25,12 @@ def text_of(folder: Path, name: str) -> str:
 
 
 def source_of(text: str) -> str:
-    """What a content security policy calls a style or a script of the page."""
+    """The name of a style or script of the page in a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 def templates_of(folder: Path) -> Environment:
-    """The templates in a folder: what is filled in is escaped, and a name that nobody fills in is an error."""
+    """The templates in a folder. Values are escaped, and a name without a value is an error."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     return Environment(

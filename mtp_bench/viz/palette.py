@@ -1,4 +1,4 @@
-"""Colours that people with any kind of colour vision tell apart (Okabe and Ito), and what each stands for."""
+"""Colours that are distinct in every kind of colour vision (Okabe and Ito), and their meanings."""
 
 from __future__ import annotations
 
@@ -22,6 +22,6 @@ FALSE = VERMILLION  # a false track, detection or forecast
 EVENT = YELLOW
 EGO = BLACK
 
-# an event alone: what belongs to it is bright, all else dim
+# an event alone: its own parts are bright, all others dim
 BEFORE, NOW = BLUE, VERMILLION  # the track and the forecast before the event, and from it on
 DIM: Color = (190, 190, 190)

@@ -1,6 +1,6 @@
-"""An event in one sentence of plain words: when, to which object, which track took it, what its forecast did, the cost.
+"""An event in one sentence: time, object, tracks, and the forecast with its error.
 
-The same sentence stands in the terminal, on pictures, in videos and in recordings.
+The terminal, pictures, videos and recordings show the same sentence.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from .case import Case, Forecast
 from .replay import NO_EVENT
 from .terminal.output import counted
 
-STILL = 1.0  # m, within the horizon: what moves less stands still
-SHORT, LONG = 0.75, 1.33  # of the true way: what goes less or more has another speed
+STILL = 1.0  # m, within the horizon: an object that moves less stands still
+SHORT, LONG = 0.75, 1.33  # shares of the true distance between which the speed is right
 ASIDE, BACK = np.deg2rad(25.0), np.deg2rad(120.0)
 
 
@@ -27,17 +27,17 @@ def sentence(case: Case) -> str:
     return f"{at.name}: {happened}; {_worth(case)}"
 
 
-def _who(case: Case) -> str:
+def _object(case: Case) -> str:
     return f"at {case.seconds(case.at.frame):.1f} s {case.noun} {case.at.object_id}"
 
 
 def _switched(case: Case) -> str:
     at = case.at
-    return f"{_who(case)} changes from track {at.old_id} to {_taker(case)}{_left(case)}"
+    return f"{_object(case)} changes from track {at.old_id} to {_taker(case)}{_left(case)}"
 
 
 def _taker(case: Case) -> str:
-    """Where the track came from that has the object now."""
+    """Origin of the track that has the object now."""
     at = case.at
     before = case.age(at.new_id, at.frame)
     if before == 0:
@@ -51,7 +51,7 @@ def _taker(case: Case) -> str:
 
 
 def _left(case: Case) -> str:
-    """Where the track is that had the object before."""
+    """Fate of the track that had the object before."""
     at = case.at
     row, other = case.track_row(at.old_id, at.frame), case.followed(at.old_id, at.frame)
     if row < 0:
@@ -70,11 +70,11 @@ def _lost(case: Case) -> str:
         why = f"whose box is {_away(case, row):.1f} m away"
     else:
         why = "which ends"
-    return f"{_who(case)} loses track {at.old_id}, {why}, and {_seen(case)}"
+    return f"{_object(case)} loses track {at.old_id}, {why}, and {_seen(case)}"
 
 
 def _seen(case: Case) -> str:
-    """Whether there was anything of its class to follow."""
+    """The nearest detection of its class."""
     found = case.detections(case.at.frame)
     found = found[case.replay.scene.detections.class_id[found] == case.at.class_id]
     if not len(found):
@@ -88,7 +88,7 @@ def _found(case: Case) -> str:
     while at.frame - away > 0 and case.follower(at.frame - away - 1) < 0:
         away += 1
     by = f"its old track {at.new_id}" if at.new_id == at.old_id else _taker(case)
-    return f"{_who(case)} is found again after {counted(away, 'frame')} by {by}"
+    return f"{_object(case)} is found again after {counted(away, 'frame')} by {by}"
 
 
 def _spurious(case: Case) -> str:
@@ -100,47 +100,47 @@ def _spurious(case: Case) -> str:
 
 
 def _surplus(case: Case) -> str:
-    """Why a forecast is false: the object within its gate has another one, or there is none."""
+    """Reason why a forecast is false: the object within its gate has another one, or there is no object."""
     at, truth, card = case.at, case.replay.scene.truth, case.replay.card
     rows = truth.rows(at.frame)
     same = rows.start + np.flatnonzero(truth.class_id[rows] == at.class_id)
     if not len(same):
-        return "where there is none, no true one is in the scene"
+        return "far from true ones: the scene has none"
     far = np.hypot(*(truth.box[same, :2] - np.array(at.position[:2])).T)
     nearest = int(np.argmin(far))
     if far[nearest] <= card.per_class(card.task.forecast_gate)[at.class_id]:
         return f"a second time: {case.named(int(same[nearest]))}, {far[nearest]:.1f} m away, has its forecast"
-    return f"where there is none, the nearest true one is {far[nearest]:.1f} m away"
+    return f"far from true ones: the nearest is {far[nearest]:.1f} m away"
 
 
 def _nothing_there(case: Case) -> str:
-    return f"at {case.seconds(case.at.frame):.1f} s no false forecast of a {case.noun} is there"
+    return f"at {case.seconds(case.at.frame):.1f} s there is no false forecast of a {case.noun}"
 
 
 def _followed(case: Case) -> str:
     at = case.at
     if at.new_id < 0:
-        return f"{_who(case)} is followed by no track"
+        return f"{_object(case)} is followed by no track"
     stays = at.frame > 0 and case.follower(at.frame - 1) == at.new_id
-    return f"{_who(case)} {'stays with' if stays else 'is followed by'} track {at.new_id}"
+    return f"{_object(case)} {'stays with' if stays else 'is followed by'} track {at.new_id}"
 
 
 def _worth(case: Case) -> str:
-    """What the forecast of that frame did, and what it cost."""
+    """The forecast of that frame, and its error."""
     at = case.at
     if at.error is None:
-        return "no error is counted, for it is no target then"
+        return "no error is counted, as it is not a target then"
     forecast = case.forecast(at.frame)
     before = "" if at.error_before is None else f" (the frame before: {at.error_before:.1f} m)"
     if at.minADE is None or forecast is None:
-        return f"nothing is forecast for it, which costs {at.error:.1f} m{before}"
+        return f"it has no forecast, which costs {at.error:.1f} m{before}"
     samples = len(forecast.path)
     which = f"the nearest of {samples} samples" if samples > 1 else "its forecast"
     return f"{which} {went(forecast, case.future(at.frame))}, which costs {at.error:.1f} m{before}"
 
 
 def went(forecast: Forecast, future: Floats) -> str:
-    """What the nearest sample does beside the true ``future`` [n, 2], the place now first, and where it ends."""
+    """The nearest sample compared with the true ``future`` [n, 2], which begins with the present place."""
     path = forecast.nearest_path[: len(future)]
     true, said = future[-1] - future[0], path[-1] - path[0]
     far, way = float(np.hypot(*true)), float(np.hypot(*said))

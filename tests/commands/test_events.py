@@ -105,7 +105,7 @@ def test_the_command_of_an_event_can_be_pasted(cli: CommandLine, events_run: Pat
     assert words[:2] == ["mtp-bench", "view"]
     assert words[2:] == [str(events_run), "--scene", "0001", "--at", "ids-0", "--data", known[3], "--env", known[1]]
     commands: Any = typer.main.get_command(app)
-    commands.commands["view"].make_context("view", words[2:])  # parses and checks, runs nothing
+    commands.get_command(None, "view").make_context("view", words[2:])  # parses and checks, runs nothing
 
 
 def test_names_with_spaces_are_quoted() -> None:

@@ -13,17 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench._bundle import card_ids
 from mtp_bench.records import Record, SignedLevel
 from mtp_bench.records.attestation import Level
-from mtp_bench.records.ranking import Place, Standing
 from mtp_bench.records.shipped import shipped
 from mtp_bench.scoring import SUBSETS
-from mtp_bench.scoring.statistics import PairedDifference
 from mtp_bench.scoring.subsets import Subset
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.viz.board import Entry, Found, entries_of
-from mtp_bench.viz.board.order import env_place
 from tests.support.stored_records import SIMULATED, hex_of, make_record, make_row, merged, signed_level
 
 Table = dict[str, Any]
@@ -149,30 +145,3 @@ def made_up_board() -> list[Record]:
         made_up("stp", 0.532, **few),
         made_up("calm_hedge", 0.548, hypotheses=5, **few),
     ]
-
-
-def thousand_entries() -> list[Entry]:
-    """A thousand entries of as many agents on all environments that ship, with places that nobody worked out.
-
-    Each is as large in the page as an entry of a real record is.
-    """
-    envs = sorted(card_ids(), key=env_place)
-    curve = [[0.25 * i, 3.0 + 2.0 ** (2 - i)] for i in range(17)]
-    pattern = made_up("stp", 1.0, details={"curve": curve})
-    found = []
-    for i in range(1000):
-        env_id, place = envs[i % len(envs)], i // len(envs)
-        name = "stp" if place == 0 else f"somewhat_long_name_{i:04d}"
-        error = 1.0 + 0.001 * place
-        env = pattern.env.model_copy(update={"id": env_id})
-        submission = pattern.submission.model_copy(update={"name": name, "source": f"https://a.invalid/{name}"})
-        difference = PairedDifference(error - 1.2, (error - 1.25, error - 1.15), 0.01)
-        standing = Standing(
-            {subset: Place(1 + place) for subset in SUBSETS},
-            True,
-            {"all": 0.25},
-            {"all": 0.25},
-            {} if place == 0 else {"all": difference},
-        )
-        found.append(Entry(pattern.model_copy(update={"env": env, "submission": submission}), standing=standing))
-    return sorted(found, key=lambda entry: (env_place(entry.env), entry.rank))

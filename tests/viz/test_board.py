@@ -43,13 +43,11 @@ from mtp_bench.viz.board.drawings import (
     scene_chart,
 )
 from mtp_bench.viz.board.overview import leader_of, overview_of
-from mtp_bench.viz.board.page import MOST_AGENTS, MOST_ROWS
-from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board, thousand_entries
+from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.stored_records import hidden_part, signed_level, write_record
 
 MOST_BYTES = 300_000  # of a page without records
-MOST_FIRST = 500_000  # of a page of a thousand
 MAIN, FEW = "MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"
 LINKS = [f"records/{i}.json" for i in range(13)]
 
@@ -407,8 +405,8 @@ def test_every_table_is_a_csv_and_a_json_file(files: BoardFiles, entries: list[E
     assert float(rows[0]["difference_interval_low"]) < float(rows[0]["difference [m]"])
     listed = [row | {"env": None} for row in json.loads(files.parts[f"{MAIN}.json"])["rows"]]
     assert listed == [row | {"env": None} for row in json.loads(json.dumps(board_json(entries)))[MAIN]]
-    assert len(json.loads(files.parts["overview.json"])["rows"]) == 13
-    for path in (f"{MAIN}.csv", f"{FEW}.json", "overview.csv", "overview.json"):
+    assert len(json.loads(files.parts["leaderboard.json"])["rows"]) == 13
+    for path in (f"{MAIN}.csv", f"{FEW}.json", "leaderboard.csv", "leaderboard.json"):
         assert f'href="index.parts/{path}"' in html
         assert path in files.parts
 
@@ -435,16 +433,6 @@ def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) 
     with pytest.raises(MtpBenchError, match="holds other files than parts of a page"):
         write_board(tmp_path / "theirs.html", board_files([]))
     assert (theirs / "precious.txt").exists()
-
-
-def test_a_thousand_records_have_a_small_first_view() -> None:
-    files = board_files(thousand_entries())
-    assert len(files.page.encode()) < MOST_FIRST
-    assert len(files.parts) == 1 + 3 + 3 * 14
-    assert files.page.count('<tbody class="entry') == 14 * (MOST_ROWS // 14)
-    later = pieces_of(files, "MTP-nuScenes-v0")["MTP-nuScenes-v0"]
-    assert later.count("<tbody") == 72 - MOST_ROWS // 14
-    assert pieces_of(files, "overview")["overview"].count("<tr>") == 1000 - 13 - MOST_AGENTS  # stp is on all
 
 
 def test_an_empty_board_says_how_to_take_part() -> None:

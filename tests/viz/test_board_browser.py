@@ -17,7 +17,6 @@ from tests.support.board_records import (
     board_of,
     made_up,
     made_up_board,
-    thousand_entries,
 )
 from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, TAB, Browser, chromium
 
@@ -280,25 +279,6 @@ def test_a_missing_part_is_said(browser: Browser, tmp_path: Path) -> None:
     browser.click(f"{FIRST} tbody.entry .open")
     said = browser.wait_for(f"return document.querySelector('{FIRST} .detail .note')?.textContent")
     assert said == "This part is missing: the folder index.parts belongs beside the page."
-
-
-def test_a_thousand_entries_load_on_demand(browser: Browser, tmp_path: Path) -> None:
-    path = tmp_path / "many.html"
-    write(path, thousand_entries())
-    browser.resize(1700, 1000)
-    with only(browser, path):
-        took = browser.wait_for("return performance.getEntriesByType('navigation')[0].loadEventEnd")
-        assert 0 < took < 2000
-        assert browser.script(COUNT) == "1000 entries"
-        at(browser, path, "MTP-nuScenes-v0/somewhat_long_name_0994")  # the last of its table
-        last = 'document.getElementById("MTP-nuScenes-v0/somewhat_long_name_0994")'
-        assert browser.wait_for(f"return {last}?.querySelector('.panels')")
-        browser.type("#_text", "name_0017")
-        assert browser.wait_for(f"{COUNT} === '1 of 1000 entries'")
-        assert browser.script(COUNT) == "1 of 1000 entries"
-        browser.click('.more[data-key="overview"]')
-        assert browser.wait_for("return document.querySelectorAll('.matrix tbody tr').length === 987")
-        assert browser.script("return document.activeElement.closest('.matrix') !== null")
 
 
 def test_no_width_makes_the_page_scroll_sideways(opened: Browser) -> None:

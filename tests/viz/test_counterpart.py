@@ -54,9 +54,7 @@ def test_no_event(first: Replay) -> None:
 def test_nobody_follows_it(first: Replay) -> None:
     run = replay(first.scene, make_rollout([[]] * FRAMES, [[]] * FRAMES, samples=2), CARD, "silent")
     said = Focus.of(run, counterpart(run, first.incident("ids-0"))).sentence
-    assert said.startswith(
-        "no event: at 0.4 s car 5 is followed by no track; nothing is forecast for it, which costs 10"
-    )
+    assert said.startswith("no event: at 0.4 s car 5 is followed by no track; it has no forecast, which costs 10")
 
 
 def false_forecasts(first: Replay, place: tuple[float, float], frames: range) -> Replay:
@@ -76,7 +74,7 @@ def test_false_forecasts(first: Replay) -> None:
         none = counterpart(other, at)
         assert (none.kind, none.new_id) == (NO_EVENT, -1)
         focus = Focus.of(other, none)
-        assert focus.sentence == "no event: at 0.2 s no false forecast of a car is there"
+        assert focus.sentence == "no event: at 0.2 s there is no false forecast of a car"
         assert report(focus).size == SIZE
 
 

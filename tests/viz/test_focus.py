@@ -163,7 +163,7 @@ SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, even
     "its track ends": (
         line([1, 1, None, None, None, None, None, None]),
         "lost-0",
-        "car 5 loses track 1, which ends, and the nearest detection is 0.0 m away; nothing is forecast for it, ",
+        "car 5 loses track 1, which ends, and the nearest detection is 0.0 m away; it has no forecast, ",
     ),
     "its track drifts off": (
         [[Thing(1, t, 0.0 if t < 3 else 2.5)] for t in range(8)],
@@ -183,7 +183,7 @@ SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, even
     "too near the end to be a target": (
         line([1, 1, 1, 1, 1, 1, 1, 2]),
         "ids-0",
-        "no error is counted, for it is no target then",
+        "no error is counted, as it is not a target then",
     ),
 }
 
@@ -263,8 +263,8 @@ def test_a_false_forecast_in_one_sentence() -> None:
     assert focus.bold == "has the most weight", "there is no truth to be near"
     assert switch().bold == "is nearest to the truth"
     assert focus.sentence == (
-        "spurious-0: from 0.1 s to 0.4 s track 8 forecasts a pedestrian where there is none, no true one is in the "
-        "scene; confidence up to 0.25"
+        "spurious-0: from 0.1 s to 0.4 s track 8 forecasts a pedestrian far from true ones: the scene has "
+        "none; confidence up to 0.25"
     )
 
 

@@ -269,7 +269,7 @@ def test_the_second_run_may_have_no_event(tmp_path: Path) -> None:
     far = [at(80, (90.0, 90.0), forecast=[[[90.0, 90.0]] * 3] * 2)]
     ghost = replay(first.scene, scoring_scenes.make_rollout([far] * 10, [far] * 10, samples=2), first.card, "ghost")
     found = read(save(tmp_path / "ghost.rrd", ghost, nothing, at=ghost.incident("spurious-0")))
-    assert "no false forecast of a car is there" in found["agents/silent/focus/text"][-1]["text"][0]
+    assert "there is no false forecast of a car" in found["agents/silent/focus/text"][-1]["text"][0]
 
 
 def test_camera_images_of_the_frames_around_an_event(tmp_path: Path) -> None:

@@ -38,31 +38,6 @@
   };
   const isOpen = (entry) => entry.querySelector(".open").getAttribute("aria-expanded") === "true";
 
-  /* The rest of a table or of an overview: a button names the file and the key of the piece. */
-  const more = async (button) => {
-    const { part, key } = button.dataset;
-    const overview = button.closest(".overview");
-    const place = overview ? overview.querySelector("tbody") : button.closest(".board").querySelector("table");
-    if (button.disabled) return load(part, key).catch(() => {});
-    const focused = document.activeElement === button;
-    button.disabled = true;
-    try {
-      const html = await load(part, key);
-      if (!button.isConnected) return;
-      button.remove();
-      const last = place.lastElementChild;
-      place.insertAdjacentHTML("beforeend", html);
-      number(place);
-      if (focused) (last ? last.nextElementSibling : place).querySelector("button, a")?.focus();
-    } catch {
-      button.insertAdjacentHTML("afterend", missing);
-      button.remove();
-    }
-  };
-  const whole = (board) => {
-    const button = board.querySelector(".more");
-    return button ? more(button) : Promise.resolve();
-  };
   const number = (table) => all("tbody.entry", table).forEach((entry, i) => { entry.dataset.order = i; });
 
   /* Entries without a value stay last in both directions; equal values keep the order of the ranking. */
@@ -81,10 +56,9 @@
     });
     keyed.forEach(([, entry]) => table.append(entry));
   };
-  const onHeader = async (button) => {
+  const onHeader = (button) => {
     const header = button.closest("th");
     const table = button.closest("table");
-    await whole(button.closest(".board"));
     const first = button.dataset.better === "higher" ? "descending" : "ascending";
     const second = first === "ascending" ? "descending" : "ascending";
     const next = header.getAttribute("aria-sort") === first ? second : first;
@@ -111,25 +85,18 @@
       (unranked || !entry.classList.contains("unranked")) &&
       words.every((word) => text.includes(word));
   };
-  let latest = 0;  // of several calls that wait for parts, only the last one may show its answer
-  const filter = async () => {
-    const call = ++latest;
+  const filter = () => {
     const [text, env, division, level] = filters.map((name) => one(`_${name}`).value);
     const words = text.toLowerCase().split(/\s+/).filter(Boolean);
     const unranked = one("_unranked").checked;
-    const boards = all(".board");
-    const picky = words.length || division || level || !unranked;
-    for (const board of boards) board.hidden = env !== "" && board.dataset.env !== env;
-    if (picky) await Promise.all(boards.filter((board) => !board.hidden).map(whole));
-    if (call !== latest) return;
     let [shown, total] = [0, 0];
-    for (const board of boards) {
+    for (const board of all(".board")) {
       const entries = all("tbody.entry", board);
       for (const entry of entries) entry.hidden = !passes(entry, words, division, level, unranked);
-      const later = Number(board.querySelector(".more")?.dataset.later ?? 0);
       const kept = entries.filter((entry) => !entry.hidden).length;
-      total += entries.length + later;
-      if (!board.hidden) shown += kept + later;
+      board.hidden = env !== "" && board.dataset.env !== env;
+      total += entries.length;
+      if (!board.hidden) shown += kept;
       board.querySelector(".none").hidden = kept > 0;
       board.querySelector(".scroll").hidden = kept === 0;
     }
@@ -138,7 +105,7 @@
   };
 
   /* The address: opens an entry, shows a table, sets the filters. */
-  const goTo = async () => {
+  const goTo = () => {
     const [place, query] = location.hash.slice(1).split("?");
     if (place.startsWith("_")) return;
     target = place;
@@ -146,16 +113,12 @@
     if (form) {
       for (const name of filters) one(`_${name}`).value = wanted.get(name) ?? "";
       one("_unranked").checked = wanted.get("unranked") !== "no";
-      await filter();
+      filter();
     }
     const board = one(place.split("/")[0]);
     if (!board || !place) return;
     board.hidden = false;
-    let found = one(place);
-    if (!found && board.querySelector(".more")) {
-      await whole(board);
-      found = one(place);
-    }
+    const found = one(place);
     if (found?.matches("tbody.entry")) {
       found.hidden = false;
       board.querySelector(".scroll").hidden = false;
@@ -197,15 +160,13 @@
     const button = event.target.closest("button");
     const entry = event.target.closest("tbody.entry");
     if (!button) return;
-    if (button.matches(".more")) more(button).then(() => form && filter());
-    else if (button.matches(".open")) {
+    if (button.matches(".open")) {
       setOpen(entry, !isOpen(entry));
       target = isOpen(entry) ? entry.id : entry.closest(".board").id;
       remember();
     } else if (button.dataset.sort) onHeader(button);
   });
   for (const table of all("table.ranking")) number(table);
-  for (const button of all(".more")) button.hidden = false;
   if (form) {
     form.hidden = false;
     form.addEventListener("input", () => { remember(); filter(); });

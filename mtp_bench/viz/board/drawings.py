@@ -15,16 +15,16 @@ from ...scoring.rows import Point
 from ...scoring.statistics import PairedDifference
 from .entries import Entry
 
-WIDTH = 150.0  # of a drawing, user units
+WIDTH = 150.0  # of a drawing of an interval, user units
 BAR = 120.0  # width of the longest bar of a scene, user units
 PAD = 9.0  # left and right of the scale
 MOST_TICKS = 5
 FARTHEST = 3.0
-MARGIN = 0.04  # of a scale beyond what it holds, on each side
+MARGIN = 0.04  # of a scale beyond its values, on each side
 MOST_SCENES = 40  # of an entry
 _POINTS = TypeAdapter(list[Point])
 _MOST_POINTS = 50
-_LARGEST = 1e9  # of what is drawn: a record may say anything here
+_LARGEST = 1e9  # of a number in a drawing: a record may hold any here
 _TICKS = {True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0), False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0)}
 _LABEL = {True: "false forecasts allowed per target", False: "forecasts allowed per frame"}
 
@@ -38,26 +38,26 @@ class Scale:
     ticks: tuple[float, ...]
 
     def x(self, value: float) -> float:
-        """Where a value is drawn; values off the scale stay at its ends."""
+        """Horizontal place of a value; values off the scale stay at its ends."""
         share = (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
         return round(PAD + share * (WIDTH - 2 * PAD), 1)
 
 
 @dataclass(frozen=True)
 class Bar:
-    """One interval as it is drawn."""
+    """One interval in a drawing."""
 
     low: float
     high: float
     at: float
-    below: bool  # some of it lies off the scale: an arrow says so
+    below: bool  # it goes on below the scale: an arrow shows it
     above: bool
 
 
 def scale_of(entries: Sequence[Entry]) -> Scale | None:
     """A scale around 0 that holds the differences to STP of the compared entries (of all, where none is).
 
-    What reaches more than FARTHEST times as far as the median is left off, so that the others can be told apart.
+    Values more than FARTHEST times as far from 0 as the median are left off, so that the others can be told apart.
     """
     shown = [entry for entry in entries if entry.compared and entry.difference()] or entries
     ends = [_ends(difference) for entry in shown if (difference := entry.difference()) is not None]
@@ -69,7 +69,7 @@ def scale_of(entries: Sequence[Entry]) -> Scale | None:
 
 
 def bar_of(scale: Scale | None, difference: PairedDifference | None) -> Bar | None:
-    """How a difference and its interval are drawn; without an interval as a point."""
+    """The bar of a difference and its interval; a point without an interval."""
     if scale is None or difference is None:
         return None
     low, high = _ends(difference)
@@ -77,12 +77,12 @@ def bar_of(scale: Scale | None, difference: PairedDifference | None) -> Bar | No
 
 
 def zero_of(scale: Scale | None) -> float:
-    """Where no difference is drawn."""
+    """Horizontal place of a difference of 0."""
     return WIDTH / 2 if scale is None else scale.x(0.0)
 
 
 def nice_scale(low: float, high: float) -> Scale:
-    """A little more than from ``low`` to ``high``, with at least one and few round ticks."""
+    """A scale from a little below ``low`` to a little above ``high``, with at least one and few round ticks."""
     span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
     middle, half = (low + high) / 2, span * (0.5 + MARGIN)
     step = _step(span / (MOST_TICKS - 1))
@@ -108,7 +108,7 @@ class SceneBar:
     targets: int
     error: float | None  # m
     width: float  # of its bar, user units
-    reference: float | None  # where the reference's error in this scene is marked
+    reference: float | None  # place of the mark of the reference's error in this scene
 
 
 def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
@@ -133,7 +133,7 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
 
 
 def _heaviest(entry: Entry) -> list[ScenePart]:
-    """In the order of the record; of equal ones the first."""
+    """Scenes with the largest sums of errors, in the order of the record; of equal ones the first."""
     scenes = entry.record.per_scene
     places = sorted(range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"]))[:MOST_SCENES]
     return [scenes[place] for place in sorted(places)]
@@ -144,8 +144,8 @@ def _errors(entry: Entry) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Frame:
-    """A drawing of curves: its size in user units, and what its axes reach to."""
+class CurveFrame:
+    """A drawing of curves: its size in user units, and the ends of its axes."""
 
     width: float
     height: float
@@ -155,12 +155,12 @@ class Frame:
     scale: Scale  # of the vertical axis, m
 
     def x(self, value: float) -> float:
-        """Where a number of false forecasts is drawn."""
+        """Horizontal place of a number of false forecasts."""
         share = math.sqrt(min(max(value, 0.0), self.most) / self.most)
         return round(self.left + share * (self.width - self.left - 1.0), 1)
 
     def y(self, value: float) -> float:
-        """Where an error is drawn."""
+        """Vertical place of an error."""
         share = (min(max(value, self.scale.low), self.scale.high) - self.scale.low) / (self.scale.high - self.scale.low)
         return round(1.0 + (1.0 - share) * (self.height - self.bottom - 2.0), 1)
 
@@ -176,15 +176,15 @@ class Frame:
 class CurveChart:
     """The larger drawing of one entry."""
 
-    frame: Frame
+    frame: CurveFrame
     label: str  # of the horizontal axis
     ticks: tuple[float, ...]
     own: str
-    reference: str  # of STP; empty where there is none, or the entry is STP
+    reference: str  # of STP; empty without one, and for STP itself
 
 
 def curve_of(entry: Entry) -> list[Point]:
-    """False forecasts and errors of the record, as its scorer wrote them; empty where it has no such curve."""
+    """Numbers of false forecasts and errors in the record; empty where it has no such curve."""
     try:
         curve = _POINTS.validate_python(entry.record.details.get("curve", []))
     except ValidationError:
@@ -193,9 +193,9 @@ def curve_of(entry: Entry) -> list[Point]:
     return sorted(curve)[:_MOST_POINTS] if sound else []
 
 
-def small_frame(entries: Sequence[Entry]) -> Frame | None:
-    """The frame that all small drawings of one environment share; None without a curve."""
-    shown = [entry for entry in entries if entry.compared] or entries  # what is not may have any error
+def small_frame(entries: Sequence[Entry]) -> CurveFrame | None:
+    """The frame of all small drawings of one environment; None without a curve."""
+    shown = [entry for entry in entries if entry.compared] or entries  # the others may have any error
     return _frame([curve_of(entry) for entry in shown], 64.0, 20.0, 1.0, 0.0)
 
 
@@ -211,9 +211,9 @@ def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
     return CurveChart(frame, _LABEL[known], ticks, frame.line(own), frame.line(beside))
 
 
-def _frame(curves: Sequence[list[Point]], width: float, height: float, left: float, bottom: float) -> Frame | None:
+def _frame(curves: Sequence[list[Point]], width: float, height: float, left: float, bottom: float) -> CurveFrame | None:
     most = max((at for curve in curves for at, _ in curve), default=0.0)
     if most <= 0:
         return None
     errors = [error for curve in curves for _, error in curve]
-    return Frame(width, height, left, bottom, most, nice_scale(min(errors), max(errors)))
+    return CurveFrame(width, height, left, bottom, most, nice_scale(min(errors), max(errors)))

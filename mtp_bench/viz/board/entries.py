@@ -77,7 +77,7 @@ class Entry(Found):
 
     @property
     def seal(self) -> str:
-        """The seal of its hidden scenes, and when it was retired; empty where there are none."""
+        """The seal of its hidden scenes, and the date of its retirement; empty without hidden scenes."""
         seal = None if self.signed is None else self.signed.seal
         if seal is None:
             return ""

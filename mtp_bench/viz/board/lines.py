@@ -18,7 +18,7 @@ from ...scoring.subsets import SUBSETS
 from ...sources import about
 from ...tables import Column, Table, Value
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
-from .drawings import Frame, bar_of, curve_chart, curve_of, scale_of, scene_chart, small_frame, zero_of
+from .drawings import CurveFrame, bar_of, curve_chart, curve_of, scale_of, scene_chart, small_frame, zero_of
 from .entries import Entry, empty_error
 from .order import simulated
 from .overview import p_value
@@ -123,12 +123,12 @@ def difference_text(entry: Entry) -> str:
 
 
 def address_of(link: str | None) -> str | None:
-    """The relative address of a file: never that of a script or another host, whatever the name of the file."""
+    """The relative address of a file: never one of a script or of another host."""
     return None if link is None else "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
 
 
 def _line(
-    entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None], shared: set[int], frame: Frame | None
+    entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None], shared: set[int], frame: CurveFrame | None
 ) -> Line:
     """Content of the template of one entry in its table."""
     record, curve = entry.record, curve_of(entry)

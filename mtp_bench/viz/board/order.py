@@ -19,10 +19,10 @@ def env_place(env_id: str) -> tuple[int, str]:
 
 @cache
 def simulated(env_id: str) -> bool:
-    """Whether an environment that ships makes its scenes itself; False for one that does not ship."""
+    """Whether the scenes of an environment are simulated; False for one that does not ship."""
     return env_id in card_ids() and load_card(env_id).simulated
 
 
 def short_name(env_id: str) -> str:
-    """The id without what all ids have: "nuScenes mini" of MTP-nuScenes-mini-v0."""
+    """The id without the parts of all ids: "nuScenes mini" of MTP-nuScenes-mini-v0."""
     return env_id.removeprefix("MTP-").removesuffix("-v0").replace("-", " ")

@@ -1,23 +1,18 @@
-"""The overview of agents by environments, the leader of the first one, and the picture of it."""
+"""The overview of agents by environments, and the leader of the first one."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
-from ...files import clean_text
 from ...records.ranking import difference_of
 from ...scoring.statistics import PairedDifference
-from ...tables import Column, Table, columns_of
 from .entries import Entry, by_board
 from .order import short_name, simulated
 
 _NAMED = 3  # leaders
-_BARS = 5  # of the picture
-_WIDTH = 400  # of its longest bar
-_NAME = 24  # letters that fit beside the bars
 
 
 @dataclass(frozen=True)
@@ -50,17 +45,6 @@ class Overview:
         return [(name, count) for name, count in counts if count]
 
 
-@dataclass(frozen=True)
-class OverviewRow:
-    """A cell of the overview as a row of its file."""
-
-    agent: Annotated[str, Column()]
-    env: Annotated[str, Column()]
-    version: Annotated[str | None, Column()]
-    rank: Annotated[int | None, Column()]
-    error: Annotated[float | None, Column("bADE", "m", "lower")]
-
-
 def overview_of(entries: Sequence[Entry]) -> Overview:
     """The overview of ``entries`` of one version (from `entries_of`), the best of the first environment first."""
     boards = by_board(entries)
@@ -73,18 +57,6 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     return Overview(entries[0].version if entries else "", heads, rows)
 
 
-def overview_table(overviews: Sequence[Overview]) -> Table:
-    """A row per agent and environment."""
-    rows = [
-        OverviewRow(name, entry.env, entry.version or None, entry.rank, entry.error)
-        for overview in overviews
-        for name, row in overview.rows
-        for entry in row
-        if entry is not None
-    ]
-    return Table("overview", "All environments", "", rows, columns_of(OverviewRow))
-
-
 def _place(entry: Entry | None) -> tuple[float, float]:
     """Rank and error in one environment; a missing entry comes last."""
     if entry is None:
@@ -95,14 +67,9 @@ def _place(entry: Entry | None) -> tuple[float, float]:
     )
 
 
-def _ranked_first(entries: Sequence[Entry]) -> list[Entry]:
-    """The ranked entries of the first table."""
-    return [entry for entry in next(iter(by_board(entries).values()), []) if entry.rank is not None]
-
-
 def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, Any] | None:
     """Content of the head of the page: the leader of the first table; None where that has no ranks."""
-    ranked = _ranked_first(entries)
+    ranked = [entry for entry in next(iter(by_board(entries).values()), []) if entry.rank is not None]
     best = [entry for entry in ranked if entry.rank == 1]
     if not best:
         return None
@@ -125,7 +92,7 @@ def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, A
 
 
 def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
-    """A difference in words, above 0 whatever its direction, with its interval and p; None without an interval."""
+    """Size and direction of a difference in words, with its interval and p; None without an interval."""
     if difference is None or difference.interval is None:
         return None
     sign = -1 if difference.mean < 0 else 1
@@ -140,21 +107,3 @@ def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
 def p_value(p: float) -> str:
     """A p value with the sign of its relation."""
     return "< .001" if p < 0.001 else f"= {p:.3f}".replace("0.", ".", 1)
-
-
-def preview_rows(entries: Sequence[Entry]) -> dict[str, Any]:
-    """Content of the picture that other pages show of the leaderboard; no rows without a ranked entry."""
-    ranked = [entry for entry in _ranked_first(entries) if entry.error is not None][:_BARS]
-    most = max((entry.error or 0.0 for entry in ranked), default=0.0) or 1.0
-    return {
-        "env": short_name(entries[0].env) if entries else "",
-        "rows": [
-            {
-                "rank": entry.rank,
-                "name": clean_text(entry.name, _NAME),
-                "width": round(_WIDTH * (entry.error or 0.0) / most),
-                "error": f"{entry.error:.3f}",
-            }
-            for entry in ranked
-        ],
-    }

@@ -21,16 +21,14 @@ from .columns import COLUMN, PAGE, data_table
 from .drawings import WIDTH
 from .entries import LEVEL_TEXT, Entry, by_board
 from .lines import Ids, address_of, board_of, details_of
-from .overview import Overview, leader_of, overview_of, overview_table, preview_rows
+from .overview import leader_of, overview_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 _HERE = Path(__file__).parent
 SUFFIX = ".parts"  # of the folder beside a page
-_MARK = "overview.json"  # in every such folder
-MOST_ENTRIES, MOST_ROWS = 25, 266  # of a table, and of all tables, before more are asked for
-MOST_AGENTS = 60  # of an overview
+_MARK = "leaderboard.json"  # in every such folder
 _FURTHER = {
     "rank": ("#", "1 + the number of entries that are significantly better: sign-flip test over units, p below .05."),
     "name": ("submission", "Open it for its details. Below its name: authors, code and paper."),
@@ -62,26 +60,17 @@ def board_files(entries: Sequence[Entry], folder: str = "index.parts", guide: st
     ]  # fmt: skip
     known = {
         "parts": quote(folder), "boards": boards, "versions": versions, "ids": ids, "levels": LEVELS,
-        "most": _most([len(board["lines"]) for board in boards]),
     }  # fmt: skip
-    table = overview_table([overview for overview, _ in versions])
-    parts = {"preview.svg": _render("preview.svg", **preview_rows(entries))}
-    parts |= {"overview.csv": to_csv(table), _MARK: to_json(table)}
-    later = [_piece(_overview_key(o), "overview_rows.html", known, agents=o.rows[MOST_AGENTS:])
-             for o, _ in versions if len(o.rows) > MOST_AGENTS]  # fmt: skip
-    if later:
-        parts["overview.js"] = "".join(later)
+    parts = _table_files(entries, "leaderboard")
     for env_id in sorted({entry.env for entry in entries}):
-        data = data_table([entry for entry in entries if entry.env == env_id], env_id)
-        parts |= {f"{env_id}.csv": to_csv(data), f"{env_id}.json": to_json(data)}
+        parts |= _table_files([entry for entry in entries if entry.env == env_id], env_id)
         parts[f"{env_id}.js"] = "".join(_pieces(board, known) for board in boards if board["env"] == env_id)
     return BoardFiles(_page(entries, known, address_of(guide)), parts)
 
 
-def _most(lines: Sequence[int]) -> int:
-    """Number of lines of each table that are shown before more are asked for, of tables of so many ``lines``."""
-    fitting = (most for most in range(1, MOST_ENTRIES + 1) if sum(min(count, most) for count in lines) <= MOST_ROWS)
-    return max(fitting, default=1)
+def _table_files(entries: Sequence[Entry], name: str) -> dict[str, str]:
+    table = data_table(entries, name)
+    return {f"{name}.csv": to_csv(table), f"{name}.json": to_json(table)}
 
 
 def _page(entries: Sequence[Entry], known: dict[str, Any], guide: str | None) -> str:
@@ -94,7 +83,6 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], guide: str | None) ->
         further=_FURTHER,
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
-        most_agents=MOST_AGENTS,
         definitions=DEFINITIONS,
         latest=max((entry.record.measured.made for entry in entries), default=""),
         guide=guide,
@@ -106,23 +94,15 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], guide: str | None) ->
 
 
 def _pieces(board: dict[str, Any], known: dict[str, Any]) -> str:
-    """Pieces of a table that are loaded on demand: its later entries, and the details of each."""
-    later = board["lines"][known["most"] :]
-    pieces = [_piece(board["id"], "rows.html", known, board=board, lines=later)] if later else []
+    """The details of the entries of a table as calls that hand HTML to the page.
+
+    JSON in ASCII without "<" ends no script early.
+    """
+    pieces = []
     for line in board["lines"]:
-        pieces.append(_piece(line["id"], "entry.html", known, board=board, line=details_of(line, board)))
+        html = _render("entry.html", **known, board=board, line=details_of(line, board))
+        pieces.append(f"mtpBoard({json.dumps(line['id'])}, {json.dumps(html)});\n".replace("<", "\\u003c"))
     return "".join(pieces)
-
-
-def _overview_key(overview: Overview) -> str:
-    """Key of the later rows of an overview."""
-    return f"overview@{overview.version}" if overview.version else "overview"
-
-
-def _piece(key: str, template: str, known: dict[str, Any], **more: Any) -> str:
-    """A call that hands a piece of HTML to the page. JSON in ASCII without "<" ends no script early."""
-    html = _render(template, **known, **more)
-    return f"mtpBoard({json.dumps(key)}, {json.dumps(html)});\n".replace("<", "\\u003c")
 
 
 def _render(template: str, **content: Any) -> str:
@@ -150,9 +130,7 @@ def _policy(style: str, script: str) -> str:
 @cache
 def _templates() -> Environment:
     environment = templates_of(_HERE)
-    environment.globals.update(
-        width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, overview_key=_overview_key
-    )
+    environment.globals.update(width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE)
     environment.filters["number"] = lambda value, digits=3: Column(format=f".{digits}f").text(value)
     return environment
 

@@ -1,4 +1,4 @@
-"""Events of a run as a list: what happened when to whom, what its forecast was worth, and how to look at it."""
+"""List of the events of a run: time, object, tracks, error of the forecast, and a command that shows it."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ ORDERS = ("time", "cost")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
 SCENE_WIDTH = 20  # columns of names of scenes, so that those of the simulated ones can be copied in one piece
 CAPTION = (
-    "minADE: of the forecast made then, metres; – where the object is no target, or was not forecast. error: "
-    "min(minADE, c), c where it was not forecast: what the event costs. confidence: that of the forecast; of a run "
+    "minADE: of the forecast made then, metres; – where the object is not a target, or was not forecast. error: "
+    "min(minADE, c), c where it was not forecast: the cost of the event. confidence: that of the forecast; of a run "
     "of false forecasts (spurious) the highest. *: the old track is still output, outside the gate."
 )
 LOOK = (
@@ -29,7 +29,7 @@ LOOK = (
 
 @dataclass(frozen=True)
 class EventRow:
-    """One event and where it was."""
+    """One event with its scene."""
 
     scene: str
     seconds: float  # since the first frame
@@ -40,7 +40,7 @@ class EventRow:
 
 @dataclass
 class Tally:
-    """What was counted over scenes, listed or not."""
+    """Counts over scenes, of events that are listed and of others."""
 
     events: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
     wrong: int = 0  # losses whose old track is still output
@@ -63,7 +63,7 @@ def event_rows(
 ) -> list[EventRow]:
     """The events of a scene of these kinds, in the order of frames.
 
-    ``folder``, ``data`` and ``env``: how the run was named on the command line, to name it again.
+    ``folder``, ``data`` and ``env``: name of the run on the command line, for commands that show an event.
     """
     scene, time, classes = replay.scene.name, replay.scene.time, replay.card.task.classes
     return [
@@ -82,8 +82,8 @@ def event_rows(
 def in_order(rows: Sequence[EventRow], order: str) -> list[EventRow]:
     """The rows by ``order`` of ORDERS.
 
-    "cost": the largest error first; among equal ones that which rose most since the frame before, then the largest
-    minADE. What is no target costs nothing and comes last.
+    "cost": the largest error first; among equal ones the largest rise since the frame before, then the largest
+    minADE. Objects that are not targets cost nothing and come last.
     """
     return sorted(rows, key=_cost, reverse=True) if order == "cost" else list(rows)
 
@@ -98,17 +98,11 @@ def _cost(row: EventRow) -> tuple[float, float, float]:
 
 def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
     """The rows without all but the LONGEST longest runs of false forecasts of each scene."""
-    runs = sorted(
-        (row for row in rows if row.incident.kind == "spurious"),
-        key=lambda row: row.incident.until - row.incident.frame,
-        reverse=True,
-    )
+    runs = [row for row in rows if row.incident.kind == "spurious"]
     kept: dict[str, list[int]] = {}
-    for row in sorted(runs, key=lambda row: row.incident.until - row.incident.frame, reverse=True):
-        of_scene = kept.setdefault(row.scene, [])
-        if len(of_scene) < LONGEST:
-            of_scene.append(id(row))
-    return [row for row in rows if row.incident.kind != "spurious" or id(row) in kept[row.scene]]
+    for row in sorted(runs, key=lambda row: row.incident.frame - row.incident.until):
+        kept.setdefault(row.scene, []).append(id(row))
+    return [row for row in rows if row.incident.kind != "spurious" or id(row) in kept[row.scene][:LONGEST]]
 
 
 def event_table(rows: Sequence[EventRow]) -> RichTable:
@@ -121,7 +115,7 @@ def event_table(rows: Sequence[EventRow]) -> RichTable:
 
 
 def tally_line(tally: Tally, all_listed: bool) -> str:
-    """How many events there are, and whether all of them were listed."""
+    """Numbers of events, with a note where not all of them are listed."""
     count = tally.events
     switched, lost, back = count["ids"], count["lost"], count["reacquired"]
     text = (
@@ -131,7 +125,7 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
     if tally.complete:
         text += f"; {counted(tally.forecasts, 'false forecast')} in {counted(count['spurious'], 'run')}"
     else:
-        text += "; false forecasts are not known, for objects outside the truth exist"
+        text += "; false forecasts are not known, as there are objects outside the truth"
     text += f"; {counted(tally.scenes, 'scene')}"
     if not all_listed and count["spurious"]:
         text += (
@@ -141,7 +135,7 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
 
 
 def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str) -> dict[str, Any]:
-    """The list as a record that can be written as JSON."""
+    """Content of ``events --json``."""
     return {
         "env": env_id,
         "agent": agent,

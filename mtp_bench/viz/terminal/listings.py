@@ -9,13 +9,11 @@ from ...cards import Card
 from ...sources import DataStatus
 from .output import new_table
 
-WORDS = 28  # columns of text of a sentence, at least
-
 if TYPE_CHECKING:
     from rich.console import Group, RenderableType
     from rich.table import Table
 
-
+WORDS = 28  # columns of text of a sentence, at least
 FEW = 3  # classes that a cell names; `envs --json` names all
 
 
@@ -26,19 +24,14 @@ def env_table(cards: Sequence[Card]) -> Table:
     table.columns[-1].min_width = WORDS
     for card in cards:
         task = card.task
-        table.add_row(
-            card.id,
-            f"{task.rate:g} Hz",
-            f"{task.past} / {task.future}",
-            str(task.samples),
-            ", ".join(task.classes) if len(task.classes) <= FEW else str(len(task.classes)),
-            card.summary,
-        )
+        classes = ", ".join(task.classes) if len(task.classes) <= FEW else str(len(task.classes))
+        past_and_future = f"{task.past} / {task.future}"
+        table.add_row(card.id, f"{task.rate:g} Hz", past_and_future, str(task.samples), classes, card.summary)
     return table
 
 
 def data_report(statuses: Mapping[str, DataStatus]) -> Group:
-    """A row per environment; then, per dataset: where it is, what is missing or wrong, notes, licence and citation."""
+    """A row per environment; then, per dataset, its folder, missing and wrong files, notes, licence and citation."""
     from rich.console import Group
     from rich.padding import Padding
     from rich.text import Text
@@ -47,15 +40,15 @@ def data_report(statuses: Mapping[str, DataStatus]) -> Group:
     for env_id, status in statuses.items():
         datasets.setdefault(status.about.name, {})[env_id] = status
     parts: list[RenderableType] = [_status_table(statuses)]
-    for name, those in datasets.items():
+    for name, members in datasets.items():
         parts.append(Text(f"\n{name}", style="bold"))
-        parts += [Text(f"  {line}", no_wrap=True, overflow="ignore") for line in _lines(those)]  # a path stays whole
-        parts += [Padding(Text(line), (0, 0, 0, 2)) for line in _about(those)]
+        parts += [Text(f"  {line}", no_wrap=True, overflow="ignore") for line in _lines(members)]  # a path stays whole
+        parts += [Padding(Text(line), (0, 0, 0, 2)) for line in _about(members)]
     return Group(*parts)
 
 
 def status_json(status: DataStatus) -> dict[str, Any]:
-    """What was found of one environment's data, as a record that can be written as JSON."""
+    """State of one environment's data for ``data --json``."""
     return {
         "dataset": status.about.name,
         "root": None if status.root is None else str(status.root),
@@ -78,7 +71,7 @@ def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
 
 
 def _lines(statuses: Mapping[str, DataStatus]) -> list[str]:
-    """What was found of a dataset, each line once; one that does not hold for all of its environments names those."""
+    """Findings about a dataset, each once; a line that does not hold for all of its environments names those."""
     envs: dict[str, list[str]] = {}
     for env_id, status in statuses.items():
         for line in _found(status):

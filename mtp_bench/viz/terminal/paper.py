@@ -1,4 +1,4 @@
-"""The figures of the paper, to stand beside ours."""
+"""Numbers of the paper, shown beside ours."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ PAPER_SUBSETS: dict[Subset, str] = {"all": "all", "paper_ids": "ids", "paper_fra
 
 
 def paper_figures(env_id: str, row: Row) -> Figures:
-    """The paper's figures for the env and setting of ``row``; empty where it has none."""
+    """The paper's numbers for the env and setting of ``row``; empty where it has none."""
     return figures_of(env_id, row.agent, row.budget, row.hypotheses)
 
 
 def paper_gap(env_id: str, row: Row) -> float | None:
-    """What the agent of ``row`` closes of the gap on IDS in the paper, by minADE; None where it is not there."""
-    ends = [figures_of(env_id, agent, row.budget, 1).get("ids") for agent in ("truth_past", "stp")]
+    """Share of the gap on IDS that the agent of ``row`` closes in the paper, by minADE; None where it is not there."""
+    truth, stp = (figures_of(env_id, agent, row.budget, 1).get("ids") for agent in ("truth_past", "stp"))
     own = paper_figures(env_id, row).get("ids")
-    if own is None or ends[0] is None or ends[1] is None:
+    if own is None or truth is None or stp is None:
         return None
-    return (ends[1][0] - own[0]) / (ends[1][0] - ends[0][0])
+    return (stp[0] - own[0]) / (stp[0] - truth[0])
 
 
 def shipped_env(report: Report) -> str:
-    """The env whose figures may stand beside those of ``report``; empty where its card is not the shipped one."""
+    """The env whose numbers are comparable with those of ``report``; empty where its card is not the shipped one."""
     return unchanged(report.env, report.condition.get("card"))
 
 
 def unchanged(env_id: str, digest: str | None) -> str:
-    """``env_id``, or nothing where a card of this ``digest`` is not the one that ships.
+    """``env_id``; empty where a card of this ``digest`` is not the one that ships.
 
-    Scenes, a split or detections of one's own keep the name of the env, not its content.
+    Own scenes, another split and other detections keep the name of the env, not its content.
     """
     return env_id if env_id not in card_ids() or digest in (None, load_card(env_id).digest) else ""
 
@@ -54,7 +54,7 @@ def paper_facts(env_id: str, name: str) -> dict[str, Any]:
 
 
 def figures_of(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:
-    """The paper's figures for an env and an agent: "truth_past", "stp" or "mtp"; empty where it has none."""
+    """The paper's numbers for an env and an agent, "truth_past", "stp" or "mtp"; empty where it has none."""
     paper = _paper()
     figures: Any = paper.get(paper["dataset"].get(env_id, ""), {}).get(agent, {})
     if agent == "mtp":

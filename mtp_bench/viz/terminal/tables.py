@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from ...running.compare import AtThreshold
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS
-from ...scoring.rows import Clear, Details, PairedRow, Row, Setting
+from ...scoring.rows import AgentSetting, Clear, Details, PairedRow, Row
 from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
@@ -51,7 +51,7 @@ _main_row: Callable[..., MainRow] = MainRow
 
 
 @dataclass(frozen=True)
-class Line:
+class AgentLine:
     """An agent in one setting: its rows by subset, and its details."""
 
     rows: dict[Subset, Row]
@@ -90,7 +90,7 @@ def data_table(report: Report) -> Table:
 
 def full_tables(report: Report) -> Iterator[Table]:
     """All tables but the main one."""
-    lines = [Line(block, details) for block, details in zip(blocks_of(report), report.details, strict=True)]
+    lines = [AgentLine(block, details) for block, details in zip(blocks_of(report), report.details, strict=True)]
     equal = [line for line in lines if line.details.budget == "equal"] or lines
     known = {column.key: column for column in _row_columns(report)}
     subsets = list(lines[0].rows.values()) if lines else []
@@ -111,46 +111,48 @@ def full_tables(report: Report) -> Iterator[Table]:
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
     parts = [_on(column, "all") for column in known.values() if column.key in _MADE_OF or column.optional]
     yield _lines_table("What the error is made of (all targets, m)", lines, parts)
-    others = [_read(column, lambda line: line.details) for column in columns_of(Details)[len(columns_of(Setting)) :]]
+    others = [
+        _read(column, lambda line: line.details) for column in columns_of(Details)[len(columns_of(AgentSetting)) :]
+    ]
     title = "Other numbers (all targets; forecasts and false ones per live frame)"
     yield _lines_table(title, lines, [*others, _on(known["ms_per_frame"], "all")])
     yield _lines_table("Tracking of the first seed", lines, _tracking_columns())
     yield from _detail_tables(report, equal)
 
 
-def _detail_tables(report: Report, lines: Sequence[Line]) -> Iterator[Table]:
+def _detail_tables(report: Report, lines: Sequence[AgentLine]) -> Iterator[Table]:
     """Reliability, curve and bins, whose columns depend on what was measured."""
     if any(line.details.reliability for line in lines):
         ranges = [_number(f"{i / 10:g}-", _matched_share(i)) for i in range(10)]
-        yield _lines_table("Share of forecasts that are of a true object, by confidence", lines, ranges, _NAMES[:2])
+        yield _lines_table("Share of forecasts that are of a true object, by confidence", lines, ranges, 2)
     curve = next((line.details.curve for line in lines if line.details.curve), [])
     if curve:
         places = sorted({round(i * (len(curve) - 1) / (_POINTS - 1)) for i in range(_POINTS)})
         complete = report.condition.get("truth", "complete") == "complete"
         what = "false forecasts per target" if complete else "forecasts per live frame"
         points = [_number(f"{curve[i][0]:.3g}", _curve_error(i)) for i in places]
-        yield _lines_table(f"bADE (m) by {what}", lines, points, _NAMES[:2])
+        yield _lines_table(f"bADE (m) by {what}", lines, points, 2)
     for by in ("distance", "class", "motion"):
         bins = [[part for part in line.details.bins if part.by == by] for line in lines]
         if bins and bins[0]:
             names = ["\n".join([*wrap(b.bin.replace("_", " "), 8), str(b.errors.targets)]) for b in bins[0]]
             columns = [_number(name, _bin_error(by, place)) for place, name in enumerate(names)]
-            yield _lines_table(f"bADE (m) by {by}, targets", lines, columns, _NAMES[:2])
+            yield _lines_table(f"bADE (m) by {by}, targets", lines, columns, 2)
 
 
-def _matched_share(place: int) -> Callable[[Line], Value]:
-    def read(line: Line) -> Value:
+def _matched_share(place: int) -> Callable[[AgentLine], Value]:
+    def read(line: AgentLine) -> Value:
         parts = [part.matched for part in line.details.reliability if min(int(10 * part.confidence), 9) == place]
         return parts[-1] if parts else None
 
     return read
 
 
-def _curve_error(place: int) -> Callable[[Line], Value]:
+def _curve_error(place: int) -> Callable[[AgentLine], Value]:
     return lambda line: line.details.curve[place][1]
 
 
-def _bin_error(by: str, place: int) -> Callable[[Line], Value]:
+def _bin_error(by: str, place: int) -> Callable[[AgentLine], Value]:
     return lambda line: [part for part in line.details.bins if part.by == by][place].errors.error
 
 
@@ -198,33 +200,32 @@ def _of_all(column: Column) -> Column:
 _NAMES = [_of_all(column) for column in columns_of(Row)[:3]]
 
 
-def _lines_table(title: str, lines: Sequence[Line], columns: Sequence[Column], names: Sequence[Column] = ()) -> Table:
-    """A row per agent and setting."""
-    name = title.split(" (", maxsplit=1)[0].lower().replace(" ", "_")
-    return Table(name, title, "", lines, [*(names or _NAMES), *columns])
+def _lines_table(title: str, lines: Sequence[AgentLine], columns: Sequence[Column], names: int = 3) -> Table:
+    """A row per agent and setting; ``names``: number of columns that name it."""
+    return Table(title, title, "", lines, [*_NAMES[:names], *columns])
 
 
 def _on(column: Column, subset: Subset, heading: str = "") -> Column:
     """A column of rows as one of lines, on one subset."""
     key = column.key if subset == "all" else f"{subset}_{column.key}"
-    read: Callable[[Line], Value] = lambda line: column.value(line.rows[subset])  # noqa: E731
+    read: Callable[[AgentLine], Value] = lambda line: column.value(line.rows[subset])  # noqa: E731
     return replace(column, key=key, heading=heading or column.heading, read=read, optional=False)
 
 
-def _read(column: Column, part_of: Callable[[Line], Any]) -> Column:
+def _read(column: Column, part_of: Callable[[AgentLine], Any]) -> Column:
     """A column of a part of a line as one of lines."""
     return replace(column, read=lambda line: column.value(part_of(line)))
 
 
-def _number(heading: str, read: Callable[[Line], Value]) -> Column:
+def _number(heading: str, read: Callable[[AgentLine], Value]) -> Column:
     return Column(heading, key=heading.replace("\n", " "), read=read)
 
 
-def _text(heading: str, read: Callable[[Line], str]) -> Column:
+def _text(heading: str, read: Callable[[AgentLine], str]) -> Column:
     return Column(heading, "m", key=heading, read=read)
 
 
-def _displacements(subset: Subset) -> Callable[[Line], str]:
+def _displacements(subset: Subset) -> Callable[[AgentLine], str]:
     return lambda line: f"{short(line.rows[subset].minADE)}/{short(line.rows[subset].minFDE)}"
 
 
@@ -238,7 +239,7 @@ def _tracking_columns() -> list[Column]:
     ]
 
 
-def _own_events(line: Line) -> str:
+def _own_events(line: AgentLine) -> str:
     """Own switches, losses and re-acquisitions; a star where the lineage of hypotheses was guessed, see `notes`."""
     events = "/".join(str(line.details.own_events[kind]) for kind in EVENTS)
     return events + ("*" if line.details.guessed_parents else "")
