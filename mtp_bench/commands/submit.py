@@ -71,9 +71,7 @@ class Every:
 
     everything: Annotated[
         bool,
-        typer.Option(
-            "--all", help="Every baseline on every environment, or those of --env; finished records are kept."
-        ),
+        typer.Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones."),
     ] = False
     minutes: Annotated[
         float | None, typer.Option(min=0, help="With --all: begin no further record after this time.")
@@ -84,9 +82,7 @@ class Every:
 class Restart:
     """Treatment of an earlier submit: of its finished scenes, and of its record."""
 
-    resume: Annotated[bool, typer.Option("--resume", help="Continue with the scenes that were finished before.")] = (
-        False
-    )
+    resume: Annotated[bool, typer.Option("--resume", help="Continue with scenes that were finished before.")] = False
     fresh: Annotated[bool, typer.Option("--fresh", help="Discard the scenes that were finished before.")] = False
     force: Annotated[
         bool, typer.Option("--force", help="Replace a finished record also by a smaller one, or one that cannot rank.")
