@@ -94,7 +94,7 @@ class Checked:
 
     @property
     def on_hidden(self) -> bool:
-        """Whether its numbers are those of hidden scenes."""
+        """True if its numbers are those of hidden scenes."""
         return self.signed is not None and self.signed.hidden is not None
 
     @property

@@ -1,4 +1,4 @@
-"""Canonical JSON, its digests and its differences: equal contents have equal bytes, whatever wrote them."""
+"""Canonical JSON, its digests and its differences: equal contents have equal bytes."""
 
 from __future__ import annotations
 

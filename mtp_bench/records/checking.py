@@ -74,7 +74,7 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> SubmissionC
 
 
 def _unsafe(run: SceneRun) -> bool:
-    """Whether the agent hung, broke the rules or ended its process."""
+    """True if the agent hung, broke the rules or ended its process."""
     return run.status in ("hung", "rejected") or (run.status == "crashed" and run.reason.startswith("the process "))
 
 

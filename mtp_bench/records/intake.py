@@ -126,14 +126,14 @@ def _files(root: Path) -> set[Path]:
 
 
 def _same(path: Path, other: Path) -> bool:
-    """Whether both are files of equal content."""
+    """True if both are files of equal content."""
     if not other.is_file() or path.stat().st_size != other.stat().st_size:
         return False
     return path.read_bytes() == other.read_bytes()
 
 
 def _outdated_level(name: Path, root: Path, trust: Trust) -> bool:
-    """Whether a removed file was the level of a record that changes."""
+    """True if a removed file was the level of a record that changes."""
     record = name.with_name(name.name.removesuffix(LEVEL_SUFFIX) + ".json")
     proposed = root / record
     return name.name.endswith(LEVEL_SUFFIX) and proposed.is_file() and not _same(proposed, trust.folder / record)

@@ -175,14 +175,14 @@ class MissedPart(Section):
 
 
 class IsolationPart(Section):
-    """How the agent was sandboxed, the weakest over all runs; as `gateway.Isolation`."""
+    """The sandbox of the agent, the weakest over all runs; as `gateway.Isolation`."""
 
     mechanism: Mechanism
     memory: Literal["cgroup", "watch"]
 
     @property
     def sandboxed(self) -> bool:
-        """Whether the agent could not reach truth, network and other processes."""
+        """True if the agent could not reach truth, network and other processes."""
         return self.mechanism != "none"
 
 

@@ -55,7 +55,7 @@ class Verification:
 
     @property
     def holds(self) -> bool:
-        """Whether there is no difference."""
+        """True if there is no difference."""
         return not self.differences
 
 

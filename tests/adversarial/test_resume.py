@@ -288,7 +288,7 @@ def test_what_was_begun_is_not_lost_unasked(
 ) -> None:
     found = count_parts(begun)
     said = cli(*command).error
-    assert said.startswith(f"{begun.with_suffix('.part')} holds {found} finished scenes of a submit that did not end")
+    assert said.startswith(f"{begun.with_suffix('.part')} holds {found} finished scenes of an interrupted submit")
     assert "--resume" in said
     assert "--fresh" in said
     assert count_parts(begun) == found
@@ -334,9 +334,9 @@ def test_parts_of_another_version_are_run_again(
     part = begun.with_suffix(".part") / "seed-0" / "0001.npz"
     arrays = read_arrays(part)
     assert arrays is not None
-    said = json.loads(str(arrays["said"]))
+    said = json.loads(str(arrays["run"]))
     said["isolation"]["filtered"] = True
-    write_arrays(part, {**{k: v for k, v in arrays.items() if k != "said"}, "said": np.array(json.dumps(said))})
+    write_arrays(part, {**{k: v for k, v in arrays.items() if k != "run"}, "run": np.array(json.dumps(said))})
     cli.ok(*command, "--resume")
     assert load_record(begun).digest == undisturbed
 

@@ -97,37 +97,19 @@ def test_one_server_serves_a_submission(court: Court) -> None:
     assert not first.running
 
 
-HELD = {
-    "no rights": ("dict(l.split(':', 1) for l in open('/proc/self/status'))", "CapEff", "0000000000000000"),
-    "none to come": ("dict(l.split(':', 1) for l in open('/proc/self/status'))", "CapBnd", "0000000000000000"),
-    "no new ones": ("dict(l.split(':', 1) for l in open('/proc/self/status'))", "NoNewPrivs", "1"),
-    "a filter": ("dict(l.split(':', 1) for l in open('/proc/self/status'))", "Seccomp", "2"),
-}
-
-
-@pytest.mark.parametrize(("table", "key", "expected"), HELD.values(), ids=HELD)
-def test_a_fork_is_held(court: Court, table: str, key: str, expected: str) -> None:
-    assert said(court, f"said = {table}[{key!r}].strip()") == expected
-
-
-FACTS = {
-    "it is the first of its processes": ("(os.getpid(), os.getppid())", "(1, 0)"),
-    "it sees no other": ("sorted(n for n in os.listdir('/proc') if n.isdigit())", "['1']"),
-    "it holds two pipes and three streams": ("len(os.listdir('/proc/self/fd')) - 1", "5"),
-    "no socket": (
-        "[n for n in os.listdir('/proc/self/fd') if 'socket' in os.path.realpath(f'/proc/self/fd/{n}')]", "[]",
-    ),
+FACTS = {  # that `tests/adversarial/test_escapes.py` does not look at
+    "no parent is seen": ("os.getppid()", "0"),
     "its folder is empty": ("sorted(set(os.listdir('/tmp')) - {'kernels'})", "[]"),
     "no memory that forks share": (
         "[l for l in open('/proc/self/maps') if l.split()[1][1] == 'w' and l.split()[1][3] == 's']", "[]",
     ),
     "no network": ("[l.split(':')[0].strip() for l in open('/proc/net/dev')][2:]", "['lo']"),
-    "what started it is not told": ("len(sys.argv)", "3"),
+    "no arguments of the server": ("len(sys.argv)", "3"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize(("asks", "expected"), FACTS.values(), ids=FACTS)
-def test_what_a_fork_sees(court: Court, asks: str, expected: str) -> None:
+def test_a_fork_sees(court: Court, asks: str, expected: str) -> None:
     assert said(court, f"said = str({asks})") == expected
 
 

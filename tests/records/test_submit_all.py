@@ -74,7 +74,7 @@ def test_scenes_that_were_cut_short_are_a_failure(tmp_path: Path) -> None:
 
     cut = {"late": 0, "malformed": 0, "crashed_scenes": 1, "reasons": {"0/a": "crashed: no"}}
     line = line_of(write_record(1.0, 2.0, missed=cut))
-    assert (line.outcome, line.note) == ("failed", "1 of 6 scenes and seeds were cut short: crashed: no")
+    assert (line.outcome, line.note) == ("failed", "1 of 6 scenes and seeds were not finished: crashed: no")
     assert line_of(write_record(1.0, 2.0)).outcome == "made"
 
 
@@ -127,7 +127,7 @@ def test_without_data_the_reason_says_so(cli: CommandLine, tmp_path: Path, card:
 def test_no_record_is_begun_after_the_time(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
     done = cli("submit", "--all", "--env", card, "--data", kitti, "--minutes", 0, "-o", tmp_path)
     assert done.status == 0
-    assert "left: the same command goes on" in done.out
+    assert "left: the same command continues" in done.out
     assert not list(tmp_path.iterdir())
 
 
