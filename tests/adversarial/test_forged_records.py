@@ -687,7 +687,7 @@ def with_nan(proposal: Path, _: Path) -> None:
 
 NEWCOMER = Path("records", "newcomer", f"{MAIN}.json")
 OWNED = '[owners]\nnewcomer = "ada"\n'
-OLD = {"versions": {"mtp-bench": "0.2.0"}}
+OLD: Content = {"versions": {"mtp-bench": "0.2.0"}}
 PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a level": (
         writes(f"records/newcomer/{MAIN}.level.json", "{}"),

@@ -62,7 +62,7 @@ def state_of(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def resign(path: Path, change: Callable[[Content], None]) -> None:
+def resign(path: Path, change: Callable[[Content], Any]) -> None:
     """Change a record and give it the digest of its new content, as a forger would."""
     content = json.loads(path.read_text())
     change(content)
