@@ -1,50 +1,60 @@
-"""The files of a submission: which they are, what is refused among them, and the digest over all of them."""
+"""Files of a submission: their list, the digest over all of them, and the import of its code.
+
+Code is imported as a package named after path and source: two submissions may have the same file names, edited code is
+imported anew, and modules of one folder import each other relatively (``from .model import Net``). Compiled code in
+``__pycache__`` would run in place of the sources, and no digest covers it: it is neither read nor written.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
+from types import CodeType, ModuleType
 
 from ..errors import SubmissionError
 from ..files import file_digest, file_kind
 
-FOLDERS = ("__pycache__", ".git")  # what tools leave behind: no part of a submission
+FOLDERS = ("__pycache__", ".git")  # made by tools: not part of a submission
 MOST_BYTES = 2 << 30  # of all files together
 MOST_FILES = 10_000
-MOST_DEPTH = 32  # of folders in each other
+MOST_DEPTH = 32  # of nested folders
+PREFIX = "mtp_submission_"
 
 
 def files_of(folder: Path) -> list[Path]:
-    """Files of the submission in ``folder``, sorted by name; what lies in FOLDERS is not part of it.
+    """Files of the submission in ``folder``, sorted by name, without those in FOLDERS. No file is opened.
 
-    Nothing is opened. Raises SubmissionError, naming the file, for links, FIFOs, sockets and devices, for a file with
-    the name of one of FOLDERS, for a name that is no text, and for more than MOST_FILES or MOST_BYTES.
+    Raises SubmissionError, naming the file, for links, FIFOs, sockets and devices, for a file with the name of one of
+    FOLDERS, for a name that is not UTF-8, and for more than MOST_FILES or MOST_BYTES.
     """
-    found: list[Path] = []
+    paths: list[Path] = []
     size = 0
     for entry in _entries(folder, 0):
         size += entry.stat(follow_symlinks=False).st_size
-        found.append(Path(entry.path))
-        if len(found) > MOST_FILES:
+        paths.append(Path(entry.path))
+        if len(paths) > MOST_FILES:
             raise SubmissionError(
-                f"{folder}: more than {MOST_FILES} files, expected at most so many: leave out what the agent does not "
-                "need, such as data and environments"
+                f"{folder}: more than {MOST_FILES} files, the limit: leave out files that the agent does not need, "
+                "such as data and environments"
             )
         if size > MOST_BYTES:
             raise SubmissionError(
                 f"{folder}: its files have {size / 2**30:.1f} GiB or more ({entry.name} among them), expected at most "
-                f"{MOST_BYTES >> 30} GiB: leave out what the agent does not need"
+                f"{MOST_BYTES >> 30} GiB: leave out files that the agent does not need"
             )
-    return sorted(found)
+    return sorted(paths)
 
 
 def digest_of(folder: Path, files: Iterable[Path], networks: Mapping[str, str] | None = None) -> str:
-    """Hex sha256 over names and contents of ``files`` of ``folder``; SubmissionError for one that cannot be read.
+    """Hex sha256 over names and contents of ``files`` of ``folder``; SubmissionError for an unreadable one.
 
-    ``networks``: names and hex sha256 of weights that lie elsewhere. Theirs begin with a slash, as no name of a file
-    of the folder does.
+    ``networks``: names and hex sha256 of weights outside of the folder. Their names begin with a slash, unlike those of
+    files of the folder.
     """
     total = hashlib.sha256()
     for path in files:
@@ -58,10 +68,53 @@ def digest_of(folder: Path, files: Iterable[Path], networks: Mapping[str, str] |
     return total.hexdigest()
 
 
+def import_from(folder: Path, module: str, name: str) -> ModuleType:
+    """Module ``module`` of the submission ``name`` in ``folder``; raises SubmissionError if the import fails."""
+    if _Finder not in sys.meta_path:
+        sys.meta_path.insert(0, _Finder)
+    sources = [path for path in files_of(folder) if path.suffix == ".py"]
+    package = PREFIX + hashlib.sha256(f"{folder} {digest_of(folder, sources)}".encode()).hexdigest()[:16]
+    if package not in sys.modules:
+        sys.modules[package] = ModuleType(package)
+        sys.modules[package].__path__ = [str(folder)]
+    importlib.invalidate_caches()
+    try:
+        return importlib.import_module(f"{package}.{module}")
+    except (Exception, SystemExit) as error:
+        hint = ""
+        if isinstance(error, ModuleNotFoundError) and (folder / f"{error.name}.py").is_file():
+            hint = f"; {error.name}.py is a file of the submission: write `from .{error.name} import ...`"
+        raise SubmissionError(f"{name}: importing {module}.py failed: {type(error).__name__}: {error}{hint}") from error
+
+
+class _SourceLoader(SourceFileLoader):
+    """Compiles the source at every import."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        path = self.get_filename(fullname)
+        return self.source_to_code(self.get_data(path), path)
+
+
+class _Finder:
+    """Finds the modules of all submissions."""
+
+    @staticmethod
+    def find_spec(name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        if not name.startswith(PREFIX) or path is None:
+            return None
+        if any(part in FOLDERS for part in name.split(".")):
+            raise ModuleNotFoundError(f"{name.rsplit('.', maxsplit=1)[-1]} is not part of a submission", name=name)
+        spec = PathFinder.find_spec(name, path, target)
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = _SourceLoader(spec.loader.name, spec.loader.path)
+            spec.cached = None
+        return spec
+
+
 def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
-    """Regular files below ``folder``, each looked at before it is used."""
+    """Regular files below ``folder``, each checked before it is used."""
     if depth > MOST_DEPTH:
-        raise SubmissionError(f"{folder}: folders are nested deeper than {MOST_DEPTH} levels, expected at most so many")
+        raise SubmissionError(f"{folder}: folders are nested deeper than {MOST_DEPTH} levels, the limit")
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
@@ -74,17 +127,17 @@ def _entries(folder: Path, depth: int) -> Iterator[os.DirEntry[str]]:
 
 
 def _is_folder(entry: os.DirEntry[str]) -> bool:
-    """Whether it is a folder of the submission; raises SubmissionError for what a submission cannot hold."""
+    """True for a folder of the submission; raises SubmissionError for an entry that a submission cannot hold."""
     try:
         entry.name.encode()
     except UnicodeEncodeError:
         shown = ascii(entry.path.encode(errors="surrogateescape"))[1:]
-        raise SubmissionError(f"{shown}: its name is not UTF-8, expected one that is: rename it") from None
+        raise SubmissionError(f"{shown}: its name is not UTF-8: rename it") from None
     kind = file_kind(entry.stat(follow_symlinks=False).st_mode)
     if kind == "link":
-        to = "folder" if Path(entry.path).is_dir() else "file"
+        target = "folder" if Path(entry.path).is_dir() else "file"
         raise SubmissionError(
-            f"{entry.path} is a link to a {to}; a submission holds its files itself: copy what it links to"
+            f"{entry.path} is a link to a {target}; a submission holds its files itself: copy the {target}"
         )
     if kind not in ("", "folder"):
         raise SubmissionError(f"{entry.path} is a {kind}, expected files and folders only: remove it")

@@ -15,51 +15,36 @@ from typing import TYPE_CHECKING, Any
 
 from .._bundle import baseline_names, bundled
 from ..errors import MtpBenchError, SubmissionError, UnknownNameError
-from .contents import digest_of, files_of
-from .importing import import_from
-from .manifest import MANIFEST, CompareSection, Role, read_manifest
+from .contents import digest_of, files_of, import_from
+from .manifest import MANIFEST, Manifest, Role, read_manifest
 
 if TYPE_CHECKING:
     from ..agent import Agent
     from ..types import Task
 
-ON_SCORED = "trained on scored scenes"  # how a note on what was ends
+ON_SCORED = "trained on scored scenes"  # ends the notes of `Submission.note_on`
 
 
-@dataclass(frozen=True)
-class Submission:
-    """A submission that was read, with its code not yet imported."""
+class Submission(Manifest):
+    """The manifest of a submission and its folder; the code is imported when an agent is built."""
 
-    name: str
-    authors: tuple[str, ...]
     path: Path  # absolute
-    agent: str  # "module:function", relative to the folder
-    description: str = ""
-    source: str = ""  # URL of its code
-    commit: str = ""  # hex, of its code
-    paper: str = ""  # URL of what describes it
-    license: str = ""  # of its code, as SPDX names it
-    training_data: tuple[str, ...] = ()  # what it was trained or fitted on, in words
-    trained_on_scored: dict[str, str] = field(default_factory=dict)  # env id -> what was fitted on scenes it scores
-    networks: tuple[str, ...] = ()  # whose weights it takes from those trained on the machine where it runs
-    parameters: dict[str, Any] = field(default_factory=dict)
-    compare: CompareSection = field(default_factory=CompareSection)
 
     @cached_property
     def digest(self) -> str:
-        """The sha256 over names and contents of all files of the folder; see `contents` for what counts."""
+        """Sha256 over names and contents of all files of the folder; see `contents`."""
         return digest_of(self.path, files_of(self.path))
 
     def note_on(self, env_id: str) -> str | None:
-        """What tables and records say beside scores in an env: what was trained on the scenes that it scores."""
-        what = self.trained_on_scored.get(env_id)
-        return None if what is None else f"{what} {ON_SCORED}"
+        """Note on the parts that were trained on the scenes that an env scores; None without any."""
+        parts = self.trained_on_scored.get(env_id)
+        return None if parts is None else f"{parts} {ON_SCORED}"
 
     def build(self, task: Task, **overrides: Any) -> Agent:
         """A new agent for ``task``; ``overrides`` win over the parameters of the manifest.
 
-        Raises SubmissionError if the code cannot be imported or what it builds is no agent, and UnknownNameError for
-        a parameter that the build function does not take.
+        Raises SubmissionError if the code cannot be imported or the built object is not an agent, and UnknownNameError
+        for a parameter that the build function does not take.
         """
         function = self._function()
         parameters = {**self.parameters, **overrides}
@@ -82,9 +67,9 @@ class Submission:
         module = import_from(self.path, module_name, self.name)
         function = getattr(module, name, None)
         if not callable(function):
-            found = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
+            names = [key for key, value in vars(module).items() if callable(value) and not key.startswith("_")]
             file = f"{self.path.name}/{module_name}.py"
-            raise UnknownNameError(f"function of {file}", name, found, f"the name behind ':' in agent of {MANIFEST}")
+            raise UnknownNameError(f"function of {file}", name, names, f"the name behind ':' in agent of {MANIFEST}")
         return function  # type: ignore[no-any-return]
 
 
@@ -103,13 +88,13 @@ class SubmissionFactory:
 def load_submission(name: str | Path) -> Submission:
     """Read the submission in folder ``name``, or the baseline of that name.
 
-    Raises UnknownNameError for a name that no baseline has, and SubmissionError for a path that is no such folder and
-    for a manifest that is wrong, naming the key.
+    Raises UnknownNameError for a name that no baseline has, SubmissionError for another path, and for a manifest that
+    is wrong, naming the key.
     """
     if not isinstance(name, (str, os.PathLike)):
         raise SubmissionError(f"the submission is {name!r}, expected its folder or the name of a baseline")
     path = _find(name)
-    return Submission(path=path, **dict(read_manifest(path)))
+    return Submission.model_construct(path=path, **dict(read_manifest(path)))
 
 
 @cache
@@ -130,7 +115,7 @@ def _find(name: str | Path) -> Path:
 
 
 def _not_found(text: str, path: Path) -> MtpBenchError:
-    """What is wrong with ``text``, which names no baseline and whose ``path`` is no folder of a submission."""
+    """The error for ``text``, which is not a baseline and whose ``path`` is not the folder of a submission."""
     if path.is_dir():
         return SubmissionError(f"{path}: no {MANIFEST} in this folder")
     if path.is_file():
@@ -138,20 +123,22 @@ def _not_found(text: str, path: Path) -> MtpBenchError:
         expected = f"name its folder, {path.parent}" if inside else f"expected a folder with {MANIFEST}"
         return SubmissionError(f"{path} is a file: {expected}")
     if "," in text:
-        return SubmissionError(f"{text!r} is no submission: put blanks between agents, not commas")
+        return SubmissionError(f"{text!r} is not a submission: put blanks between agents, not commas")
     if "/" in text or os.sep in text:
         return SubmissionError(f"{text}: no such folder, expected one with {MANIFEST}")
     return UnknownNameError("submission", text, baseline_names(), f"name a baseline, or a folder with {MANIFEST}")
 
 
 def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, Any]) -> None:
-    takes = list(inspect.signature(function).parameters.values())
-    if not takes:
-        raise SubmissionError(f"{name}: {function.__name__} takes nothing, expected the task as its first parameter")
-    parameters = takes[1:]
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
+    signature = list(inspect.signature(function).parameters.values())
+    if not signature:
+        raise SubmissionError(
+            f"{name}: {function.__name__} takes no parameters, expected the task as its first parameter"
+        )
+    kinds = {parameter.kind for parameter in signature[1:]}
+    if inspect.Parameter.VAR_KEYWORD in kinds:
         return
-    known = {parameter.name: parameter for parameter in parameters if parameter.kind is not parameter.VAR_POSITIONAL}
+    known = {each.name: each for each in signature[1:] if each.kind is not each.VAR_POSITIONAL}
     for key in given:
         if key not in known:
             raise UnknownNameError(

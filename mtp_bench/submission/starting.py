@@ -1,4 +1,4 @@
-"""Begin a submission: a folder with an agent that works, made from the template."""
+"""Start a submission: a folder with a working agent, made from the template."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ FILES = (MANIFEST, "agent.py", "README.md")
 def new_submission(name: str, parent: Path) -> Path:
     """Folder ``parent / name`` with the template under this name.
 
-    Raises SubmissionError for a name that a manifest could not have or a baseline has, for a folder that exists, and
-    MtpBenchError where nothing can be written.
+    Raises SubmissionError for an invalid name or that of a baseline, for a folder that exists, and MtpBenchError if it
+    cannot be written.
     """
     if not re.fullmatch(NAME_PATTERN, name) or len(name) > MOST_NAME or name.endswith(BESIDE_RECORDS):
         near = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MOST_NAME] or "mine"
         raise SubmissionError(
-            f"{name!r} is no name for a submission: expected at most {MOST_NAME} lower-case letters, digits and _ . - "
-            f"after a letter or a digit, without {' or '.join(BESIDE_RECORDS)} at the end, such as {near!r}"
+            f"{name!r} is not a name for a submission: expected at most {MOST_NAME} lower-case letters, digits and "
+            f"_ . - after a letter or a digit, without {' or '.join(BESIDE_RECORDS)} at the end, such as {near!r}"
         )
     if name in baseline_names():
         raise SubmissionError(f"{name!r} is the name of a baseline, which commands would take instead: choose another")

@@ -1,4 +1,4 @@
-"""The conformance suite, for outsiders too: does an agent keep the contract, does a card make a sound env?
+"""Conformance suite for agents and cards.
 
 ::
 

@@ -1,4 +1,4 @@
-"""`check_agent`: does an agent keep the contract, and what would it cost it not to?"""
+"""`check_agent`: checks of the contract of an agent, under ordinary and extreme conditions."""
 
 from __future__ import annotations
 
@@ -7,16 +7,27 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from ..env.environment import MTPEnv
-from ..errors import MtpBenchError, UnknownNameError
-from ..running.run import MakeAgent
-from ..scoring import mean_plain_error
-from .findings import AgentError, Finding
-from .playing import Suite, another_clock, first_difference, play, score_of
-from .stress_checks import extremes, latency, other_sizes, unmoved
+import numpy as np
 
-SCENES = 2  # that are checked unless named
+from ..env.environment import MTPEnv
+from ..env.observation import Feed
+from ..errors import MtpBenchError, UnknownNameError
+from ..running.run import MakeAgent, agent_task
+from ..scoring import mean_plain_error
+from ..types import Observation, Task, starts_of
+from .findings import AgentError, Finding
+from .playing import Suite, another_clock, first_difference, play, play_made_up, score_of
+
+Findings = Iterator[Finding]
+SCENES = 2  # checked unless scenes are named
 LARGEST_PICKLE = 1 << 20  # bytes
+MOTION_TOLERANCE = 0.05  # of the score, for the rounding of forecasts and for draws along the axes
+_FEW = 6  # frames that show if other sizes work
+_SMALL = {"detections": 4, "tracks": 3, "objects": 2, "hypotheses": 1, "samples": 1}
+_MORE = {"detections": 9, "tracks": 7, "objects": 5, "hypotheses": 3, "samples": 2}
+_SPACING = 6.0  # m between detections
+_SPEED = 2.0  # m/s along x
+_FULL = np.array([False, True, True, True, False, False, True])
 
 
 def check_agent(
@@ -26,15 +37,15 @@ def check_agent(
     env_keywords: dict[str, Any] | None = None,
     seed: int = 0,
 ) -> list[Finding]:
-    """What the checks of an agent found, one "ok" for each that found nothing; an agent passes without an "error".
+    """Findings of all checks of an agent, with an "ok" for each check that passes; an "error" means that it fails.
 
     ``make_agent`` takes a task and returns an agent, as ``load_submission(path).build`` does. It plays the first two
     ``scenes`` of the env ``env_id``, or those named, several times: to the end, again, after another scene, in other
-    sizes, with overwritten observations, turned and shifted, and frames with no and with as many detections as fit.
-    Whatever the agent raises becomes a finding. ``env_keywords`` are further keywords of the env (``data``), ``seed``
+    sizes, with overwritten observations, turned and shifted, and frames without detections and full of them.
+    Exceptions of the agent become findings. ``env_keywords`` are further keywords of the env (``data``), ``seed``
     is that of the run.
 
-    Raises MtpBenchError for an env, a scene or a keyword that is not there.
+    Raises MtpBenchError for an unknown env, scene or keyword.
     """
     keywords = {"evaluation": True, **(env_keywords or {}), "strict": False}
     env = MTPEnv(env_id, **keywords)
@@ -46,26 +57,26 @@ def check_agent(
         raise MtpBenchError("no scene to check on: expected at least one name in scenes")
     suite = Suite(make_agent, env_id, keywords, seed, env, chosen)
     findings: list[Finding] = []
-    for name, check, expected in _CHECKS:
-        found, failed = _found(name, check, suite)
-        findings += found or [Finding("ok", name, expected)]
+    for name, check, passed in _CHECKS:
+        results, failed = _run(name, check, suite)
+        findings += results or [Finding("ok", name, passed)]
         if failed and name in ("build", "contract"):
-            break  # every other check would say the same
+            break  # all other checks would fail likewise
     return findings
 
 
-def _found(name: str, check: Callable[[Suite], Iterator[Finding]], suite: Suite) -> tuple[list[Finding], bool]:
-    """What one check found, and whether the agent failed in it."""
-    found: list[Finding] = []
+def _run(name: str, check: Callable[[Suite], Findings], suite: Suite) -> tuple[list[Finding], bool]:
+    """Findings of one check, and True if the agent raised in it."""
+    results: list[Finding] = []
     try:
         for finding in check(suite):
-            found.append(replace(finding, check=name))
+            results.append(replace(finding, check=name))
     except AgentError as failed:
-        return [*found, replace(failed.finding, check=name)], True
-    return found, False
+        return [*results, replace(failed.finding, check=name)], True
+    return results, False
 
 
-def _builds(suite: Suite) -> Iterator[Finding]:
+def _builds(suite: Suite) -> Findings:
     agent: object = suite.agent()
     missing = [name for name in ("reset", "act") if not callable(getattr(agent, name, None))]
     if missing:
@@ -75,7 +86,7 @@ def _builds(suite: Suite) -> Iterator[Finding]:
     return iter(())
 
 
-def _travels(suite: Suite) -> Iterator[Finding]:
+def _travels(suite: Suite) -> Findings:
     expected = "a path or a name"
     try:
         size = len(pickle.dumps(suite.make))
@@ -89,72 +100,154 @@ def _travels(suite: Suite) -> Iterator[Finding]:
         yield Finding("warning", "", f"pickles as {size >> 20} MiB", expected, "", advice)
 
 
-def _contract(suite: Suite) -> Iterator[Finding]:
-    """Play all scenes with one agent, and look at each answer."""
+def _contract(suite: Suite) -> Findings:
+    """Play all scenes with one agent, and check each action."""
     agent = suite.agent()
     scores = []
     for scene in suite.scenes:
-        suite.played.append(play(agent, suite.env, scene, suite.seed))
+        suite.passes.append(play(agent, suite.env, scene, suite.seed))
         scores.append(score_of(suite.env))
     suite.score = mean_plain_error(scores)
-    found = [seen.finding() for seen in suite.problems.values()]
-    yield from found
-    if not any(finding.level == "error" for finding in found):
-        answers = [answer for played in suite.played for answer in played.answers]
-        for what, said in (("track", "track_id"), ("forecast", "object_class")):
-            if not any(len(getattr(answer, said)) for answer in answers):
-                expected = f"{what}s of what is detected"
-                yield Finding("warning", "", f"no sound {what} in any frame", expected, suite.where)
+    results = [seen.finding() for seen in suite.problems.values()]
+    yield from results
+    if any(finding.level == "error" for finding in results):
+        return
+    actions = [action for played in suite.passes for action in played.actions]
+    for kind, field in (("track", "track_id"), ("forecast", "object_class")):
+        if not any(len(getattr(action, field)) for action in actions):
+            expected = f"{kind}s of the detected objects"
+            yield Finding("warning", "", f"no sound {kind} in any frame", expected, suite.where)
 
 
-def _deterministic(suite: Suite) -> Iterator[Finding]:
-    where = first_difference(suite.played[0], suite.play())
+def _deterministic(suite: Suite) -> Findings:
+    where = first_difference(suite.passes[0], suite.play())
     if where:
         suite.deterministic = False
-        got = "a second agent with the same seed answers otherwise"
         advice = "draw from np.random.default_rng(task.seed), made in reset"
-        yield Finding("error", "", got, "the same answers", where, advice)
+        yield Finding(
+            "error", "", "a second agent with the same seed acts differently", "the same actions", where, advice
+        )
         return
     with another_clock():
         later = suite.play()
-    where = first_difference(suite.played[0], later)
+    where = first_difference(suite.passes[0], later)
     if where:
         advice = "count steps, not seconds: a run cannot be repeated otherwise"
-        yield Finding("warning", "", "answers depend on the clock", "the same answers", where, advice)
+        yield Finding("warning", "", "actions depend on the clock", "the same actions", where, advice)
 
 
-def _forgets(suite: Suite) -> Iterator[Finding]:
+def _forgets(suite: Suite) -> Findings:
     agent, first = suite.agent(), suite.scenes[0]
     for scene in suite.scenes[1:] or suite.scenes:
         play(agent, suite.env, scene, suite.seed)
-    where = first_difference(suite.played[0], play(agent, suite.env, first, suite.seed))
+    where = first_difference(suite.passes[0], play(agent, suite.env, first, suite.seed))
     if where and suite.deterministic:
-        got, expected = "after another scene the answers differ", "the answers of an agent that saw nothing before"
+        got, expected = "after another scene the actions differ", "the actions of a new agent"
         yield Finding("error", "", got, expected, where, "make everything that changes anew in reset")
 
 
-def _leaves_observations(suite: Suite) -> Iterator[Finding]:
-    written = next((played.written for played in suite.played if played.written), "")
+def _leaves_observations(suite: Suite) -> Findings:
+    written = next((played.written for played in suite.passes if played.written), "")
     if written:
-        expected, advice = "an observation that is left as it was", "copy what you change"
+        expected, advice = "an unchanged observation", "copy arrays before you change them"
         yield Finding("warning", "", "writes into the observation", expected, written, advice)
-    where = first_difference(suite.played[0], suite.play(scribble=True))
+    where = first_difference(suite.passes[0], suite.play(scribble=True))
     if where and suite.deterministic:
-        got = "answers change when an earlier observation is overwritten"
-        advice = "copy what you keep: the arrays may be used again for the next frame"
+        got = "actions change when an earlier observation is overwritten"
+        advice = "copy arrays that you keep: they may be used again for the next frame"
         yield Finding("error", "", got, "no references kept", where, advice)
 
 
-# name, check, what is shown when it finds nothing; the findings of a check get its name
-_CHECKS: tuple[tuple[str, Callable[[Suite], Iterator[Finding]], str], ...] = (
+def _other_sizes(suite: Suite) -> Findings:
+    """Play with smaller and larger arrays than the env's own."""
+    task = suite.env.task
+    for sizes in (_SMALL, {name: getattr(task, name) + more for name, more in _MORE.items()}):
+        try:
+            env = suite.other_env(**sizes)
+        except MtpBenchError:  # the env has the largest allowed size
+            continue
+        shown = ", ".join(f"{name} {value}" for name, value in sizes.items())
+        advice = "take every size from the task"
+        try:
+            played = play(suite.agent(env), env, suite.scenes[0], suite.seed, _FEW)
+        except AgentError as failed:
+            yield replace(failed.finding, where=f"{failed.finding.where}; {shown}", advice=advice)
+            continue
+        wrong = [seen for seen in suite.new_problems(played).values() if seen.problem.level == "error"]
+        if wrong:
+            got = "; ".join(f"{seen.problem.field} {seen.problem.reason}" for seen in wrong)
+            where = f"{wrong[0].where}; {shown}"
+            yield Finding("error", "", got, "actions of the task's sizes", where, advice)
+
+
+def _extremes(suite: Suite) -> Findings:
+    """Play frames without detections and full of them."""
+    task = agent_task(suite.env, suite.seed)
+    for seen in suite.new_problems(play_made_up(suite.agent(), task, extreme_frames(task))).values():
+        yield seen.finding()
+
+
+def _unmoved(suite: Suite) -> Findings:
+    """Compare the score with that on turned and shifted coordinates: a lookup table fails."""
+    env = suite.other_env(rigid_motion=True)
+    scores = []
+    for scene in suite.scenes:
+        play(suite.agent(env), env, scene, suite.seed, turn=1)
+        scores.append(score_of(env))
+    moved = mean_plain_error(scores)
+    if moved is None or suite.score is None:  # no targets
+        return
+    if abs(moved - suite.score) > MOTION_TOLERANCE * max(moved, suite.score):
+        got = f"the plain error is {moved:.3f} m with turned and shifted coordinates, {suite.score:.3f} m without"
+        advice = "do not depend on the position of the scene or on the axes"
+        yield Finding("error", "", got, f"the same within {MOTION_TOLERANCE:.0%}", suite.where, advice)
+
+
+def _latency(suite: Suite) -> Findings:
+    """State the time per frame; always ok."""
+    seconds = np.concatenate([played.seconds[1:] for played in suite.passes])
+    if len(seconds):
+        p50, p95 = 1000.0 * np.percentile(seconds, [50, 95])
+        first = 1000.0 * max(played.seconds[0] for played in suite.passes)
+        text = f"{p50:.1f} ms per frame (p50), {p95:.1f} ms (p95); slowest first frame {first:.0f} ms"
+        yield Finding("ok", "", text)
+
+
+def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
+    """Pairs of description and observation: frames without detections (3 of 7), and with as many as fit."""
+    frames, size = len(_FULL), task.detections
+    frame, column = np.repeat(np.flatnonzero(_FULL), size), np.tile(np.arange(size), int(_FULL.sum()))
+    side = int(np.ceil(np.sqrt(size)))
+    box = np.tile([0.0, 0, 0, 0, 4.0, 1.8, 1.5], (len(column), 1))
+    box[:, 0] = _SPACING * (column % side) + _SPEED * frame * task.dt
+    box[:, 1] = _SPACING * (column // side)
+    feed = Feed(
+        start=starts_of(size * _FULL),
+        size=size,
+        box=box,
+        velocity=np.tile([_SPEED if task.velocity else 0.0, 0.0], (len(column), 1)),
+        score=np.ones(len(column)),
+        class_id=column % len(task.classes),
+        object_id=column if task.observe != "detections" else None,
+        ego=np.zeros((frames, 4)),
+        time=task.dt * np.arange(frames),
+        dt=np.full(frames, task.dt),  # in the first frame too, as in the env
+        dropped=np.zeros(frames, dtype=np.int64),
+    )
+    words = {True: "as many detections as fit", False: "no detections"}
+    return [(f"frame {t} ({words[bool(_FULL[t])]})", feed.observe(t)) for t in range(frames)]
+
+
+# name, check, text shown if it finds nothing
+_CHECKS: tuple[tuple[str, Callable[[Suite], Findings], str], ...] = (
     ("build", _builds, "builds an agent"),
     ("travels", _travels, "goes to other processes as a path or a name"),
-    ("contract", _contract, "every row of every answer is sound"),
-    ("determinism", _deterministic, "same seed, same answers"),
-    ("reset", _forgets, "nothing is carried from one scene to the next"),
+    ("contract", _contract, "every row of every action is sound"),
+    ("determinism", _deterministic, "same seed, same actions"),
+    ("reset", _forgets, "no state is carried from one scene to the next"),
     ("observations", _leaves_observations, "observations are neither written nor kept"),
-    ("sizes", other_sizes, "other numbers of tracks, objects, hypotheses and samples work"),
-    ("extremes", extremes, "frames without detections and full of them work"),
-    ("rigid motion", unmoved, "turned and shifted coordinates give the same score"),
-    ("latency", latency, "too few frames to time"),
+    ("sizes", _other_sizes, "other numbers of tracks, objects, hypotheses and samples work"),
+    ("extremes", _extremes, "frames without detections and full of them work"),
+    ("rigid motion", _unmoved, "turned and shifted coordinates give the same score"),
+    ("latency", _latency, "too few frames to time"),
 )

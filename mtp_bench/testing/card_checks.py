@@ -1,4 +1,4 @@
-"""`check_card`: does a card make an env that Gymnasium accepts, and something to score in it?"""
+"""`check_card`: checks that a card makes an env that Gymnasium accepts, with targets to score."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from .findings import Finding
 
 
 def check_card(path: str | Path, data: str | None = None) -> list[Finding]:
-    """What the checks of a card (path of a .toml, or an id) found, one "ok" for each that found nothing.
+    """Findings of all checks of a card (path of a .toml, or an id), with an "ok" for each check that passes.
 
-    It is read, its env is made and given to Gymnasium's own checker on its first scene, and that scene must hold
-    detections that fit and targets. Without its data under ``data`` a warning says that only the card was checked; data
-    that is there and cannot be read is an error. Raises nothing for what is wrong with the card or its data.
+    The card is read, its env is made and given to Gymnasium's own checker on its first scene, and that scene must hold
+    detections that fit and targets. Without its data under ``data`` a warning says that only the card was checked;
+    unreadable data is an error. Errors of the card or its data are findings, not exceptions.
     """
     try:
         card = load_card(str(path))
@@ -38,11 +38,11 @@ def check_card(path: str | Path, data: str | None = None) -> list[Finding]:
 
 
 def _of_data(error: DataError, card: Card, data: str | None, where: str) -> Finding:
-    """That the data cannot be read: a warning where it is not here, an error where it is."""
+    """Finding for unreadable data: a warning if it is missing, else an error."""
     status = describe(card, data)
     if status.root is not None and not status.missing:
         return Finding("error", "data", str(error), "data that can be read", where)
-    return Finding("warning", "data", "the env was not checked: its data is not here", "", where, str(error))
+    return Finding("warning", "data", "the env was not checked: its data is missing", "", where, str(error))
 
 
 def _gymnasium(env: MTPEnv) -> list[Finding]:
@@ -57,11 +57,11 @@ def _gymnasium(env: MTPEnv) -> list[Finding]:
         except Exception as error:  # the checker asserts, and raises what the env raises
             return [Finding("error", "gymnasium", f"{type(error).__name__}: {error}", "a sound env", where)]
     found = [Finding("warning", "gymnasium", str(item.message), "no warning", where) for item in caught]
-    return found or [Finding("ok", "gymnasium", "Gymnasium's checker finds nothing")]
+    return found or [Finding("ok", "gymnasium", "Gymnasium's checker passes")]
 
 
 def _content(env: MTPEnv) -> list[Finding]:
-    """Whether the first scene holds anything to see and to score."""
+    """Check that the first scene has detections and targets."""
     env.reset(seed=0, options={"scene": env.scene_names[0]})
     scene, card = env.scene, env.card
     where = f"{card.id}, scene {scene.name}"
@@ -71,9 +71,9 @@ def _content(env: MTPEnv) -> list[Finding]:
         got, advice = f"{most} detections in a frame", "raise detections in [size]: the lowest scores are dropped"
         found.append(Finding("warning", "sizes", got, f"at most {card.size.detections}", where, advice))
     if not most:
-        found.append(Finding("warning", "detections", "none in this scene", "some", where))
+        found.append(Finding("warning", "detections", "0 in this scene", "at least 1", where))
     targets = len(find_targets(scene, card).frame)
     if not targets:
         advice = "compare past and future in [task] with the length of the scenes"
-        found.append(Finding("warning", "targets", "none in this scene", "objects to forecast", where, advice))
+        found.append(Finding("warning", "targets", "0 in this scene", "objects to forecast", where, advice))
     return found or [Finding("ok", "content", f"{scene.frames} frames, {targets} targets, at most {most} detections")]

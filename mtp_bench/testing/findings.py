@@ -1,4 +1,4 @@
-"""What a check found."""
+"""`Finding`: one result of a check, with the calls that led to an exception of an agent."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..errors import MtpBenchError, sentence
 
 Level = Literal["ok", "warning", "error"]
 
-_OWN = Path(__file__).resolve().parent  # frames of these files say nothing of the agent
-_LOADERS = {_OWN.parent / "submission" / name for name in ("loader.py", "importing.py")}
+_OWN = Path(__file__).resolve().parent  # frames of these files are not the agent's
+_LOADERS = {_OWN.parent / "submission" / name for name in ("loader.py", "contents.py")}
 _LOADERS |= {Path(importlib.__file__).resolve()}
 _LINES = 4  # of a traceback
 
@@ -27,7 +27,7 @@ class Finding:
     got: str
     expected: str = ""
     where: str = ""  # scene, frame, field
-    advice: str = ""  # what to do
+    advice: str = ""
     traceback: tuple[str, ...] = ()  # the last calls, innermost last: 'agent.py, line 12, in act: x = 1 / 0'
 
     def __str__(self) -> str:
@@ -35,7 +35,7 @@ class Finding:
 
 
 class AgentError(Exception):
-    """The agent could not be built or raised; ``finding`` says where, its check has no name yet."""
+    """The agent could not be built or raised; the check of its ``finding`` is not named yet."""
 
     def __init__(self, finding: Finding) -> None:
         self.finding = finding
@@ -43,9 +43,9 @@ class AgentError(Exception):
 
 
 def failure(error: BaseException, where: str, expected: str) -> AgentError:
-    """What the agent raised, with the lines of its code that led there.
+    """Error for an exception of the agent, with the lines of its code that led there.
 
-    An error of this library says itself what was expected: ``expected`` is for all others.
+    Errors of this library state themselves what was expected; ``expected`` is for all others.
     """
     root = error
     while isinstance(root, MtpBenchError) and root.__cause__ is not None:
@@ -58,13 +58,10 @@ def failure(error: BaseException, where: str, expected: str) -> AgentError:
 
 
 def _calls(error: BaseException) -> tuple[str, ...]:
-    frames = [
-        frame
-        for frame in traceback.extract_tb(error.__traceback__)
-        if not frame.filename.startswith("<frozen")
-        and Path(frame.filename).resolve() not in _LOADERS
-        and Path(frame.filename).resolve().parent != _OWN
-    ]
-    return tuple(
-        f"{Path(frame.filename).name}, line {frame.lineno}, in {frame.name}: {frame.line}" for frame in frames[-_LINES:]
-    )
+    """The last calls of an exception in the agent's code."""
+    lines = []
+    for frame in traceback.extract_tb(error.__traceback__):
+        path = Path(frame.filename).resolve()
+        if not (frame.filename.startswith("<frozen") or path in _LOADERS or path.parent == _OWN):
+            lines.append(f"{path.name}, line {frame.lineno}, in {frame.name}: {frame.line}")
+    return tuple(lines[-_LINES:])

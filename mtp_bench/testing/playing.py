@@ -1,4 +1,4 @@
-"""An agent played through frames, with an eye on everything that it does."""
+"""Play an agent through frames, and watch its actions and what it does to observations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..scoring import SceneScore, score_scene
 from ..types import Observation, Task
 from .findings import Finding, failure
 
-Steps = Generator[tuple[str, Observation] | None, Any, None]  # yields (what, observation), is sent the answer
+Steps = Generator[tuple[str, Observation] | None, Any, None]  # yields (description, observation), receives the action
 
 
 @dataclass
@@ -33,11 +33,11 @@ class Seen:
     frames: int = 0
 
     def finding(self) -> Finding:
-        """The problem with the place of its first row."""
+        """The problem, with its first row and how often it occurred."""
         problem = self.problem
         rows = f", {self.rows} rows" if problem.kind and self.rows > 1 else ""
         got = f"{problem.field}: {problem.reason} in {self.frames} frame{'s' * (self.frames > 1)}{rows}"
-        advice = f"the judge takes such {problem.kind} out: they count as missing" if problem.kind else problem.advice
+        advice = f"the env takes such {problem.kind} out: they count as missing" if problem.kind else problem.advice
         return Finding(problem.level, "", got, problem.expected, self.where, advice)
 
 
@@ -46,13 +46,13 @@ Problems = dict[tuple[str, str], Seen]  # by field and reason
 
 @dataclass
 class Played:
-    """What an agent said in one pass, and what it did besides."""
+    """Actions of an agent in one pass, their problems and times."""
 
     where: str
-    answers: list[RecordedAction] = field(default_factory=list)  # in the frame of the observations
+    actions: list[RecordedAction] = field(default_factory=list)  # in the frame of the observations
     seconds: list[float] = field(default_factory=list)
     problems: Problems = field(default_factory=dict)
-    written: str = ""  # where it wrote into an observation first; empty: nowhere
+    written: str = ""  # first observation that it wrote into; empty: none
 
 
 def play(
@@ -60,8 +60,8 @@ def play(
 ) -> Played:
     """Play the first ``frames`` frames of a ``scene`` of ``env`` (None: all of them); raises AgentError.
 
-    ``seed``: of the run, from which those of env and agent are derived. ``scribble``: every observation is overwritten
-    when the answer to it is there, as an env with buffers would do. ``turn``: which rigid motion an env with such has.
+    ``seed``: of the run, from which those of env and agent are derived. ``scribble``: overwrite every observation after
+    the action, as an env with buffers would do. ``turn``: number of the rigid motion, in an env with rigid motions.
     """
     place = "" if turn == 0 else f"|{turn}"
     first, _ = env.reset(seed=derived_seed(seed, scene + place, "env"), options={"scene": scene})
@@ -69,13 +69,13 @@ def play(
 
 
 def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
-    """Play observations that no scene holds, each with a word for what it is; raises AgentError."""
+    """Play observations of no scene, each with its description; raises AgentError."""
     return _play(agent, task, _listed(frames), "made-up scene", scribble=False)
 
 
 @contextmanager
 def another_clock() -> Iterator[None]:
-    """While it lasts, the clocks of `time` are an hour ahead and run three times as fast."""
+    """Set the clocks of `time` an hour ahead, running three times as fast."""
     names = [name + unit for name in ("time", "monotonic", "perf_counter", "process_time") for unit in ("", "_ns")]
     clocks = {name: getattr(time, name) for name in names}
     try:
@@ -88,18 +88,18 @@ def another_clock() -> Iterator[None]:
 
 
 def _fast(clock: Callable[[], float], ahead: int) -> Callable[[], float]:
-    """The clock three times as fast, ``ahead`` in its own unit; of whole numbers it gives whole ones."""
+    """A clock three times as fast, ``ahead`` in the unit of ``clock``; integers stay integers."""
     begin = clock()
     return lambda: begin + ahead + 3 * (clock() - begin)
 
 
 def first_difference(a: Played, b: Played) -> str:
-    """Where two passes first differ, as text; empty where they are equal."""
-    for number, (x, y) in enumerate(zip(a.answers, b.answers, strict=False)):
+    """Scene, frame and field of the first difference of two passes; empty if they are equal."""
+    for number, (x, y) in enumerate(zip(a.actions, b.actions, strict=False)):
         for name, value in vars(x).items():
             if not np.array_equal(value, getattr(y, name), equal_nan=True):
                 return f"{a.where}, frame {number}, {name}"
-    return "" if len(a.answers) == len(b.answers) else f"{a.where}, frame {min(len(a.answers), len(b.answers))}"
+    return "" if len(a.actions) == len(b.actions) else f"{a.where}, frame {min(len(a.actions), len(b.actions))}"
 
 
 def _episode(env: MTPEnv, observation: Observation, frames: int | None) -> Steps:
@@ -125,8 +125,8 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
         raise failure(error, f"{where}, reset", "a reset") from error
     step = next(steps)
     while step is not None:
-        what, observation = step
-        place = f"{where}, {what}"
+        description, observation = step
+        place = f"{where}, {description}"
         shown = dict(observation)  # the agent may take entries out
         before = {name: array.copy() for name, array in shown.items()}
         try:
@@ -134,8 +134,8 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
             action = agent.act(observation)
             played.seconds.append(time.perf_counter() - start)
         except (Exception, SystemExit) as error:
-            raise failure(error, place, "an answer") from error
-        _note_answer(played, action, task, place)
+            raise failure(error, place, "an action") from error
+        _note_action(played, action, task, place)
         changed = [name for name, array in before.items() if not _same(array, observation.get(name))]
         if changed and not played.written:
             played.written = f"{place}, {changed[0]}"
@@ -148,10 +148,10 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
     return played
 
 
-def _note_answer(played: Played, action: object, task: Task, place: str) -> None:
-    """Keep the sound part of the answer and the problems of the rest."""
+def _note_action(played: Played, action: object, task: Task, place: str) -> None:
+    """Keep the sound part of the action and the problems of the rest."""
     examined = examine(action, task)
-    played.answers.append(record_action(examined, task))
+    played.actions.append(record_action(examined, task))
     for problem in examined.problems:
         where = f"{place}, {problem.example}" if problem.example else place
         seen = played.problems.setdefault((problem.field, problem.reason), Seen(problem, where))
@@ -164,7 +164,7 @@ def _same(array: NDArray[Any], other: object) -> bool:
 
 
 def _copied(action: Any) -> Any:
-    """The answer without the arrays of the observation, which an agent may hand back."""
+    """The action with copies of its arrays, which may be those of the observation."""
     if not isinstance(action, Mapping):
         return action
     return {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in action.items()}
@@ -172,7 +172,7 @@ def _copied(action: Any) -> Any:
 
 @dataclass
 class Suite:
-    """What all checks of one agent share."""
+    """State shared by all checks of one agent."""
 
     make: MakeAgent
     env_id: str
@@ -180,25 +180,25 @@ class Suite:
     seed: int
     env: MTPEnv
     scenes: tuple[str, ...]
-    played: list[Played] = field(default_factory=list)  # the first pass, one per scene
+    passes: list[Played] = field(default_factory=list)  # the first pass over each scene
     score: float | None = None  # m, of the first pass
     deterministic: bool = True
 
     @property
     def where(self) -> str:
-        """The scenes in words."""
+        """Names of the scenes, as text."""
         return ", ".join(f"scene {scene}" for scene in self.scenes)
 
     @property
     def problems(self) -> Problems:
-        """What was wrong in the first pass, with its first place: under other conditions it is the same."""
+        """Problems of the first passes, each at its first place."""
         first: Problems = {}
-        for played in self.played:
+        for played in self.passes:
             first |= {key: seen for key, seen in played.problems.items() if key not in first}
         return first
 
-    def news(self, played: Played) -> Problems:
-        """What is wrong in another pass with fields that were sound in the first one."""
+    def new_problems(self, played: Played) -> Problems:
+        """Problems of another pass, of fields that were sound in the first one."""
         faulty = {name for name, _ in self.problems}
         return {key: seen for key, seen in played.problems.items() if key[0] not in faulty}
 
@@ -209,9 +209,9 @@ class Suite:
         except (Exception, SystemExit) as error:
             raise failure(error, "build", "an agent") from error
 
-    def play(self, **how: Any) -> Played:
-        """Play the first scene with a new agent, ``how`` as for `play`; raises AgentError."""
-        return play(self.agent(), self.env, self.scenes[0], self.seed, **how)
+    def play(self, **keywords: Any) -> Played:
+        """Play the first scene with a new agent, keywords as for `play`; raises AgentError."""
+        return play(self.agent(), self.env, self.scenes[0], self.seed, **keywords)
 
     def other_env(self, **changes: Any) -> MTPEnv:
         """The env of the suite with other keywords."""

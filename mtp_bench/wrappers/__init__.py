@@ -1,4 +1,4 @@
-"""Wrappers that make the env fit for agents of other libraries: a flat action, and an action that only associates."""
+"""Wrappers of the env for agents of other libraries: a flat action, and an action that only associates."""
 
 from .association import CONTINUE as CONTINUE
 from .association import IGNORE as IGNORE

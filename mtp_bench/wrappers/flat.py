@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ..env.action import BOX, CONFIDENCE, COORDINATE_LIMIT, FIELDS, FORECAST_REACH, LOG_WEIGHT, MASK, OFFSET, Field
 from ..errors import ActionError, MtpBenchError, sentence
 from ..types import Action, Floats, Observation, Task
-from .wrapped import require_own_space, require_positive, task_of
 
-FAINTEST = -10.0  # log-weight that stands at -1; at 1 it is 0
+FAINTEST = -10.0  # log-weight at -1; at 1 it is 0
 _SIZES = 0.1, 20.0  # m, of boxes
 
 
@@ -23,17 +22,17 @@ _SIZES = 0.1, 20.0  # m, of boxes
 class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Action], RecordConstructorArgs):
     """The action is one Box in [-1, 1]: what agents for continuous control give.
 
-    It holds the fields of the action in their order, `columns` says where; all but ``track_id``, for the identity of a
-    track is its row. Of an entry x from -1 to 1 becomes
+    It holds all fields of the action but ``track_id`` in their order, at `columns`; the identity of a track is its row.
+    An entry x from -1 to 1 becomes
 
-    - a mask: 1 where x is above 0; a track that no hypothesis holds is not there
+    - a mask: 1 where x is above 0; a track that no hypothesis holds is absent
     - a class, a parent: as many equal parts of [-1, 1] as there are values
     - a box: x y z up to ``reach`` m from the origin, yaw up to pi, l w h from 0.1 to 20 m
     - a forecast: up to ``speed`` m/s along x and along y, times the time to its frame, and at most 231 m
     - a confidence from 0 to 1, a log-weight from -10 to 0
 
-    Numbers beyond [-1, 1] are cut; what is no such vector is an ActionError. So every action is sound. There are many
-    entries at the sizes of a card: choose smaller ones with the keywords of the env.
+    Numbers beyond [-1, 1] are clipped, so every vector of the right size is a sound action; others are an ActionError.
+    There are many entries at the sizes of a card: choose smaller ones with the keywords of the env.
     ``gymnasium.wrappers.FlattenObservation`` makes one vector of the observation.
 
     Raises MtpBenchError for a ``reach`` or a ``speed`` that is not above 0, a ``reach`` beyond the coordinates of the
@@ -60,24 +59,24 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (end,), np.float32)
 
     def action(self, action: NDArray[np.float32]) -> Action:
-        """The action of the env that the vector stands for."""
+        """The action of the env for a vector."""
         x = np.clip(self._vector(action), -1.0, 1.0)
-        said: dict[str, NDArray[Any]] = {"track_id": np.arange(self._task.tracks)}
+        fields: dict[str, NDArray[Any]] = {"track_id": np.arange(self._task.tracks)}
         for field in FIELDS:
             if field.name in self.columns:
                 part = x[self.columns[field.name]].reshape(field.shape_in(self._task))
-                said[field.name] = self._entries(field, part).astype(field.content.dtype)
-        said["track_valid"] &= said["hypothesis_member"].any(axis=0)
-        return said
+                fields[field.name] = self._entries(field, part).astype(field.content.dtype)
+        fields["track_valid"] &= fields["hypothesis_member"].any(axis=0)
+        return fields
 
     def _vector(self, action: object) -> Floats:
-        wanted = self.action_space.shape
-        expected = f"a vector of {wanted and wanted[0]} finite numbers from -1 to 1"
+        shape = self.action_space.shape
+        expected = f"a vector of {shape and shape[0]} finite numbers from -1 to 1"
         try:
             vector = np.asarray(action, dtype=np.float64)
         except (TypeError, ValueError):
             raise ActionError(sentence(f"the flat action is a {type(action).__name__}", expected)) from None
-        if vector.shape != wanted:
+        if vector.shape != shape:
             raise ActionError(sentence(f"the flat action has shape {vector.shape}", expected))
         if not np.isfinite(vector).all():
             raise ActionError(
@@ -86,7 +85,7 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
         return vector
 
     def _entries(self, field: Field, x: Floats) -> NDArray[Any]:
-        """The entries of a field for numbers of its shape."""
+        """Entries of a field from numbers from -1 to 1, of the same shape."""
         task, content, unit = self._task, field.content, (x + 1) / 2  # unit: from 0 to 1
         if content is MASK:
             return x > 0
@@ -95,14 +94,38 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
             size = smallest + (largest - smallest) * unit[:, 4:]
             return np.concatenate([self._reach * x[:, :3], np.pi * x[:, 3:4], size], axis=1)
         if content is OFFSET:
-            return np.clip(x * self._speed * _times(task)[:, None], -FORECAST_REACH, FORECAST_REACH)
+            times = task.dt * np.arange(1, task.future + 1)
+            return np.clip(x * self._speed * times[:, None], -FORECAST_REACH, FORECAST_REACH)
         if content is CONFIDENCE:
             return unit
         if content is LOG_WEIGHT:
             return FAINTEST * (1 - unit)
-        known = field.values_in(task)
-        return known.start + np.minimum((unit * len(known)).astype(np.int64), len(known) - 1)
+        values = field.values_in(task)
+        return values.start + np.minimum((unit * len(values)).astype(np.int64), len(values) - 1)
 
 
-def _times(task: Task) -> Floats:
-    return task.dt * np.arange(1, task.future + 1)
+def task_of(env: gymnasium.Env[Any, Any], wrapper: str) -> Task:
+    """The task of ``env``; raises MtpBenchError, naming the ``wrapper``, for an env of another library."""
+    from ..env import MTPEnv
+
+    inner = env.unwrapped
+    if not isinstance(inner, MTPEnv):
+        expected = 'one of mtp_bench, such as gym.make("MTP-Roundabout-v0")'
+        raise MtpBenchError(sentence(f"the env is a {type(inner).__name__}", expected, wrapper))
+    return inner.task
+
+
+def require_own_space(env: gymnasium.Env[Any, Any], name: str, wrapper: str) -> None:
+    """Raise MtpBenchError, naming the ``wrapper``, if another wrapper has changed the space called ``name``."""
+    space = getattr(env, name)
+    if not isinstance(space, gymnasium.spaces.Dict):
+        got = f"the {name} of the env is a {type(space).__name__}"
+        raise MtpBenchError(sentence(got, "the Dict that it has before another wrapper changes it", wrapper))
+
+
+def require_positive(name: str, value: Any, wrapper: str, whole: bool = False) -> None:
+    """Raise MtpBenchError, naming the ``wrapper``, unless ``value`` is finite and above 0 (``whole``: an integer)."""
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
+        expected = f"a {'whole' if whole else 'finite'} number above 0"
+        raise MtpBenchError(sentence(f"{name} is {value!r}", expected, wrapper))

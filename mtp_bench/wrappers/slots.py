@@ -1,4 +1,4 @@
-"""Tracks that somebody else associates, in a fixed number of slots."""
+"""Tracks with external association, in a fixed number of slots."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ FREE = -1  # identity of a slot without a track; as a slot: a new track
 
 
 class Slots:
-    """A `Tracker` of one hypothesis that is told before each frame which detection belongs to which track.
+    """A `Tracker` of one hypothesis whose detections are assigned to tracks by `choose` before each frame.
 
-    A track that gets no detection goes on as it moved, and ends after more than ``patience`` frames in a row without
-    one. ``slots``: how many tracks there may be; where none is free, no track begins.
+    A track without a detection keeps its velocity, and ends after more than ``patience`` frames in a row without one.
+    ``slots``: number of tracks at a time; no track begins if none is free.
     """
 
     def __init__(self, slots: int, patience: int) -> None:
@@ -34,12 +34,12 @@ class Slots:
 
     @property
     def live(self) -> Ints:
-        """The slots that hold a track."""
+        """Slots that hold a track."""
         return np.flatnonzero(self.identity != FREE)
 
     @property
     def velocity(self) -> Floats:
-        """Mean velocity [N, 2] over the past that is kept, in m per frame; 0 with a single detection."""
+        """Mean velocity [N, 2] over the stored past, in m per frame; 0 with a single detection."""
         valid, last = self._taken >= 0, self._taken.shape[1] - 1
         first, latest = valid.argmax(axis=1), last - valid[:, ::-1].argmax(axis=1)
         slot = np.arange(len(valid))
@@ -48,13 +48,13 @@ class Slots:
 
     @property
     def expected(self) -> Floats:
-        """Boxes [N, 7] that the tracks are expected to have in the next frame."""
+        """Expected boxes [N, 7] of the tracks in the next frame."""
         box = self._past[:, -1].copy()
         box[:, :2] += self.velocity
         return box
 
     def choose(self, rows: Ints, slots: Ints) -> None:
-        """The detections ``rows`` of the next frame belong to the tracks in ``slots``, FREE for new ones."""
+        """Assign the detections ``rows`` of the next frame to the tracks in ``slots``, FREE for new ones."""
         new = np.flatnonzero(slots == FREE)
         free = np.flatnonzero(self.identity == FREE)[: len(new)]
         self._rows, self._taking = rows, slots.copy()
@@ -63,7 +63,7 @@ class Slots:
         self._rows, self._taking = self._rows[kept], self._taking[kept]
 
     def step(self, observation: Observation) -> Tracks:
-        """Do what was chosen; the tracks after this frame."""
+        """Apply the assignment; the tracks after this frame."""
         slots, rows = self._taking, self._rows
         expected = self.expected
         self._past, self._taken = np.roll(self._past, -1, axis=1), np.roll(self._taken, -1, axis=1)
@@ -76,14 +76,14 @@ class Slots:
         return self._tracks()
 
     def _begin(self, slots: Ints) -> None:
-        """Tracks without a past in these slots."""
+        """Begin tracks without a past in these slots."""
         self.identity[slots] = self._next + np.arange(len(slots))
         self._next += len(slots)
         self._past[slots], self._taken[slots] = 0.0, UNBORN
         self.hits[slots], self._age[slots], self._score[slots] = 0, 1, 0.0
 
     def _take(self, slots: Ints, rows: Ints, observation: Observation) -> None:
-        """The tracks in the ``slots`` take the detections ``rows``."""
+        """Add the detections ``rows`` to the tracks in the ``slots``."""
         self._past[slots, -1], self._taken[slots, -1] = observation["detection_box"][rows], rows
         self.class_id[slots] = observation["detection_class"][rows]
         self._last_score[slots] = observation["detection_score"][rows]

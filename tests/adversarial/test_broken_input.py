@@ -282,7 +282,7 @@ def device(folder: Path) -> None:
 
 FOLDERS: dict[str, tuple[Change, str]] = {
     "20 GB of zeros": (lambda folder: sparse(20 << 30)(folder / "weights.bin"), "20.0 GiB or more (weights.bin"),
-    "10 001 files": (many, "more than 10000 files, expected at most so many"),
+    "10 001 files": (many, "more than 10000 files, the limit"),
     "a FIFO": (lambda folder: os.mkfifo(folder / "weights.bin"), "weights.bin is a FIFO, expected files and folders"),
     "a socket": (lambda folder: bind(folder / "door"), "door is a socket, expected files and folders only"),
     "a device": (device, "zero is a device, expected files and folders only"),

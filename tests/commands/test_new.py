@@ -51,7 +51,7 @@ def test_the_test_in_its_readme_passes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["Mine", "my agent", "../mine", "-mine", "", "mine\n", "grün", "a/b", "x" * 65])
 def test_a_name_that_no_manifest_may_have_is_refused(name: str, tmp_path: Path) -> None:
-    with pytest.raises(SubmissionError, match=r"is no name for a submission: .* such as '[a-z0-9]") as caught:
+    with pytest.raises(SubmissionError, match=r"is not a name for a submission: .* such as '[a-z0-9]") as caught:
         new_submission(name, tmp_path)
     assert "'" in str(caught.value)
     assert list(tmp_path.iterdir()) == []

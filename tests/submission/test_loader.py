@@ -168,7 +168,7 @@ def test_modules_that_no_digest_covers_are_not_imported(name: str, folder: Path)
     (folder / "__pycache__").mkdir()
     (folder / "__pycache__" / "hidden.py").write_text("GATE = 1")
     (folder / "agent.py").write_text(f"import importlib\nimportlib.import_module('.{name}', __package__)\n{AGENT}")
-    with pytest.raises(SubmissionError, match="is no part of a submission"):
+    with pytest.raises(SubmissionError, match="is not part of a submission"):
         built(folder)
 
 
@@ -252,7 +252,7 @@ WRONG_CODE = {
     "exception": ("1 / 0", "importing agent.py failed: ZeroDivisionError"),
     "no agent": ("def build(task, gate):\n    return 3", "returned 'int' without reset and act"),
     "half an agent": (AGENT.replace("def act", "def akt"), "returned 'Silent' without act"),
-    "no parameter": ("def build():\n    return 3", "build takes nothing, expected the task as its first parameter"),
+    "no parameter": ("def build():\n    return 3", "build takes no parameters, expected the task"),
     "a parameter without value": (AGENT.replace("hypotheses=1", "hypotheses"), "parameter 'hypotheses' has no value"),
 }
 
@@ -296,7 +296,7 @@ NO_SUBMISSION = {
     "./nowhere": "./nowhere: no such folder, expected one with submission.toml",
     "silent/agent.py": "silent/agent.py is a file: name its folder, silent",
     "notes.txt": "notes.txt is a file: expected a folder with submission.toml",
-    "stp,mtp": "'stp,mtp' is no submission: put blanks between agents, not commas",
+    "stp,mtp": "'stp,mtp' is not a submission: put blanks between agents, not commas",
 }
 
 

@@ -279,7 +279,7 @@ def test_a_shipped_card_by_its_id() -> None:
 CARDS: dict[str, tuple[str, str, str, str]] = {
     "misspelt": ("samples = 4", "smaples = 4", "error", "unknown key 'task.smaples'"),
     "too few rows": ("detections = 6", "detections = 2", "warning", "3 detections in a frame"),
-    "no future": ("future = 3", "future = 30", "warning", "none in this scene"),
+    "no future": ("future = 3", "future = 30", "warning", "0 in this scene"),
 }
 
 
@@ -304,7 +304,7 @@ def test_scenes_of_ones_own_that_cannot_be_read(card: str, tmp_path: Path) -> No
     text = CARD.replace('name = "kitti"', 'name = "files"\nfolder = "own"')
     path = write_card(tmp_path, text)
     finding = only(check_card(path), "warning")
-    assert (finding.check, finding.got) == ("data", "the env was not checked: its data is not here")
+    assert (finding.check, finding.got) == ("data", "the env was not checked: its data is missing")
     write_tables(tmp_path / "own", truth=[*TRUTH, f"2,2,car,x,0,{BOX}"])
     finding = only(check_card(path))
     assert finding.check == "data"

@@ -75,7 +75,7 @@ def test_of_two_that_continue_a_track_the_nearer_one_does(make_env: MakeEnv) -> 
     env.step(np.array([CONTINUE, CONTINUE, CONTINUE, IGNORE]))
     inner = env.unwrapped
     assert isinstance(inner, MTPEnv)
-    box = inner._episode.answers[-1].track_box  # type: ignore[union-attr]
+    box = inner._episode.actions[-1].track_box  # type: ignore[union-attr]
     np.testing.assert_allclose(box[:, :2], [[40.1, 5.5]], atol=1e-3)  # the second car itself
 
 
