@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
+from rich.table import Table
 
 from ..errors import DataError
+from ..running.challenge import ChallengeScore, require_challenge, score_predictions
+from ..running.options import RunOptions
+from ..viz.terminal.output import counted, new_table, number, show, show_numbers
 from .options import DataOption, JsonOption, ScenesOption, SplitOption
 from .output import prepare, require_writable, working, write_json
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from ..running.challenge import ChallengeScore
 
 MEANING = (
     "mean over the targets in the file, as the devkit has it; where the file is of true pasts, these numbers do not "
@@ -31,10 +30,6 @@ def challenge(
     json_file: JsonOption = None,
 ) -> None:
     """Score a submission to the nuScenes prediction challenge by the challenge's own metrics."""
-    from ..running.challenge import require_challenge, score_predictions
-    from ..running.options import RunOptions
-    from ..viz.terminal.output import counted, show, show_numbers
-
     require_writable(json_file)
     if not file.is_file():
         raise DataError(f"no file {file}, expected a submission to the prediction challenge")
@@ -54,8 +49,6 @@ def challenge(
 
 
 def _table(score: ChallengeScore) -> Table:
-    from ..viz.terminal.output import new_table, number
-
     table = new_table("nuScenes prediction challenge", ("metric", *(f"k = {k}" for k in score.ks)), left=("metric",))
     for name, values in score.metrics.items():
         table.add_row(name, *(number(value) for value in values))

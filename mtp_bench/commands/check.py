@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
+from rich.table import Table
 
 from ..errors import SubmissionError
 from ..parallel import Workers, cores
+from ..records.checking import SCENES, SubmissionCheck, check_submission
+from ..running.options import RunOptions
+from ..submission.loader import load_submission
+from ..tables import BLANK
+from ..viz.terminal.output import command_line, counted, new_table, number, show, show_numbers
 from .options import DataOption, JsonOption, ScenesOption, SubmissionArgument, TracksOption, absolute
 from .output import prepare, require_writable, working, write_json
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from ..records.checking import SubmissionCheck
 
 _STYLE = {"error": "bold red", "warning": "yellow", "ok": "green"}
 
@@ -30,11 +31,6 @@ def check(
     json_file: JsonOption = None,
 ) -> None:
     """Check that a submission keeps the contract, and score up to three scenes beside STP. Status 1 for errors."""
-    from ..records.checking import SCENES, check_submission
-    from ..running.options import RunOptions
-    from ..submission.loader import load_submission
-    from ..viz.terminal.output import command_line, counted, show, show_numbers
-
     require_writable(json_file)
     if scenes is not None and scenes > SCENES:
         raise typer.BadParameter(
@@ -78,9 +74,6 @@ def finding_table(checked: SubmissionCheck) -> Table:
 def _score_table(checked: SubmissionCheck) -> Table:
     """Plain error and false forecasts per scene, beside those of the reference."""
     from rich.markup import escape
-
-    from ..tables import BLANK
-    from ..viz.terminal.output import new_table, number
 
     own, other = escape(checked.submission), checked.reference
     headings = ("scene", "targets", own, other, "covered", f"false, {own}", f"false, {other}")

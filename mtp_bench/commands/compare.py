@@ -7,6 +7,11 @@ from typing import Annotated
 
 import typer
 
+from ..running.compare import compare as run_comparison
+from ..running.compare import control_names, sensitivity
+from ..viz.terminal.output import counted, report_table, show, show_lines, show_numbers
+from ..viz.terminal.tables import sensitivity_table
+from ..viz.terminal.verdict import verdict
 from .completion import submissions
 from .options import SEEDS, EnvScenes, FullOption, JsonOption, TableOption, WorkerChoice
 from .output import prepare, require_writable, show_report, working, write_json
@@ -30,12 +35,6 @@ def compare(
     json_file: JsonOption = None,
 ) -> None:
     """Run agents side by side, with ground-truth tracks and the controls: the verdict, and one table."""
-    from ..running.compare import compare as run_comparison
-    from ..running.compare import control_names, sensitivity
-    from ..viz.terminal.output import counted, report_table, show, show_lines, show_numbers
-    from ..viz.terminal.tables import sensitivity_table
-    from ..viz.terminal.verdict import verdict
-
     at = None if cuts is None else scores_of(cuts)
     require_writable(json_file, table_file)
     options = on.options(workers, range(seeds))

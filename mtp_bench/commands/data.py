@@ -7,7 +7,11 @@ from typing import Annotated
 import typer
 
 from .._bundle import card_ids
+from ..cards import changed_card, load_card
 from ..errors import MtpBenchError
+from ..running.reading import read_status
+from ..viz.terminal.listings import data_report, status_json
+from ..viz.terminal.output import progress_bar, show
 from .completion import env_ids
 from .options import DataOption, JsonOption, SplitOption
 from .output import require_writable, write_json
@@ -23,11 +27,6 @@ def data(
 
     Status 1 for broken files; with --env also for data that is not there.
     """
-    from ..cards import changed_card, load_card
-    from ..running.reading import read_status
-    from ..viz.terminal.listings import data_report, status_json
-    from ..viz.terminal.output import progress_bar, show
-
     require_writable(json_file)
     if split is not None and env is None:
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")

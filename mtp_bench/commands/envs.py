@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from .._bundle import card_ids
+from ..cards import load_card
+from ..viz.terminal.listings import env_table
+from ..viz.terminal.output import show_numbers
 from .options import JsonOption
 from .output import write_json
 
 
 def envs(json_file: JsonOption = None) -> None:
     """List the environments."""
-    from ..cards import load_card
-    from ..viz.terminal.listings import env_table
-    from ..viz.terminal.output import show_numbers
-
     cards = [load_card(env_id) for env_id in card_ids()]
     write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
     show_numbers(env_table(cards))

@@ -6,6 +6,22 @@ from typing import Annotated
 
 import typer
 
+from ..running.stored import open_run
+from ..viz.replay import KINDS, replay
+from ..viz.terminal.event_table import (
+    CAPTION,
+    LOOK,
+    ORDERS,
+    EventRow,
+    Tally,
+    event_rows,
+    event_table,
+    events_json,
+    in_order,
+    longest_only,
+    tally_line,
+)
+from ..viz.terminal.output import progress_bar, show, show_command, show_lines, show_numbers
 from .completion import words
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, one_of
 from .output import require_writable, write_json
@@ -33,23 +49,6 @@ def events(
     json_file: JsonOption = None,
 ) -> None:
     """List identity switches, losses, re-acquisitions and false forecasts, and how to look at each."""
-    from ..running.stored import open_run
-    from ..viz.replay import KINDS, replay
-    from ..viz.terminal.event_table import (
-        CAPTION,
-        LOOK,
-        ORDERS,
-        EventRow,
-        Tally,
-        event_rows,
-        event_table,
-        events_json,
-        in_order,
-        longest_only,
-        tally_line,
-    )
-    from ..viz.terminal.output import progress_bar, show, show_command, show_lines, show_numbers
-
     for name in kind or ():
         one_of(name, KINDS, "--kind")
     one_of(sort, ORDERS, "--sort")

@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+from ..running.challenge import export_predictions
+from ..running.stored import open_run
+from ..running.track_export import export_tracks
+from ..viz.terminal.output import counted, progress_bar, show
 from .completion import words
 from .options import DataOption, FolderArgument, RunCardOption, one_of
 
@@ -22,11 +26,6 @@ def export(
     env: RunCardOption = None,
 ) -> None:
     """Write a stored run as others read it: tracks, or forecasts as the nuScenes prediction challenge takes them."""
-    from ..running.challenge import export_predictions
-    from ..running.stored import open_run
-    from ..running.track_export import export_tracks
-    from ..viz.terminal.output import counted, progress_bar, show
-
     one_of(what, WHAT, "WHAT")
     if table and what != "tracks":
         raise typer.BadParameter("only with tracks", param_hint="--table")

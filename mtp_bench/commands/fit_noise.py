@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ..training.noise_profile import fit_noise as fit
 from .options import EnvScenes, TextOption, require_no_tracks
 from .output import prepare, print_or_write, require_writable, working
 
@@ -26,8 +27,6 @@ def fit_noise(
     output: TextOption = None,
 ) -> None:
     """Fit the noise of a simulated detector to the detections of an environment, as a section of a card."""
-    from ..training.noise_profile import fit_noise as fit
-
     require_writable(output)
     require_no_tracks(on)
     options = on.options()

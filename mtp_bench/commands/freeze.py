@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from ..running.reference import freeze as write
+from ..viz.terminal.output import counted, show
 from .options import DataOption, EnvOption, EnvScenes, JobsOption, WorkerChoice
 from .output import prepare, working
 
 
 def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> None:
     """Write the frozen event weights of a shipped environment (maintainers)."""
-    from ..running.reference import freeze as write
-    from ..viz.terminal.output import counted, show
-
     options = EnvScenes(env, root).options(WorkerChoice(jobs))
     prepare(env, options)
     with working("freeze", options) as watched:

@@ -8,15 +8,15 @@ from typing import Annotated
 
 import typer
 
+from ..submission.starting import new_submission
+from ..viz.terminal.output import show
+
 
 def new(
     name: Annotated[str, typer.Argument(help="Name of the submission: lower case.")],
     folder: Annotated[Path, typer.Option(help="Where its folder is made.")] = Path(),
 ) -> None:
     """Begin a submission: a folder with an agent that works."""
-    from ..submission.starting import new_submission
-    from ..viz.terminal.output import show
-
     made = new_submission(name, folder)
     shown = shlex.quote(str(made))
     lines = (

@@ -7,6 +7,11 @@ from typing import Annotated
 
 import typer
 
+from ..running.reading import skipped_line
+from ..running.stored import require_free
+from ..running.stored import run as run_agent
+from ..viz.terminal.output import command_line, counted, show
+from ..viz.terminal.verdict import rejected_line
 from .options import EnvScenes, SubmissionArgument, WorkerChoice
 from .output import prepare, working
 
@@ -20,12 +25,6 @@ def run(
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier run in that folder.")] = False,
 ) -> None:
     """Run an agent and store what it said."""
-    from ..running.reading import skipped_line
-    from ..running.stored import require_free
-    from ..running.stored import run as run_agent
-    from ..viz.terminal.output import command_line, counted, show
-    from ..viz.terminal.verdict import rejected_line
-
     options = on.options(workers, [seed])
     require_free(output, force)
     prepare(on.env, options, [agent])

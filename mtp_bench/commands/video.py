@@ -7,6 +7,10 @@ from typing import Annotated
 
 import typer
 
+from ..running.stored import open_run
+from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
+from ..viz.replay import replay
+from ..viz.terminal.output import progress_bar, show
 from .options import DataOption, FolderArgument, RunCardOption
 from .output import require_writable, say
 
@@ -26,11 +30,6 @@ def video(
     env: RunCardOption = None,
 ) -> None:
     """Write a scene of a stored rollout as a video, seen from above."""
-    from ..running.stored import open_run
-    from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
-    from ..viz.replay import replay
-    from ..viz.terminal.output import progress_bar, show
-
     suffix = output.suffix.lower()
     if suffix not in KINDS:
         raise typer.BadParameter(f"{output}: expected a name that ends in {' or '.join(KINDS)}", param_hint="--output")
