@@ -124,7 +124,8 @@ def write_record(
     *errors: float, name: str = "echo", objects: int = 40, budget: str = "equal", **changed: Any
 ) -> Record:
     """A record on ten targets per scene, one unit each, with these mean errors. ``changed`` replaces fields."""
-    scenes = [scene_part(chr(ord("a") + i), 10, error).model_dump() for i, error in enumerate(errors)]
+    names = [*"abcdefghijklmnopqrstuvwxyz", *(f"z{i}" for i in range(len(errors)))]
+    scenes = [scene_part(scene, 10, error).model_dump() for scene, error in zip(names, errors, strict=False)]
     scenes = changed.pop("per_scene", scenes)
     rows = [
         make_row(name, subset, scenes, budget=budget, objects=objects if subset == "all" else 5) for subset in SUBSETS
