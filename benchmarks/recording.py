@@ -13,7 +13,7 @@ from pathlib import Path
 
 from mtp_bench.running.stored import open_run
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun.arrays import LEVELS
+from mtp_bench.viz.rerun.contents import LEVELS
 from mtp_bench.viz.rerun.log import save_recording
 
 

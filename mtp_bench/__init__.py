@@ -94,7 +94,8 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
 
 
 def _register() -> None:
-    _RENDERERS.update(rgb_array="mtp_bench.viz.drawing.live:Pictures", rerun="mtp_bench.viz.rerun.live:LiveRecording")
+    _RENDERERS["rgb_array"] = "mtp_bench.viz.drawing.birds_eye:EpisodePictures"
+    _RENDERERS["rerun"] = "mtp_bench.viz.rerun.live:LiveRecording"
     for env_id in card_ids():
         if env_id not in _gymnasium.registry:  # the module may be loaded anew
             _gymnasium.register(id=env_id, entry_point="mtp_bench.env:MTPEnv", kwargs={"card": env_id})

@@ -30,14 +30,13 @@ def study(
         bool, typer.Option("--quick", help="A first look in a minute or two: few scenes, one seed.")
     ] = False,
     seeds: Annotated[
-        int | None, typer.Option(min=1, help=f"Runs with different random draws, of what ranks. Default: {SEEDS}.")
+        int | None, typer.Option(min=1, help=f"Runs with different random draws, of ranked agents. Default: {SEEDS}.")
     ] = None,
 ) -> None:
-    """Tables and figures of the paper on an environment, and more: one page that tells what tracking errors cost."""
+    """Write a page on the cost of tracking errors on an environment, with the paper's tables and figures and more."""
     from ..study import study as run_study
-    from ..study.conduct import QUICK_SCENES, quick_options
-    from ..study.story import summary
-    from ..study.write import require_study_folder
+    from ..study.conduct import QUICK_SCENES, quick_options, require_study_folder
+    from ..study.page import summary
     from ..viz.terminal.output import command_line, show, show_lines
 
     require_study_folder(output.absolute())

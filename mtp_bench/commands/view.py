@@ -45,7 +45,7 @@ def view(
     env: RunCardOption = None,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
-    from ..viz.rerun.arrays import LEVELS
+    from ..viz.rerun.contents import LEVELS
     from ..viz.terminal.output import show
 
     one_of(level, LEVELS, "--level")

@@ -1,7 +1,7 @@
-"""The study: what tracking errors cost prediction on an env, where, how often, and what hypotheses win back.
+"""Study of an env: the cost of tracking errors, where and how often they happen, and the gain of hypotheses.
 
-`plan` says what is run, `runs` runs it or reads it back, `findings` scores it; `tables` are what is measured, `figures`
-what is drawn of it, `relations` what the paper says beside it, and `page` tells the story.
+`plan` lists the runs, `runs` makes or reads them, `findings` holds their scores; `specs` declares the tables, `figures`
+the figures, `relations` compares with the paper, and `page` tells the story.
 """
 
 from __future__ import annotations

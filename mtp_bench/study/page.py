@@ -1,21 +1,23 @@
-"""The page of a study: one HTML file that needs nothing else, and asks nobody for anything."""
+"""The page of a study: one HTML file that loads nothing, with the story, all figures and tables, the worst events."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..tables import BLANK
+from ..tables import Column, Table
+from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
-from .figures import Figure
-from .figures.style import DARK, LIGHT
+from ..viz.terminal.verdict import verdict
+from .drawing import DARK, LIGHT, Drawing
+from .figures import n_of
 from .findings import Findings
-from .gallery import Picture
-from .story import chapters, facts, summary
-from .table import Column, Table, Value
-from .tables.where import CAUSE_NAMES
+from .gallery import EventPicture
+from .plan import only_people, retracking_baselines
+from .specs import TEXTS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -24,100 +26,96 @@ _HERE = Path(__file__).parent
 
 
 def study_page(
-    found: Findings, tables: dict[str, Table], figures: dict[str, Figure], pictures: Sequence[Picture], command: str
+    findings: Findings,
+    tables: dict[str, Table],
+    figures: dict[str, Drawing],
+    pictures: Sequence[EventPicture],
+    command: str,
 ) -> str:
-    """HTML of a study: the story with its figures, all tables, and the worst events.
+    """HTML of a study; ``command``: that makes it again.
 
-    ``command``: that makes it again. Equal findings give equal bytes: no date and no random id is added.
+    Equal findings give equal bytes: the page holds no date and no random id.
     """
     colors = f":root{{{LIGHT}}}@media(prefers-color-scheme:dark){{:root{{{DARK}}}}}"
     style = f"{colors}\n{text_of(_HERE, 'page.css')}"
-    relations = tables["relations"].rows if "relations" in tables else ()
-    content = _templates().get_template("page.html").render(
-        env=found.bench.card.id, subject=found.subject.name, summary=summary(found), facts=facts(found),
-        relations=relations, chapters=chapters(found, tables), figures=figures, tables=tables, pictures=pictures,
-        command=command, style=style, policy=_policy(style),
-    )  # fmt: skip
-    return f"{content}\n"
-
-
-def _policy(style: str) -> str:
-    """A content security policy: nothing from anywhere; figures set styles of their own parts."""
-    return (
+    notes = {"people": people_missing(findings)}
+    policy = (
         f"default-src 'none'; style-src-elem {source_of(style)}; style-src-attr 'unsafe-inline'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
-
-
-def headings(table: Table) -> list[tuple[str, str, bool]]:
-    """What stands above the columns of a table on the page: name, unit, whether it is the paper's."""
-    return [(_heading(column), _unit(column), _of_paper(column)) for column, _ in _merged(table)]
-
-
-def lines(table: Table) -> list[list[tuple[str, bool, bool]]]:
-    """The cells of a table on the page: text, whether it is a number, whether it is the paper's."""
-    return [
-        [
-            (_cell(row, column, ends), not isinstance(getattr(row, column.name), str), _of_paper(column))
-            for column, ends in _merged(table)
-        ]
-        for row in table.rows
-    ]
-
-
-def _merged(table: Table) -> list[tuple[Column, tuple[Column, Column] | None]]:
-    """The columns that hold something; an interval that follows a number goes with it."""
-    columns = [c for c in table.columns if any(getattr(row, c.name) is not None for row in table.rows)]
-    merged = list[tuple[Column, tuple[Column, Column] | None]]()
-    i = 0
-    while i < len(columns):
-        ends = columns[i + 1 : i + 3]
-        whole = len(ends) == 2 and ends[0].name.endswith("low") and ends[1].name.endswith("high")
-        if whole and (columns[i].unit or columns[i].name == "value"):
-            merged.append((columns[i], (ends[0], ends[1])))
-            i += 3
-        else:
-            merged.append((columns[i], None))
-            i += 1
-    return merged
-
-
-def _of_paper(column: Column) -> bool:
-    return column.name.startswith("paper_")
-
-
-def _heading(column: Column) -> str:
-    name = column.name.removeprefix("paper_")
-    said = CAUSE_NAMES.get(name, name.replace("_", " "))
-    return f"the paper's {said}" if _of_paper(column) else said
-
-
-def _unit(column: Column) -> str:
-    return "%" if column.unit == "share" else column.unit
-
-
-def _cell(row: Any, column: Column, ends: tuple[Column, Column] | None) -> str:
-    text = shown(getattr(row, column.name), column.unit)
-    if ends is None:
-        return text
-    low, high = (getattr(row, end.name) for end in ends)
-    return text if None in (low, high) else f"{text} [{shown(low, column.unit)}, {shown(high, column.unit)}]"
-
-
-def shown(value: Value, unit: str = "") -> str:
-    """A value as the page has it."""
-    if value is None:
-        return BLANK
-    if isinstance(value, float):
-        if unit == "share":
-            return f"{100 * value:.1f}".replace("-", "−")
-        digits = 3 if abs(value) < 10 else 2 if abs(value) < 100 else 0
-        return f"{value:.{digits}f}".replace("-", "−")
-    return str(value)
+    content = _templates().get_template("page.html").render(
+        env=findings.bench.card.id, subject=findings.subject.name, summary=summary(findings), facts=facts(findings),
+        relations=tables.get("relations"), figures=figures, tables=tables, pictures=pictures, command=command,
+        chapters=TEXTS["chapters"], notes=notes, style=style, policy=policy,
+    )  # fmt: skip
+    return f"{content}\n"
 
 
 @cache
 def _templates() -> Environment:
     environment = templates_of(_HERE)
-    environment.globals.update(headings=headings, lines=lines, shown=shown)
+    environment.globals.update(cell_text=cell_text, relation_value=relation_value)
     return environment
+
+
+def relation_value(row: Any) -> str:
+    """Value of a relation with its interval and unit."""
+    share = row.unit == "share"
+    value = Column(key="value", format=".1%" if share else "")
+    text = cell_text(value, replace(value, key="value_interval"), row)
+    return text if share else f"{text} {row.unit}"
+
+
+def summary(findings: Findings) -> list[str]:
+    """Results in a few sentences with intervals."""
+    sentences = verdict(findings.report, [subject.name for subject in findings.plan.subjects])
+    own = _own_predictor(findings)
+    return [*sentences, own] if own else sentences
+
+
+def _own_predictor(findings: Findings) -> str:
+    """The cost of tracking errors with the subject's predictor; empty if the controls have the same predictor."""
+    subject = findings.subject
+    if not subject.own_ends or subject.end in findings.plan.controls:
+        return ""
+    cost = findings.difference(subject.end, subject.truth, "all")
+    ideal, real, most = (findings.row(s, "all").error for s in (subject.truth, subject.end, subject.most))
+    if None in (ideal, real, most) or cost.interval is None:
+        return ""
+    low, high = cost.interval
+    owner = "its own predictor" if subject.end == subject.single else f"the predictor of {subject.end.label}"
+    return (
+        f"With {owner} the error over all targets is {ideal:.3f} m from ground-truth tracks and {real:.3f} m with one "
+        f"hypothesis ({cost.error:+.3f} m, 95 % {low:+.3f} to {high:+.3f}); {subject.name} has {most:.3f} m with "
+        f"{findings.row(subject.most, 'all').hypotheses}."
+    )
+
+
+def facts(findings: Findings) -> list[tuple[str, str]]:
+    """Conditions of the study, as names and texts."""
+    condition, card = findings.report.condition, findings.bench.card
+    notes = {s.submission.name: s.submission.note_on(card.id) for s in findings.plan.equal}
+    trained = "; ".join(f"{name}: {note}" for name, note in notes.items() if note)
+    facts = [
+        ("environment", f"{card.id}, split {condition['split']}"),
+        ("agents", ", ".join(subject.name for subject in findings.plan.subjects)),
+        ("targets", n_of(findings)),
+        ("detections", condition["detections"]),
+        ("truth", condition["truth"]),
+        ("event weights", condition["weights"]),
+        ("definitions", findings.report.definitions),
+        ("trained on", trained),
+    ]
+    return [(name, text) for name, text in facts if text]
+
+
+def people_missing(findings: Findings) -> str:
+    """Way to get the table on pedestrians; empty if it is there, or others than pedestrians are forecast."""
+    if not only_people(findings.bench.card) or findings.plan.retracking:
+        return ""
+    plain, again, _ = retracking_baselines()
+    return (
+        f"The table of re-tracking ({plain.name}, {again.name} and both with hypotheses) needs a network that was not "
+        f"trained on this machine: mtp-bench train predictor social_lstm --env {findings.bench.card.id}, then the same "
+        "study again."
+    )

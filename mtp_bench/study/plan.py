@@ -1,4 +1,4 @@
-"""What a study runs: each agent with one to many hypotheses, with and without sampling, and the controls."""
+"""Plan of a study: each agent with one to many hypotheses, with and without sampling, and the controls."""
 
 from __future__ import annotations
 
@@ -6,32 +6,32 @@ import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
+from .._bundle import baseline_names
 from ..cards import Card
 from ..errors import MtpBenchError
+from ..networks import network_files
 from ..running.compare import PARAMETER, control_names, threshold_agents
 from ..running.settings import Setting, all_settings, setting_of
+from ..scoring.rows import Budget
 from ..submission.loader import Submission, controls, load_submission
-from .retracking import retracking_settings
 
 HYPOTHESES = (1, 2, 5, 10, 20)
-QUANTILES = (0.1, 0.25, 0.5)  # of the scores of detections of true objects: where the input is cut
-SAME_BUDGET = "stp_same_budget"
-HEDGED = "stp_hedged"
+QUANTILES = (0.1, 0.25, 0.5)  # shares of the detections of true objects that a score threshold leaves out
+RETRACKING = "retracking"  # parameter of baselines that re-track the past
 
 
 @dataclass(frozen=True)
 class Subject:
-    """An agent that is studied."""
+    """The settings of an agent that is studied."""
 
     name: str
     single: Setting  # itself with one hypothesis
-    end: Setting  # where its gap begins: ``single``, unless the manifest states more than one hypothesis
-    truth: Setting  # ``end`` on true pasts
-    equal: dict[int, Setting]  # by hypotheses: with the k samples of the env; 1 is ``single``
-    free: dict[int, Setting] = field(default_factory=dict)  # by hypotheses: with the samples of all of them
-    own_ends: bool = True  # False: what it is with one hypothesis is not stated, and STP stands for it
+    end: Setting  # start of its gap: ``single``, unless the manifest states more than one hypothesis
+    truth: Setting  # ``end`` on ground-truth tracks
+    equal: dict[int, Setting]  # by hypotheses, with the k samples of the env; 1 is ``single``
+    free: dict[int, Setting] = field(default_factory=dict)  # by hypotheses, with the samples of all of them
+    own_ends: bool = True  # False: the manifest states no reference pair, and STP stands for it
 
     @property
     def most(self) -> Setting:
@@ -45,30 +45,40 @@ class Plan:
 
     subjects: tuple[Subject, ...]
     controls: tuple[Setting, ...]
-    retracking: tuple[Setting, ...] = ()  # the rows of the paper's table of people
-    cuts: dict[float, tuple[Setting, ...]] = field(default_factory=dict)  # share of true detections below -> settings
+    retracking: tuple[Setting, ...] = ()  # rows of the paper's table on pedestrians
+    cuts: dict[float, tuple[Setting, ...]] = field(default_factory=dict)  # by share of true detections left out
+
+    @property
+    def shown_controls(self) -> list[Setting]:
+        """The controls that are shown beside every subject."""
+        return [s for s in self.controls if s.submission.compare.role in ("same_samples", "hedged")]
+
+    @property
+    def same_samples(self) -> Setting | None:
+        """The control that draws as many samples from one hypothesis as others from many."""
+        return next((s for s in self.controls if s.submission.compare.role == "same_samples"), None)
 
     @property
     def equal(self) -> list[Setting]:
         """Every setting with the k samples of the env that the report ranks, each once; the controls first."""
-        every = [*self.controls, *self.retracking]
+        settings = [*self.controls, *self.retracking]
         for subject in self.subjects:
-            every += [subject.single, subject.end, subject.truth, *subject.equal.values()]
-        return unique(every)
+            settings += [subject.single, subject.end, subject.truth, *subject.equal.values()]
+        return unique(settings)
 
     @property
     def free(self) -> list[Setting]:
-        """Every setting with more samples."""
+        """Every setting with more than k samples."""
         return unique(setting for subject in self.subjects for setting in subject.free.values())
 
     @property
     def cut(self) -> list[Setting]:
-        """Every setting with a cut input."""
+        """Every setting with a score threshold."""
         return [setting for settings in self.cuts.values() for setting in settings]
 
 
 def key_of(setting: Setting) -> str:
-    """What tells settings apart: equal keys, equal runs."""
+    """Digest of what a setting runs: settings with equal keys are the same run."""
     content = {
         "submission": setting.submission.digest,
         "parameters": setting.parameters,
@@ -79,7 +89,7 @@ def key_of(setting: Setting) -> str:
 
 
 def unique(settings: Iterable[Setting]) -> list[Setting]:
-    """The settings in their order, without those that are the same run as one before."""
+    """The first setting of each run, in order."""
     first: dict[str, Setting] = {}
     for setting in settings:
         first.setdefault(key_of(setting), setting)
@@ -89,38 +99,35 @@ def unique(settings: Iterable[Setting]) -> list[Setting]:
 def make_plan(
     names: Sequence[str], card: Card, hypotheses: Sequence[int] = HYPOTHESES, free: Sequence[int] = HYPOTHESES[1:]
 ) -> Plan:
-    """The plan for some submissions on a card, without cuts of the input, which depend on its detections.
+    """The plan for submissions on a card, without score thresholds, which depend on the detections.
 
-    ``hypotheses``: numbers to run an agent with that takes one; ``free``: of them, those to run without sampling too.
-    Raises MtpBenchError without a name and where two submissions have one name, and SubmissionError for a count that is
-    none.
+    ``hypotheses``: numbers of hypotheses to run an agent with, if it has such a parameter; ``free``: those of them to
+    run with all samples too. Raises MtpBenchError without a name and for two submissions of one name, and
+    SubmissionError for a count that is not a whole number.
     """
     if not names:
-        raise MtpBenchError("a study is of an agent: name at least one")
-    all_settings(names, card)  # two of one name, and broken manifests, show here
-    compared = tuple(all_settings(control_names(), card))
+        raise MtpBenchError("a study needs an agent: name at least one")
+    all_settings(names, card)  # checks the names and manifests
     subjects = tuple(subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
-    return Plan(subjects, compared, retracking_settings(card))
+    return Plan(subjects, tuple(all_settings(control_names(), card)), retracking_settings(card))
 
 
 def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> Subject:
-    """A submission in the settings of a study."""
+    """The settings of a submission."""
     whole = setting_of(submission, card)
-    end, truth, stated = _ends(whole, card)
-    end = _named_once(end, whole)
+    end, truth, stated = _reference_pair(whole, card)
+    end = whole if key_of(end) == key_of(whole) else end  # one run has one name
     parameter, most = submission.compare.hypotheses, _most_hypotheses(whole)
-    alone = (
-        most == 1 and not whole.gap_references and key_of(end) != key_of(whole)
-    )  # a control is where its gap begins, not it
-    if parameter is None or submission.compare.observe == "truth" or alone:
+    control_ended = most == 1 and not whole.gap_references and end is not whole
+    if parameter is None or submission.compare.observe == "truth" or control_ended:
         return Subject(submission.name, end, end, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
 
-    def with_hypotheses(count: int, budget: Any = "equal") -> Setting:
+    def with_hypotheses(count: int, budget: Budget = "equal") -> Setting:
         return setting_of(submission, card, {parameter: count}, budget)
 
     single = end
     if whole.gap_references and (one := with_hypotheses(1)).parameters != end.parameters:
-        single = _named_once(replace(one, label=f"{submission.name}, H = 1"), whole)
+        single = whole if key_of(one) == key_of(whole) else replace(one, label=f"{submission.name}, H = 1")
     counts = sorted({count for count in hypotheses if count <= most} | {most}) if most > 1 else [1]
     return Subject(
         name=submission.name,
@@ -134,38 +141,59 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
 
 
 def _most_hypotheses(setting: Setting) -> int:
-    """The largest number that the manifest states, as its parameter or in its sweep."""
+    """The largest number of hypotheses in the manifest: of its parameter or its sweep."""
     compare = setting.submission.compare
     swept = compare.sweep.get(compare.hypotheses, ()) if compare.hypotheses else ()
     return max([setting.hypotheses or 1, *(value for value in swept if isinstance(value, int))])
 
 
-def _named_once(setting: Setting, whole: Setting) -> Setting:
-    """``whole`` where the setting is the same run: one run has one name."""
-    return whole if key_of(setting) == key_of(whole) else setting
-
-
-def _ends(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:
-    """One hypothesis, and true pasts, with the setting's own predictor; whether the manifest states them."""
-    if setting.gap_references:
-        single, truth = setting.gap_references
-        name = ", ".join([setting.submission.name, *_changed(setting, single)])  # no other run has this name
-        return replace(single, label=f"{name}, H = 1"), replace(truth, label=f"{name}, true pasts"), True
-    role = controls()
-    stp, past = (setting_of(load_submission(role[name]), card) for name in ("single", "ground_truth"))
-    return stp, past, setting.gap_references == ()
-
-
-def _changed(setting: Setting, end: Setting) -> list[str]:
-    """What differs at an end of the gap beside the number of hypotheses, such as what its network was trained on."""
+def _reference_pair(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:
+    """One hypothesis, and ground-truth tracks, with the setting's own predictor; False if the manifest states none."""
+    if not setting.gap_references:
+        name_of = controls()
+        stp, truth = (setting_of(load_submission(name_of[role]), card) for role in ("single", "ground_truth"))
+        return stp, truth, setting.gap_references == ()
+    single, truth = setting.gap_references
     counted = setting.submission.compare.hypotheses
-    return [f"{k} = {v}" for k, v in end.parameters.items() if k != counted and setting.parameters.get(k) != v]
+    changed = [f"{k} = {v}" for k, v in single.parameters.items() if k != counted and setting.parameters.get(k) != v]
+    name = ", ".join([setting.submission.name, *changed])  # no other run has this name
+    return replace(single, label=f"{name}, H = 1"), replace(truth, label=f"{name}, GT tracks"), True
 
 
 def with_cuts(plan: Plan, card: Card, cuts: dict[float, dict[str, float]]) -> Plan:
-    """The plan, and the baselines with the input cut: share of true detections below -> least score per class."""
+    """The plan with score thresholds: share of true detections left out -> least score per class."""
     settings = {
         share: tuple(setting_of(load_submission(name), card, {PARAMETER: cut}) for name in threshold_agents())
         for share, cut in cuts.items()
     }
     return replace(plan, cuts=settings)
+
+
+def only_people(card: Card) -> bool:
+    """True if pedestrians alone are forecast."""
+    return card.task.classes == ("pedestrian",)
+
+
+def retracking_baselines() -> list[Submission]:
+    """Baselines with a parameter for re-tracking: plain, with re-tracking, with it and many hypotheses."""
+    baselines = [s for s in map(load_submission, baseline_names()) if RETRACKING in s.parameters]
+
+    def effort(submission: Submission) -> tuple[int, bool]:
+        counted = submission.compare.hypotheses
+        return (submission.parameters.get(counted, 1) if counted else 1), submission.parameters[RETRACKING]
+
+    return sorted(baselines, key=effort)
+
+
+def retracking_settings(card: Card) -> tuple[Setting, ...]:
+    """Settings of the paper's table on pedestrians: plain, re-tracking, hypotheses, both.
+
+    Empty where others than pedestrians are forecast, and where their network was not trained on this machine.
+    """
+    if not only_people(card):
+        return ()
+    plain, again, both = retracking_baselines()
+    if not network_files(plain.networks, card.id, card.weights_of):
+        return ()
+    hypotheses = setting_of(both, card, {RETRACKING: False})
+    return setting_of(plain, card), setting_of(again, card), hypotheses, setting_of(both, card)

@@ -1,16 +1,17 @@
-"""Runs of a study: made once, stored as `mtp-bench run` stores them, and read back where nothing has changed."""
+"""Runs of a study: stored as `mtp-bench run` stores them, read back while nothing has changed, and timed."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..agent import Agent
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import RolloutError
@@ -21,63 +22,61 @@ from ..running.options import RunOptions
 from ..running.perturbation import MatchedDetections, matched_detections
 from ..running.reference import ranked_scenes
 from ..running.rollout_files import load_run, save_run
-from ..running.run import jobs_of, run_jobs
+from ..running.run import agent_task, jobs_of, run_jobs, run_scene
 from ..running.settings import Setting
 from ..running.stored import run_info
 from ..scoring import SceneScore, score_scene
-from ..scoring.circumstances import Circumstances, circumstances
 from ..sources import open_source
-from ..types import Rollout, Scene
+from ..submission.loader import load_submission
+from ..types import Action, Observation, Rollout, Scene, Task
 from ..viz.terminal.paper import unchanged
+from .circumstances import Circumstances, circumstances
 from .plan import key_of
 
 RUNS = "runs"  # folder of the stored runs
+TIMED_FRAMES = 120  # at least, per number of hypotheses
 _LIBRARY = Path(__file__).resolve().parent.parent
-# Parts of the library that only judge and show; what its baselines are is told by their own digests.
-_NO_MAKERS = frozenset(
-    ["_bundled", "commands", "gateway", "records", "scoring", "study", "testing", "training", "viz", "__pycache__"]
-)
-_KEY = 12  # digits
+# Parts of the library that only judge and show; baselines have digests of their own.
+_NO_MAKERS = {
+    "_bundled", "__pycache__", "commands", "gateway", "records", "scoring", "study", "tables", "testing", "training",
+    "viz",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """A setting on the scenes of a study, a run per seed."""
+    """A setting on the scenes of a study, one run per seed."""
 
     setting: Setting
     scores: tuple[tuple[SceneScore, ...], ...]
     around: tuple[tuple[Circumstances, ...], ...]  # empty for runs of more than k samples
-    folders: tuple[Path, ...]  # of the stored runs; empty where they are too large to be kept
+    folders: tuple[Path, ...]  # of the stored runs; empty for runs of more than k samples
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Where a study runs: the env, its scenes, and the folder for what is kept."""
+    """The env of a study, its scenes, and the folder of its runs."""
 
     env_id: str | Card
     card: Card  # with all changes
     scenes: tuple[str, ...]
-    content: str  # digest of all that agents are shown, and of the truth
+    content: str  # digest of the truth and of everything that agents are shown
     matched: tuple[MatchedDetections, ...]  # detections of true objects, per scene
     folder: Path
     options: RunOptions
 
     @property
     def of_paper(self) -> str:
-        """The env whose figures of the paper may stand beside ours; empty where the card was changed."""
+        """Id of the env whose figures of the paper may stand beside ours; empty for a changed card."""
         return unchanged(self.card.id, self.card.digest)
 
 
 def open_bench(env_id: str | Card, folder: Path, options: RunOptions) -> Bench:
-    """The bench of an env; reads all its scenes once. Raises MtpBenchError for whatever the user can mend."""
+    """The bench of an env; reads all its scenes once. Raises MtpBenchError for wrong options and broken data."""
     env = MTPEnv(env_id, **options.env_keywords)
     scenes = options.chosen(ranked_scenes(env.card, env.scene_names))
-    read = parallel_map(
-        _read,
-        [(env.card, options.data, name) for name in scenes],
-        options.workers,
-        lambda place: options.progress.done(scenes[place]),
-    )
+    calls = [(env.card, options.data, name) for name in scenes]
+    read = parallel_map(_read, calls, options.workers, lambda i: options.progress.done(scenes[i]))
     content = hashlib.sha256("\n".join([env.card.digest, *(digest for digest, _ in read)]).encode()).hexdigest()
     return Bench(env_id, env.card, scenes, content, tuple(matched for _, matched in read), folder, options)
 
@@ -88,71 +87,68 @@ def _read(card: Card, data: str | None, name: str) -> tuple[str, MatchedDetectio
 
 
 def scene_digest(scene: Scene) -> str:
-    """Hex sha256 of the name, the detections, the ego's poses, the times and the truth of a scene."""
+    """Hex sha256 of the name, detections, ego poses, times and truth of a scene."""
     sha = hashlib.sha256(scene.name.encode())
     for table in (scene, scene.truth, scene.detections):
-        for field, value in sorted(vars(table).items()):
+        for name, value in sorted(vars(table).items()):
             if isinstance(value, np.ndarray):
-                sha.update(f"|{field}{value.shape}{value.dtype}".encode())
+                sha.update(f"|{name}{value.shape}{value.dtype}".encode())
                 sha.update(np.ascontiguousarray(value).tobytes())
     return sha.hexdigest()
 
 
-def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Any) -> Measured:
-    """Scores of a setting, from its stored runs where these hold what would be run now; else it is run.
+def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable[[str], object]) -> Measured:
+    """Scores of a setting: of its stored runs if these are up to date, else of new runs.
 
-    ``done`` is told the name of every scene. A run of more than k samples is not stored: its samples would fill disks.
+    ``done`` is called with the name of every scene. Runs of more than k samples are not stored: they are large.
     """
-    whole = setting.samples == bench.card.task.samples
-    keywords = {**bench.options.env_keywords, **shown_of(bench, setting)}
-    progress = replace(bench.options, progress=Progress(done=done))
+    keywords = {**bench.options.env_keywords, **env_changes(bench, setting)}
+    options = replace(bench.options, progress=Progress(done=done))
     scores, around, folders = [], [], []
     for seed in seeds:
-        make = jobs_of(
+        jobs = jobs_of(
             setting.submission, bench.env_id, keywords, bench.scenes, seed, setting.parameters, setting.label
         )
-        if not whole:
-            scores.append(tuple(run_jobs(make, progress, score_scene)))
+        if setting.samples != bench.card.task.samples:
+            scores.append(tuple(run_jobs(jobs, options, score_scene)))
             continue
-        folder = bench.folder / RUNS / _name(bench, setting, seed)
-        kept = _stored(folder, bench.scenes)
-        if kept is None:
-            made = run_jobs(make, progress, _keep)
-            _store(bench, setting, seed, folder, [rollout for rollout, *_ in made])
+        folder = bench.folder / RUNS / _folder_name(bench, setting, seed)
+        stored = _stored(folder, bench.scenes)
+        if stored is None:
+            judged = run_jobs(jobs, options, _judge)
+            _store(bench, setting, seed, folder, [rollout for rollout, *_ in judged])
         else:
-            calls = [(bench.card, rollout, bench.options.data) for rollout in kept]
-            made = parallel_map(_again, calls, bench.options.workers, lambda place: done(bench.scenes[place]))
-        scores.append(tuple(score for _, score, _ in made))
-        around.append(tuple(near for *_, near in made))
+            calls = [(bench.card, rollout, bench.options.data) for rollout in stored]
+            judged = parallel_map(_judge_stored, calls, bench.options.workers, lambda i: done(bench.scenes[i]))
+        scores.append(tuple(score for _, score, _ in judged))
+        around.append(tuple(near for *_, near in judged))
         folders.append(folder)
     return Measured(setting, tuple(scores), tuple(around), tuple(folders))
 
 
-def _keep(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, SceneScore, Circumstances]:
+def _judge(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, SceneScore, Circumstances]:
     return rollout, score_scene(scene, rollout, card), circumstances(scene, rollout, card)
 
 
-def _again(card: Card, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, Circumstances]:
-    """A stored rollout, scored."""
-    scene = open_source(card, data).load(rollout.scene)
-    return None, score_scene(scene, rollout, card), circumstances(scene, rollout, card)
+def _judge_stored(card: Card, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, Circumstances]:
+    return None, *_judge(open_source(card, data).load(rollout.scene), rollout, card)[1:]
 
 
 def _store(bench: Bench, setting: Setting, seed: int, folder: Path, rollouts: Sequence[Rollout]) -> None:
-    shown = shown_of(bench, setting)
-    env = MTPEnv(bench.env_id, **bench.options.env_keywords, **shown)
-    info = run_info(env, setting, seed, {**shown, **bench.options.changes})
+    changes = env_changes(bench, setting)
+    env = MTPEnv(bench.env_id, **bench.options.env_keywords, **changes)
+    info = run_info(env, setting, seed, {**changes, **bench.options.changes})
     save_run(folder, info.model_copy(update={"card": env.card.stored()}), rollouts)
 
 
-def shown_of(bench: Bench, setting: Setting) -> dict[str, Any]:
-    """Keywords of the env of a setting beyond those of all; raises MtpBenchError where stored tracks are not named."""
+def env_changes(bench: Bench, setting: Setting) -> dict[str, Any]:
+    """Keywords of the env for one setting alone; raises MtpBenchError if stored tracks are needed and not given."""
     stored = bench.options.shown_to(setting.submission) if setting.observe == "tracks" else {}
     return {**setting.env_keywords(bench.card), **stored}
 
 
 def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:
-    """The rollouts of a stored run of these scenes; None where there is none that is whole."""
+    """Rollouts of a stored run of these scenes; None unless it is complete."""
     try:
         run = load_run(folder) if folder.is_dir() else None
     except RolloutError:
@@ -160,27 +156,25 @@ def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:
     return None if run is None or [r.scene for r in run.rollouts] != list(scenes) else run.rollouts
 
 
-def _name(bench: Bench, setting: Setting, seed: int) -> str:
-    """Name of the folder of a run: for people, and a digest of everything that decides what is said."""
-    networks = network_files(setting.submission.networks, bench.card.id, bench.card.weights_of)
-    weights = [file_digest(path) for path in networks]
-    tracks = _given_files(bench.options) if setting.observe == "tracks" else []
-    given = [file_digest(path) for path in tracks]
-    content = "\n".join([bench.content, key_of(setting), str(seed), *weights, *given, library_digest()])
-    digest = hashlib.sha256(content.encode()).hexdigest()[:_KEY]
+def _folder_name(bench: Bench, setting: Setting, seed: int) -> str:
+    """Name of the folder of a run; its digest is of everything that decides what the agent answers."""
+    files = network_files(setting.submission.networks, bench.card.id, bench.card.weights_of)
+    files = [*files, *(_track_files(bench.options) if setting.observe == "tracks" else [])]
+    parts = [bench.content, key_of(setting), str(seed), *map(file_digest, files), library_digest()]
+    digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]
     shown = "-truth" if setting.ideal else f"-H{setting.hypotheses}" if setting.hypotheses else ""
     return f"{setting.submission.name}{shown}-k{setting.samples}-seed{seed}-{digest}"
 
 
-def _given_files(options: RunOptions) -> list[Path]:
-    """Files of stored tracks that some agents are shown."""
+def _track_files(options: RunOptions) -> list[Path]:
+    """Files of stored tracks that agents are shown."""
     given = Path(options.track_file or "")
     return sorted(path for path in given.rglob("*") if path.is_file()) if given.is_dir() else [given]
 
 
 @cache
 def library_digest() -> str:
-    """Hex sha256 over the code and the fitted files of this library that have a part in what agents see and say."""
+    """Hex sha256 of the code and fitted files of this library that decide what agents see and answer."""
     sha = hashlib.sha256()
     for name in library_files():
         sha.update(f"{name}|{file_digest(_LIBRARY / name)}\n".encode())
@@ -188,6 +182,55 @@ def library_digest() -> str:
 
 
 def library_files() -> list[str]:
-    """What `library_digest` covers, as paths in the library."""
+    """Paths in the library that `library_digest` covers."""
     names = (path.relative_to(_LIBRARY) for path in _LIBRARY.rglob("*") if path.is_file())
     return sorted(name.as_posix() for name in names if not _NO_MAKERS.intersection(name.parts))
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Mean time of a frame with some number of hypotheses."""
+
+    hypotheses: int
+    tracking: float | None  # ms; None if the agent does not measure its stages
+    prediction: float | None  # ms, with sampling and presence
+    whole: float  # ms
+    frames: int
+
+
+@dataclass
+class _TimedAgent:
+    """An agent, and the seconds that its stages have taken."""
+
+    agent: Agent
+    stages: dict[str, float] = field(default_factory=dict)
+
+    def reset(self, task: Task) -> None:
+        self.agent.reset(task)
+
+    def act(self, observation: Observation) -> Action:
+        action = self.agent.act(observation)
+        for stage, seconds in getattr(self.agent, "seconds", {}).items():
+            self.stages[stage] = self.stages.get(stage, 0.0) + seconds
+        return action
+
+
+def speed_of(bench: Bench, setting: Setting) -> Speed:
+    """Time of a frame of the first scenes in this process, the faster of two rounds after a scene to warm up."""
+    env = MTPEnv(bench.env_id, **bench.options.env_keywords, **env_changes(bench, setting), evaluation=True)
+    agent = load_submission(setting.submission.path).build(agent_task(env, 0), **setting.parameters)
+    run_scene(agent, env, bench.scenes[0], 0, setting.label)
+    return min((_timed(bench, agent, env, setting) for _ in range(2)), key=lambda speed: speed.whole)
+
+
+def _timed(bench: Bench, agent: Agent, env: MTPEnv, setting: Setting) -> Speed:
+    timed, frames, seconds = _TimedAgent(agent), 0, 0.0
+    for scene in bench.scenes:
+        rollout = run_scene(timed, env, scene, 0, setting.label)
+        frames, seconds = frames + rollout.frames, seconds + float(rollout.seconds.sum())
+        if frames >= TIMED_FRAMES:
+            break
+    stages = {stage: 1e3 * spent / frames for stage, spent in timed.stages.items()}
+    return Speed(
+        setting.hypotheses or 1, stages.get("tracking"), stages.get("prediction"), 1e3 * seconds / frames, frames
+    )

@@ -1,4 +1,4 @@
-"""What an agent said on a scene, as every drawing reads it: its hypotheses, where their tracks come from, forecasts."""
+"""Answers of an agent on a scene, as every drawing reads them: hypotheses, the origin of their tracks, forecasts."""
 
 from __future__ import annotations
 
@@ -28,17 +28,16 @@ class Answers:
 
     @cached_property
     def shown(self) -> Bools:
-        """Which tracks [N] the best hypothesis of their frame holds."""
+        """Tracks [N] that the best hypothesis of their frame holds."""
         frame = self.rollout.tracks.frame_of_rows
         chosen: Bools = self.hypotheses.member[np.arange(len(frame)), self.hypotheses.best[frame]]
         return chosen
 
     @cached_property
     def object_track(self) -> Ints:
-        """Track [O] of the best hypothesis nearest to each forecast object inside the forecast gate, -1 none.
+        """Track [O] of the best hypothesis nearest to each forecast object inside the forecast gate, -1 without one.
 
-        The matching is one-to-one. An action does not say which track a forecast belongs to; drawings and lists only
-        name it.
+        The matching is one-to-one. An action does not say which track a forecast belongs to: this is only for names.
         """
         rollout, chosen = self.rollout, np.flatnonzero(self.shown)
         pairs = box_pairs(
@@ -55,7 +54,7 @@ class Answers:
 
     @property
     def object_track_id(self) -> Ints:
-        """Id [O] of that track, -1 none."""
+        """Id [O] of that track, -1 without one."""
         return np.append(self.rollout.track_id, -1)[self.object_track]
 
     @cached_property
@@ -67,14 +66,13 @@ class Answers:
 
     @cached_property
     def earlier(self) -> Ints:
-        """Row [N, H] of each track in the frame before, along the lineage of each hypothesis; -1 none."""
+        """Row [N, H] of each track in the frame before, along the lineage of each hypothesis; -1 for a new track."""
         rollout, member = self.rollout, self.hypotheses.member
         earlier = np.full(member.shape, -1, dtype=np.int64)
         for t in range(1, rollout.frames):
             now, past = rollout.tracks.rows(t), rollout.tracks.rows(t - 1)
             i, j = np.nonzero(rollout.track_id[now][:, None] == rollout.track_id[past])
-            held = member[now][i] & member[past][j][:, self.hypotheses.parent[t]]
-            pair, hypothesis = np.nonzero(held)
+            pair, hypothesis = np.nonzero(member[now][i] & member[past][j][:, self.hypotheses.parent[t]])
             earlier[now.start + i[pair], hypothesis] = past.start + j[pair]
         return earlier
 

@@ -1,4 +1,4 @@
-"""One event of a run, looked up frame by frame: the object, its tracks before and after, forecasts and detections."""
+"""One event of a run, frame by frame: the object, its tracks before and after, forecasts and detections."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .replay import Incident, Replay
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast:
+class ObjectForecast:
     """One forecast of the object, in the frame of reference of the scene."""
 
     frame: int  # in which it was made
-    track_id: int  # that it belongs to, -1 none
+    track_id: int  # that it belongs to, -1 without one
     start: Floats  # [2] m
     path: Floats  # [K, T, 2] m, one per frame after ``frame``
     weight: Floats  # [K] 0 to 1
-    nearest: int  # the sample nearest to the true future; the heaviest where none is known
+    nearest: int  # the sample nearest to the true future; the heaviest if that is unknown
 
     @property
     def nearest_path(self) -> Floats:
@@ -45,7 +45,7 @@ class Case:
     @cached_property
     def hypothesis(self) -> Ints:
         """The hypothesis [F] that is looked at in each frame."""
-        return self.replay.said.hypotheses.seen_from(self.at.frame)
+        return self.replay.answers.hypotheses.seen_from(self.at.frame)
 
     @property
     def noun(self) -> str:
@@ -54,11 +54,11 @@ class Case:
 
     @property
     def near(self) -> float:
-        """Metres around the object: what is detected farther away is not of it."""
+        """Radius around the object, m: detections farther away are not of it."""
         return 2 * float(self.replay.card.per_class(self.replay.card.task.forecast_gate)[self.at.class_id])
 
-    def named(self, row: int) -> str:
-        """The object of a row of the truth in words, such as "car 8"."""
+    def name_of(self, row: int) -> str:
+        """Name of the object of a row of the truth, such as "car 8"."""
         truth, classes = self.replay.scene.truth, self.replay.card.task.classes
         return f"{classes[truth.class_id[row]].replace('_', ' ')} {int(truth.object_id[row])}"
 
@@ -69,7 +69,7 @@ class Case:
 
     @cached_property
     def rows(self) -> Ints:
-        """Row [F] of the object in the truth, -1 where it is not there; all -1 where a forecast is of nothing."""
+        """Row [F] of the object in the truth, -1 in frames without it; all -1 for a false forecast."""
         truth = self.replay.scene.truth
         own = np.flatnonzero((truth.object_id == self.at.object_id) & ~truth.neutral)
         rows = np.full(self.replay.frames, -1, dtype=np.int64)
@@ -78,7 +78,7 @@ class Case:
         return rows
 
     def place(self, t: int) -> NDArray[np.float64]:
-        """Where the object [2] is at frame ``t``; where it is not there, its nearest known place in time."""
+        """Place [2] of the object at frame ``t``; in frames without it, its nearest known place in time."""
         known = np.flatnonzero(self.rows >= 0)
         if len(known):
             nearest = known[np.argmin(np.abs(known - t))]
@@ -87,7 +87,7 @@ class Case:
         return np.array(self.at.position[:2]) if row < 0 else self.replay.rollout.track_box[row, :2].astype(np.float64)
 
     def path(self, first: int, last: int) -> Floats:
-        """Where the object [n, 2] was from frame ``first`` on until a gap or ``last``, forwards or backwards."""
+        """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
         step, places = (1 if last >= first else -1), []
         for t in range(first, last + step, step):
             if not 0 <= t < self.replay.frames or self.rows[t] < 0:
@@ -96,44 +96,44 @@ class Case:
         return np.array(places, dtype=np.float64).reshape(-1, 2)
 
     def future(self, t: int) -> Floats:
-        """Where the object [n, 2] goes within the horizon, now first."""
+        """Places [n, 2] of the object within the horizon, now first."""
         return self.path(t, t + self.replay.card.task.future)
 
     def track_rows(self, t: int) -> Ints:
         """Rows of the tracks at frame ``t``."""
         rows = self.replay.rollout.tracks.rows(t)
-        held = self.replay.said.hypotheses.member[rows, self.hypothesis[t]]
-        return np.asarray(rows.start + np.flatnonzero(held))
+        member = self.replay.answers.hypotheses.member[rows, self.hypothesis[t]]
+        return np.asarray(rows.start + np.flatnonzero(member))
 
     def track_row(self, track_id: int, t: int) -> int:
-        """Row of a track at frame ``t``, -1 where it is not output then."""
+        """Row of a track at frame ``t``, -1 if it is not output then."""
         rows = self.track_rows(t)
         own = rows[self.replay.rollout.track_id[rows] == track_id] if track_id >= 0 else rows[:0]
         return int(own[0]) if len(own) else -1
 
     def follower(self, t: int) -> int:
-        """Id of the track that follows the object at frame ``t``, -1 none."""
+        """Id of the track that follows the object at frame ``t``, -1 without one."""
         row = self.rows[t]
         return -1 if row < 0 else int(np.append(self.replay.rollout.track_id, -1)[self._matched(t)[row]])
 
     def _matched(self, t: int) -> Ints:
-        """The track [R] matched to each true box in the hypothesis of frame ``t``, -1 none."""
-        best = self.hypothesis[t] == self.replay.said.hypotheses.best[t]
+        """Track [R] matched to each true box in the hypothesis of frame ``t``, -1 without one."""
+        best = self.hypothesis[t] == self.replay.answers.hypotheses.best[t]
         return self.replay.truth_track if best else self.replay.matched[:, self.hypothesis[t]]
 
     def followed(self, track_id: int, t: int) -> int:
-        """Row of the true box, other than the object, that a track follows at frame ``t``, -1 none."""
+        """Row of the true box, other than the object, that a track follows at frame ``t``, -1 without one."""
         row = self._followed(track_id, t)
         return -1 if row == self.rows[t] else row
 
     def _followed(self, track_id: int, t: int) -> int:
-        """Row of the true box that a track follows at frame ``t``, -1 none."""
+        """Row of the true box that a track follows at frame ``t``, -1 without one."""
         row, truth = self.track_row(track_id, t), self.replay.scene.truth.rows(t)
         own = np.flatnonzero((self._matched(t)[truth] == row) & (row >= 0))
         return truth.start + int(own[0]) if len(own) else -1
 
     def last_followed(self, track_id: int, t: int) -> tuple[int, int] | None:
-        """Before frame ``t`` in one piece: how many frames ago a track last followed an object, and its row then."""
+        """Before frame ``t`` without a gap: frames since a track last followed an object, and the row of that."""
         for ago in range(1, self.age(track_id, t) + 1):
             row = self._followed(track_id, t - ago)
             if row >= 0:
@@ -148,7 +148,7 @@ class Case:
         return count
 
     def trail(self, track_id: int, t: int, frames: int) -> Floats:
-        """Where a track [n, 2] was in the last ``frames`` frames until ``t``, now last; empty if it is not there."""
+        """Places [n, 2] of a track in the last ``frames`` frames until ``t``, now last; empty if it is not output."""
         if self.track_row(track_id, t) < 0:
             return np.zeros((0, 2))
         first = t - min(self.age(track_id, t), frames - 1)
@@ -163,28 +163,30 @@ class Case:
         order = np.argsort(far, kind="stable")
         return np.asarray(rows.start + order[far[order] <= self.near])
 
-    def forecast(self, t: int) -> Forecast | None:
-        """The forecast of frame ``t`` that the judge holds for the object's, else that of its track then."""
-        said, rollout = self.replay.said, self.replay.rollout
-        row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])
+    def forecast(self, t: int) -> ObjectForecast | None:
+        """The forecast of frame ``t`` that the scorer matches to the object, else that of its track then."""
+        row, rollout = self._forecast_row(t), self.replay.rollout
         if row < 0:
-            own = self.at.old_id if t < self.at.frame else self.at.new_id
-            objects = rollout.objects.rows(t)
-            found = objects.start + np.flatnonzero((said.object_track_id[objects] == own) & (own >= 0))
-            if self.at.kind == "spurious" and own < 0:  # a forecast without a track stands alone
-                found = np.array([self.at.row]) if t == self.at.frame else found[:0]
-            if not len(found):
-                return None
-            row = int(found[0])
+            return None
         start = rollout.object_box[row, :2].astype(np.float64)
         weight = floored(sample_weights(rollout.forecast_log_weight[row : row + 1]))[0]
         path = (start + to_metres(rollout.forecast[row]))[weight > 0]
         weight = weight[weight > 0]
         if not len(weight):
             return None
-        return Forecast(
-            t, int(said.object_track_id[row]), start, path, weight, _nearest(path, weight, self.future(t)[1:])
-        )
+        nearest = _nearest(path, weight, self.future(t)[1:])
+        return ObjectForecast(t, int(self.replay.answers.object_track_id[row]), start, path, weight, nearest)
+
+    def _forecast_row(self, t: int) -> int:
+        row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])
+        if row >= 0:
+            return row
+        own = self.at.old_id if t < self.at.frame else self.at.new_id
+        if self.at.kind == "spurious" and own < 0:  # a forecast without a track stands alone
+            return self.at.row if t == self.at.frame else -1
+        objects = self.replay.rollout.objects.rows(t)
+        found = np.flatnonzero((self.replay.answers.object_track_id[objects] == own) & (own >= 0))
+        return objects.start + int(found[0]) if len(found) else -1
 
 
 def _nearest(path: Floats, weight: Floats, future: Floats) -> int:

@@ -1,4 +1,4 @@
-"""One frame of a scene as it is drawn: from a scored run, or from an episode while it is played."""
+"""Content of a bird's-eye picture of one frame: of a scored run, or of an episode while it is played."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ..cards import Card
 from ..scoring.forecasts import sample_weights
 from ..types import Bools, Floats, Ints, Scene, to_metres
 from .answers import Answers
+from .focus import TRAIL_SECONDS
 from .replay import Incident, Replay
 
-TRAIL_SECONDS = 3.0
-EVENT_SECONDS = 1.5  # how long an event stays in the picture
+EVENT_SECONDS = 1.5  # time that an event stays in the picture
 LOG = 10  # events that are listed
-EGO_SIZE = (4.6, 1.9, 1.6)  # m, l w h of a usual car: no source says the size of its vehicle
+EGO_SIZE = (4.6, 1.9, 1.6)  # m, l w h of a usual car: sources do not state the size of their vehicle
 
 
 @dataclass(frozen=True, eq=False)
-class Said:
-    """What an agent said of a frame; boxes in the frame of reference of the scene."""
+class FrameAnswer:
+    """Answer of an agent to a frame; boxes in the frame of reference of the scene."""
 
     hypotheses: int  # that are alive
     weight: float  # of the heaviest, 0 to 1
@@ -36,27 +36,27 @@ class Said:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """What the judge made of a frame."""
+class FrameJudgement:
+    """Judgement of a frame by the scorer."""
 
     tracked: Bools  # [M] true boxes with a track of the best hypothesis
     detection_false: Bools  # [D]
     track_false: Bools  # [N]
     forecast_false: Bools  # [O]
     counts: tuple[int, int, int]  # true positives, false negatives, false positives
-    marked: tuple[tuple[Incident, Floats], ...]  # the newest event of each object lately, and where it is [2] now
+    marked: tuple[tuple[Incident, Floats], ...]  # the newest event of each object lately, and its place [2] now
     log: tuple[Incident, ...]  # the last events, the newest first
 
 
 @dataclass(frozen=True, eq=False)
 class FrameView:
-    """What a picture shows of one frame; boxes in the frame of reference of the scene."""
+    """Content of a picture of one frame; boxes in the frame of reference of the scene."""
 
     scene: Scene
     card: Card
     frame: int
-    said: Said | None  # None: nothing yet
-    judged: Judged | None = None  # None: not compared with the truth
+    answer: FrameAnswer | None  # None before the first answer
+    judgement: FrameJudgement | None = None  # None: not compared with the truth
     agent: str = ""
     truth_shown: bool = True
 
@@ -73,57 +73,51 @@ class FrameView:
 
     @property
     def ego(self) -> Floats | None:
-        """Pose [4] of the sensor platform; None where no vehicle carries the sensors."""
+        """Pose [4] of the vehicle that carries the sensors; None without a vehicle."""
         return self.scene.ego[self.frame] if self.card.has_ego else None
 
 
 def ego_boxes(ego: Floats) -> Floats:
-    """Boxes [F, 7] that stand for the vehicle at the poses ``ego`` [F, 4]."""
+    """Boxes [F, 7] of the vehicle at the poses ``ego`` [F, 4]."""
     return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
 
 
 def replay_view(replay: Replay, t: int) -> FrameView:
-    """Frame ``t`` of a scored run, with the events of the last EVENT_SECONDS; runs of false forecasts are too many."""
-    scene, truth = replay.scene, replay.scene.truth.rows(t)
-    tracks = replay.rollout.tracks.rows(t)
+    """Frame ``t`` of a scored run, with the events of the last EVENT_SECONDS, but not the many false forecasts."""
+    scene, rows = replay.scene, replay.scene.truth.rows(t)
+    truth, tracks = scene.truth, replay.rollout.tracks.rows(t)
     tp, fn, fp = (int(series[t]) for series in replay.counts.values())
+    place = dict(zip(truth.object_id[rows].tolist(), truth.box[rows, :2], strict=True))
     recent = replay.recent(t, EVENT_SECONDS * replay.card.task.rate)
-    judged = Judged(
-        tracked=(replay.truth_track[truth] >= 0)[~scene.truth.neutral[truth]],
+    judgement = FrameJudgement(
+        tracked=(replay.truth_track[rows] >= 0)[~truth.neutral[rows]],
         detection_false=replay.detection_false[scene.detections.rows(t)],
-        track_false=replay.track_false[tracks][replay.said.shown[tracks]],
+        track_false=replay.track_false[tracks][replay.answers.shown[tracks]],
         forecast_false=replay.forecast_false[replay.rollout.objects.rows(t)],
         counts=(tp, fn, fp),
-        marked=_places(replay, recent, t),
+        marked=tuple((event, place.get(event.object_id, np.array(event.position[:2]))) for event in recent),
         log=tuple(event for event in reversed(replay.events) if event.frame <= t)[:LOG],
     )
-    return FrameView(scene, replay.card, t, said_at(replay.said, t), judged, replay.agent)
+    return FrameView(scene, replay.card, t, answer_at(replay.answers, t), judgement, replay.agent)
 
 
-def _places(replay: Replay, events: Sequence[Incident], t: int) -> tuple[tuple[Incident, Floats], ...]:
-    """Each event with the place [2] of its object now, or where it was."""
-    truth, rows = replay.scene.truth, replay.scene.truth.rows(t)
-    place = dict(zip(truth.object_id[rows].tolist(), truth.box[rows, :2], strict=True))
-    return tuple((event, place.get(event.object_id, np.array(event.position[:2]))) for event in events)
-
-
-def said_at(answers: Answers, t: int) -> Said:
-    """What was said at frame ``t`` of ``answers``; trails follow the lineage of the best hypothesis."""
-    rollout, found = answers.rollout, answers.hypotheses
-    rows, objects, best = rollout.tracks.rows(t), rollout.objects.rows(t), int(found.best[t])
-    held, member = answers.shown[rows], found.member[rows]
+def answer_at(answers: Answers, t: int) -> FrameAnswer:
+    """The answer to frame ``t`` of ``answers``; trails follow the lineage of the best hypothesis."""
+    rollout, hypotheses = answers.rollout, answers.hypotheses
+    rows, objects, best = rollout.tracks.rows(t), rollout.objects.rows(t), int(hypotheses.best[t])
+    shown, member = answers.shown[rows], hypotheses.member[rows]
     center = rollout.object_box[objects, None, None, :2].astype(np.float64)
     weight = rollout.hypothesis_log_weight[t]
     length = max(1, round(TRAIL_SECONDS * answers.card.task.rate))
-    past = answers.past(rows.start + np.flatnonzero(held), best, min(t, length))
-    return Said(
+    past = answers.past(rows.start + np.flatnonzero(shown), best, min(t, length))
+    return FrameAnswer(
         hypotheses=int(np.isfinite(weight).sum()),
         weight=float(np.exp(weight[best])) if len(weight) else 0.0,
-        track_box=rollout.track_box[rows][held].astype(np.float64),
-        track_id=rollout.track_id[rows][held],
-        track_confidence=answers.track_confidence[rows][held],
+        track_box=rollout.track_box[rows][shown].astype(np.float64),
+        track_id=rollout.track_id[rows][shown],
+        track_confidence=answers.track_confidence[rows][shown],
         trails=[rollout.track_box[np.unique(row), :2].astype(np.float64) for row in past],
-        other_box=rollout.track_box[rows][member.any(axis=1) & ~held].astype(np.float64),
+        other_box=rollout.track_box[rows][member.any(axis=1) & ~shown].astype(np.float64),
         object_box=rollout.object_box[objects].astype(np.float64),
         forecast=center + to_metres(rollout.forecast[objects]),
         forecast_weight=sample_weights(rollout.forecast_log_weight[objects]),
@@ -145,5 +139,5 @@ def event_text(incident: Incident) -> str:
 
 
 def track_text(track_id: int, confidence: float) -> str:
-    """The number of a track, and how sure the agent is of its object unless it is quite sure or says nothing."""
+    """The number of a track, and the confidence of its object if there is one below 99.5 %."""
     return f"{track_id} {100 * confidence:.0f}%" if confidence < 0.995 else str(track_id)

@@ -1,4 +1,4 @@
-"""A scored run of one scene, row by row: what every drawing reads, with the judge's own matching and events."""
+"""A scored run of one scene, row by row, with the scorer's own matching and events: the input of every drawing."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from ..types import Bools, Floats, Ints, Rollout, Scene
 from .answers import Answers
 
 KINDS = ("ids", "lost", "reacquired", "spurious")  # the last: false forecasts
-NO_EVENT = "none"  # kind of what another run does where the first one has an event
+NO_EVENT = "none"  # kind of the incident of another run at an event of the first
 
 
 @dataclass(frozen=True)
@@ -39,48 +39,48 @@ class Incident:
     position: tuple[float, float, float]  # m, of the true box or of the first false forecast, frame of the scene
     name: str = ""  # kind and number within the scene, in the order of frames: "ids-0"
     object_id: int = -1  # -1 for a run
-    old_id: int = -1  # track that matched the object last, before this frame; -1 none
-    new_id: int = -1  # track that matches it now; of a run its own track; -1 none
+    old_id: int = -1  # track that matched the object last, before this frame; -1 without one
+    new_id: int = -1  # track that matches it now; of a run its own track; -1 without one
     wrong: bool = False  # a loss whose old track is still output, but outside the gate
-    minADE: float | None = None  # noqa: N815  (m, of the target's forecast then; None: no target, or not covered)
-    error: float | None = None  # m, min(minADE, c), c if not covered; None: no target
+    minADE: float | None = None  # noqa: N815  (m, of the target's forecast then; None: not a target, or not covered)
+    error: float | None = None  # m, min(minADE, c), c if not covered; None: not a target
     error_before: float | None = None  # m, the same of the object a frame before
     confidence: float | None = None  # of the object's forecast then; of a run the highest; None: no forecast
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """What an agent said on a scene, beside what the judge made of it.
+    """The answers of an agent on a scene, beside their judgement by the scorer.
 
     Rows are those of ``scene.truth`` [R], ``scene.detections`` [D], the rollout's tracks [N] and forecast objects [O],
     over all frames. Boxes are matched in ``frame`` mode inside the gates of the card, evaluated truth first; neutral
-    truth may take what is left over, which is then neither right nor wrong. Forecasts are false in live frames alone,
-    and at no place where labels confirm nothing. Nothing is false where the truth is not complete.
+    truth may take the rest, which is then neither right nor wrong. Forecasts are false in live frames alone, and not
+    where labels cannot confirm objects. Without complete truth nothing is false.
     """
 
     scene: Scene
-    said: Answers
+    answers: Answers
     agent: str
-    truth_track: Ints  # [R] track of the best hypothesis matched to each true box, -1 none
-    matched: NDArray[np.intp]  # [R, H] the same for every hypothesis, but -1 where the box is neutral
+    truth_track: Ints  # [R] track of the best hypothesis matched to each true box, -1 without one
+    matched: NDArray[np.intp]  # [R, H] the same for every hypothesis, but -1 for neutral boxes
     track_false: Bools  # [N] in the best hypothesis, and of no true object
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
-    truth_forecast: Ints  # [R] forecast object that belongs to each true box, every forecast kept, -1 none
-    worth: Floats  # [R, 3] minADE, error (m) and confidence of the forecast of each true box, NaN where there is none
+    truth_forecast: Ints  # [R] forecast object matched to each true box, every forecast kept, -1 without one
+    worth: Floats  # [R, 3] minADE, error (m) and confidence of the forecast of each true box, NaN if missing
     incidents: tuple[Incident, ...]  # in the order of frames
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
-    observe: str = "detections"  # what the agent was given, and ``scene.detections`` are: see `MTPEnv`
+    observe: str = "detections"  # input of the agent, which ``scene.detections`` hold: see `MTPEnv`
 
     @property
     def rollout(self) -> Rollout:
-        """What the agent said."""
-        return self.said.rollout
+        """The answers as a rollout."""
+        return self.answers.rollout
 
     @property
     def card(self) -> Card:
         """The rules."""
-        return self.said.card
+        return self.answers.card
 
     @property
     def frames(self) -> int:
@@ -119,29 +119,29 @@ class Replay:
 
 
 def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Replay:
-    """The run of a scene beside the judge's view of it.
+    """The run of a scene with its judgement.
 
-    Raises RolloutError where the rollout is of another scene or another number of frames or classes.
+    Raises RolloutError for a rollout of another scene or another number of frames or classes.
     """
     check_rollout(scene, rollout, card)
     scene = evaluated(scene)
     truth, detected = scene.truth, scene.detections
-    said = Answers(rollout, card)
-    chosen = np.flatnonzero(said.shown)
+    answers = Answers(rollout, card)
+    chosen = np.flatnonzero(answers.shown)
     of_track = match_neutral_last(
-        of_columns(event_pairs(truth, rollout, card), chosen, len(said.shown)), truth.neutral, len(chosen)
+        of_columns(event_pairs(truth, rollout, card), chosen, len(answers.shown)), truth.neutral, len(chosen)
     )
     detection_pairs = gated_pairs(truth, detected.start, detected.box, detected.class_id, card)
     of_detection = match_neutral_last(detection_pairs, truth.neutral, len(detected.box))
     worth, truth_forecast, forecast_false = _forecasts(scene, rollout, card)
-    track_false = said.shown.copy()
+    track_false = answers.shown.copy()
     track_false[chosen] = of_track.unmatched
     run = Replay(
         scene=scene,
-        said=said,
+        answers=answers,
         agent=agent,
         truth_track=np.append(chosen, -1)[of_track.object_of_truth],
-        matched=match_hypotheses(truth, rollout, said.hypotheses.member, card),
+        matched=match_hypotheses(truth, rollout, answers.hypotheses.member, card),
         track_false=track_false & scene.truth_complete,
         detection_false=of_detection.unmatched & scene.truth_complete,
         forecast_false=forecast_false & scene.truth_complete,
@@ -153,10 +153,10 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
 
 
 def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Bools]:
-    """What the forecast of each true box [R, 3] is worth, which forecast it is [R], and which forecasts [O] are false.
+    """Worth of the forecast of each true box [R, 3], its row [R], and the false forecasts [O].
 
-    MinADE, error and confidence, NaN where there is none: of minADE and error where the box is no target, of minADE
-    where it is not covered.
+    Worth is minADE, error and confidence, with NaN for missing values: minADE and error of a box that is not a target,
+    minADE of one that is not covered.
     """
     targets = find_targets(scene, card)
     found = candidates(scene, targets, Forecasts.of(rollout), live_frames(scene, card), card)
@@ -172,7 +172,7 @@ def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.f
 
 def _identity_incidents(run: Replay) -> list[Incident]:
     """Switches, losses and re-acquisitions."""
-    truth, rollout, found, worth = run.scene.truth, run.rollout, run.said.hypotheses, run.worth
+    truth, rollout, found, worth = run.scene.truth, run.rollout, run.answers.hypotheses, run.worth
     frame = truth.frame_of_rows
     events = lineage_events(truth, rollout, found, run.matched).of(found.best[frame])
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
@@ -202,7 +202,7 @@ def _identity_incidents(run: Replay) -> list[Incident]:
 def _runs(run: Replay) -> list[Incident]:
     """Runs of false forecasts: of one track in consecutive frames; a forecast without a track stands alone."""
     rollout = run.rollout
-    frame, track_id = rollout.objects.frame_of_rows, run.said.object_track_id
+    frame, track_id = rollout.objects.frame_of_rows, run.answers.object_track_id
     row = np.flatnonzero(run.forecast_false)
     row = row[np.lexsort((frame[row], track_id[row], rollout.object_class[row]))]
     kind, who, when = rollout.object_class[row], track_id[row], frame[row]
@@ -229,7 +229,7 @@ def _position(box: Floats) -> tuple[float, float, float]:
 
 
 def known(value: float) -> float | None:
-    """A number that is None where it is NaN."""
+    """A number, with None for NaN."""
     return None if np.isnan(value) else float(value)
 
 

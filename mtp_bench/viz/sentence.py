@@ -9,7 +9,7 @@ import numpy as np
 
 from ..geometry import wrap_angle
 from ..types import Floats
-from .case import Case, Forecast
+from .case import Case, ObjectForecast
 from .replay import NO_EVENT
 from .terminal.output import counted
 
@@ -46,7 +46,11 @@ def _taker(case: Case) -> str:
     if found is None:
         return f"track {at.new_id} ({counted(before, 'frame')} old, of no object before)"
     ago, row = found
-    did = f"followed {case.named(row)} before" if ago == 1 else f"followed {case.named(row)} until {ago} frames before"
+    did = (
+        f"followed {case.name_of(row)} before"
+        if ago == 1
+        else f"followed {case.name_of(row)} until {ago} frames before"
+    )
     return f"track {at.new_id}, which {did}"
 
 
@@ -57,7 +61,7 @@ def _left(case: Case) -> str:
     if row < 0:
         return f", and track {at.old_id} ends"
     if other >= 0:
-        return f", and track {at.old_id} goes to {case.named(other)}"
+        return f", and track {at.old_id} goes to {case.name_of(other)}"
     return f", while track {at.old_id} stays {_away(case, row):.1f} m away"
 
 
@@ -65,7 +69,7 @@ def _lost(case: Case) -> str:
     at = case.at
     row, other = case.track_row(at.old_id, at.frame), case.followed(at.old_id, at.frame)
     if other >= 0:
-        why = f"which goes to {case.named(other)}"
+        why = f"which goes to {case.name_of(other)}"
     elif row >= 0:
         why = f"whose box is {_away(case, row):.1f} m away"
     else:
@@ -109,7 +113,7 @@ def _surplus(case: Case) -> str:
     far = np.hypot(*(truth.box[same, :2] - np.array(at.position[:2])).T)
     nearest = int(np.argmin(far))
     if far[nearest] <= card.per_class(card.task.forecast_gate)[at.class_id]:
-        return f"a second time: {case.named(int(same[nearest]))}, {far[nearest]:.1f} m away, has its forecast"
+        return f"a second time: {case.name_of(int(same[nearest]))}, {far[nearest]:.1f} m away, has its forecast"
     return f"far from true ones: the nearest is {far[nearest]:.1f} m away"
 
 
@@ -139,7 +143,7 @@ def _worth(case: Case) -> str:
     return f"{which} {went(forecast, case.future(at.frame))}, which costs {at.error:.1f} m{before}"
 
 
-def went(forecast: Forecast, future: Floats) -> str:
+def went(forecast: ObjectForecast, future: Floats) -> str:
     """The nearest sample compared with the true ``future`` [n, 2], which begins with the present place."""
     path = forecast.nearest_path[: len(future)]
     true, said = future[-1] - future[0], path[-1] - path[0]

@@ -21,21 +21,17 @@ from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import open_run, run
 from mtp_bench.running.track_export import export_tracks
-from mtp_bench.scoring.causes import CAUSES
 from mtp_bench.study import Study, study
-from mtp_bench.study.conduct import find
+from mtp_bench.study.causes import CAUSES
+from mtp_bench.study.conduct import find, require_study_folder
 from mtp_bench.study.figures import make_figures
-from mtp_bench.study.gallery import command_of, picture_of
-from mtp_bench.study.moments import worst_moments
-from mtp_bench.study.page import headings
+from mtp_bench.study.gallery import command_of, picture_of, worst_moments
 from mtp_bench.study.plan import make_plan, subject_of
 from mtp_bench.study.relations import verdict
 from mtp_bench.study.runs import Bench, library_files, open_bench
-from mtp_bench.study.table import Table
-from mtp_bench.study.tables import make_tables
-from mtp_bench.study.tables.where import CauseRow
-from mtp_bench.study.write import require_study_folder
+from mtp_bench.study.specs import make_tables
 from mtp_bench.submission import load_submission
+from mtp_bench.tables import to_json
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.small_scenes import CARD, CARD_ID
@@ -70,11 +66,12 @@ def test_every_table_is_written_twice_with_units_and_a_sentence(made: Study, nam
     content = json.loads((made.folder / "tables" / f"{name}.json").read_text())
     assert content["sentence"].endswith(".")
     lines = list(csv.reader((made.folder / "tables" / f"{name}.csv").read_text().splitlines()))
-    heads = [f"{c['name']} [{c['unit']}]" if c["unit"] else c["name"] for c in content["columns"]]
-    assert lines[0] == heads
-    values = [["" if v is None else str(v) for v in row.values()] for row in content["rows"]]
-    assert lines[1:] == values
-    assert values
+    units = {column["key"]: column["unit"] for column in content["columns"]}
+    assert units.items() >= {key: "m" for key in units if "minADE" in key or key == "error"}.items()
+    for line, row in zip(lines[1:], content["rows"], strict=True):
+        values = [end for v in row.values() for end in (v if isinstance(v, list) else [v])]
+        assert [cell for cell in line if cell] == [str(v) for v in values if v not in (None, "")]
+    assert content["rows"]
 
 
 def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
@@ -83,17 +80,6 @@ def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
     assert {("truth_past", 1), ("stp", 1), ("stp_same_budget", 1), ("stp_hedged", 1), ("mtp", 20)} <= agents
     for row in rows:
         assert sum(row[cause] for cause in CAUSES) == pytest.approx(row["error"], abs=1e-9), row["agent"]
-
-
-def test_the_cause_without_a_forecast_is_not_called_as_the_event(made: Study) -> None:
-    """The files keep the key "lost", for who reads them by it."""
-    row = CauseRow("all", "stp", 1, 3.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, targets=3, objects=2)
-    names = [name for name, _, _ in headings(Table("causes", "", "", [row]))]
-    assert names[4:11] == ["undetected", "withheld", "not forecast", "true past", "localisation", "switched", "rest"]
-    assert "lost" in rows_of(made, "causes")[0]
-    figure = (made.folder / "figures" / "causes.svg").read_text()
-    assert "not forecast" in figure
-    assert "lost" not in figure
 
 
 def test_the_tables_say_what_compare_says(made: Study, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
@@ -170,7 +156,7 @@ def test_nothing_is_run_twice(made: Study, tmp_path: Path, card: str, kitti: str
     assert {run for run in runs if after[run] != before[run]} == {broken}
     for name in (*PAPERS, *OURS):
         if name not in ("speed", "surface", "relations"):  # which hold times
-            assert json.loads(again[name].to_json())["rows"] == rows_of(made, name), name
+            assert json.loads(to_json(again[name]))["rows"] == rows_of(made, name), name
 
 
 def test_other_detections_are_other_runs(made: Study, tmp_path: Path, card: str, kitti: str) -> None:
@@ -260,7 +246,7 @@ def test_hypotheses_that_only_the_sweep_states_are_run(tmp_path: Path, card: str
 @pytest.mark.parametrize("held", ["notes.txt", "index.html", "tables"])
 def test_a_study_overwrites_studies_alone(held: str, card: str, kitti: str, tmp_path: Path) -> None:
     (tmp_path / held).write_text("mine")
-    with pytest.raises(MtpBenchError, match=f"holds '{held}', which is of no study: choose another folder with -o"):
+    with pytest.raises(MtpBenchError, match=f"holds '{held}', which is not of a study"):
         study(["mtp"], card, tmp_path, RunOptions(kitti))
     assert (tmp_path / held).read_text() == "mine"
 
@@ -326,8 +312,8 @@ def test_the_worst_events_can_be_opened(made: Study, cli: CommandLine, card: str
     cli.ok("view", words[2], *words[4:], "--png", picture)
     assert picture.stat().st_size > 1000
     assert sorted(path.name for path in (made.folder / "events").glob("*-focus.png"))
-    said = moment.said[0]
-    assert (said.label, said.error is not None) == ("true past", True)
+    first = moment.agents[0]
+    assert (first.label, first.error is not None) == ("GT tracks", True)
 
 
 CASES = {  # interval, limit, what the paper says, units -> verdict
@@ -337,14 +323,14 @@ CASES = {  # interval, limit, what the paper says, units -> verdict
     "above is what it says": ((1.0, 2.0), 0.5, 1, 9, "holds"),
     "below is not": ((0.1, 0.4), 0.5, 1, 9, "does not hold"),
     "too few recordings": ((-2.0, -1.0), 0.0, -1, 5, "cannot be told"),
-    "no interval": ((None, None), 0.0, -1, 9, "cannot be told"),
+    "no interval": (None, 0.0, -1, 9, "cannot be told"),
 }
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_verdicts(name: str) -> None:
-    (low, high), limit, sign, units, told = CASES[name]
-    assert verdict(low, high, limit, sign, np.ones(units)) == told
+    interval, limit, sign, units, told = CASES[name]
+    assert verdict(interval, limit, sign, np.ones(units)) == told
 
 
 def test_the_papers_numbers_stand_beside_where_it_has_some(
@@ -363,7 +349,7 @@ def test_the_papers_numbers_stand_beside_where_it_has_some(
     speed = {row.H: row.paper_tracking_rate for row in tables["speed"].rows}
     assert speed == {1: 207.4, 5: 65.2, 20: 8.1}
     past = {(row.targets_of, row.past): row.paper_minADE for row in tables["pasts"].rows}
-    assert (past["IDS", "true pasts"], past["FRAG", "tracklets"]) == (0.1, 1.621)
+    assert (past["IDS", "GT tracks"], past["FRAG", "tracklets"]) == (0.1, 1.621)
     told = {(row.targets_of, row.H, row.sampling): row.paper_minADE for row in tables["targeted"].rows if row.H == 20}
     assert (told["IDS", 20, "k of all"], told["IDS", 20, "none"]) == (0.747, 0.707)
     relations = {row.relation: row.paper for row in tables["relations"].rows}

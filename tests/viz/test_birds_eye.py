@@ -23,15 +23,15 @@ from mtp_bench import load_card, load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
-from mtp_bench.viz.drawing.birds_eye import SIZE, draw_frame
-from mtp_bench.viz.drawing.camera import LARGEST, camera
-from mtp_bench.viz.drawing.canvas import Canvas, Viewport
+from mtp_bench.viz.drawing.birds_eye import LARGEST, SIZE, camera, draw_frame
+from mtp_bench.viz.drawing.canvas import Canvas
 from mtp_bench.viz.drawing.labels import label, scale_bar, sign
 from mtp_bench.viz.drawing.panel import fitting, legend
 from mtp_bench.viz.drawing.video import pictures
+from mtp_bench.viz.focus import Window
 from mtp_bench.viz.frame_view import EVENT_SECONDS, replay_view
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun.arrays import map_lines
+from mtp_bench.viz.rerun.entities import map_lines
 from tests.support import small_scenes
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections
 from tests.support.small_scenes import EchoAgent, MemorySource, write_card
@@ -108,8 +108,8 @@ def test_each_mark_is_there_with_its_thing_only(part: str) -> None:
 def test_an_untracked_true_box_differs_by_more_than_colour() -> None:
     run = scene_with("truth", "track")
     view = replay_view(run, 3)
-    assert view.judged is not None
-    untracked = replace(view, judged=replace(view.judged, tracked=np.array([False])))
+    assert view.judgement is not None
+    untracked = replace(view, judgement=replace(view.judgement, tracked=np.array([False])))
     seen_by = camera(run.scene, CARD)
     dashed = amount(draw_frame(untracked, seen_by), palette.TRUTH)
     assert amount(draw_frame(view, seen_by), palette.TRUTH) > 1.3 * dashed > 0
@@ -123,7 +123,7 @@ def test_the_legend_names_only_what_this_kind_of_picture_can_show() -> None:
     view = replay_view(scene_with(complete=True), 3)
     assert [text for _, text in legend(view)] == whole
     assert [text for _, text in legend(replay_view(scene_with(), 3))] == [t for t in whole if "false" not in t]
-    hidden = replace(view, truth_shown=False, judged=None)
+    hidden = replace(view, truth_shown=False, judgement=None)
     assert [text for _, text in legend(hidden)] == [
         "detection", "track, where it was", "other hypotheses", "forecast", "ego",
     ]  # fmt: skip
@@ -171,7 +171,7 @@ def test_a_way_through_a_junction_has_no_borders() -> None:
 
 def blank(wide: float = 40.0) -> tuple[Canvas, ImageDraw.ImageDraw, Image.Image]:
     """A canvas of 400 x 300 pixels, its picture, and what writes on that."""
-    canvas = Canvas.blank(400, 300, Viewport(0.0, 0.0, wide, 0.75 * wide))
+    canvas = Canvas.blank(400, 300, Window(0.0, 0.0, wide, 0.75 * wide))
     image = canvas.finished()
     return canvas, ImageDraw.Draw(image), image
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.geometry import rotate
-from mtp_bench.viz.case import Case, Forecast
+from mtp_bench.viz.case import Case, ObjectForecast
 from mtp_bench.viz.focus import LARGEST, MOST_BRIGHT, Focus
 from mtp_bench.viz.replay import replay
 from mtp_bench.viz.sentence import sentence, went
@@ -284,7 +284,7 @@ WENT = {  # the true way and the forecast, each [3, 2], and what is said
 @pytest.mark.parametrize(("future", "path", "text"), WENT.values(), ids=WENT)
 def test_what_a_forecast_did(future: list[list[float]], path: list[list[float]], text: str) -> None:
     samples = np.array([[[50.0, 50.0]] * 3, path])
-    forecast = Forecast(0, 1, np.zeros(2), samples, np.ones(2), nearest=1)
+    forecast = ObjectForecast(0, 1, np.zeros(2), samples, np.ones(2), nearest=1)
     assert went(forecast, np.array([[0, 0], *future], dtype=float)) == f"{text} from the true place"
 
 

@@ -16,13 +16,11 @@ from mtp_bench import load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.viz import palette
-from mtp_bench.viz.drawing.birds_eye import PANEL, draw_frame
-from mtp_bench.viz.drawing.camera import Camera
-from mtp_bench.viz.drawing.canvas import Viewport
-from mtp_bench.viz.drawing.focus import draw_focus
-from mtp_bench.viz.drawing.labels import _round_length
+from mtp_bench.viz.drawing.birds_eye import PANEL, Camera, draw_frame
+from mtp_bench.viz.drawing.close_up import draw_focus
+from mtp_bench.viz.drawing.labels import round_length
 from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, save_report, wrapped_words
-from mtp_bench.viz.focus import MOST_BRIGHT, ROLES, Focus
+from mtp_bench.viz.focus import MOST_BRIGHT, ROLES, Focus, Window
 from mtp_bench.viz.frame_view import replay_view
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.terminal.event_table import event_rows, in_order
@@ -85,7 +83,7 @@ def test_the_event_is_bright_and_the_crowd_is_not() -> None:
     assert_ringed_in_the_middle(panel)
     for role in ("truth", "before", "now"):
         assert near(panel, ROLES[role]).sum() > 30, role
-    everything = np.asarray(draw_frame(replay_view(run, EVENT), Camera(False, Viewport(0.0, 0.0, 70.0, 70.0))))
+    everything = np.asarray(draw_frame(replay_view(run, EVENT), Camera(False, Window(0.0, 0.0, 70.0, 70.0))))
     assert coloured(everything[:, : -PANEL - 4]) > 40, "the same frame with everything in colour"
     window = focus.window()
     assert coloured(np.asarray(draw_focus(focus, EVENT, (900, 450), window))) <= MOST_BRIGHT
@@ -221,5 +219,5 @@ def test_a_real_failure_is_told(env_id: str, scene: str, kind: str, data_root: P
 
 
 @pytest.mark.parametrize(("metres", "length"), [(99.99999999999999, 50.0), (100.0, 100.0), (0.7, 0.5), (3.0, 2.0)])
-def test_the_scale_bar_has_a_round_length(metres: float, length: float) -> None:
-    assert _round_length(metres) == pytest.approx(length)
+def test_the_scale_bar_has_around_length(metres: float, length: float) -> None:
+    assert round_length(metres) == pytest.approx(length)

@@ -12,11 +12,10 @@ from PIL import Image
 
 from mtp_bench.sources import CameraImage
 from mtp_bench.types import Floats
-from mtp_bench.viz.drawing.photo import HEIGHT, draw_photo
 from mtp_bench.viz.drawing.report import SIZE, report, save_report
 from mtp_bench.viz.focus import ROLES, Focus
 from mtp_bench.viz.palette import Color
-from mtp_bench.viz.photo import photo_of, photos_around, projected
+from mtp_bench.viz.photo import HEIGHT, draw_photo, photo_of, photos_around, projected
 from mtp_bench.viz.replay import Replay, replay
 from tests.support.camera_images import GREY, write_image
 from tests.support.camera_images import SIZE as PIXELS

@@ -96,7 +96,7 @@ def test_incidents_are_those_of_the_best_hypothesis_along_its_lineage() -> None:
     late = make_rollout(tracks, log_weight=np.log([[0.6, 0.4]] * 3 + [[0.4, 0.6]]), hypotheses=2)
     played = replay(scene, late, CARD)
     assert played.incidents == (), "no track of either lineage changed then, and a change of rank is no switch"
-    assert played.said.hypotheses.best.tolist() == [0, 0, 0, 1]
+    assert played.answers.hypotheses.best.tolist() == [0, 0, 0, 1]
     assert played.truth_track.tolist() == [0, 2, 4, 7]
 
 
@@ -143,7 +143,7 @@ def test_false_forecasts_are_listed_as_runs_of_their_track() -> None:
         ("spurious-3", 5, 5, 9, CAR, 0.25),
     ]
     assert played.forecast_false.sum() == 5
-    assert (played.said.object_track >= 0).sum() == 13
+    assert (played.answers.object_track >= 0).sum() == 13
     assert played.counts["FP"].tolist() == [1, 1, 1, 0, 1, 1, 1, 0, 0]
     unknown = replay(replace(scene, truth_complete=False), make_rollout(tracks, said), CARD)
     assert {incident.kind for incident in unknown.incidents} == {"lost"}
@@ -182,7 +182,7 @@ def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
         if row is not None:
             assert incident.error == score.capped[row]
             assert incident.minADE == (score.min_ade[row] if score.covered[row] else None)
-    found = played.said.hypotheses
+    found = played.answers.hypotheses
     matched = match_hypotheses(scene.truth, rollout, found.member, card)[np.arange(len(frame)), found.best[frame]]
     np.testing.assert_array_equal(matched, np.where(scene.truth.neutral, -1, played.truth_track))
 

@@ -14,7 +14,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from mtp_bench.env import MTPEnv
-from mtp_bench.viz.rerun.arrays import TOP_SAMPLES
+from mtp_bench.viz.rerun.entities import TOP_SAMPLES
 from mtp_bench.viz.rerun.sdk import ViewerClient, rr
 from mtp_bench.viz.rerun.viewer import viewer_program
 from tests.support.headless_viewer import require_driver, windows_without_a_screen

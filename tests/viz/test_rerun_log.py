@@ -21,8 +21,9 @@ from mtp_bench.viz.answers import Answers
 from mtp_bench.viz.focus import MOST_BRIGHT, Focus
 from mtp_bench.viz.palette import FALSE
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun.arrays import TOP_HYPOTHESES, TOP_SAMPLES, true_futures
 from mtp_bench.viz.rerun.colors import DETECTION, TRACKS, packed, track_colors
+from mtp_bench.viz.rerun.contents import TOP_HYPOTHESES
+from mtp_bench.viz.rerun.entities import TOP_SAMPLES, true_futures
 from mtp_bench.viz.rerun.events import lanes
 from mtp_bench.viz.rerun.log import save_recording
 from mtp_bench.viz.rerun.sdk import rr
@@ -112,7 +113,7 @@ def test_trails_follow_the_identity_along_the_lineage(run: Replay, top: dict[str
     x = make_scene().truth.box[::3, 0].astype(np.float32)  # of car 7
     new = np.array(top["world/hyp/00/trail"][5]["strips"][0], dtype=np.float32)[:, 0]
     assert set(new.tolist()) == {x[5], x[4]}  # a new identity has no older past
-    earlier = run.said.earlier
+    earlier = run.answers.earlier
     assert earlier[12, 0] == -1  # the first box of track 12
     assert earlier[15, 0] == 12
     assert (earlier[2] == -1).all()
@@ -155,14 +156,14 @@ def test_an_object_that_pauses_has_a_gap_in_its_lane(run: Replay) -> None:
     seen = replay(changed(run.scene, truth=part), run.rollout, run.card)
     lane = next(lane for lane in lanes(seen) if lane.object_id == 7)
     assert dict(zip(lane.frame, lane.track, strict=True)) == {0: 10, 2: None, 4: 12, 7: None}
-    future = true_futures(part, T)
+    _, future = true_futures(part, T)
     row = int(np.flatnonzero(part.object_id == 7)[0])  # frame 0: ends at frame 1
-    np.testing.assert_array_equal(future.point[row, :, 0], np.array([20.0, 20.8, 20.8, 20.8], dtype=np.float32))
+    np.testing.assert_array_equal(future[row, :, 0], np.array([20.0, 20.8, 20.8, 20.8], dtype=np.float32))
 
 
 def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
     renamed = changed(run.rollout, track_id=run.rollout.track_id + 100)
-    other = changed(run, agent="stp", said=Answers(renamed, run.card))
+    other = changed(run, agent="stp", answers=Answers(renamed, run.card))
     both = read(save(tmp_path / "both.rrd", run, other, changed(run, agent="mtp")))
     assert both["agents/mtp/world/hyp/00/box"][0]["labels"] == ["10", "11"]
     assert both["agents/stp/world/hyp/00/box"][0]["labels"] == ["110", "111"]
@@ -209,7 +210,7 @@ def test_two_recordings_of_a_run_are_equal(run: Replay, tmp_path: Path) -> None:
     moved = changed(run.rollout, track_box=run.rollout.track_box + np.float32(0.01))
     again = replay(make_scene(), make_rollout(), CARD, "mtp")
     first = save(tmp_path / "first.rrd", run, at=run.incident("ids-0"))
-    for other, equal in ((again, True), (changed(run, said=Answers(moved, run.card)), False)):
+    for other, equal in ((again, True), (changed(run, answers=Answers(moved, run.card)), False)):
         second = save(tmp_path / "second.rrd", other, at=run.incident("ids-0"))
         command = [viewer_program(), "rrd", "compare", "--unordered", str(first), str(second)]
         assert (subprocess.run(command, capture_output=True, check=False).returncode == 0) == equal

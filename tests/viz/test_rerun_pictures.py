@@ -110,7 +110,7 @@ def test_a_recording_without_an_event_shows_everything(viewer: ViewerClient, tmp
         image = picture(viewer, tmp_path / "view.png", views[name].view_id)
         assert near(image, TRUTH) > 100, name
         assert near(image, BORDER) > 100, name
-        assert near(image, track_color(run.said.rollout.track_id[0]), 40) > 0 or colours(image) > 100, name
+        assert near(image, track_color(run.answers.rollout.track_id[0]), 40) > 0 or colours(image) > 100, name
 
 
 def test_two_agents_are_seen_side_by_side(viewer: ViewerClient, tmp_path: Path) -> None:

@@ -1,18 +1,23 @@
-"""Bird's-eye pictures of a scene, for a glance: what is true, what was detected, what the agent said, what went wrong.
+"""Bird's-eye pictures of a scene: truth, detections, the agent's answers, and errors.
 
 Tracks are numbered, false tracks and forecasts red, an event is a ring with its name.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 from PIL import ImageDraw
 
-from ...types import Bools, Lane
-from ..frame_view import EGO_SIZE, FrameView, Said, ego_boxes, event_text, track_text
+from ...cards import Card
+from ...env.live import LiveEpisode
+from ...types import Bools, Floats, Lane, Scene
+from ..answers import Answers
+from ..focus import TRAIL_SECONDS, Window
+from ..frame_view import EGO_SIZE, FrameAnswer, FrameView, answer_at, ego_boxes, event_text, track_text
 from ..palette import EGO, FALSE, FORECAST, TRACK
-from .camera import Camera
 from .canvas import DETECTED, FALSE_DETECTION, FALSE_TRACK, OTHER, TRACK_BOX, TRACKED, UNTRACKED, VEHICLE, Canvas
 from .labels import label, scale_bar, sign
 from .panel import panel
@@ -21,20 +26,76 @@ SIZE = (960, 720)  # pixels
 PANEL = 230  # pixels of the width
 SAMPLES = 5  # of each forecast, the heaviest
 ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
+SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
+MARGIN = 3.0  # m around the objects of a fixed place
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A view from above that goes along with the ego, or stays; it never turns, and its size never changes."""
+
+    follows: bool  # the ego
+    window: Window  # its x: metres ahead of the ego, if it follows
+
+    def at(self, ego: Floats) -> Window:
+        """The window at the ego's pose ``ego`` [4]."""
+        if not self.follows:
+            return self.window
+        x, y, yaw = float(ego[0]), float(ego[1]), float(ego[3])
+        return replace(self.window, x=x + self.window.x * np.cos(yaw), y=y + self.window.x * np.sin(yaw))
+
+
+def camera(scene: Scene, card: Card) -> Camera:
+    """The camera of a scene, by its detections; by its true boxes if it has no detections."""
+    seen = scene.detections if len(scene.detections.box) else scene.truth
+    xy = seen.box[:, :2]
+    if not card.has_ego:
+        places = xy if len(xy) else scene.ego[:, :2]
+        low, high = np.quantile(places, 0.01, axis=0) - MARGIN, np.quantile(places, 0.99, axis=0) + MARGIN
+        (x, y), (wide, tall) = (low + high) / 2, np.maximum(high - low, 2 * MARGIN)
+        return Camera(False, Window(float(x), float(y), float(wide), float(tall)))
+    if len(xy) == 0:
+        return Camera(True, Window(0.0, 0.0, 2 * SMALLEST, 2 * SMALLEST))
+    pose = scene.ego[seen.frame_of_rows]
+    gap = xy - pose[:, :2]
+    cos, sin = np.cos(pose[:, 3]), np.sin(pose[:, 3])
+    ahead, aside = cos * gap[:, 0] + sin * gap[:, 1], cos * gap[:, 1] - sin * gap[:, 0]
+    rear, front = (float(value) for value in np.quantile(ahead, [0.05, 0.95]))
+    rear, front = min(rear, -5.0), max(front, 5.0)
+    half = max((front - rear) / 2, float(np.quantile(np.abs(aside), 0.9)), SMALLEST)
+    # if the detections reach too far for one picture, those near the ego matter most
+    center = (front + rear) / 2 if half <= LARGEST else np.clip((front + rear) / 2, -LARGEST / 2, LARGEST / 2)
+    half = min(half, LARGEST)
+    return Camera(True, Window(float(center), 0.0, 2 * half, 2 * half))
 
 
 def draw_frame(view: FrameView, seen_by: Camera) -> NDArray[np.uint8]:
     """A frame as a picture [height, width, 3] of SIZE."""
     canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], seen_by.at(view.scene.ego[view.frame]))
+    ring = min(max(10.0, 2.5 * canvas.scale), 20.0)  # pixels
+    marked = view.judgement.marked if view.judgement else ()
     draw_lanes(canvas, view.scene.lanes)
     _draw_boxes(canvas, view)
-    for _, xy in view.judged.marked if view.judged else ():
-        canvas.ring(canvas.pixels(xy), _ring(canvas))
+    for _, xy in marked:
+        canvas.ring(canvas.pixels(xy), ring)
     image = canvas.finished()
     ink = ImageDraw.Draw(image)
-    _write(canvas, ink, view)
+    for incident, xy in marked:  # names are written as far as there is room, events first
+        sign(canvas, ink, xy, event_text(incident), ring)
+    if view.ego is not None:
+        label(canvas, ink, view.ego[:2], "ego", EGO, reach=EGO_SIZE[0] / 2)
+    if view.answer is not None:
+        _number_tracks(canvas, ink, view.answer, view.judgement.track_false if view.judgement else None)
     scale_bar(canvas, ink)
     return np.array(panel(image, view, PANEL), dtype=np.uint8)  # a copy, which can be drawn on
+
+
+def _number_tracks(canvas: Canvas, ink: ImageDraw.ImageDraw, answer: FrameAnswer, track_false: Bools | None) -> None:
+    false = np.zeros(len(answer.track_box), dtype=bool) if track_false is None else track_false
+    for i in np.argsort(false, kind="stable"):
+        box = answer.track_box[i]
+        text = track_text(int(answer.track_id[i]), float(answer.track_confidence[i]))
+        label(canvas, ink, box[:2], text, FALSE if false[i] else TRACK, reach=float(box[4]) / 2)
 
 
 def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
@@ -49,60 +110,59 @@ def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
 
 
 def _draw_boxes(canvas: Canvas, view: FrameView) -> None:
-    judged, said = view.judged, view.said
-    if said is not None:
-        _draw_forecasts(canvas, said, judged.forecast_false if judged else _none(said.object_box))
-        canvas.boxes(said.other_box, OTHER)
-        false = judged.track_false if judged else _none(said.track_box)
-        for trail, wrong in zip(said.trails, false, strict=True):
+    judgement, answer = view.judgement, view.answer
+
+    def false_rows(name: str, boxes: Floats) -> Bools:
+        rows: Bools = np.zeros(len(boxes), dtype=bool) if judgement is None else getattr(judgement, name)
+        return rows
+
+    if answer is not None:
+        _draw_forecasts(canvas, answer, false_rows("forecast_false", answer.object_box))
+        canvas.boxes(answer.other_box, OTHER)
+        false = false_rows("track_false", answer.track_box)
+        for trail, wrong in zip(answer.trails, false, strict=True):
             canvas.lines([trail], FALSE if wrong else TRACK, 1.0 if wrong else 1.6, 150)
-        canvas.boxes(said.track_box[false], FALSE_TRACK)
-        canvas.boxes(said.track_box[~false], TRACK_BOX)
-    false = judged.detection_false if judged else _none(view.detection_box)
+        canvas.boxes(answer.track_box[false], FALSE_TRACK)
+        canvas.boxes(answer.track_box[~false], TRACK_BOX)
+    false = false_rows("detection_false", view.detection_box)
     canvas.boxes(view.detection_box[~false], DETECTED)
     canvas.boxes(view.detection_box[false], FALSE_DETECTION)
     if view.truth_shown:
-        tracked = judged.tracked if judged else ~_none(view.truth_box)
+        tracked = judgement.tracked if judgement else np.ones(len(view.truth_box), dtype=bool)
         canvas.boxes(view.truth_box[tracked], TRACKED)
         canvas.boxes(view.truth_box[~tracked], UNTRACKED)
     if view.ego is not None:
         canvas.boxes(ego_boxes(view.ego[None]), VEHICLE)
 
 
-def _none(rows: NDArray[np.floating]) -> Bools:
-    """False for each row."""
-    return np.zeros(len(rows), dtype=bool)
-
-
-def _draw_forecasts(canvas: Canvas, said: Said, false: Bools) -> None:
-    """The heaviest samples of each object, the lighter the fainter, with a dot where they end."""
-    for i in np.flatnonzero(canvas.inside(said.object_box[:, :2], canvas.width / 4)):
-        weight = said.forecast_weight[i]
+def _draw_forecasts(canvas: Canvas, answer: FrameAnswer, false: Bools) -> None:
+    """The heaviest samples of each object, lighter ones fainter, each with a dot at its end."""
+    for i in np.flatnonzero(canvas.inside(answer.object_box[:, :2], canvas.width / 4)):
+        weight = answer.forecast_weight[i]
         color, width, most = (FALSE, 0.8, 1) if false[i] else (FORECAST, 1.3, SAMPLES)
         for k in np.argsort(-weight, kind="stable")[:most][::-1]:
             if weight[k] > 0:
-                path = canvas.pixels(np.concatenate([said.object_box[i, None, :2], said.forecast[i, k]]))
+                path = canvas.pixels(np.concatenate([answer.object_box[i, None, :2], answer.forecast[i, k]]))
                 alpha = round((0.4 if false[i] else 0.9) * (100 + 140 * float(weight[k] / weight.max())))
                 canvas.stroke(path, color, width, alpha)
                 canvas.dot(path[-1], 1.6 * width, color, alpha)
 
 
-def _ring(canvas: Canvas) -> float:
-    """Radius in pixels of the ring around an event."""
-    return min(max(10.0, 2.5 * canvas.scale), 20.0)
+class EpisodePictures:
+    """Renderer of an env: pictures of the frame that was answered last; before the first answer, of frame 0."""
 
+    def __init__(self) -> None:
+        self._seen_by: tuple[LiveEpisode, Camera] | None = None
 
-def _write(canvas: Canvas, ink: ImageDraw.ImageDraw, view: FrameView) -> None:
-    """Names of what is seen: events first, then the numbers of the tracks, as far as there is room."""
-    judged, said = view.judged, view.said
-    for incident, xy in judged.marked if judged else ():
-        sign(canvas, ink, xy, event_text(incident), _ring(canvas))
-    if view.ego is not None:
-        label(canvas, ink, view.ego[:2], "ego", EGO, reach=EGO_SIZE[0] / 2)
-    if said is None:
-        return
-    false = judged.track_false if judged else _none(said.track_box)
-    for i in np.argsort(false, kind="stable"):
-        box = said.track_box[i]
-        text = track_text(int(said.track_id[i]), float(said.track_confidence[i]))
-        label(canvas, ink, box[:2], text, FALSE if false[i] else TRACK, reach=float(box[4]) / 2)
+    def render(self, episode: LiveEpisode) -> NDArray[np.uint8]:
+        """A picture [height, width, 3], always of the same size; true boxes are not compared with the answer."""
+        scene, card, t = episode.scene, episode.card, episode.frame
+        if self._seen_by is None or self._seen_by[0] is not episode:
+            self._seen_by = episode, camera(scene, card)
+        rollout = episode.rollout(max(0, t - round(TRAIL_SECONDS * card.task.rate)))
+        answer = None if rollout is None else answer_at(Answers(rollout, card), rollout.frames - 1)
+        view = FrameView(scene, card, t, answer, truth_shown=episode.truth_shown)
+        return draw_frame(view, self._seen_by[1])
+
+    def close(self) -> None:
+        """Do nothing: pictures keep no resource open."""

@@ -1,6 +1,6 @@
-"""A picture in metres: lines, boxes and texts at places of the world, drawn by Pillow without jagged edges.
+"""A picture in metres: lines and boxes at places of the world, drawn by Pillow without jagged edges.
 
-No meaning hangs on colour alone: truth is a bold outline (dashed where it is not tracked), a detection thin, a track
+No meaning depends on colour alone: truth is a bold outline (dashed where it is not tracked), a detection thin, a track
 filled, a false positive crossed.
 """
 
@@ -18,12 +18,13 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ...geometry import bev_corners, rotate
 from ...types import Floats
+from ..focus import Window
 from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, OTHER_TRACK, TRACK, TRUTH, Color
 
 if TYPE_CHECKING:
     Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
-PAPER: Color = (247, 247, 247)  # of what stands beside a picture
+PAPER: Color = (247, 247, 247)  # beside a picture
 GRAY: Color = (90, 90, 90)
 EDGE: Color = (200, 200, 200)
 FINER = 2  # everything but text is drawn this much larger and then made smaller
@@ -33,7 +34,7 @@ FAR = 20.0  # pixels that a heading may stand out of the picture
 
 @dataclass(frozen=True)
 class Outline:
-    """How a box is drawn."""
+    """Style of a box."""
 
     color: Color
     width: float = 1.0  # pixels
@@ -53,56 +54,43 @@ OTHER = Outline(OTHER_TRACK, 0.8, dashed=True)
 VEHICLE = Outline(EGO, 1.5, fill=200, heading=True)
 
 
-@dataclass(frozen=True)
-class Viewport:
-    """The part of the world that is shown: its centre, and how many metres fit at least each way."""
-
-    x: float  # m
-    y: float  # m
-    wide: float  # m
-    high: float  # m
-    turn: float = 0.0  # rad, the direction of the world that points to the right; 0: north is up
-
-
 @dataclass(frozen=True, eq=False)
 class Canvas:
-    """A picture of ``width`` x ``height`` pixels that shows at least ``viewport``; world to pixels and back."""
+    """A picture of ``width`` x ``height`` pixels that shows at least ``window``; world to pixels and back."""
 
     width: int
     height: int
-    viewport: Viewport
+    window: Window
     image: Image.Image
     draw: ImageDraw.ImageDraw
     taken: list[tuple[float, float, float, float]] = field(default_factory=list)  # pixels that hold text already
 
     @classmethod
-    def blank(cls, width: int, height: int, viewport: Viewport, paper: Color = (255, 255, 255)) -> Canvas:
+    def blank(cls, width: int, height: int, window: Window, paper: Color = (255, 255, 255)) -> Canvas:
         """An empty picture."""
         image = Image.new("RGB", (width * FINER, height * FINER), paper)
-        return cls(width, height, viewport, image, ImageDraw.Draw(image, "RGBA"))
+        return cls(width, height, window, image, ImageDraw.Draw(image, "RGBA"))
 
     @property
     def scale(self) -> float:
         """Pixels per metre."""
-        return min(self.width / self.viewport.wide, self.height / self.viewport.high)
+        return min(self.width / self.window.wide, self.height / self.window.high)
 
     def pixels(self, xy: Floats) -> NDArray[np.float64]:
         """Pixels [..., 2] of places [..., 2] of the world, y downwards."""
-        moved = np.asarray(xy, dtype=np.float64) - [self.viewport.x, self.viewport.y]
-        turned = rotate(moved, -self.viewport.turn) if self.viewport.turn else moved
+        moved = np.asarray(xy, dtype=np.float64) - [self.window.x, self.window.y]
+        turned = rotate(moved, -self.window.turn) if self.window.turn else moved
         return np.asarray(turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2], dtype=np.float64)
 
     def inside(self, xy: Floats, margin: float | Floats = 0.0) -> NDArray[np.bool_]:
-        """Which places [..., 2] of the world lie in the picture, ``margin`` pixels around it included."""
+        """Places [..., 2] of the world that lie in the picture or at most ``margin`` pixels around it."""
         x, y = np.moveaxis(self.pixels(xy), -1, 0)
-        return np.asarray(
-            (x >= -margin) & (x <= self.width + margin) & (y >= -margin) & (y <= self.height + margin), dtype=bool
-        )
+        within = (x >= -margin) & (x <= self.width + margin) & (y >= -margin) & (y <= self.height + margin)
+        return np.asarray(within, dtype=bool)
 
     def meets(self, xy: Floats) -> bool:
-        """Whether the rectangle around places [n, 2] of the world meets the picture."""
-        pixels = self.pixels(xy)
-        size = (self.width, self.height)
+        """True if the rectangle around places [n, 2] of the world meets the picture."""
+        pixels, size = self.pixels(xy), (self.width, self.height)
         return len(xy) > 0 and bool((pixels.max(axis=0) >= 0).all() and (pixels.min(axis=0) <= size).all())
 
     def lines(self, paths: Iterable[Floats], color: Color, width: float = 1.0, alpha: int = 255) -> None:
@@ -130,10 +118,7 @@ class Canvas:
     def stroke(
         self, pixels: NDArray[np.float64], color: Color, width: float, alpha: int = 255, dashed: bool = False
     ) -> None:
-        """A polyline in pixels.
-
-        ``pixels`` [n, 2] of a ``color`` and ``width`` (pixels), ``dashed`` or not; ``alpha`` 255 is opaque.
-        """
+        """A polyline in ``pixels`` [n, 2], ``width`` pixels wide; ``alpha`` 255 is opaque."""
         thick = max(1, round(width * FINER))
         if dashed:
             for a, b in _dashes(pixels):

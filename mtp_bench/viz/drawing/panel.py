@@ -1,4 +1,4 @@
-"""The column beside a picture: which scene and frame, what the marks mean, which events happened."""
+"""The column beside a picture: scene and frame, meaning of the marks, and events."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from PIL import Image, ImageDraw
 
+from ..focus import Window
 from ..frame_view import FrameView, event_text
 from ..palette import BLACK, FALSE, FORECAST, TRACK, Color
 from .canvas import (
@@ -23,7 +24,6 @@ from .canvas import (
     VEHICLE,
     Canvas,
     Outline,
-    Viewport,
     font,
     text_size,
 )
@@ -37,7 +37,7 @@ Text = tuple[str, int, Color]  # one line: text, size, colour
 
 def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
     """``picture`` with a column of ``wide`` pixels on its right."""
-    column = Canvas.blank(wide, picture.height, Viewport(0.0, 0.0, wide, picture.height), PAPER)
+    column = Canvas.blank(wide, picture.height, Window(0.0, 0.0, wide, picture.height), PAPER)
     entries = list(legend(view))
     heading = [(part, size, color) for text, size, color in _heading(view) for part in wrapped(text, size, wide - 20)]
     top = 14 + sum(size * 1.45 for _, size, _ in heading) + 12
@@ -69,7 +69,7 @@ def _write(ink: ImageDraw.ImageDraw, place: tuple[float, float], line: Text, wid
 
 
 def wrapped(text: str, size: int, wide: float) -> list[str]:
-    """``text``, or its parts between commas where it does not fit into ``wide`` pixels."""
+    """``text``, or its parts between commas if it does not fit into ``wide`` pixels."""
     return [text] if text_size(text, size)[0] <= wide else text.split(", ")
 
 
@@ -90,27 +90,27 @@ def _heading(view: FrameView) -> Iterator[Text]:
         yield view.card.id, MIDDLE, GRAY
     yield f"scene {view.scene.name}", MIDDLE, GRAY
     yield f"frame {view.frame} of {view.scene.frames - 1}   {seconds:.1f} s", MIDDLE, BLACK
-    if view.said is None:
+    if view.answer is None:
         yield "no answer yet", MIDDLE, GRAY
-    elif view.said.hypotheses > 1:
-        yield f"best of {view.said.hypotheses} hypotheses ({100 * view.said.weight:.0f} %)", MIDDLE, BLACK
-    if view.judged is not None:
-        tracked, untracked, false = view.judged.counts
+    elif view.answer.hypotheses > 1:
+        yield f"best of {view.answer.hypotheses} hypotheses ({100 * view.answer.weight:.0f} %)", MIDDLE, BLACK
+    if view.judgement is not None:
+        tracked, untracked, false = view.judgement.counts
         text = f"tracked {tracked}, untracked {untracked}"
         yield text + (f", false {false}" if view.scene.truth_complete else ""), MIDDLE, BLACK
 
 
 def _events(view: FrameView) -> Iterator[tuple[str, Color]]:
     """The last events."""
-    if view.judged is not None:
-        yield ("events so far, newest first" if view.judged.log else "no event so far"), GRAY
-        for event in view.judged.log:
+    if view.judgement is not None:
+        yield ("events so far, newest first" if view.judgement.log else "no event so far"), GRAY
+        for event in view.judgement.log:
             yield f"{event.frame}: {event_text(event)}", BLACK
 
 
 def legend(view: FrameView) -> Iterator[tuple[Mark, str]]:
-    """What the marks of this kind of picture mean; the same for all frames of a video."""
-    judged = view.judged is not None
+    """Marks of this kind of picture with their meaning; the same for all frames of a video."""
+    judged = view.judgement is not None
     complete = judged and view.scene.truth_complete
     if view.truth_shown:
         yield _box(TRACKED), "true box"

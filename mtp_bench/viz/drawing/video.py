@@ -16,14 +16,13 @@ from ...files import whole_file
 from ..focus import Focus
 from ..frame_view import replay_view
 from ..replay import Replay
-from .birds_eye import SIZE, draw_frame
-from .camera import camera
+from .birds_eye import SIZE, camera, draw_frame
 from .report import picture
 
 KINDS = (".mp4", ".gif")
 AROUND = 3.0  # s before and after an event
 COLORS = 128  # of a gif
-Frame = NDArray[Any]  # uint8 [height, width, 3]
+Picture = NDArray[Any]  # uint8 [height, width, 3]
 
 
 def require_encoder(kind: str) -> None:
@@ -44,7 +43,7 @@ def frames_around(replay: Replay, event: str | None) -> range:
     return range(int(near[0]), int(near[-1]) + 1)
 
 
-def pictures(replay: Replay, frames: Iterable[int], event: str | None = None) -> Iterator[Frame]:
+def pictures(replay: Replay, frames: Iterable[int], event: str | None = None) -> Iterator[Picture]:
     """Bird's-eye pictures of these frames, all of one size; around an ``event``: from near, it alone bright."""
     if event is None:
         seen_by = camera(replay.scene, replay.card)
@@ -54,37 +53,36 @@ def pictures(replay: Replay, frames: Iterable[int], event: str | None = None) ->
         yield from (np.asarray(picture(focus, t, SIZE), dtype=np.uint8) for t in frames)
 
 
-def write_video(path: Path, frames: Iterable[Frame], rate: float, done: Callable[[], object] | None = None) -> None:
+def write_video(path: Path, frames: Iterable[Picture], rate: float, done: Callable[[], object] = lambda: None) -> None:
     """Write ``frames`` of SIZE, at least one, at ``rate`` per second: a whole file or none; ``done`` follows each."""
+
+    def counted() -> Iterator[Picture]:
+        for frame in frames:
+            yield frame
+            done()
+
     write = _write_gif if path.suffix.lower() == ".gif" else _write_mp4
     try:
         with whole_file(path) as part:
-            write(part, _told(frames, done), rate)
+            write(part, counted(), rate)
     except OSError as error:
         raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
 
 
-def _told(frames: Iterable[Frame], done: Callable[[], object] | None) -> Iterator[Frame]:
-    for frame in frames:
-        yield frame
-        if done is not None:
-            done()
-
-
-def _write_gif(path: Path, frames: Iterator[Frame], rate: float) -> None:
+def _write_gif(path: Path, frames: Iterator[Picture], rate: float) -> None:
     images = (Image.fromarray(frame).quantize(COLORS, dither=Image.Dither.NONE) for frame in frames)
-    duration = max(20, round(1000 / rate))  # ms; viewers slow down what is faster
+    duration = max(20, round(1000 / rate))  # ms; viewers slow down shorter ones
     next(images).save(path, format="GIF", save_all=True, append_images=images, duration=duration, loop=0)
 
 
-def _write_mp4(path: Path, frames: Iterator[Frame], rate: float) -> None:
+def _write_mp4(path: Path, frames: Iterator[Picture], rate: float) -> None:
     import av
 
     name: Literal["libx264", "mpeg4"] = "libx264" if "libx264" in av.codecs_available else "mpeg4"
     with av.open(str(path), "w", format="mp4") as container:
         stream = container.add_stream(name, rate=Fraction(rate).limit_denominator(1000))
         stream.width, stream.height = SIZE
-        stream.pix_fmt = "yuv420p"  # what every player shows
+        stream.pix_fmt = "yuv420p"  # every player shows it
         for frame in frames:
             container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, format="rgb24")))
         container.mux(stream.encode())

@@ -1,4 +1,4 @@
-"""How a recording is laid out: the scene, bird's-eye views per hypothesis, counts, identity lanes and events."""
+"""Layout of a recording: the scene, bird's-eye views per hypothesis, counts, identity lanes and events."""
 
 from __future__ import annotations
 
@@ -11,50 +11,40 @@ import numpy as np
 from ...cards import Card
 from ...types import Floats, Scene
 from ..replay import Incident, Replay
-from .arrays import TOP_HYPOTHESES, Contents, ShownAgent, box_counts
-from .eye import FALSE, FOLLOW, Eye
-from .focus_layout import focus_columns
+from .contents import TOP_HYPOTHESES, Contents, ShownAgent, box_counts
 from .sdk import rr, rrb
+from .views import FALSE, FOLLOW, Eye, focus_columns
 
+ASIDE, UP = (-0.9, -1.0, 0.9), (0.0, 0.0, 1.0)  # place of an oblique eye, in units of the reach, and its up
 NEAR = 16.0  # m, half the side of what the views show around an event
 MOST_LANES, FEWER_LANES = 5, 3  # in the first tab: as many as fit, without an event and with one
 FAST = 1e6  # times the usual speed
-ASIDE, UP = (-0.9, -1.0, 0.9), (0.0, 0.0, 1.0)
 
 
 def layout(contents: Contents) -> rrb.Blueprint:
     """The blueprint of a recording; all views of the scene look at its event."""
-    agents = contents.agents
-    eye = _eye(agents[0].replay, contents.at)
+    agents, at = contents.agents, contents.at
+    replay, card, alone = agents[0].replay, agents[0].replay.card, len(agents) == 1
+    eye = _eye(replay, at)
     oblique = _oblique(agents[0], replace(eye, offset=ASIDE, up=UP))
-    columns: list[Any]
-    if contents.at is not None:
-        columns = focus_columns(contents, [[oblique, *_birds(agents[0], eye)], *(_birds(a, eye) for a in agents[1:])])
-    else:
-        columns = [_bird(agent, eye) for agent in agents]
-        columns[:0] = [oblique] if len(agents) == 1 else []
-    identities = [_identities(agent, contents.at) for agent in agents]
-    share = 1.6 if len(agents) == 1 else 1.2
-    below = rrb.Horizontal(*_plots(agents), *identities, column_shares=[1, 1, *[share] * len(agents)])
-    if contents.at is None:
-        parts = rrb.Vertical(rrb.Horizontal(*columns), below, row_shares=[2, 1])
-        return _blueprint(parts, "Paused", agents[0].replay.card)
-    shares = [2.2, 1.0] if len(agents) == 1 else [1.8, 1.0, *[1.8] * (len(agents) - 1)]
-    parts = rrb.Vertical(rrb.Horizontal(*columns, column_shares=shares), below, row_shares=[3.2, 1])
-    last = contents.at.frame == agents[0].replay.frames - 1
-    return _blueprint(
-        parts, "Following" if last else "Playing", agents[0].replay.card, {} if last else _held(contents.at.frame)
-    )
-
-
-def _held(frame: int) -> dict[str, Any]:
-    """Settings of a time panel that stands at ``frame``: at once, and until somebody moves the time cursor.
-
-    A layout has no place for the cursor itself. One that plays a selection so fast that every step leaves it is put
-    back to its beginning at every step.
-    """
-    selection = rr.encodings.AbsoluteTimeRange(frame, frame + 1)
-    return {"loop_mode": "selection", "time_selection": selection, "playback_speed": FAST}
+    identities = [_identities(agent, at) for agent in agents]
+    column_shares = [1, 1, *[1.6 if alone else 1.2] * len(agents)]
+    below = rrb.Horizontal(*_plots(agents), *identities, column_shares=column_shares)
+    if at is None:
+        birds = [_bird(agent, eye) for agent in agents]
+        above = rrb.Horizontal(*([oblique] if alone else []), *birds)
+        return _blueprint(rrb.Vertical(above, below, row_shares=[2, 1]), "Paused", card)
+    behind = [[oblique, *_birds(agents[0], eye)], *(_birds(agent, eye) for agent in agents[1:])]
+    shares = [2.2, 1.0] if alone else [1.8, 1.0, *[1.8] * (len(agents) - 1)]
+    above = rrb.Horizontal(*focus_columns(contents, behind), column_shares=shares)
+    parts = rrb.Vertical(above, below, row_shares=[3.2, 1])
+    if at.frame == replay.frames - 1:
+        return _blueprint(parts, "Following", card)
+    # A layout has no field for the time cursor. One that plays a selection so fast that every step leaves it is put
+    # back to its beginning at every step, until the time cursor is moved by hand.
+    selection = rr.encodings.AbsoluteTimeRange(at.frame, at.frame + 1)
+    stay = {"loop_mode": "selection", "time_selection": selection, "playback_speed": FAST}
+    return _blueprint(parts, "Playing", card, stay)
 
 
 def live_layout(scene: Scene, card: Card, root: str = "") -> rrb.Blueprint:
@@ -71,18 +61,18 @@ def live_layout(scene: Scene, card: Card, root: str = "") -> rrb.Blueprint:
     return _blueprint(rrb.Tabs(*views, active_tab=0), "Following", card)
 
 
-def _blueprint(parts: Any, play: Any, card: Card, more: dict[str, Any] | None = None) -> rrb.Blueprint:
-    """``parts`` with a time panel."""
+def _blueprint(parts: Any, play: Any, card: Card, time: dict[str, Any] | None = None) -> rrb.Blueprint:
+    """``parts`` with a time panel, which has the settings ``time``."""
     return rrb.Blueprint(
         parts,
-        rrb.TimePanel(state="collapsed", timeline="frame", play_state=play, fps=card.task.rate, **(more or {})),
+        rrb.TimePanel(state="collapsed", timeline="frame", play_state=play, fps=card.task.rate, **(time or {})),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )
 
 
 def _eye(replay: Replay, at: Incident | None) -> Eye:
-    """On the event; else on the vehicle that carries the sensors, all the way; else on the objects of frame 0."""
+    """An eye on the event; else on the vehicle that carries the sensors; else on the objects of frame 0."""
     if at is not None:
         return Eye(np.array(at.position), NEAR)
     if replay.card.has_ego:
@@ -95,7 +85,7 @@ def _eye(replay: Replay, at: Incident | None) -> Eye:
 
 
 def _middle(place: Floats) -> Floats:
-    """The middle of places [n, 3]; the origin where there are none."""
+    """The middle of places [n, 3]; the origin without any."""
     return np.median(place, axis=0) if len(place) else np.zeros(3)
 
 
@@ -127,12 +117,17 @@ def _birds(agent: ShownAgent, eye: Eye) -> list[rrb.Spatial3DView]:
 
 
 def _plots(agents: Sequence[ShownAgent]) -> list[rrb.TimeSeriesView]:
-    def view(name: str, series: Sequence[str]) -> rrb.TimeSeriesView:
-        contents = [f"/{agent.root}metrics/{one}" for agent in agents for one in series]
-        return rrb.TimeSeriesView(origin="/", contents=contents, name=name, plot_legend=rrb.Corner2D.LeftTop)
-
-    boxes = tuple(box_counts(agents[0].replay))
-    return [view("boxes per frame", boxes), view("events so far", ("IDS", "lost", "reacquired"))]
+    """Plots of boxes per frame and of events so far."""
+    plots = {"boxes per frame": box_counts(agents[0].replay), "events so far": ("IDS", "lost", "reacquired")}
+    return [
+        rrb.TimeSeriesView(
+            origin="/",
+            contents=[f"/{agent.root}metrics/{series}" for agent in agents for series in names],
+            name=name,
+            plot_legend=rrb.Corner2D.LeftTop,
+        )
+        for name, names in plots.items()
+    ]
 
 
 def _eventful(replay: Replay, at: Incident | None) -> list[int]:
@@ -149,13 +144,12 @@ def _eventful(replay: Replay, at: Incident | None) -> list[int]:
 
 def _identities(agent: ShownAgent, at: Incident | None) -> rrb.Tabs:
     """Lanes of the objects with events; all lanes; the event log."""
-    tabs: list[Any] = []
-    truth = agent.replay.scene.truth
-    every = np.unique(truth.object_id[~truth.neutral]).tolist()
-    for name, objects in (
-        ("track of each object with events", _eventful(agent.replay, at)),
-        ("of every object", every),
-    ):
+    truth, tabs = agent.replay.scene.truth, list[Any]()
+    lanes = {
+        "track of each object with events": _eventful(agent.replay, at),
+        "of every object": np.unique(truth.object_id[~truth.neutral]).tolist(),
+    }
+    for name, objects in lanes.items():
         if objects:
             contents = [f"/{agent.root}identity/gt_{g:03d}" for g in objects]
             tabs.append(rrb.StateTimelineView(origin="/", contents=contents, name=agent.titled(name)))

@@ -2,58 +2,81 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...cards import Card
-from ...types import Bools, Ints, Scene
+from ...scoring.events import history
+from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
 from ..answers import Answers
-from . import arrays as arrays
-from .arrays import Boxes, Strips, at_frame
-from .colors import BORDER, CENTER, packed
+from ..frame_view import ego_boxes
+from ..palette import FALSE, Color
+from .colors import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, packed, track_colors
 from .sdk import rr
 
 TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
 TRACK_FILL = "transparentfillmajorwireframe"
+TRAIL_POINTS = 12
+TRAIL_RATE = 5.0  # Hz, at most: a longer trail of faster recordings has no more points
+TOP_SAMPLES = 3
+Labels = Sequence[str] | None
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Where entities go."""
+    """Target of entities: a recording, its times and the prefix of the paths.
+
+    The rows of an entity are those of all frames: frame t has those from ``start[t]`` to ``start[t + 1]``.
+    """
 
     recording: rr.RecordingStream
     times: list[rr.TimeColumn]  # of the frames that are logged
     root: str = ""  # prefix of the paths
-    only: int | None = None  # the one frame of the arrays that is logged; None: all
+    only: int | None = None  # the one frame that is logged; None: all
 
-    def boxes(self, path: str, boxes: Boxes, fill: Any = "majorwireframe", radius: float = EDGE) -> None:
-        """Boxes of the frames; a frame without any shows none."""
-        boxes = boxes if self.only is None else at_frame(boxes, self.only)
-        style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
+    def boxes(
+        self, path: str, start: Ints, box: Floats, color: Colors, labels: Labels = None, fill: Any = "majorwireframe",
+        radius: float = EDGE,
+    ) -> None:  # fmt: skip
+        """Boxes [R, 7] with colours [R, 3] and labels [R]; a frame without any shows none."""
+        rows, counts = self._rows(start)
+        box = np.ascontiguousarray(box[rows], dtype=np.float32)
         columns = rr.Boxes3D.columns(
-            centers=boxes.box[:, :3],
-            half_sizes=boxes.box[:, 4:7] / 2,
-            quaternions=Rotation.from_euler("z", boxes.box[:, 3:4]).as_quat(),
-            colors=packed(boxes.color),
-            labels=boxes.label or None,
+            centers=box[:, :3],
+            half_sizes=box[:, 4:7] / 2,
+            quaternions=Rotation.from_euler("z", box[:, 3:4]).as_quat(),
+            colors=packed(color[rows]),
+            labels=(labels and labels[rows]) or None,
         )
-        self.columns(path, style, columns.partition(boxes.counts))
+        style = rr.Boxes3D.from_fields(fill_mode=fill, radii=radius, show_labels=False)
+        self.columns(path, style, columns.partition(counts))
 
-    def strips(self, path: str, strips: Strips, radius: float) -> None:
-        """Polylines of the frames; a frame without any shows none."""
-        strips = strips if self.only is None else at_frame(strips, self.only)
+    def strips(
+        self, path: str, start: Ints, point: Floats, color: Colors, radius: float, labels: Labels = None
+    ) -> None:
+        """Polylines [R, points, 3] with colours [R, 3] and labels [R]; a frame without any shows none."""
+        rows, counts = self._rows(start)
+        point = np.ascontiguousarray(point[rows], dtype=np.float32)
+        labels = (labels and labels[rows]) or None
+        columns = rr.LineStrips3D.columns(strips=point, colors=packed(color[rows]), labels=labels)
         style = rr.LineStrips3D.from_fields(radii=radius, show_labels=False)
-        columns = rr.LineStrips3D.columns(strips=strips.point, colors=packed(strips.color), labels=strips.label or None)
-        self.columns(path, style, columns.partition(strips.counts))
+        self.columns(path, style, columns.partition(counts))
 
     def columns(self, path: str, style: Any, columns: Any) -> None:
-        """Values of the frames, and what is the same in all of them."""
+        """Values of the frames, and the style of all of them."""
         self.recording.log(self.root + path, style, static=True)
         self.recording.send_columns(self.root + path, self.times, columns)
+
+    def _rows(self, start: Ints) -> tuple[slice, Ints]:
+        """The rows that are logged, and their number in each frame."""
+        first = slice(None) if self.only is None else slice(self.only, self.only + 2)
+        start = np.asarray(start)[first]
+        return slice(int(start[0]), int(start[-1])), np.diff(start)
 
 
 def frame_times(scene: Scene, frames: Ints | None = None) -> list[rr.TimeColumn]:
@@ -67,43 +90,108 @@ def frame_times(scene: Scene, frames: Ints | None = None) -> list[rr.TimeColumn]
 
 
 def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None:
-    """What does not move."""
+    """Log the coordinates and the road, which do not move."""
     recording.log(f"{root}world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for name, color in (("center", CENTER), ("border", BORDER)):
-        lines = arrays.map_lines(scene, border=name == "border")
+        lines = map_lines(scene, border=name == "border")
         if lines:
             recording.log(f"{root}world/map/{name}", rr.LineStrips3D(lines, colors=color, radii=EDGE), static=True)
 
 
-def log_scene(log: Log, scene: Scene, card: Card, false: Bools | None = None, truth_shown: bool = True) -> None:
-    """What is the same for every agent: sensors, truth and detections, of which some are ``false`` positives [D].
+def map_lines(scene: Scene, border: bool) -> list[NDArray[np.float32]]:
+    """Polylines [n, 3] of the road: lane borders but in junctions, or middles of lanes; on the ground of detections."""
+    boxes = scene.detections.box  # not the true ones, which an evaluation does not show
+    ground = float(np.median(boxes[:, 2] - boxes[:, 6] / 2)) if len(boxes) else 0.0
+    lines = [lane.center for lane in scene.lanes]
+    if border:
+        lines = [line for lane in scene.lanes if not lane.junction for line in (lane.left, lane.right)]
+    return [np.column_stack([line, np.full(len(line), ground)]).astype(np.float32) for line in lines]
 
-    ``log``: the recording and its times; ``scene``: what is logged; ``card`` says whether a vehicle carries the
-    sensors. Without ``truth_shown`` the truth is left out. A frame moves along with the sensors without turning, for
-    views.
+
+def log_scene(log: Log, scene: Scene, card: Card, false: Bools | None = None, truth_shown: bool = True) -> None:
+    """Log the content that all agents share: sensors, truth and detections, with ``false`` positives [D] in red.
+
+    ``world/follow`` is a frame of reference that moves along with the sensors without turning, for views.
     """
     if card.has_ego:
-        log.boxes("world/ego", arrays.platform_boxes(scene.ego), "solid")
+        log.boxes("world/ego", np.arange(scene.frames + 1), ego_boxes(scene.ego), _all(EGO, scene.frames), fill="solid")
         place = scene.ego[:, :3] if log.only is None else scene.ego[log.only, None, :3]
         columns = rr.Transform3D.columns(translation=place.astype(np.float32))
         log.recording.send_columns(f"{log.root}world/follow", log.times, columns)
     if truth_shown:
-        log.boxes("world/gt", arrays.truth_boxes(scene.truth), radius=2 * EDGE)
-        log.strips("world/gt_future", arrays.true_futures(scene.truth, card.task.future), FUTURE)
-    false = np.zeros(len(scene.detections.box), dtype=bool) if false is None else false
-    log.boxes("world/det", arrays.detection_boxes(scene.detections, false))
+        truth = scene.truth
+        colors, ids = _either(truth.neutral, NEUTRAL, TRUTH), truth.object_id.astype(str).tolist()
+        log.boxes("world/gt", truth.start, truth.box, colors, ids, radius=2 * EDGE)
+        start, point = true_futures(truth, card.task.future)
+        log.strips("world/gt_future", start, point, _all(TRUTH, len(point)), FUTURE)
+    found = scene.detections
+    false = np.zeros(len(found.box), dtype=bool) if false is None else false
+    log.boxes("world/det", found.start, found.box, _either(false, FALSE, DETECTION))
 
 
-def log_answers(log: Log, said: Answers, hypotheses: Iterable[int], level: str, false: Bools | None = None) -> None:
-    """Tracks and trails of these hypotheses; and forecasts, where the ``level`` shows them.
+def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
+    """Start [F + 1] and points [R, future + 1, 3] of the evaluated objects' ways within the horizon, up to a gap."""
+    before = history(truth.frame_of_rows, truth.object_id).previous()
+    after = np.arange(len(before))  # a row without a successor follows itself
+    after[before[before >= 0]] = np.flatnonzero(before >= 0)
+    evaluated = np.flatnonzero(~truth.neutral)
+    row: Ints = evaluated
+    point = np.empty((len(row), future + 1, 3), dtype=np.float32)
+    for k in range(future + 1):
+        point[:, k] = truth.box[row, :3]
+        row = after[row]
+    return np.searchsorted(evaluated, truth.start), point
 
-    The ``false`` ones [O], of nothing, have an entity of their own, so that they can be hidden.
+
+def log_answers(log: Log, answers: Answers, hypotheses: Iterable[int], level: str, false: Bools | None = None) -> None:
+    """Log tracks and trails of these hypotheses, and forecasts if the ``level`` shows them.
+
+    The ``false`` forecasts [O] have an entity of their own, so that they can be hidden.
     """
+    rollout = answers.rollout
+    stride = _stride(answers.card.task.rate)
     for h in hypotheses:
-        log.boxes(f"world/hyp/{h:02d}/box", arrays.hypothesis_boxes(said, h), TRACK_FILL)
-        log.strips(f"world/hyp/{h:02d}/trail", arrays.trails(said, h), TRAIL)
+        rows = np.flatnonzero(answers.hypotheses.member[:, h])
+        start, ids = np.searchsorted(rows, rollout.track_start), rollout.track_id[rows]
+        labels, colors = ids.astype(str).tolist(), track_colors(ids)
+        log.boxes(f"world/hyp/{h:02d}/box", start, rollout.track_box[rows], colors, labels, TRACK_FILL)
+        past = answers.past(rows, h, trail_frames(answers.card.task.rate))[:, ::stride]
+        log.strips(f"world/hyp/{h:02d}/trail", start, rollout.track_box[past, :3], colors, TRAIL)
     if level in ("top", "all"):
-        false = np.zeros(len(said.rollout.object_box), dtype=bool) if false is None else false
-        log.strips("world/forecast", arrays.forecasts(said, level, ~false), FORECAST)
+        false = np.zeros(len(rollout.object_box), dtype=bool) if false is None else false
+        _log_forecasts(log, "world/forecast", answers, level, ~false)
         if false.any():
-            log.strips("world/false_forecast/path", arrays.forecasts(said, level, false), FORECAST)
+            _log_forecasts(log, "world/false_forecast/path", answers, level, false)
+
+
+def _log_forecasts(log: Log, path: str, answers: Answers, level: str, chosen: Bools) -> None:
+    """Log forecast samples of the ``chosen`` objects [O], in the colour of the object's track: all, or the heaviest."""
+    rollout = answers.rollout
+    weight = rollout.forecast_log_weight
+    stated = np.isfinite(weight) & chosen[:, None]
+    if level != "all":
+        rank = np.argsort(np.argsort(-weight, axis=1, kind="stable"), axis=1, kind="stable")
+        stated &= rank < TOP_SAMPLES
+    row, sample = np.nonzero(stated)
+    point = np.repeat(rollout.object_box[row, None, :3].astype(np.float64), rollout.forecast.shape[2] + 1, axis=1)
+    point[:, 1:, :2] += to_metres(rollout.forecast[row, sample])
+    labels = [f"confidence {value:.2f}" for value in rollout.object_confidence[row]]
+    start = np.searchsorted(row, rollout.object_start)
+    log.strips(path, start, point, track_colors(answers.object_track_id[row]), FORECAST, labels)
+
+
+def trail_frames(rate: float) -> int:
+    """Number of frames that a trail reaches back."""
+    return (TRAIL_POINTS - 1) * _stride(rate)
+
+
+def _stride(rate: float) -> int:
+    return max(1, round(rate / TRAIL_RATE))
+
+
+def _either(mask: Bools, yes: Color, no: Color) -> Colors:
+    return np.where(mask[:, None], yes, no).astype(np.uint8)
+
+
+def _all(color: Color, count: int) -> Colors:
+    return np.full((count, 3), color, dtype=np.uint8)

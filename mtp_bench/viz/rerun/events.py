@@ -1,4 +1,4 @@
-"""The judge's view of a run in a recording: events, identity lanes and counts of the best hypothesis."""
+"""Judgement of a run in a recording: events, identity lanes and counts of the best hypothesis."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ...types import Ints, Scene
 from ..case import Case
 from ..replay import KINDS, Incident, Replay
 from ..sentence import sentence
-from .arrays import ShownAgent, box_counts
 from .colors import EVENTS, SERIES, SWITCH, UNTRACKED, packed, tone, track_colors
+from .contents import ShownAgent, box_counts
 from .entities import EDGE, Log, frame_times
 from .sdk import rr
 
@@ -21,7 +21,7 @@ MARKER = (0.0, 3.4, 3.0)  # m, from an event to its mark: beside the label of th
 
 
 def log_judgement(log: Log, agent: ShownAgent) -> None:
-    """Events, identity lanes and counts: the judge's view of the best hypothesis."""
+    """Log events, identity lanes and counts of the best hypothesis."""
     _log_markers(log, agent.replay)
     _log_texts(log, agent.replay)
     for lane in lanes(agent.replay):
@@ -47,7 +47,7 @@ def _series(replay: Replay) -> dict[str, Ints]:
 
 
 def _log_texts(log: Log, replay: Replay) -> None:
-    """The event log."""
+    """Log the sentences of the events."""
     for kind in KINDS:
         incidents = [i for i in replay.incidents if i.kind == kind]
         if incidents:
@@ -59,7 +59,7 @@ def _log_texts(log: Log, replay: Replay) -> None:
 
 
 def _log_markers(log: Log, replay: Replay) -> None:
-    """Where events happened, for some frames after; and false forecasts."""
+    """Log the places of events, for some frames after; and false forecasts."""
     now = [replay.recent(t, EVENT_FRAMES) for t in range(replay.frames)]
     incidents = list(itertools.chain.from_iterable(now))
     if incidents:
@@ -92,26 +92,26 @@ def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident, radius: 
 
 
 @dataclass(frozen=True)
-class Lane:
-    """Which track follows a true object: states from their first frame on, None where the object is not there."""
+class IdentityLane:
+    """The track that follows a true object, from each frame on at which it changes; None while it is absent."""
 
     object_id: int
     frame: tuple[int, ...]
-    track: tuple[int | None, ...]  # -1: none
+    track: tuple[int | None, ...]  # -1: untracked
 
 
-def lanes(replay: Replay) -> list[Lane]:
+def lanes(replay: Replay) -> list[IdentityLane]:
     """Identity lanes of the evaluated objects, by their ids: the best hypothesis of every frame."""
     truth = replay.scene.truth
     frame = truth.frame_of_rows
     track = np.append(replay.rollout.track_id, -1)[replay.truth_track]
     evaluated = ~truth.neutral
-    found = []
+    lanes = []
     for object_id in np.unique(truth.object_id[evaluated]).tolist():
         rows = np.flatnonzero(evaluated & (truth.object_id == object_id))
         states = _changes(frame[rows], track[rows], replay.frames)
-        found.append(Lane(object_id, tuple(states), tuple(states.values())))
-    return found
+        lanes.append(IdentityLane(object_id, tuple(states), tuple(states.values())))
+    return lanes
 
 
 def _changes(frame: Ints, track: Ints, frames: int) -> dict[int, int | None]:
@@ -126,8 +126,8 @@ def _changes(frame: Ints, track: Ints, frames: int) -> dict[int, int | None]:
     return states
 
 
-def _log_lane(log: Log, scene: Scene, lane: Lane) -> None:
-    """One lane: which track follows the object."""
+def _log_lane(log: Log, scene: Scene, lane: IdentityLane) -> None:
+    """Log one lane."""
     tracks = sorted({track for track in lane.track if track is not None})
     colors = np.where(np.array(tracks)[:, None] < 0, UNTRACKED, track_colors(np.array(tracks)))
     names = [_state(track) for track in tracks]

@@ -11,16 +11,16 @@ from gymnasium import logger
 from ...env.live import LiveEpisode
 from ...errors import MtpBenchError
 from ..answers import Answers
-from .arrays import TOP_HYPOTHESES, trail_frames
 from .blueprint import live_layout
-from .entities import Log, frame_times, log_answers, log_map, log_scene
+from .contents import TOP_HYPOTHESES
+from .entities import Log, frame_times, log_answers, log_map, log_scene, trail_frames
 from .log import APPLICATION
 from .sdk import rr
 from .viewer import open_viewer
 
 
 class LiveRecording:
-    """Logs into rerun's active recording where there is one (`rerun.init`), else into a viewer that it opens.
+    """Renderer of an env: logs into rerun's active recording (`rerun.init`), else into a viewer that it opens.
 
     In the user's own recording the second and later episodes, of any env, lie under ``episode-2/`` and so on; a viewer
     of our own gets a recording per episode.
@@ -80,6 +80,6 @@ def log_frame(recording: rr.RecordingStream, episode: LiveEpisode, root: str = "
     log_scene(log, scene, card, truth_shown=episode.truth_shown)
     rollout = episode.rollout(max(0, t - trail_frames(card.task.rate)))
     if rollout is not None:
-        said = Answers(rollout, card)
-        first = range(min(TOP_HYPOTHESES, said.hypotheses.member.shape[1]))
-        log_answers(replace(log, only=rollout.frames - 1), said, first, "top")
+        answers = Answers(rollout, card)
+        first = range(min(TOP_HYPOTHESES, answers.hypotheses.member.shape[1]))
+        log_answers(replace(log, only=rollout.frames - 1), answers, first, "top")

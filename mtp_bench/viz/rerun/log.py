@@ -14,12 +14,11 @@ from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
 from ..replay import Incident, Replay
-from .arrays import Contents, contents_of
 from .blueprint import layout
-from .camera import log_camera
+from .contents import Contents, contents_of
 from .entities import Log, frame_times, log_answers, log_map, log_scene
 from .events import log_judgement, log_ring
-from .focus import log_focus
+from .focus import log_camera, log_focus
 from .sdk import rr
 
 APPLICATION = "mtp_bench"
@@ -54,7 +53,7 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
     ``level``: "off" truth, detections and events; "tracks" also boxes and trails of the heaviest hypotheses; "top" also
     the 3 heaviest forecast samples of each object; "all" every hypothesis and every sample.
 
-    Raises MtpBenchError where the runs are not of one scene or the file cannot be written, UnknownNameError for a wrong
+    Raises MtpBenchError for runs of several scenes and if the file cannot be written, UnknownNameError for a wrong
     level. An earlier file stays as it was until the new one is complete.
     """
     contents = contents_of(replays, level, at)
@@ -70,14 +69,14 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
 
 
 def log_runs(recording: rr.RecordingStream, contents: Contents) -> None:
-    """Log everything, what all runs share once, then each run under its root; and complete the recording."""
+    """Log the shared content once, then each run under its root, and complete the recording."""
     first = _first(contents)
     log_map(recording, first.scene)
     log_scene(Log(recording, frame_times(first.scene)), first.scene, first.card, first.detection_false)
     recording.log("about", rr.TextDocument(_about(contents), media_type="text/markdown"), static=True)
     for agent in contents.agents:
         log = Log(recording, frame_times(first.scene), agent.root)
-        log_answers(log, agent.replay.said, agent.hypotheses, contents.level, agent.replay.forecast_false)
+        log_answers(log, agent.replay.answers, agent.hypotheses, contents.level, agent.replay.forecast_false)
         log_judgement(log, agent)
     for agent, focus in contents.focuses:
         if agent.number == 0:
@@ -89,22 +88,22 @@ def log_runs(recording: rr.RecordingStream, contents: Contents) -> None:
 
 
 def _first(contents: Contents) -> Replay:
-    """The first run whose agent was given detections, else the first: what it was given is drawn for all."""
+    """The first run whose agent was given detections, else the first: its input is drawn for all."""
     replays = [agent.replay for agent in contents.agents]
     return next((replay for replay in replays if replay.observe == "detections"), replays[0])
 
 
-_INSTEAD = {"truth": "true boxes", "tracks": "stored tracks"}  # what an agent is given in place of detections
+_INSTEAD = {"truth": "true boxes", "tracks": "stored tracks"}  # inputs of agents in place of detections
 
 
 def _about(contents: Contents) -> str:
-    """What the colours mean, and which agents were given something else than the detections."""
+    """Meaning of the colours, and agents with another input than the detections."""
     first, agents = _first(contents), contents.agents
-    told = [agent.replay for agent in agents if agent.replay.observe in _INSTEAD]
+    others = [agent.replay for agent in agents if agent.replay.observe in _INSTEAD]
     return ABOUT.format(
         scene=first.scene.name,
         agents=", ".join(f"{agent.replay.agent or 'agent'}: hypotheses {agent.hypotheses}" for agent in agents),
         given=f"{_INSTEAD[first.observe]}, as detections" if first.observe in _INSTEAD else "detections",
         false="false positives red" if first.scene.truth_complete else "which of them are false is not known",
-        others="".join(f"\n{r.agent or 'The agent'} was given {_INSTEAD[r.observe]}, not detections." for r in told),
+        others="".join(f"\n{r.agent or 'The agent'} was given {_INSTEAD[r.observe]}, not detections." for r in others),
     )

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from ...errors import MtpBenchError
 from ..replay import Incident, Replay
-from .arrays import Contents, contents_of
 from .blueprint import layout
+from .contents import Contents, contents_of
 from .log import log_runs, new_recording
 from .sdk import INSTALL, ViewerClient
 
@@ -25,7 +25,7 @@ OTHERWISE = "write a file with --save FILE.rrd, serve it with --web, or draw an 
 
 
 def viewer_program() -> str:
-    """Path of the viewer's program; raises MtpBenchError where the package is incomplete."""
+    """Path of the viewer's program; raises MtpBenchError if the package is incomplete."""
     spec = importlib.util.find_spec("rerun_cli")
     if spec is not None and spec.origin is not None:
         program = Path(spec.origin).with_name("rerun.exe" if os.name == "nt" else "rerun")
@@ -35,7 +35,7 @@ def viewer_program() -> str:
 
 
 def require_display(otherwise: str = OTHERWISE) -> None:
-    """Raise MtpBenchError where no window can open; ``otherwise``: what to do then."""
+    """Raise MtpBenchError if no window can open; ``otherwise``: what to do then."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise MtpBenchError(f"no display for the viewer: {otherwise}")
 
@@ -43,21 +43,21 @@ def require_display(otherwise: str = OTHERWISE) -> None:
 def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
     """Open a viewer on runs of one scene, at the frame of ``at``; it stays when this process ends.
 
-    Raises MtpBenchError where there is no display or the viewer does not start.
+    Raises MtpBenchError without a display, and if the viewer does not start.
     """
     contents = contents_of(replays, level, at)
     address = open_viewer()
     _send(contents, address)
     if at is not None:
         client = ViewerClient.connect(address)
-        # where that fails it is open all the same; the frame can be chosen by hand
+        # if that fails it is open all the same; the frame can be chosen by hand
         _keep_trying(lambda: client.set_time("frame", sequence=at.frame, play_state="paused"))
 
 
 def open_viewer(otherwise: str = OTHERWISE) -> str:
-    """Open a viewer that stays when this process ends; returns where it listens, on this machine only.
+    """Open a viewer that stays when this process ends; returns its address, on this machine only.
 
-    Raises MtpBenchError where there is no display or the viewer does not start; ``otherwise`` as `require_display`.
+    Raises MtpBenchError without a display, and if the viewer does not start; ``otherwise`` as `require_display`.
     """
     require_display(otherwise)
     port = free_port()
@@ -68,7 +68,7 @@ def open_viewer(otherwise: str = OTHERWISE) -> str:
 def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, ready: Callable[[str], object]) -> None:
     """Serve runs of one scene to browsers on this machine until interrupted; ``ready`` gets the address.
 
-    Raises MtpBenchError where the server does not start.
+    Raises MtpBenchError if the server does not start.
     """
     contents = contents_of(replays, level, at)
     port, page = free_port(), free_port()
@@ -79,21 +79,21 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
         ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
         server.wait()
     except KeyboardInterrupt:
-        pass  # how it is ended
+        pass  # the usual end
     finally:
         server.terminate()
         server.wait()
 
 
 def free_port() -> int:
-    """A port that nobody listens on."""
+    """A port that is not in use."""
     with socket.socket() as free:
         free.bind((LOCAL, 0))
         return int(free.getsockname()[1])
 
 
 def start_viewer(port: int, options: Sequence[str], apart: bool = False) -> subprocess.Popen[bytes]:
-    """A viewer that listens; ``apart``: it stays when this process ends. Raises MtpBenchError where none starts."""
+    """A viewer that listens; ``apart``: it stays when this process ends. Raises MtpBenchError if none starts."""
     quiet = subprocess.DEVNULL
     command = [viewer_program(), "--bind", LOCAL, "--port", str(port), *options]
     viewer = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=apart)
@@ -115,7 +115,7 @@ def start_viewer(port: int, options: Sequence[str], apart: bool = False) -> subp
 
 
 def _keep_trying(action: Callable[[], object]) -> bool:
-    """Repeat what the viewer refuses, which raises OSError or RuntimeError; False where that takes too long."""
+    """Repeat ``action`` while it raises OSError or RuntimeError; False after START_SECONDS."""
     end = time.monotonic() + START_SECONDS
     while time.monotonic() < end:
         try:
@@ -128,12 +128,12 @@ def _keep_trying(action: Callable[[], object]) -> bool:
 
 
 def address_of(port: int) -> str:
-    """Where a viewer at this port of this machine listens."""
+    """Address of a viewer at this port of this machine."""
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
 def _send(contents: Contents, address: str) -> None:
-    """Send the recording and its layout, also where the user has changed the layout of an earlier one."""
+    """Send the recording and its layout, also if the user has changed the layout of an earlier one."""
     recording = new_recording(contents)
     recording.connect_grpc(address)
     recording.send_blueprint(layout(contents))

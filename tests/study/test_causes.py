@@ -15,9 +15,9 @@ from mtp_bench.cards import Card
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.scoring.budgets import Budgets, budgets_of, errors_at
-from mtp_bench.scoring.causes import CAUSES, causes, causes_at
-from mtp_bench.scoring.circumstances import Circumstances, circumstances
 from mtp_bench.scoring.targets import find_targets
+from mtp_bench.study.causes import CAUSES, causes, causes_at
+from mtp_bench.study.circumstances import Circumstances, circumstances
 from mtp_bench.submission import load_submission
 from mtp_bench.types import Detections, Rollout, Scene
 from tests.support.scoring_scenes import (

@@ -10,8 +10,9 @@ import pytest
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from mtp_bench.study.figures.bars import CAUSE_COLORS
-from mtp_bench.study.figures.style import COLORS, SERIES, draw, line
+from mtp_bench.study.drawing import COLORS, SERIES, draw
+from mtp_bench.study.figures import CAUSE_COLORS
+from mtp_bench.study.panels import Panel, Series, draw_panel
 
 Array = NDArray[np.float64]
 
@@ -66,12 +67,12 @@ def test_words_are_read_on_their_ground(page: int) -> None:
 
 
 def painted(axis: Axes) -> None:
-    line(axis, [1, 2, 3], [3.0, None, 1.0], "blue", "one & other", [2.0, None, 0.5], [4.0, None, 1.5])
-    axis.set_xlabel("hypotheses H")
-    axis.set_ylabel("error, m")
+    intervals = [(2.0, 4.0), None, (0.5, 1.5)]
+    series = Series("one & other", [1, 2, 3], [3.0, None, 1.0], "blue", "line", intervals)
+    draw_panel(axis, Panel([series], "hypotheses H", "error, m"))
 
 
-def test_a_name_with_dollars_is_no_formula() -> None:
+def test_a_name_with_dollars_is_not_a_formula() -> None:
     draw("x", "", "", "", lambda axis: axis.set_xticks([0], ["$\\foo$"]))
 
 

@@ -1,18 +1,19 @@
-"""Where the remaining error comes from: parts of the number that ranks, which add up to it.
+"""Causes of the remaining error: parts of the ranking error, which add up to it.
 
-At a cut each target has one error, at most c. One without a forecast has all of it for the first cause that applies:
+At a confidence threshold each target has one error, at most c. One without a forecast has all of it for the first
+cause that applies:
 
 - ``undetected``: no detection of its class lies inside the forecast gate;
-- ``withheld``: it has a forecast, of less confidence than the cut;
-- ``lost``: it was detected, and nothing was forecast.
+- ``below_threshold``: it has a forecast, of less confidence than the threshold;
+- ``not_forecast``: it was detected, but has no forecast.
 
 The error of one with a forecast is a sum of signed parts:
 
-- ``true_past``: what the same predictor leaves from the true past;
-- ``localisation``: what moving the forecast to where the object truly is now takes away;
-- ``switched`` or ``rest``: what remains, by whether the reference tracker ever switches the identity there.
+- ``gt_tracks``: the error of the same predictor on ground-truth tracks;
+- ``localisation``: the part that moving the forecast to the object's true place takes away;
+- ``switched`` or ``rest``: the remainder, by whether the reference tracker ever switches the identity there.
 
-Parts are taken at each budget of false forecasts, between the same two cuts as the error, and averaged like it.
+Parts are taken at each budget of false forecasts, between the same two thresholds as the error, and averaged like it.
 """
 
 from __future__ import annotations
@@ -22,19 +23,20 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..scoring.budgets import Budgets, at_budgets
+from ..scoring.cuts import Cuts
+from ..scoring.score import SceneScore
 from ..types import Bools, Floats
-from .budgets import Budgets, at_budgets
 from .circumstances import Circumstances
-from .cuts import Cuts
-from .score import SceneScore
 
-CAUSES = ("undetected", "withheld", "lost", "true_past", "localisation", "switched", "rest")
+CAUSES = ("undetected", "below_threshold", "not_forecast", "gt_tracks", "localisation", "switched", "rest")
 
 
 def causes_at(cuts: Cuts, around: Circumstances, from_truth: Floats, switched: Bools, least: float) -> Floats:
-    """Parts [len(CAUSES), n], m, of the error of each target where the least confidence that is kept is ``least``.
+    """Parts [len(CAUSES), n] of the error of each target at the confidence threshold ``least``, m.
 
-    ``from_truth`` [n]: m, the plain error from true pasts, at most c; ``switched`` [n]: the event weight is above 0.
+    ``from_truth`` [n]: m, the plain error from ground-truth tracks, at most c; ``switched`` [n]: the event weight is
+    above 0.
     """
     error, missed = cuts.at(least)
     without_place = around.centred.at(least)[0]
@@ -60,20 +62,20 @@ def causes(
     switched: Bools,
     subsets: bool = False,
 ) -> Floats:
-    """Parts [len(CAUSES), n], m, of the number that ranks per target, mean over seeds; they add up to it.
+    """Parts [len(CAUSES), n] of the ranking error per target, mean over seeds, m; they add up to it.
 
     ``around``: of the same scenes and seeds; ``from_truth`` and ``switched`` [n] as in `causes_at`, over all scenes;
     ``subsets``: at the budget of the event subsets, else the mean over those of "all".
     """
     first = np.cumsum([0, *(len(score) for score in seeds[0])])
-    of_scene = [slice(low, high) for low, high in pairwise(first.tolist())]
+    rows = [slice(low, high) for low, high in pairwise(first.tolist())]  # targets of each scene
     allowed = [budgets.subsets] if subsets else budgets.all
     runs = []
     for scores, near in zip(seeds, around, strict=True):
 
         def parts(scene: int, least: float, scores=scores, near=near) -> Floats:  # type: ignore[no-untyped-def]
-            rows = of_scene[scene]
-            return causes_at(scores[scene].cuts, near[scene], from_truth[rows], switched[rows], least)
+            own = rows[scene]
+            return causes_at(scores[scene].cuts, near[scene], from_truth[own], switched[own], least)
 
         live = None if budgets.false_known else sum(score.live for score in scores)
         runs.append(at_budgets([score.cuts for score in scores], allowed, parts, live).mean(axis=0))

@@ -1,7 +1,4 @@
-"""What happened around each target of a run: whether it was seen, how old its track is, how long ago it was mistaken.
-
-A comparison does not need it; a study of where errors come from does.
-"""
+"""Circumstances of each target of a run: detected or not, age of its track, time since its last identity error."""
 
 from __future__ import annotations
 
@@ -11,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
+from ..scoring.cuts import Cuts
+from ..scoring.events import object_history
+from ..scoring.forecasts import Forecasts, candidates, centred, cuts, grow, near_truth
+from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypotheses
+from ..scoring.neutral import evaluated
+from ..scoring.targets import find_targets, live_frames
 from ..types import Bools, Floats, Ints, Rollout, Scene, Truth
-from .cuts import Cuts
-from .events import object_history
-from .forecasts import Forecasts, candidates, centred, cuts, grow, near_truth
-from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
-from .neutral import evaluated
-from .targets import find_targets, live_frames
 
 KINDS = ("ids", "lost", "reacquired", "frag")  # the last: lost or reacquired
 
@@ -33,13 +30,13 @@ class EventRows:
 
 @dataclass(frozen=True, eq=False)
 class Circumstances:
-    """Of one rollout of one scene; targets [n] in the order of `find_targets`."""
+    """Circumstances of one rollout of one scene; targets [n] in the order of `find_targets`."""
 
     scene: str
-    centred: Cuts  # of its forecasts, moved to where their objects truly are
+    centred: Cuts  # of its forecasts, moved to the true places of their objects
     seen: Bools  # [n] a detection of the class lies inside the forecast gate
-    age: Ints  # [n] frames since the track that holds it was first said; -1: no track of the best hypothesis does
-    since: dict[str, Ints]  # [n] by KINDS: frames since the object had the event last, 0 for now; -1: never so far
+    age: Ints  # [n] frames since the track that holds it first appeared; -1: not held in the best hypothesis
+    since: dict[str, Ints]  # [n] by KINDS: frames since the last event of the object, 0 for now; -1: none so far
     own: dict[str, EventRows]  # by KINDS: along the lineage of the best hypothesis
     shared: dict[str, EventRows]  # by KINDS: in every hypothesis
     objects: int  # evaluated true objects
@@ -48,7 +45,7 @@ class Circumstances:
 
 
 def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
-    """What happened around the targets of ``scene``; a rollout that `score_scene` takes."""
+    """Circumstances of the targets of ``scene``; the rollout is one that `score_scene` takes."""
     scene = evaluated(scene)
     truth, targets = scene.truth, find_targets(scene, card)
     forecasts = Forecasts.of(rollout)
@@ -75,14 +72,14 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
 
 
 def _seen(scene: Scene, card: Card) -> Bools:
-    """Which true boxes [R] have a detection of their class inside the forecast gate."""
-    found = scene.detections
-    pairs = near_truth(scene.truth, found.frame_of_rows, found.box, found.class_id, card)
+    """True boxes [R] with a detection of their class inside the forecast gate."""
+    table = scene.detections
+    pairs = near_truth(scene.truth, table.frame_of_rows, table.box, table.class_id, card)
     return np.bincount(pairs.row, minlength=len(scene.truth.box)) > 0
 
 
 def _ages(rollout: Rollout, track: Ints) -> NDArray[np.int64]:
-    """Frames since the id of a track [R] was first said; -1 for none."""
+    """Frames [R] since the id of each ``track`` first appeared; -1 without a track."""
     frame = rollout.tracks.frame_of_rows
     _, first, number = np.unique(rollout.track_id, return_index=True, return_inverse=True)
     age = np.append(frame - frame[first][number], -1)  # row -1: no track

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from mtp_bench.scoring.knee import knee
+from mtp_bench.study.error_rows import knee
 
 CASES: dict[str, tuple[Sequence[float], Sequence[float], int | None]] = {
     "falls at once, then hardly": ((1, 2, 3, 4), (10, 2, 1.5, 1), 1),

@@ -1,0 +1,180 @@
+"""Look of every figure: colours for colour blindness, print and dark pages; title, sentence and number of targets.
+
+A figure is drawn once, in the colours of light paper. In its SVG they become CSS variables, so that the same drawing
+is right on a dark page; a file of its own defines both sets of them.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+WIDTH, HEIGHT = 5.6, 3.3  # inches
+DOTS = 150  # per inch, of PNG files
+# name -> on light, on dark. After Okabe and Ito; each series has a marker, a line style or a hatch of its own too
+COLORS = {
+    "ink": ("#1d2126", "#e6e9ec"),
+    "soft": ("#5b646e", "#a4adb6"),
+    "grid": ("#e2e5e8", "#31383f"),
+    "paper": ("#ffffff", "#1a1e22"),
+    "green": ("#009e73", "#25b78c"),
+    "blue": ("#0072b2", "#3f8fe0"),
+    "orange": ("#e69f00", "#e8a317"),
+    "vermillion": ("#d55e00", "#f0793a"),
+    "purple": ("#cc79a7", "#e39cc6"),
+    "sky": ("#56b4e9", "#a3dcfa"),
+    "grey": ("#555b61", "#737a81"),
+    "yellow": ("#f0e442", "#f5ec7a"),
+}
+SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
+LIGHT, DARK = (";".join(f"--{name}:{pair[i]}" for name, pair in COLORS.items()) for i in (0, 1))  # variables of CSS
+_FONTS = "font-family: system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
+_LETTERS = 14.5  # of the sentence, per inch
+
+
+def hex_color(name: str) -> str:
+    """Hex colour on light paper."""
+    return COLORS[name][0]
+
+
+INK, SOFT, GRID, GROUND = (hex_color(name) for name in ("ink", "soft", "grid", "paper"))
+_SETTINGS: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "text.parse_math": False,  # "$" in a name is a name
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 10,
+    "axes.titlesize": 10.5,
+    "axes.edgecolor": SOFT,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.facecolor": "none",
+    "figure.facecolor": GROUND,
+    "text.color": INK,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 9,
+    "ytick.labelsize": 9,
+    "legend.fontsize": 9,
+    "legend.frameon": False,
+    "legend.labelcolor": INK,
+    "grid.color": GRID,
+    "hatch.linewidth": 0.6,
+    "svg.fonttype": "none",  # text stays text
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A drawn figure."""
+
+    name: str  # of its files
+    title: str
+    sentence: str  # what it shows
+    n: str  # number of targets, objects and scenes
+    wide: bool  # needs the width of the page
+    svg: str  # for a page: colours are CSS variables; title and sentence are its label
+    svg_file: str  # on its own: with title and sentence
+    png: bytes
+
+
+def draw(
+    name: str,
+    title: str,
+    sentence: str,
+    n: str,
+    paint: Callable[..., object],
+    panels: int = 1,
+    size: tuple[float, float] | None = None,
+    rows: int = 1,
+) -> Drawing:
+    """A figure of ``panels`` in ``rows``; ``paint`` gets the axes of each panel. ``size``: width and height, inches."""
+    import matplotlib as mpl
+
+    settings: Any = {**_SETTINGS, "svg.hashsalt": name}  # ids are stable, and differ between figures of a page
+    with mpl.rc_context(settings):
+        from matplotlib.figure import Figure
+
+        across = -(-panels // rows)
+        width, height = size or (WIDTH if across == 1 else WIDTH * 1.45, HEIGHT * rows)
+        canvas = Figure(figsize=(width, height), layout="constrained")
+        axes: list[Any] = list(canvas.subplots(rows, across, squeeze=False).ravel()[:panels])
+        paint(*axes)
+        for each in axes:
+            each.spines[["top", "right"]].set_visible(False)
+            each.set_axisbelow(True)
+        canvas.draw_without_rendering()  # panels of equal scales find their places only then
+        svg = _svg(canvas, name, f"{title}. {sentence}")
+        foot = textwrap.fill(f"{sentence} n: {n}.", int(width * _LETTERS))
+        png = _png(canvas, title, foot, sentence)
+    return Drawing(name, title, sentence, n, width > WIDTH * 1.2, svg, _standalone(svg, title, foot), png)
+
+
+def _png(canvas: Any, title: str, foot: str, sentence: str) -> bytes:
+    """The drawing as a picture, the title above and the sentence below."""
+    from matplotlib import font_manager
+    from PIL import Image, ImageDraw, ImageFont, PngImagePlugin
+
+    plain = io.BytesIO()
+    canvas.savefig(plain, format="png", dpi=DOTS)
+    drawing = Image.open(plain).convert("RGB")
+    point = DOTS / 72
+    faces = [
+        font_manager.findfont(font_manager.FontProperties(family="DejaVu Sans", weight=w)) for w in ("bold", "normal")
+    ]
+    bold, small = (ImageFont.truetype(face, round(size * point)) for face, size in zip(faces, (12, 8.5), strict=True))
+    above, below = round(24 * point), round((11 * (1 + foot.count("\n")) + 10) * point)
+    whole = Image.new("RGB", (drawing.width, drawing.height + above + below), GROUND)
+    whole.paste(drawing, (0, above))
+    brush, left = ImageDraw.Draw(whole), round(6 * point)
+    brush.text((left, round(5 * point)), title, INK, bold)
+    brush.multiline_text((left, above + drawing.height), foot, SOFT, small, spacing=round(1.5 * point))
+    about = PngImagePlugin.PngInfo()
+    about.add_text("Title", title)
+    about.add_text("Description", sentence)
+    content = io.BytesIO()
+    whole.quantize(256, dither=Image.Dither.NONE).save(content, "PNG", optimize=True, pnginfo=about)
+    return content.getvalue()
+
+
+def _svg(canvas: Any, name: str, label: str) -> str:
+    """The drawing as an element of a page: sized by its box, coloured by variables; ``label``: for screen readers."""
+    text = io.StringIO()
+    canvas.savefig(text, format="svg", facecolor="none", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>\s*|<style[^>]*>.*?</style>", "", svg, flags=re.DOTALL)  # pages have a style
+    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
+    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
+    svg = svg.replace("font-family: 'DejaVu Sans'", _FONTS)
+    svg = svg.replace("'DejaVu Sans'", "system-ui, 'DejaVu Sans', sans-serif")
+    for key, (light, _) in COLORS.items():
+        svg = re.sub(re.escape(light), f"var(--{key})", svg, flags=re.IGNORECASE)
+    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" data-figure="{name}" ', 1)
+
+
+def _standalone(svg: str, title: str, foot: str) -> str:
+    """The element as a file that needs no page: with both sets of colours, the title above and the sentence below."""
+    style = (
+        f"<style>svg{{{LIGHT};background:var(--paper)}}@media(prefers-color-scheme:dark){{svg{{{DARK}}}}}"
+        f"*{{stroke-linejoin:round;stroke-linecap:butt}}text{{{_FONTS}}}</style>"
+    )
+    heading, *lines = [escape(line, quote=False) for line in (title, *foot.split("\n"))]
+    box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
+    assert box is not None
+    width, height = float(box[1]), float(box[2])
+    top = f'<text x="6" y="-9" font-size="12" font-weight="bold" fill="var(--ink)">{heading}</text>'
+    below = "".join(
+        f'<text x="6" y="{height + 11 * (i + 1):g}" font-size="8.5" fill="var(--soft)">{line}</text>'
+        for i, line in enumerate(lines)
+    )
+    svg = svg.replace(box[0], f'viewBox="0 -24 {width:g} {height + 41 + 11 * len(lines):g}"', 1)
+    first = svg.index(">") + 1
+    head = f"<title>{heading}</title><desc>{' '.join(lines)}</desc>{style}"
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{svg[:first]}{head}{top}{below}{svg[first:]}'
