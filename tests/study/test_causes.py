@@ -104,10 +104,10 @@ def test_the_first_cause_of_a_missing_forecast() -> None:
     said = make_rollout([[]] * 5, [[], [Thing(2, 20, 0, forecast=still(20), confidence=0.25)]], samples=1)
     parts = named(scene, said, least=0.5)
     assert parts["undetected"] == [10, 0, 0]
-    assert parts["withheld"] == [0, 10, 0]
-    assert parts["lost"] == [0, 0, 10]
+    assert parts["below_threshold"] == [0, 10, 0]
+    assert parts["not_forecast"] == [0, 0, 10]
     kept = named(scene, said, least=0.0)
-    assert kept["withheld"] == [0, 0, 0]
+    assert kept["below_threshold"] == [0, 0, 0]
     assert sum(kept[name][1] for name in CAUSES) == 0  # the weak forecast is right
 
 
@@ -122,7 +122,7 @@ def test_the_parts_of_a_forecast(switched: bool, name: str) -> None:
     car = Thing(1, 0, 0)
     beside = make_rollout([[]] * 5, [[], [Thing(1, 1, 0, forecast=still(1))]], samples=1)
     parts = named(scene_of([car], [car]), beside, 0.0, from_truth=0.25, switched=switched)
-    assert parts["true_past"] == [0.25]
+    assert parts["gt_tracks"] == [0.25]
     assert parts["localisation"] == [1.0]
     assert parts[name] == [-0.25]  # without the wrong place it is better than from the true past
     assert sum(parts[each][0] for each in CAUSES) == pytest.approx(1.0)

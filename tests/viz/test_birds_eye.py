@@ -108,8 +108,7 @@ def test_each_mark_is_there_with_its_thing_only(part: str) -> None:
 def test_an_untracked_true_box_differs_by_more_than_colour() -> None:
     run = scene_with("truth", "track")
     view = replay_view(run, 3)
-    assert view.judgement is not None
-    untracked = replace(view, judgement=replace(view.judgement, tracked=np.array([False])))
+    untracked = replace(view, replay=replace(run, truth_track=np.full(len(run.truth_track), -1)))
     seen_by = camera(run.scene, CARD)
     dashed = amount(draw_frame(untracked, seen_by), palette.TRUTH)
     assert amount(draw_frame(view, seen_by), palette.TRUTH) > 1.3 * dashed > 0
@@ -123,7 +122,7 @@ def test_the_legend_names_only_what_this_kind_of_picture_can_show() -> None:
     view = replay_view(scene_with(complete=True), 3)
     assert [text for _, text in legend(view)] == whole
     assert [text for _, text in legend(replay_view(scene_with(), 3))] == [t for t in whole if "false" not in t]
-    hidden = replace(view, truth_shown=False, judgement=None)
+    hidden = replace(view, truth_shown=False, replay=None)
     assert [text for _, text in legend(hidden)] == [
         "detection", "track, where it was", "other hypotheses", "forecast", "ego",
     ]  # fmt: skip

@@ -13,11 +13,12 @@ from PIL import ImageDraw
 
 from ...cards import Card
 from ...env.live import LiveEpisode
-from ...types import Bools, Floats, Lane, Scene
+from ...scoring.forecasts import sample_weights
+from ...types import Floats, Lane, Rollout, Scene, to_metres
 from ..answers import Answers
 from ..focus import TRAIL_SECONDS, Window
-from ..frame_view import EGO_SIZE, FrameAnswer, FrameView, answer_at, ego_boxes, event_text, track_text
-from ..palette import EGO, FALSE, FORECAST, TRACK
+from ..frame_view import EGO_SIZE, FrameView, ego_boxes, event_text
+from ..palette import EGO, FALSE, FORECAST, TRACK, Color
 from .canvas import DETECTED, FALSE_DETECTION, FALSE_TRACK, OTHER, TRACK_BOX, TRACKED, UNTRACKED, VEHICLE, Canvas
 from .labels import label, scale_bar, sign
 from .panel import panel
@@ -73,29 +74,21 @@ def draw_frame(view: FrameView, seen_by: Camera) -> NDArray[np.uint8]:
     """A frame as a picture [height, width, 3] of SIZE."""
     canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], seen_by.at(view.scene.ego[view.frame]))
     ring = min(max(10.0, 2.5 * canvas.scale), 20.0)  # pixels
-    marked = view.judgement.marked if view.judgement else ()
     draw_lanes(canvas, view.scene.lanes)
+    names = [] if view.answers is None else _draw_answers(canvas, view, view.answers)
     _draw_boxes(canvas, view)
-    for _, xy in marked:
+    for _, xy in view.marked:
         canvas.ring(canvas.pixels(xy), ring)
     image = canvas.finished()
     ink = ImageDraw.Draw(image)
-    for incident, xy in marked:  # names are written as far as there is room, events first
+    for incident, xy in view.marked:  # names are written as far as there is room, events first
         sign(canvas, ink, xy, event_text(incident), ring)
     if view.ego is not None:
         label(canvas, ink, view.ego[:2], "ego", EGO, reach=EGO_SIZE[0] / 2)
-    if view.answer is not None:
-        _number_tracks(canvas, ink, view.answer, view.judgement.track_false if view.judgement else None)
+    for box, text, color in names:
+        label(canvas, ink, box[:2], text, color, reach=float(box[4]) / 2)
     scale_bar(canvas, ink)
     return np.array(panel(image, view, PANEL), dtype=np.uint8)  # a copy, which can be drawn on
-
-
-def _number_tracks(canvas: Canvas, ink: ImageDraw.ImageDraw, answer: FrameAnswer, track_false: Bools | None) -> None:
-    false = np.zeros(len(answer.track_box), dtype=bool) if track_false is None else track_false
-    for i in np.argsort(false, kind="stable"):
-        box = answer.track_box[i]
-        text = track_text(int(answer.track_id[i]), float(answer.track_confidence[i]))
-        label(canvas, ink, box[:2], text, FALSE if false[i] else TRACK, reach=float(box[4]) / 2)
 
 
 def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
@@ -109,43 +102,63 @@ def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
         canvas.lines([lane.center], CENTER_LINE, 0.5)
 
 
-def _draw_boxes(canvas: Canvas, view: FrameView) -> None:
-    judgement, answer = view.judgement, view.answer
-
-    def false_rows(name: str, boxes: Floats) -> Bools:
-        rows: Bools = np.zeros(len(boxes), dtype=bool) if judgement is None else getattr(judgement, name)
-        return rows
-
-    if answer is not None:
-        _draw_forecasts(canvas, answer, false_rows("forecast_false", answer.object_box))
-        canvas.boxes(answer.other_box, OTHER)
-        false = false_rows("track_false", answer.track_box)
-        for trail, wrong in zip(answer.trails, false, strict=True):
-            canvas.lines([trail], FALSE if wrong else TRACK, 1.0 if wrong else 1.6, 150)
-        canvas.boxes(answer.track_box[false], FALSE_TRACK)
-        canvas.boxes(answer.track_box[~false], TRACK_BOX)
-    false = false_rows("detection_false", view.detection_box)
-    canvas.boxes(view.detection_box[~false], DETECTED)
-    canvas.boxes(view.detection_box[false], FALSE_DETECTION)
-    if view.truth_shown:
-        tracked = judgement.tracked if judgement else np.ones(len(view.truth_box), dtype=bool)
-        canvas.boxes(view.truth_box[tracked], TRACKED)
-        canvas.boxes(view.truth_box[~tracked], UNTRACKED)
-    if view.ego is not None:
-        canvas.boxes(ego_boxes(view.ego[None]), VEHICLE)
+def _draw_answers(canvas: Canvas, view: FrameView, answers: Answers) -> list[tuple[Floats, str, Color]]:
+    """Draw forecasts, trails and tracks; returns the boxes of the tracks with their names, false tracks last."""
+    rollout, hypotheses, t = answers.rollout, answers.hypotheses, view.answered
+    _draw_forecasts(canvas, view, rollout)
+    tracks, best = rollout.tracks.rows(t), int(hypotheses.best[t])
+    member, shown = hypotheses.member[tracks].any(axis=1), answers.shown[tracks]
+    boxes = rollout.track_box[tracks].astype(np.float64)
+    canvas.boxes(boxes[member & ~shown], OTHER)
+    rows = tracks.start + np.flatnonzero(shown)
+    boxes, false = boxes[shown], view.false("track", rows, len(rows))
+    past = answers.past(rows, best, min(t, max(1, round(TRAIL_SECONDS * view.card.task.rate))))
+    for row, wrong in zip(past, false, strict=True):
+        trail = rollout.track_box[np.unique(row), :2]
+        canvas.lines([trail], FALSE if wrong else TRACK, 1.0 if wrong else 1.6, 150)
+    canvas.boxes(boxes[false], FALSE_TRACK)
+    canvas.boxes(boxes[~false], TRACK_BOX)
+    names = []
+    for i in np.argsort(false, kind="stable"):
+        number, confidence = int(rollout.track_id[rows[i]]), float(answers.track_confidence[rows[i]])
+        sure = "" if np.isnan(confidence) or confidence >= 0.995 else f" {100 * confidence:.0f}%"
+        names.append((boxes[i], f"{number}{sure}", FALSE if false[i] else TRACK))
+    return names
 
 
-def _draw_forecasts(canvas: Canvas, answer: FrameAnswer, false: Bools) -> None:
+def _draw_forecasts(canvas: Canvas, view: FrameView, rollout: Rollout) -> None:
     """The heaviest samples of each object, lighter ones fainter, each with a dot at its end."""
-    for i in np.flatnonzero(canvas.inside(answer.object_box[:, :2], canvas.width / 4)):
-        weight = answer.forecast_weight[i]
+    objects = rollout.objects.rows(view.answered)
+    start = rollout.object_box[objects, :2].astype(np.float64)
+    false = view.false("forecast", objects, len(start))
+    weights = sample_weights(rollout.forecast_log_weight[objects])
+    for i in np.flatnonzero(canvas.inside(start, canvas.width / 4)):
+        weight, paths = weights[i], start[i] + to_metres(rollout.forecast[objects.start + i])
         color, width, most = (FALSE, 0.8, 1) if false[i] else (FORECAST, 1.3, SAMPLES)
         for k in np.argsort(-weight, kind="stable")[:most][::-1]:
             if weight[k] > 0:
-                path = canvas.pixels(np.concatenate([answer.object_box[i, None, :2], answer.forecast[i, k]]))
+                path = canvas.pixels(np.concatenate([start[i, None], paths[k]]))
                 alpha = round((0.4 if false[i] else 0.9) * (100 + 140 * float(weight[k] / weight.max())))
                 canvas.stroke(path, color, width, alpha)
                 canvas.dot(path[-1], 1.6 * width, color, alpha)
+
+
+def _draw_boxes(canvas: Canvas, view: FrameView) -> None:
+    """Detections, true boxes and the ego."""
+    rows = view.scene.detections.rows(view.frame)
+    detections = view.scene.detections.box[rows]
+    false = view.false("detection", rows, len(detections))
+    canvas.boxes(detections[~false], DETECTED)
+    canvas.boxes(detections[false], FALSE_DETECTION)
+    if view.truth_shown:
+        truth = view.scene.truth.box[view.truth_rows]
+        tracked = np.ones(len(truth), dtype=bool)
+        if view.replay is not None:
+            tracked = view.replay.truth_track[view.truth_rows] >= 0
+        canvas.boxes(truth[tracked], TRACKED)
+        canvas.boxes(truth[~tracked], UNTRACKED)
+    if view.ego is not None:
+        canvas.boxes(ego_boxes(view.ego[None]), VEHICLE)
 
 
 class EpisodePictures:
@@ -160,8 +173,9 @@ class EpisodePictures:
         if self._seen_by is None or self._seen_by[0] is not episode:
             self._seen_by = episode, camera(scene, card)
         rollout = episode.rollout(max(0, t - round(TRAIL_SECONDS * card.task.rate)))
-        answer = None if rollout is None else answer_at(Answers(rollout, card), rollout.frames - 1)
-        view = FrameView(scene, card, t, answer, truth_shown=episode.truth_shown)
+        answers = None if rollout is None else Answers(rollout, card)
+        answered = 0 if rollout is None else rollout.frames - 1
+        view = FrameView(scene, card, t, answers, answered, truth_shown=episode.truth_shown)
         return draw_frame(view, self._seen_by[1])
 
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -26,13 +26,14 @@ from .canvas import (
     Outline,
     font,
     text_size,
-)
+)  # fmt: skip
 from .labels import MIDDLE, SMALL
 
 LARGE = 16
 LINE = 21  # pixels between two entries
-Mark = Callable[[Canvas, float], None]  # draws a mark at this height
+LOG = 10  # events that are listed
 Text = tuple[str, int, Color]  # one line: text, size, colour
+Mark = tuple[str, Outline | None, Color]  # "box", "track", "forecast" or "ring"
 
 
 def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
@@ -42,30 +43,29 @@ def panel(picture: Image.Image, view: FrameView, wide: int) -> Image.Image:
     heading = [(part, size, color) for text, size, color in _heading(view) for part in wrapped(text, size, wide - 20)]
     top = 14 + sum(size * 1.45 for _, size, _ in heading) + 12
     for i, (mark, _) in enumerate(entries):
-        mark(column, top + LINE * (i + 0.5))
+        _draw_mark(column, mark, top + LINE * (i + 0.5))
     image = column.finished()
     ink = ImageDraw.Draw(image)
+
+    def write(x: float, y: float, text: str, size: int, color: Color) -> None:
+        ink.text((x, round(y)), fitting(text, size, wide - 8 - x), fill=color, font=font(size))
+
     y = 14.0
-    for line in heading:
-        _write(ink, (12, y), line, wide - 20)
-        y += line[1] * 1.45
+    for text, size, color in heading:
+        write(12, y, text, size, color)
+        y += size * 1.45
     for i, (_, text) in enumerate(entries):
-        _write(ink, (50, top + LINE * i + 2), (text, MIDDLE, BLACK), wide - 56)
+        write(50, top + LINE * i + 2, text, MIDDLE, BLACK)
     y = top + LINE * len(entries) + 16
     for text, color in _events(view):
         if y + 0.85 * LINE < picture.height - 8:  # as many as there is room for
-            _write(ink, (12, y), (text, SMALL + 1, color), wide - 20)
+            write(12, y, text, SMALL + 1, color)
             y += 0.85 * LINE
     whole = Image.new("RGB", (picture.width + wide, picture.height), PAPER)
     whole.paste(picture, (0, 0))
     whole.paste(image, (picture.width, 0))
     ImageDraw.Draw(whole).line([picture.width, 0, picture.width, picture.height], fill=EDGE)
     return whole
-
-
-def _write(ink: ImageDraw.ImageDraw, place: tuple[float, float], line: Text, wide: float) -> None:
-    text, size, color = line
-    ink.text((place[0], round(place[1])), fitting(text, size, wide), fill=color, font=font(size))
 
 
 def wrapped(text: str, size: int, wide: float) -> list[str]:
@@ -84,76 +84,69 @@ def fitting(text: str, size: int, wide: float) -> str:
 
 def _heading(view: FrameView) -> Iterator[Text]:
     """Lines at the top."""
-    seconds = view.scene.time[view.frame] - view.scene.time[0]
-    yield view.agent or view.card.id, LARGE, BLACK
-    if view.agent:
+    scene, replay, t = view.scene, view.replay, view.answered
+    if replay is not None and replay.agent:
+        yield replay.agent, LARGE, BLACK
         yield view.card.id, MIDDLE, GRAY
-    yield f"scene {view.scene.name}", MIDDLE, GRAY
-    yield f"frame {view.frame} of {view.scene.frames - 1}   {seconds:.1f} s", MIDDLE, BLACK
-    if view.answer is None:
+    else:
+        yield view.card.id, LARGE, BLACK
+    yield f"scene {scene.name}", MIDDLE, GRAY
+    seconds = scene.time[view.frame] - scene.time[0]
+    yield f"frame {view.frame} of {scene.frames - 1}   {seconds:.1f} s", MIDDLE, BLACK
+    if view.answers is None:
         yield "no answer yet", MIDDLE, GRAY
-    elif view.answer.hypotheses > 1:
-        yield f"best of {view.answer.hypotheses} hypotheses ({100 * view.answer.weight:.0f} %)", MIDDLE, BLACK
-    if view.judgement is not None:
-        tracked, untracked, false = view.judgement.counts
+    else:
+        weight = view.answers.rollout.hypothesis_log_weight[t]
+        alive, best = int(np.isfinite(weight).sum()), int(view.answers.hypotheses.best[t])
+        if alive > 1:
+            yield f"best of {alive} hypotheses ({100 * float(np.exp(weight[best])):.0f} %)", MIDDLE, BLACK
+    if replay is not None:
+        tracked, untracked, false = (int(series[view.frame]) for series in replay.counts.values())
         text = f"tracked {tracked}, untracked {untracked}"
-        yield text + (f", false {false}" if view.scene.truth_complete else ""), MIDDLE, BLACK
+        yield text + (f", false {false}" if scene.truth_complete else ""), MIDDLE, BLACK
 
 
 def _events(view: FrameView) -> Iterator[tuple[str, Color]]:
     """The last events."""
-    if view.judgement is not None:
-        yield ("events so far, newest first" if view.judgement.log else "no event so far"), GRAY
-        for event in view.judgement.log:
+    if view.replay is not None:
+        events = [event for event in reversed(view.replay.events) if event.frame <= view.frame][:LOG]
+        yield ("events so far, newest first" if events else "no event so far"), GRAY
+        for event in events:
             yield f"{event.frame}: {event_text(event)}", BLACK
 
 
 def legend(view: FrameView) -> Iterator[tuple[Mark, str]]:
     """Marks of this kind of picture with their meaning; the same for all frames of a video."""
-    judged = view.judgement is not None
+    judged = view.replay is not None
     complete = judged and view.scene.truth_complete
-    if view.truth_shown:
-        yield _box(TRACKED), "true box"
-        if judged:
-            yield _box(UNTRACKED), "true box, untracked"
-    yield _box(DETECTED), "detection"
-    if complete:
-        yield _box(FALSE_DETECTION), "false positive"
-    yield _track(TRACK_BOX, TRACK), "track, where it was"
-    if complete:
-        yield _track(FALSE_TRACK, FALSE), "false track"
-    yield _box(OTHER), "other hypotheses"
-    yield _forecast(FORECAST), "forecast"
-    if complete:
-        yield _forecast(FALSE), "false forecast"
-    if judged:
-        yield lambda canvas, y: canvas.ring(np.array([26.0, y]), 7.5), "event"
-    if view.ego is not None:
-        yield _box(VEHICLE), "ego"
+    entries: list[tuple[bool, Mark, str]] = [
+        (view.truth_shown, ("box", TRACKED, BLACK), "true box"),
+        (view.truth_shown and judged, ("box", UNTRACKED, BLACK), "true box, untracked"),
+        (True, ("box", DETECTED, BLACK), "detection"),
+        (complete, ("box", FALSE_DETECTION, BLACK), "false positive"),
+        (True, ("track", TRACK_BOX, TRACK), "track, where it was"),
+        (complete, ("track", FALSE_TRACK, FALSE), "false track"),
+        (True, ("box", OTHER, BLACK), "other hypotheses"),
+        (True, ("forecast", None, FORECAST), "forecast"),
+        (complete, ("forecast", None, FALSE), "false forecast"),
+        (judged, ("ring", None, BLACK), "event"),
+        (view.ego is not None, ("box", VEHICLE, BLACK), "ego"),
+    ]
+    yield from ((mark, text) for shown, mark, text in entries if shown)
 
 
-def _box(outline: Outline, x: float = 24.0, size: tuple[float, float] = (20.0, 10.0)) -> Mark:
-    """A box around pixel ``x`` of the column, in whose world a metre is a pixel."""
-
-    def mark(canvas: Canvas, y: float) -> None:
+def _draw_mark(canvas: Canvas, mark: Mark, y: float) -> None:
+    """Draw a mark at the height ``y`` of the column, where a metre is a pixel."""
+    kind, outline, color = mark
+    if outline is not None:
+        x, *size = (32.0, 14.0, 8.0) if kind == "track" else (24.0, 20.0, 10.0)
         canvas.boxes(np.array([[x - canvas.width / 2, canvas.height / 2 - y, 0.0, 0.0, *size, 1.0]]), outline)
-
-    return mark
-
-
-def _track(outline: Outline, color: Color) -> Mark:
-    def mark(canvas: Canvas, y: float) -> None:
-        _box(outline, 32.0, (14.0, 8.0))(canvas, y)
+    if kind == "track":
         canvas.stroke(np.array([[10.0, y], [30.0, y]]), color, 1.6, 150)
-
-    return mark
-
-
-def _forecast(color: Color) -> Mark:
-    def mark(canvas: Canvas, y: float) -> None:
+    elif kind == "forecast":
         for end, alpha in ((-5.0, 110), (0.0, 230), (5.0, 110)):
             path = np.array([[12.0, y], [26.0, y + end / 3], [38.0, y + end]])
             canvas.stroke(path, color, 1.3, alpha)
             canvas.dot(path[-1], 2.2, color, alpha)
-
-    return mark
+    elif kind == "ring":
+        canvas.ring(np.array([26.0, y]), 7.5)
