@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from .._bundle import baseline_names
 from ..cards import Card
@@ -178,7 +179,7 @@ def retracking_baselines() -> list[Submission]:
     """Baselines with a parameter for re-tracking: plain, with re-tracking, with it and many hypotheses."""
     baselines = [s for s in map(load_submission, baseline_names()) if RETRACKING in s.parameters]
 
-    def effort(submission: Submission) -> tuple[int, bool]:
+    def effort(submission: Submission) -> Any:
         counted = submission.compare.hypotheses
         return (submission.parameters.get(counted, 1) if counted else 1), submission.parameters[RETRACKING]
 
