@@ -18,18 +18,18 @@ from .lazy import LazyGroup
 from .output import fail, said_of, say
 
 INTERRUPTED = 130  # exit status, as shells have it
-AFTER = {  # command -> what is said after Ctrl-C
-    "submit": "scenes that were finished are kept: the same command with --resume goes on",
-    "study": "runs that were finished are kept: the same command goes on",
-    "train": "where a training keeps its state, the same command goes on from there",
-    "data": "what was made so far is kept",
-    "verify": "levels and records that were written so far are kept",
-    "board": "what was written so far, such as clips, is kept",
+AFTER = {  # command -> note after Ctrl-C
+    "submit": "finished scenes are kept: the same command with --resume continues",
+    "study": "finished runs are kept: the same command continues",
+    "train": "checkpoints are kept: the same command continues from the last one",
+    "data": "finished parts are kept",
+    "verify": "levels and records written so far are kept",
+    "board": "files written so far are kept",
 }
 
 
 class InterruptedCommandError(Exception):
-    """Someone pressed Ctrl-C."""
+    """An interruption by Ctrl-C."""
 
 
 class Commands(LazyGroup):

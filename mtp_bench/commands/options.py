@@ -1,4 +1,4 @@
-"""Options that several commands take: each is declared once, and groups of them reach every command the same way."""
+"""Options shared by several commands, and dataclasses of options that expand to the options of a command."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from .output import json_alone, table_file
 if TYPE_CHECKING:
     from ..running.options import RunOptions
 
-ALONE = {"--cuts": ".1,.2,.3"}  # option -> its value where none follows
-SEVERAL = {"run": "`mtp-bench compare` takes several agents"}  # command -> what to do with more arguments than it takes
+ALONE = {"--cuts": ".1,.2,.3"}  # option -> its value if none follows
+SEVERAL = {"run": "`mtp-bench compare` takes several agents"}  # command -> advice for too many arguments
 DataOption = Annotated[
     str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
 ]
@@ -49,7 +49,7 @@ SplitOption = Annotated[
 ]
 TextOption = Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
-SEEDS = 3  # of commands that compare or submit
+SEEDS = 3  # default of commands that compare or submit
 TracksOption = Annotated[
     Path | None,
     typer.Option(
@@ -68,7 +68,7 @@ SubmissionArgument = Annotated[
 
 @dataclass(frozen=True)
 class EnvScenes:
-    """Scenes of an environment, and what is not as in its card."""
+    """Scenes of an environment, and changes to its card."""
 
     env: EnvOption
     data: DataOption = None
@@ -111,7 +111,7 @@ class EnvScenes:
 
 @dataclass(frozen=True)
 class WorkerChoice:
-    """Who does the work."""
+    """The workers of a command."""
 
     jobs: JobsOption = 0
     backend: Annotated[str, typer.Option(help="loky: processes here. dask: workers of a Dask cluster.")] = "loky"
@@ -120,7 +120,7 @@ class WorkerChoice:
     ] = None
 
     def workers(self) -> Workers:
-        """The workers of this choice; wrong usage for a backend that cannot work, before anything is prepared."""
+        """The workers; raises BadParameter at once for a backend that cannot work."""
         try:
             return Workers(self.jobs or cores(), self.backend, self.scheduler)
         except MtpBenchError as error:
@@ -128,15 +128,15 @@ class WorkerChoice:
 
 
 def _is_option(word: str) -> bool:
-    """Whether a word of the command line is an option, not a number below 0."""
+    """True for an option, not for a negative number."""
     return word.startswith("-") and not word[1:2].isdigit() and word[1:2] != "."
 
 
 class Command(TyperCommand):
-    """A command with options that may stand alone, for a value of their own."""
+    """A command with options whose value may be left out."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Read ``args``, with the values that are left out put in; wrong usage for more arguments than it takes."""
+        """Parse ``args`` after filling in omitted values; fails for too many arguments."""
         whole: list[str] = []
         for word, following in zip_longest(args, args[1:], fillvalue=""):
             alone = word in ALONE and (not following or _is_option(following))
@@ -149,7 +149,7 @@ class Command(TyperCommand):
 
 
 def opened(command: Callable[..., None]) -> Callable[..., None]:
-    """``command`` as typer reads it: in place of a parameter that is a group of options, the options of the group."""
+    """``command`` for typer, with each parameter that is a dataclass of options replaced by its options."""
     parameters: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], list[str]]] = {}
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
@@ -171,18 +171,18 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def require_no_tracks(on: EnvScenes) -> None:
-    """Wrong usage for stored tracks where nobody reads them."""
+    """Raise BadParameter for stored tracks in a command that does not read them."""
     if on.tracks is not None:
-        raise typer.BadParameter("nothing is learnt from stored tracks here: leave it out", param_hint="--tracks")
+        raise typer.BadParameter("this command does not learn from stored tracks: leave it out", param_hint="--tracks")
 
 
 def absolute(path: Path | None) -> str | None:
-    """A path that holds wherever a stored run is scored from."""
+    """An absolute path, valid from any working folder."""
     return None if path is None else str(path.expanduser().absolute())
 
 
 def one_of(value: str, known: Sequence[str], option: str) -> None:
-    """Wrong usage unless ``value`` is one of ``known``."""
+    """Raise BadParameter unless ``value`` is one of ``known``."""
     if value not in known:
         close = closest(value, known)
         meant = f"; did you mean {close!r}?" if close else ""

@@ -1,4 +1,4 @@
-"""What several commands print and write."""
+"""Printing and writing, shared by the commands."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
 def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
     """Make simulated scenes, or the compact copy of tables, that are not in the cache yet.
 
-    The ``agents`` that are to run on them are looked up before: nobody waits for scenes to hear of a misspelt name.
+    The ``agents`` are looked up first, so that a misspelt name is an error at once.
     """
     from ..sources import prepare as prepare_scenes
     from ..submission.loader import load_submission
@@ -53,7 +53,7 @@ def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
 
 
 def said_of(error: MtpBenchError | OSError) -> str:
-    """What an error says to people: of the system's own (a full disk, no permission) the file, and what to do."""
+    """The text of an error; for an OSError, such as a full disk, with the file and what to do."""
     if isinstance(error, MtpBenchError):
         return str(error)
     named = error.filename or error.filename2
@@ -63,20 +63,15 @@ def said_of(error: MtpBenchError | OSError) -> str:
 
 def fail(text: str) -> None:
     """Print one line on the error stream and leave with status 1."""
-    from rich.console import Console
-
-    Console(stderr=True, soft_wrap=True).print("error:", style="bold red", end=" ")
+    typer.secho("error: ", fg="red", bold=True, err=True, nl=False)
     say(text)
     raise SystemExit(1)
 
 
 def say(text: str) -> None:
     """Print one line on the error stream."""
-    from rich.console import Console
-
     line = " ".join(part.strip() for part in text.splitlines())
-    line = clean_text(line, len(line) + 1)  # it may name files of a stranger
-    Console(stderr=True, soft_wrap=True, markup=False, highlight=False).print(line)
+    print(clean_text(line, len(line) + 1), file=sys.stderr)  # clean: it may contain names from a foreign submission
 
 
 def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool, file: Path | None = None) -> None:
@@ -117,14 +112,14 @@ def table_file(path: Path | None) -> Path | None:
 
 
 def require_writable(*paths: Path | None) -> None:
-    """Refuse files that cannot be written before the work, not after it."""
+    """Raise MtpBenchError, before the work, for files that cannot be written."""
     for path in paths:
         if path is not None and path != STANDARD_OUTPUT:
             require_file(path)
 
 
 class _Muted(io.StringIO):
-    """Takes what is printed, so that the JSON stands alone on the ``output``, which is written at once."""
+    """A stream that discards what is printed, so that ``output`` gets the JSON alone."""
 
     def __init__(self, output: TextIO) -> None:
         super().__init__()
@@ -132,7 +127,7 @@ class _Muted(io.StringIO):
 
 
 def json_alone(context: typer.Context, path: Path | None) -> Path | None:
-    """What ``--json`` names; where that is standard output, the command prints nothing else on it."""
+    """The path of ``--json``; if it is standard output, nothing else is printed there."""
     if path == STANDARD_OUTPUT:
         output = context.with_resource(_standard_output_apart())
         context.with_resource(redirect_stdout(_Muted(output)))
@@ -141,10 +136,10 @@ def json_alone(context: typer.Context, path: Path | None) -> Path | None:
 
 @contextmanager
 def _standard_output_apart() -> Iterator[TextIO]:
-    """Standard output for this process alone: what other processes print on theirs goes to the error stream."""
+    """Standard output of this process alone; the output of other processes goes to the error stream."""
     try:
         descriptor, errors = sys.stdout.fileno(), sys.stderr.fileno()
-    except (AttributeError, OSError):  # one of them is no file, or was closed
+    except (AttributeError, OSError):  # one of them is closed or not a file
         yield sys.stdout
         return
     sys.stdout.flush()
@@ -158,7 +153,7 @@ def _standard_output_apart() -> Iterator[TextIO]:
 
 
 def write_json(path: Path | None, content: dict[str, Any]) -> None:
-    """Write what a table shows, where a file or standard output is named."""
+    """Write the content of a table to a file or to standard output, if one is named."""
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     if path == STANDARD_OUTPUT:
         print(text, end="", file=sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout, flush=True)
@@ -167,7 +162,7 @@ def write_json(path: Path | None, content: dict[str, Any]) -> None:
 
 
 def print_or_write(path: Path | None, text: str) -> None:
-    """Print a text as it is, or write it to the file that is named."""
+    """Write a text to a file, or print it if no file is named."""
     if path is None:
         sys.stdout.write(text)
     else:
@@ -175,6 +170,6 @@ def print_or_write(path: Path | None, text: str) -> None:
 
 
 def some_of(texts: Sequence[str]) -> str:
-    """Several failures in one line: the first of them, and how many more there are."""
+    """Several failures in one line: the first ones, and the number of others."""
     more = len(texts) - _FAILURES
     return "; ".join([*texts[:_FAILURES], *([f"and {more} more"] if more > 0 else [])])
