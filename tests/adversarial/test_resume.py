@@ -194,7 +194,7 @@ def test_ctrl_c_keeps_what_is_finished(cli: CommandLine, command: list[str], und
     process.send_signal(signal.SIGINT)
     _, said = process.communicate()
     assert process.returncode == 130
-    assert said == "interrupted; scenes that were finished are kept: the same command with --resume goes on\n"
+    assert said == "interrupted; finished scenes are kept: the same command with --resume continues\n"
     cli.ok(*command, "--resume")
     assert load_record(target).digest == undisturbed
 
