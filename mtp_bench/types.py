@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.floating[Any]]
 Ints = NDArray[np.integer[Any]]
 Bools = NDArray[np.bool_]
-Observation = dict[str, NDArray[Any]]  # what an agent is shown in a frame, by the names of the observation space
-Action = dict[str, NDArray[Any]]  # what it answers, by the names of the action space
+Observation = dict[str, NDArray[Any]]  # arrays of a frame, by the names of the observation space
+Action = dict[str, NDArray[Any]]  # by the names of the action space
 RecordT = TypeVar("RecordT", bound=Any)
 
 
@@ -59,19 +59,19 @@ class Ragged:
         return slice(int(self.start[t]), int(self.start[t + 1]))
 
     def only(self, t: int) -> Self:
-        """The table with the rows of frame ``t`` alone; the other frames have none."""
+        """The table with the rows of frame ``t`` alone; the other frames are empty."""
         rows = self.rows(t)
         start = np.where(np.arange(len(self.start)) > t, rows.stop - rows.start, 0)
         columns = {column.name: getattr(self, column.name)[rows] for column in fields(self) if column.name != "start"}
         return replace(self, start=start, **columns)
 
     def select(self, kept: Bools) -> Self:
-        """The table of the rows where ``kept`` [R]; every column but ``start`` must have a value per row."""
+        """The table of the rows in the mask ``kept`` [R]; every column but ``start`` must have a value per row."""
         columns = {column.name: getattr(self, column.name)[kept] for column in fields(self) if column.name != "start"}
         return replace(self, start=starts_of(kept.astype(np.int64))[self.start], **columns)
 
 
-ABSENT_BELOW = -1e30  # log-weights below say "no such sample", "no such hypothesis"; so does -inf
+ABSENT_BELOW = -1e30  # log-weights below, such as -inf, mean an absent sample or hypothesis
 ID_LIMIT = 2**31 - 1  # largest number of an object or a track
 CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
 
@@ -89,7 +89,7 @@ def to_metres(centimetres: Ints) -> Floats:
 
 
 def starts_of(count: Sequence[int] | Ints) -> Ints:
-    """Where the rows of each frame start [F + 1], of ``count`` [F] rows per frame."""
+    """First row of each frame [F + 1], from the number of rows per frame ``count`` [F]."""
     start: Ints = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     return start
 
@@ -106,7 +106,7 @@ def joined(records: Sequence[RecordT]) -> RecordT:
 
 
 def starts_of_sorted(frame: Ints, frames: int) -> Ints:
-    """Where the rows of each frame start [F + 1], of the frames of all rows ``frame`` [R], sorted."""
+    """First row of each frame [F + 1], from the sorted frames of all rows ``frame`` [R]."""
     return np.searchsorted(frame, np.arange(frames + 1))
 
 
@@ -119,7 +119,7 @@ class Truth(Ragged):
     class_id: Ints  # [R] index into the task's classes
     object_id: Ints  # [R] unique per object within the scene
     eligible: Bools  # [R] may be a prediction target; it needs P past and T future frames (`Scene.listed_targets`)
-    neutral: Bools  # [R] beside the evaluated classes (KITTI: a van for "car"): matching it is neither right nor wrong
+    neutral: Bools  # [R] of a class similar to an evaluated one (KITTI: a van for "car"): matches with it do not count
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +134,7 @@ class Detections(Ragged):
 
 @dataclass(frozen=True, eq=False)
 class StoredTracks(Detections):
-    """Boxes of a foreign tracker, with what it took them for; it may have seen the future."""
+    """Boxes of a foreign tracker with their identities; it may have seen the future."""
 
     object_id: Ints  # [R] identity within the scene, from 0; one of them has one class, and one box in a frame
 
@@ -146,19 +146,19 @@ class Lane:
     center: Floats  # [n, 2]
     left: Floats  # [n, 2] left border
     right: Floats  # [n, 2] right border
-    following: tuple[int, ...] = ()  # lanes that continue it, by their place in ``Scene.lanes``
-    junction: bool = False  # a way through a junction, where ways cross: drawn without borders
+    following: tuple[int, ...] = ()  # lanes that continue it, as indices of ``Scene.lanes``
+    junction: bool = False  # inside a junction: drawn without borders
 
 
 @dataclass(frozen=True, eq=False)
 class ImageField:
-    """What a labelled camera image can confirm: a forecast that no label could confirm is neither right nor wrong."""
+    """Area that a labelled camera image covers: a forecast outside of it is neither right nor wrong."""
 
     projection: Floats  # [F, 3, 4] from the scene's frame of reference, homogeneous, to pixels
     height: Floats  # [F] m, z of the camera
     heading: Floats  # [F] rad, yaw of the platform
     size: tuple[int, int]  # pixels, width and height
-    region: Floats  # [R, 4] pixels, left top right bottom, where labels do not care
+    region: Floats  # [R, 4] pixels, left top right bottom: "don't care" regions of the labels
     region_start: Ints  # [F + 1] regions of each frame
     box_size: Floats  # [C, 3] m, l w h that stand for an object of each class
 
@@ -174,15 +174,15 @@ class Scene:
     detections: Detections
     truth_complete: bool = True  # False: objects outside the truth exist, so an unmatched forecast is not false
     listed_targets: bool = False  # True: ``truth.eligible`` is an official list, whose targets need no P past frames
-    detector: str = ""  # what made the detections, in words; simulated ones say so; empty: there are none
+    detector: str = ""  # origin of the detections, as text; empty: the scene has none
     simulated: bool = False  # True: the detections are simulated
-    visible: Floats | None = None  # [R] share of each true box in line of sight, 0 to 1; None where it is not known
+    visible: Floats | None = None  # [R] share of each true box in line of sight, 0 to 1; None: unknown
     skipped: dict[str, int] = field(default_factory=dict)  # rows dropped while reading, by reason
-    recording: str = ""  # that the scene is cut from: its objects keep their ids in all scenes of it; empty: none
-    image: ImageField | None = None  # what the labels of a camera can confirm; None: everything around
-    world: Floats | None = None  # [F, 4] x y z yaw of each frame's origin, where every frame has its own; None: one
-    tracks: StoredTracks | None = None  # of a foreign tracker, for agents that observe them; None: there are none
-    lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training; empty where there is none
+    recording: str = ""  # that the scene is cut from: objects keep their ids in all its scenes; empty: none
+    image: ImageField | None = None  # area that the labels cover; None: all around
+    world: Floats | None = None  # [F, 4] x y z yaw of each frame's origin, if every frame has its own
+    tracks: StoredTracks | None = None  # of a foreign tracker, for agents that observe them
+    lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training
 
     @property
     def frames(self) -> int:
@@ -192,7 +192,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Task:
-    """What an agent is told before an episode: the rules of the env, nothing of the scene."""
+    """The rules of the env, which an agent receives before an episode; independent of the scene."""
 
     env_id: str
     classes: tuple[str, ...]
@@ -200,7 +200,7 @@ class Task:
     past: int  # P frames of history, the current one included
     future: int  # T frames to forecast
     k: int  # samples per object that are ranked
-    samples: int  # K samples that fit per object; more than k only in unranked, k-free runs
+    samples: int  # K samples that fit per object; more than k only in unranked runs
     detections: int  # D
     tracks: int  # N
     objects: int  # O
@@ -217,9 +217,9 @@ class Task:
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
-    """Everything an agent said on one scene, checked and quantised, in the scene's frame of reference.
+    """All actions of an agent on one scene, checked and quantised, in the scene's frame of reference.
 
-    A row that broke the contract is not in it; ``invalid`` counts such rows.
+    Invalid rows are left out; ``invalid`` counts them.
     """
 
     scene: str
@@ -233,11 +233,11 @@ class Rollout:
     object_start: Ints  # [F + 1]
     object_box: Floats  # [R, 7]
     object_class: Ints  # [R]
-    object_confidence: Floats  # [R] 0 to 1, that the object is there
+    object_confidence: Floats  # [R] 0 to 1, that the object exists
     forecast: Ints  # [R, K, T, 2] int16, centimetres from the object's centre
     forecast_log_weight: Floats  # [R, K] normalised; -inf: no such sample
     invalid: Ints  # [F, 3] rows rejected: tracks, hypotheses, objects
-    malformed: Ints  # [F, C + 1] false forecasts that rejected objects count as, by class; the last of no known class
+    malformed: Ints  # [F, C + 1] false forecasts that rejected objects count as, by class; the last of unknown class
     dropped: Ints  # [F] detections that did not fit into the observation
     seconds: Floats  # [F] time the agent took; not part of the digest
 
@@ -248,10 +248,10 @@ class Rollout:
 
     @property
     def tracks(self) -> Ragged:
-        """Which rows of tracks belong to which frame."""
+        """Rows of tracks by frame."""
         return Ragged(self.track_start)
 
     @property
     def objects(self) -> Ragged:
-        """Which rows of forecast objects belong to which frame."""
+        """Rows of forecast objects by frame."""
         return Ragged(self.object_start)

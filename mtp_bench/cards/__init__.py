@@ -1,6 +1,7 @@
 """Cards: the source, task and sizes of an environment, as strict TOML."""
 
 from .card import Card as Card
+from .card import DetectorSection as DetectorSection
 from .card import TaskSection as TaskSection
 from .changes import VARIANTS as VARIANTS
 from .changes import changed_card as changed_card
@@ -14,6 +15,5 @@ from .changes import with_split as with_split
 from .loading import card_text as card_text
 from .loading import load_card as load_card
 from .loading import parse_card as parse_card
-from .sections import DetectorSection as DetectorSection
-from .sections import FilesSource as FilesSource
+from .source import FilesSource as FilesSource
 from .source import SourceSection as SourceSection

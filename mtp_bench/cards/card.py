@@ -6,11 +6,11 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, SerializeAsAny
+from pydantic import AfterValidator, Field, SerializeAsAny, ValidationInfo, field_validator
 
+from ..detector import Profile, Variant, load_profile
 from ..errors import CardError, MtpBenchError, nearest
 from ..strict import Section
-from .sections import DetectorSection
 from .source import SourceSection
 
 LARGEST_DISTANCE = 1e4  # m, of a gate or an error
@@ -22,7 +22,7 @@ _NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")
 
 
 class EventGate(Section):
-    """When a true box and a track count as matched for identity events (protocol, "Matching")."""
+    """Matching of a true box and a track for identity events (protocol, "Matching")."""
 
     measure: Literal["iou_3d", "center_distance"]
     threshold: PerClass  # inclusive: IoU at least, or metres at most
@@ -40,6 +40,15 @@ class TaskSection(Section):
     forecast_gate: PerClass  # m, BEV centre distance
     miss_error: PerClass  # m, c: the error of a target without a forecast
 
+    @field_validator("event_gate", "forecast_gate", "miss_error", mode="before")
+    @classmethod
+    def _spread(cls, value: Any, info: ValidationInfo) -> Any:
+        """Write a single number as a table with every class."""
+        classes = info.data.get("classes", ())
+        if isinstance(value, dict) and type(value.get("threshold")) in (int, float):
+            return {**value, "threshold": dict.fromkeys(classes, value["threshold"])}
+        return dict.fromkeys(classes, value) if type(value) in (int, float) else value
+
 
 class SizeSection(Section):
     """Padded sizes of the spaces; constants of the env id."""
@@ -48,6 +57,48 @@ class SizeSection(Section):
     tracks: Annotated[int, Field(ge=1)]  # N
     objects: Annotated[int, Field(ge=1)]  # O
     hypotheses: Annotated[int, Field(ge=1)]  # H
+
+
+def _require_shipped(profile: str) -> str:
+    if profile.endswith(".toml"):  # relative to which folder?
+        raise ValueError("expected the name of a shipped profile; a file's content belongs into [detector.noise]")
+    return profile
+
+
+def _corners(area: tuple[float, float, float, float] | None) -> tuple[float, float, float, float] | None:
+    if area is not None and not (area[0] < area[2] and area[1] < area[3]):
+        raise ValueError("expected least x and y, then largest x and y")
+    return area
+
+
+class DetectorSection(Section):
+    """A simulated detector in place of stored detections: a shipped profile by name, or ``noise`` of one's own."""
+
+    profile: Annotated[str, AfterValidator(_require_shipped)] | None = None
+    noise: Profile | None = None
+    variant: Variant = "as_fitted"
+    reach: Annotated[float, Field(gt=0)] = 80.0  # m
+    field_of_view: Annotated[float, Field(gt=0, le=360)] = 90.0  # degrees, centred on the ego's heading
+    area: Annotated[tuple[float, float, float, float] | None, Field(strict=False), AfterValidator(_corners)] = None
+    # m: least x and y, largest x and y of false positives; without it they are anywhere within reach
+    seed: Annotated[int, Field(ge=0)] = 0  # of the noise
+
+    @property
+    def name(self) -> str:
+        """Name of the profile and its variant."""
+        return self.resolved.name
+
+    @property
+    def resolved(self) -> Profile:
+        """The noise profile; raises CardError unless exactly one is given, UnknownNameError for an unknown name."""
+        if (self.profile is None) == (self.noise is None):
+            raise CardError("[detector] has both or none of 'profile' and 'noise', expected one of them")
+        noise = self.noise or load_profile(str(self.profile))
+        if self.variant == "as_fitted":
+            return noise
+        from ..detector.variants import with_variant
+
+        return with_variant(noise, self.variant)
 
 
 class TrackerSection(Section):

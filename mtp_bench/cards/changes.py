@@ -11,10 +11,9 @@ from ..detector.profile_file import profile_for
 from ..errors import CardError, DataError, MtpBenchError, UnknownNameError
 from ..strict import read_toml, validate
 from ..types import Scene
-from .card import Card, check_detector
+from .card import Card, DetectorSection, check_detector
 from .own import TEXTS, folder_digest, known_digest, plain_name, scenes_digest, split_folder
-from .sections import DetectorSection, FilesSource
-from .source import STORED_DETECTOR
+from .source import STORED_DETECTOR, FilesSource
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
 

@@ -12,8 +12,7 @@ from ..errors import CardError, UnknownNameError
 from ..strict import read_toml, validate
 from .card import Card, check_consistency
 from .own import resolve_folder
-from .sections import FilesSource
-from .source import read_source
+from .source import FilesSource, read_source
 
 
 def load_card(name: str | Path) -> Card:
@@ -42,7 +41,7 @@ def load_card(name: str | Path) -> Card:
 def parse_card(content: dict[str, Any], where: str = "card") -> Card:
     """Validate the content of a card; errors name it by ``where``."""
     content = {**content, "source": read_source(content.get("source"), where)}
-    card = validate(Card, _spread_scalars(content), where, CardError)
+    card = validate(Card, content, where, CardError)
     check_consistency(card, where)
     return card
 
@@ -60,25 +59,3 @@ def card_text(card: Card) -> str:
     for name, table in tables.items():
         lines += toml_table(name, table)
     return "\n".join(lines) + "\n"
-
-
-def _spread_scalars(content: dict[str, Any]) -> dict[str, Any]:
-    """Write a single number in place of a per-class table as a table with every class."""
-    task = content.get("task")
-    if not isinstance(task, dict):
-        return content
-    classes = task.get("classes")
-    names = [name for name in classes if isinstance(name, str)] if isinstance(classes, list) else []
-
-    def spread(table: Any, keys: tuple[str, ...]) -> Any:
-        if not isinstance(table, dict):
-            return table
-        return {
-            key: dict.fromkeys(names, value) if key in keys and type(value) in (int, float) else value
-            for key, value in table.items()
-        }
-
-    task = spread(task, ("forecast_gate", "miss_error"))
-    if "event_gate" in task:
-        task["event_gate"] = spread(task["event_gate"], ("threshold",))
-    return {**content, "task": task}

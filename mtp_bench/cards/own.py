@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import CardError, DataError
 from ..files import file_digest
 from ..types import Scene
-from .sections import FilesSource
+from .source import FilesSource
 
 SCENES = tuple(f"*/{table}.{form}" for table in ("truth", "detections", "ego") for form in ("csv", "parquet"))
 TEXTS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections

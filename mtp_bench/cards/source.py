@@ -1,4 +1,4 @@
-"""Table ``[source]`` of a card: the class of the section of each source, and what a source can do.
+"""Table ``[source]`` of a card: the class of the section of each source, and its traits.
 
 A source is a package ``mtp_bench.sources.<name>``. Its ``section.py`` holds a subclass of `SourceSection`, which is
 registered here by one line of `SOURCES`; it is imported when a card names it, so cards depend on no source.
@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import pkgutil
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, InstanceOf, field_validator
 
 from ..errors import CardError
 from ..strict import Section, validate
+from ..types import Scene
 
 SOURCES = {
     "kitti": "mtp_bench.sources.kitti.section:KittiSource",
@@ -21,7 +22,7 @@ SOURCES = {
     "wildtrack": "mtp_bench.sources.wildtrack.section:WildtrackSource",
     "mot3d": "mtp_bench.sources.mot3d.section:Mot3dSource",
     "highway": "mtp_bench.sources.highway.section:HighwaySource",
-    "files": "mtp_bench.cards.sections:FilesSource",
+    "files": "mtp_bench.cards.source:FilesSource",
 }
 
 STORED_DETECTOR = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # begins the names of files
@@ -30,7 +31,7 @@ LocalPath = Annotated[str | None, Field(exclude=True)]  # the digest of a card h
 
 @dataclass(frozen=True)
 class Traits:
-    """What a source can do; no keys of a card and no part of its digest."""
+    """Abilities of a source; not keys of a card and not part of its digest."""
 
     simulated: bool = False  # there is a scene for any seed
     stored_detector: str = ""  # name of the detector with stored detections; empty without one
@@ -59,7 +60,7 @@ class SourceSection(Section):
 
     @property
     def traits(self) -> Traits:
-        """What the source can do."""
+        """Abilities of the source."""
         return Traits()
 
     @field_validator("split")
@@ -68,6 +69,42 @@ class SourceSection(Section):
         if split not in cls.splits:
             raise ValueError(f"expected one of {', '.join(map(repr, cls.splits))}")
         return split
+
+
+class FilesSource(SourceSection):
+    """Own scenes: a folder of NPZ files and of tables in sub-folders (``docs/data/own.md``), or `Scene` objects."""
+
+    splits = ("all", "train", "val", "test")
+
+    split: str = "all"  # "all": the folder itself, else its sub-folder
+    folder: LocalPath = None  # of the scenes, relative to the card's file
+    sha256: str | None = None  # of the scenes' content; filled in when the card is read
+    scenes: Annotated[tuple[InstanceOf[Scene], ...] | None, Field(exclude=True)] = None  # in place of a folder
+    detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii-own"
+    # agents choose their settings by it: a detector that they know, a hyphen and a word of one's own
+    velocity: bool = False  # show the velocities of the detections, if the files have them
+    ego_motion: bool = True  # False: every frame is in its own sensor frame
+    ego: bool = True  # False: no vehicle carries the sensors
+    truth: Literal["all", "targets"] = "all"  # "targets": objects exist that the truth does not have
+    view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees around the heading that the truth covers
+    velocity_ahead: bool | None = None  # of a source with this trait; None: no, and in no digest
+    places_only: bool | None = None  # the same
+    bounded_by_truth: bool | None = None  # the same
+
+    @property
+    def traits(self) -> Traits:
+        """Traits from the section's keys."""
+        return Traits(
+            stored_detector=self.detector,
+            places_only=bool(self.places_only),
+            bounded_by_truth=bool(self.bounded_by_truth),
+            measured_velocity=self.velocity,
+            velocity_ahead=bool(self.velocity_ahead),
+            common_frame=self.ego_motion,
+            has_ego=self.ego,
+            truth_complete=self.truth == "all",
+            view=self.view,
+        )
 
 
 def source_class(name: str) -> type[SourceSection]:

@@ -24,7 +24,7 @@ _MOST_NUMBERS = 8  # of one row that are shown
 
 
 @dataclass(frozen=True)
-class Problem:
+class ActionProblem:
     """One thing that is wrong with an action."""
 
     field: str
@@ -52,10 +52,10 @@ class Examined:
     arrays: Arrays  # all fields, numbers in single precision; an unusable field has its fill value
     claimed: dict[Rows, Bools]  # [N], [H], [O] rows that the action declares present
     sound: dict[Rows, Bools]  # [N], [H], [O] those of them that pass all checks; the others are invalid
-    problems: list[Problem]
+    problems: list[ActionProblem]
 
     @property
-    def outside(self) -> list[Problem]:
+    def outside(self) -> list[ActionProblem]:
         """Problems that put the action outside the action space."""
         return [problem for problem in self.problems if problem.outside]
 
@@ -100,7 +100,7 @@ def present(log_weight: Floats) -> Bools:
     return np.asarray(log_weight >= ABSENT_BELOW)
 
 
-def _read_all(action: object, task: Task) -> tuple[Arrays, list[Problem]]:
+def _read_all(action: object, task: Task) -> tuple[Arrays, list[ActionProblem]]:
     """Usable fields, and the problems of the others."""
     names = ", ".join(FIELD)
     try:
@@ -109,13 +109,15 @@ def _read_all(action: object, task: Task) -> tuple[Arrays, list[Problem]]:
         given = None
     if given is None:
         reason = f"is a {type(action).__name__}"
-        return {}, [Problem("action", reason, f"a dict with {names}", kind="objects", advice=_MAKE_ACTION)]
+        return {}, [ActionProblem("action", reason, f"a dict with {names}", kind="objects", advice=_MAKE_ACTION)]
     arrays: Arrays = {}
-    problems: list[Problem] = []
+    problems: list[ActionProblem] = []
     for field in FIELDS:
         array = _read(given, field, task)
         if isinstance(array, str):
-            problems.append(Problem(field.name, array, field.array_in(task), kind=field.rows, advice=_MAKE_ACTION))
+            problems.append(
+                ActionProblem(field.name, array, field.array_in(task), kind=field.rows, advice=_MAKE_ACTION)
+            )
         else:
             arrays[field.name] = array
     unknown = sorted(key if isinstance(key, str) else type(key).__name__ for key in given if key not in FIELD)
@@ -123,7 +125,7 @@ def _read_all(action: object, task: Task) -> tuple[Arrays, list[Problem]]:
         close = closest(unknown[0], FIELD)
         advice = f"did you mean {close!r}?" if close else ""
         problems.append(
-            Problem("action", "has unknown keys", names, example=unknown[0], level="warning", advice=advice)
+            ActionProblem("action", "has unknown keys", names, example=unknown[0], level="warning", advice=advice)
         )
     return arrays, problems
 
@@ -205,7 +207,7 @@ class _Check(NamedTuple):
     bad: Callable[[Arrays, str, Task], Bools]  # of the claimed rows of all fields of a kind, and the field's name
     advice: str = _LEAVE_OUT
     expected: str = ""  # empty: as the table of fields states
-    outside: bool = True  # as in `Problem`
+    outside: bool = True  # as in `ActionProblem`
 
 
 _CHECKS = (
@@ -232,7 +234,7 @@ _CHECKS = (
 )  # fmt: skip
 
 
-def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> list[Problem]:
+def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> list[ActionProblem]:
     """Find ids that occur twice in a hypothesis, which are taken out of ``sound``, and tracks without hypothesis."""
     absent = np.zeros(task.tracks, dtype=np.int64)
     arrays = {"track_id": absent, "track_valid": absent, **arrays}
@@ -248,9 +250,9 @@ def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> l
     ]
 
 
-def _check_masks(arrays: Arrays) -> list[Problem]:
+def _check_masks(arrays: Arrays) -> list[ActionProblem]:
     """Find entries of masks that are neither 0 nor 1; they count as 1."""
-    problems: list[Problem] = []
+    problems: list[ActionProblem] = []
     for field in FIELDS:
         if field.content is MASK and field.name in arrays:
             mask = arrays[field.name].reshape(len(arrays[field.name]), -1)
@@ -280,7 +282,7 @@ def _of_rows(
     kind: str = "",
     advice: str = "",
     outside: bool = True,
-) -> list[Problem]:
+) -> list[ActionProblem]:
     """The problem of the ``rows`` of a field, with the first as example; empty without rows."""
     if not len(rows):
         return []
@@ -291,4 +293,4 @@ def _of_rows(
         more = ", ..." if value.size > _MOST_NUMBERS else ""
         example += f" = [{', '.join(numbers)}{more}]" if value.ndim else f" = {numbers[0]}"
     level: Literal["warning", "error"] = "error" if kind else "warning"
-    return [Problem(field, reason, expected, len(rows), example, kind, level, advice, outside)]
+    return [ActionProblem(field, reason, expected, len(rows), example, kind, level, advice, outside)]

@@ -11,7 +11,7 @@ from gymnasium import logger
 from ..errors import ActionError
 from ..types import Floats, Task
 from .action import COORDINATE_LIMIT, Rows
-from .checks import Examined, Problem, present
+from .checks import Examined, ActionProblem, present
 
 RANDOM_BEYOND = 1e4  # m, of a centre: agents report no object there, a random action has hardly any nearer
 _TURN = 4 * np.pi  # rad; an agent that never wraps its angles may be some way beyond one turn
@@ -46,7 +46,7 @@ class Feedback:
                 logger.warn(f"{problem.sentence(where)} (said once per env)")
 
 
-def _gravest(problems: list[Problem]) -> Problem:
+def _gravest(problems: list[ActionProblem]) -> ActionProblem:
     """The first problem of objects, else of tracks; unknown keys come first, since they often explain a missing one."""
     return min(problems, key=lambda problem: (problem.level == "error", problem.kind != "objects"))
 
@@ -57,9 +57,9 @@ def _is_random(examined: Examined) -> bool:
     return any(((part > RANDOM_BEYOND) & (part <= COORDINATE_LIMIT)).any() for part in centres)
 
 
-def _degrees(examined: Examined) -> list[Problem]:
+def _degrees(examined: Examined) -> list[ActionProblem]:
     """Boxes with a yaw beyond two turns."""
-    problems: list[Problem] = []
+    problems: list[ActionProblem] = []
     for name, rows in _BOXES:
         yaw = examined.arrays[name][:, 3]
         turned = np.flatnonzero(examined.sound[rows] & (np.abs(yaw) > _TURN))
@@ -70,7 +70,7 @@ def _degrees(examined: Examined) -> list[Problem]:
     return problems
 
 
-def _absolute(examined: Examined, task: Task) -> list[Problem]:
+def _absolute(examined: Examined, task: Task) -> list[ActionProblem]:
     """Forecasts whose offsets in the first frame are about equal to the positions of the objects."""
     rows = np.flatnonzero(examined.sound["objects"])
     position = examined.arrays["object_box"][rows, :2].astype(np.float64)
@@ -94,5 +94,5 @@ def _point(xy: Floats) -> str:
     return f"({xy[0]:.1f}, {xy[1]:.1f})"
 
 
-def _doubt(field: str, reason: str, expected: str, rows: int, example: str, advice: str) -> Problem:
-    return Problem(field, reason, expected, rows, example, "", "warning", advice, outside=False)
+def _doubt(field: str, reason: str, expected: str, rows: int, example: str, advice: str) -> ActionProblem:
+    return ActionProblem(field, reason, expected, rows, example, "", "warning", advice, outside=False)

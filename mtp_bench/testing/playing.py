@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..agent import Agent
-from ..env.checks import Problem, examine
+from ..env.checks import ActionProblem, examine
 from ..env.environment import MTPEnv
 from ..env.rollouts import RecordedAction, record_action
 from ..running.run import MakeAgent, agent_task, derived_seed
@@ -24,10 +24,10 @@ Steps = Generator[tuple[str, Observation] | None, Any, None]  # yields (descript
 
 
 @dataclass
-class Seen:
+class ProblemCount:
     """One kind of problem over all frames."""
 
-    problem: Problem  # the first of its kind
+    problem: ActionProblem  # the first of its kind
     where: str
     rows: int = 0
     frames: int = 0
@@ -41,7 +41,7 @@ class Seen:
         return Finding(problem.level, "", got, problem.expected, self.where, advice)
 
 
-Problems = dict[tuple[str, str], Seen]  # by field and reason
+ProblemCounts = dict[tuple[str, str], ProblemCount]  # by field and reason
 
 
 @dataclass
@@ -51,7 +51,7 @@ class Played:
     where: str
     actions: list[RecordedAction] = field(default_factory=list)  # in the frame of the observations
     seconds: list[float] = field(default_factory=list)
-    problems: Problems = field(default_factory=dict)
+    problems: ProblemCounts = field(default_factory=dict)
     written: str = ""  # first observation that it wrote into; empty: none
 
 
@@ -154,7 +154,7 @@ def _note_action(played: Played, action: object, task: Task, place: str) -> None
     played.actions.append(record_action(examined, task))
     for problem in examined.problems:
         where = f"{place}, {problem.example}" if problem.example else place
-        seen = played.problems.setdefault((problem.field, problem.reason), Seen(problem, where))
+        seen = played.problems.setdefault((problem.field, problem.reason), ProblemCount(problem, where))
         seen.rows += problem.rows
         seen.frames += 1
 
@@ -190,15 +190,15 @@ class Suite:
         return ", ".join(f"scene {scene}" for scene in self.scenes)
 
     @property
-    def problems(self) -> Problems:
-        """Problems of the first passes, each at its first place."""
-        first: Problems = {}
+    def problems(self) -> ProblemCounts:
+        """ProblemCounts of the first passes, each at its first place."""
+        first: ProblemCounts = {}
         for played in self.passes:
             first |= {key: seen for key, seen in played.problems.items() if key not in first}
         return first
 
-    def new_problems(self, played: Played) -> Problems:
-        """Problems of another pass, of fields that were sound in the first one."""
+    def new_problems(self, played: Played) -> ProblemCounts:
+        """ProblemCounts of another pass, of fields that were sound in the first one."""
         faulty = {name for name, _ in self.problems}
         return {key: seen for key, seen in played.problems.items() if key[0] not in faulty}
 

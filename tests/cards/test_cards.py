@@ -12,8 +12,7 @@ from pydantic import ValidationError
 
 from mtp_bench import card_ids
 from mtp_bench._bundle import bundled
-from mtp_bench.cards import Card, load_card, parse_card, with_detections, with_files
-from mtp_bench.cards.sections import DetectorSection
+from mtp_bench.cards import Card, DetectorSection, load_card, parse_card, with_detections, with_files
 from mtp_bench.errors import CardError, UnknownNameError
 from mtp_bench.sources.kitti.section import KittiSource
 
