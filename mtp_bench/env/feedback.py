@@ -11,7 +11,7 @@ from gymnasium import logger
 from ..errors import ActionError
 from ..types import Floats, Task
 from .action import COORDINATE_LIMIT, Rows
-from .checks import Examined, ActionProblem, present
+from .checks import ActionProblem, Examined, present
 
 RANDOM_BEYOND = 1e4  # m, of a centre: agents report no object there, a random action has hardly any nearer
 _TURN = 4 * np.pi  # rad; an agent that never wraps its angles may be some way beyond one turn
