@@ -17,10 +17,10 @@ from ..strict import Section, validate
 from ..types import Scene
 
 SOURCES = {
-    "kitti": "mtp_bench.sources.kitti.section:KittiSource",
-    "nuscenes": "mtp_bench.sources.nuscenes.section:NuScenesSource",
-    "wildtrack": "mtp_bench.sources.wildtrack.section:WildtrackSource",
-    "mot3d": "mtp_bench.sources.mot3d.section:Mot3dSource",
+    "kitti": "mtp_bench.sources.kitti:KittiSource",
+    "nuscenes": "mtp_bench.sources.nuscenes:NuScenesSource",
+    "wildtrack": "mtp_bench.sources.wildtrack:WildtrackSource",
+    "mot3d": "mtp_bench.sources.mot3d:Mot3dSource",
     "highway": "mtp_bench.sources.highway.section:HighwaySource",
     "files": "mtp_bench.cards.source:FilesSource",
 }

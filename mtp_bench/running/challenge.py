@@ -17,8 +17,8 @@ from ..scoring import evaluated, find_targets, live_frames
 from ..scoring.additions import final_match
 from ..scoring.challenge import KS, challenge_errors
 from ..scoring.forecasts import Forecasts, candidates, grow
+from ..sources.nuscenes import NuScenesSource
 from ..sources.nuscenes.challenge import FUTURE, Prediction, read_predictions, write_predictions
-from ..sources.nuscenes.section import NuScenesSource
 from ..sources.nuscenes.source import NuScenes
 from ..types import Floats, Rollout, Scene
 from .options import DEFAULTS, RunOptions

@@ -15,10 +15,10 @@ from ..files import new_folder, whole_file
 from ..parallel import NO_PROGRESS, Progress
 from ..sources.files.columns import BOX
 from ..sources.files.table import write_table
+from ..sources.kitti import KittiSource
 from ..sources.kitti.layout import TYPES
-from ..sources.kitti.section import KittiSource
 from ..sources.kitti.tracks import poses_of, result_lines
-from ..sources.nuscenes.section import NuScenesSource
+from ..sources.nuscenes import NuScenesSource
 from ..sources.nuscenes.source import NuScenes
 from ..sources.nuscenes.tracks import submission_box
 from ..sources.stored_tracks import table_path

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from ..errors import DataError
 
@@ -44,7 +45,7 @@ class DataCheck:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Facts about a dataset, the same on every machine."""
+    """Facts about a dataset, of the file ``dataset.toml`` in the package of its source."""
 
     name: str
     folders: tuple[str, ...]  # of the data root in which it may lie, best first; the data root may be that folder, too
@@ -53,6 +54,13 @@ class Dataset:
     citation: str
     how_to_get: str
     generated: bool = False  # made by the library: there are no files to read and check
+    totals: Mapping[str, Any] = field(default_factory=dict)  # known counts, for a source's ``inspect``
+
+    @classmethod
+    def of(cls, module: str) -> Dataset:
+        """The facts in ``dataset.toml`` beside the file ``module``."""
+        content = tomllib.loads(Path(module).with_name("dataset.toml").read_text(encoding="utf-8"))
+        return cls(**{**content, "folders": tuple(content["folders"])})
 
     def searched(self, data: str | Path | None) -> tuple[Path, ...]:
         """Folders in which the dataset may lie, best first."""
@@ -142,7 +150,6 @@ class DataStatus:
         if str(error) not in self.problems:
             self.problems.append(str(error))
 
-    def count(self, totals: Mapping[str, int], found: Iterable[int]) -> None:
-        """Add counts beside the known totals, in their order."""
-        pairs = zip(totals.items(), found, strict=True)
-        self.checks += [DataCheck(what, number, total) for (what, total), number in pairs]
+    def count(self, found: Mapping[str, int], totals: Mapping[str, int]) -> None:
+        """Check those of the counts ``found`` that have a known total."""
+        self.checks += [DataCheck(what, found[what], total) for what, total in totals.items() if what in found]

@@ -14,7 +14,7 @@ from mtp_bench import card_ids
 from mtp_bench._bundle import bundled
 from mtp_bench.cards import Card, DetectorSection, load_card, parse_card, with_detections, with_files
 from mtp_bench.errors import CardError, UnknownNameError
-from mtp_bench.sources.kitti.section import KittiSource
+from mtp_bench.sources.kitti import KittiSource
 
 Content = dict[str, Any]
 

@@ -19,8 +19,8 @@ from mtp_bench.cards import (
 )
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
-from mtp_bench.sources.nuscenes.section import NuScenesSource
-from mtp_bench.sources.wildtrack.section import WildtrackSource
+from mtp_bench.sources.nuscenes import NuScenesSource
+from mtp_bench.sources.wildtrack import WildtrackSource
 from mtp_bench.tracking.parameters import detector_parameters
 
 VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle")

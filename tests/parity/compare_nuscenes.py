@@ -19,8 +19,8 @@ from mtp_bench.cards import Card, load_card, parse_card, with_split
 from mtp_bench.errors import DataError
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import open_source
-from mtp_bench.sources.nuscenes.classes import CLASS_OF, NEUTRAL_OF
-from mtp_bench.sources.nuscenes.splits import official_scenes as shipped_scenes
+from mtp_bench.sources.nuscenes.names import CLASS_OF, NEUTRAL_OF
+from mtp_bench.sources.nuscenes.names import official_scenes as shipped_scenes
 from mtp_bench.types import Scene
 from tests.parity.nuscenes_checks import (
     SPEED_TOLERANCE,

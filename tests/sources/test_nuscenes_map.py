@@ -16,8 +16,8 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import DataError
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.sources import describe, load_scenes, with_map
-from mtp_bench.sources.nuscenes import map_file
-from mtp_bench.sources.nuscenes.map_file import borders, read_lanes
+from mtp_bench.sources.nuscenes import road
+from mtp_bench.sources.nuscenes.road import borders, read_lanes
 from mtp_bench.types import Lane
 from tests.support.map_expansion import Record, make_map, write_map
 from tests.support.nuscenes_root import VERSION, link_root, nuscenes_card, scene, write_json
@@ -56,10 +56,10 @@ def test_lanes_are_where_they_were_drawn(mapped: Path) -> None:
     np.testing.assert_allclose(other.left[:, 0], -2.0, atol=1e-9)
     np.testing.assert_allclose(bend.center[-1], [-13.0, 32.0], atol=1e-9)  # 2 m on, a quarter of a circle, 3 m on
     assert (own.junction, other.junction, bend.junction) == (False, False, True)
-    np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), map_file.HALF[0])
+    np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), road.HALF[0])
     for lane in (own, other, bend):
         assert lane.left.shape == lane.right.shape == lane.center.shape
-        assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= map_file.STEP + 1e-9
+        assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= road.STEP + 1e-9
 
 
 def test_borders_follow_the_polygon() -> None:
@@ -185,6 +185,6 @@ def test_the_road_lies_around_the_way_of_a_real_ego(data_root: Path, tmp_path: P
     notes: list[str] = []
     own, *_ = with_map(real, card, data, notes.append).lanes
     assert not notes
-    assert np.hypot(*(own.center - [x, y]).T).min() < map_file.STEP
+    assert np.hypot(*(own.center - [x, y]).T).min() < road.STEP
     (singapore,) = load_scenes(card, data, ["scene-0061"])
     assert with_map(singapore, card, data, notes.append).lanes == (), "the map of another place"

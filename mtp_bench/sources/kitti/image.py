@@ -12,9 +12,8 @@ from ...errors import DataError
 from ...types import Floats, ImageField, Ints, Scene
 from ..base import CameraImage, DataRoot, section_of
 from .files import SENSOR_FROM_CAMERA, read_calibration
-from .layout import DATASET, IMAGES, LABELS
+from .layout import DATASET, IMAGES, LABELS, KittiSource
 from .poses import Poses
-from .section import KittiSource
 
 CAMERA = "image_02"
 

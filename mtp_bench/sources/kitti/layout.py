@@ -1,51 +1,50 @@
-"""Folder layout of the KITTI tracking benchmark: the root, the splits, the detectors."""
+"""KITTI tracking in a card and in a folder: the section ``[source]``, the splits and the detections."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from ...cards import Card, instead_of_stored
 from ...cards.own import TEXTS, folder_digest
+from ...cards.source import LocalPath, SourceSection, Traits
 from ...errors import DataError
 from ..base import section_of
 from ..dataset import Dataset
 from .files import read_sequence_map
-from .section import KittiSource
 
-FOLDER = "kitti_tracking"
 SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
 # The paper's validation sequences (AB3DMOT's split), for a root without the sequence map.
 VALIDATION = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0016", "0018", "0019")
 TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}  # label type, detection code
 LABELS = "training/label_02"
 IMAGES = "training/image_02"  # shown beside an event
-DATASET = Dataset(
-    name="KITTI tracking",
-    folders=(FOLDER,),
-    layout=f"""\
-{FOLDER}/
-  training/label_02/%04d.txt        labels
-  training/calib/%04d.txt           calibration
-  training/oxts/%04d.txt            GPS/IMU
-  detections/<detector>/{{Car,Pedestrian,Cyclist}}/%04d.txt
-  {SEQUENCE_MAP}      sequences and frames of the validation split (optional)
-  poses_orbslam3/0019.txt           stereo odometry where the GPS is bad (optional)
-  {IMAGES}/%04d/%06d.png   left colour images, for pictures alone (optional)""",
-    licence=(
-        "CC BY-NC-SA 3.0 (Geiger et al.); labels and detections as distributed with AB3DMOT: academic, non-commercial"
-    ),
-    citation=(
-        "A. Geiger, P. Lenz, R. Urtasun: Are we ready for autonomous driving? The KITTI vision benchmark suite. "
-        "CVPR 2012"
-    ),
-    how_to_get=(
-        "register at https://www.cvlibs.net/datasets/kitti/eval_tracking.php, download the tracking labels "
-        "(data_tracking_label_2.zip), camera calibration (data_tracking_calib.zip) and GPS/IMU data "
-        f"(data_tracking_oxts.zip), and unpack them into {FOLDER}/ of the data root; the PointRCNN detections come "
-        "with https://github.com/xinshuoweng/AB3DMOT: put its data/KITTI/detection/pointrcnn_Car_val into "
-        f"{FOLDER}/detections/pointrcnn/Car, likewise Pedestrian and Cyclist"
-    ),
-)
+DATASET = Dataset.of(__file__)
+
+
+class KittiSource(SourceSection):
+    """KITTI tracking logs with stored detections."""
+
+    splits = ("train", "val")
+
+    detector: str = "pointrcnn"  # folder under detections/
+    detections_sha256: str | None = None  # of a folder that replaces the detector's; see cards.with_detections
+    detections_file: LocalPath = None  # that folder
+    ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
+    stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
+
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(
+            stored_detector=self.detector,
+            detection_file="a folder of KITTI text, one file per sequence",
+            velocity_ahead=True,
+            common_frame=self.ego_motion,
+            view=90.0,  # of the labels' camera
+        )
 
 
 def validation_lengths(root: Path) -> dict[str, int]:

@@ -9,21 +9,9 @@ from ...types import Ints
 from ..base import section_of
 from ..dataset import DataStatus
 from .files import Labels, read_labels, read_oxts, read_sequence_map
-from .layout import IMAGES, LABELS, SEQUENCE_MAP, TYPES, VALIDATION
-from .section import KittiSource
+from .layout import IMAGES, LABELS, SEQUENCE_MAP, TYPES, VALIDATION, KittiSource
 
 SEQUENCES = tuple(f"{i:04d}" for i in range(21))
-# Known totals: all training sequences, then the validation split (boxes and tracks of each type).
-TOTALS = {"sequences": 21, "frames": 8008, "tracks": 917, "boxes": 47262}
-VALIDATION_TOTALS = {
-    "validation frames": 3908,
-    "validation Car boxes": 9550,
-    "validation Car tracks": 190,
-    "validation Pedestrian boxes": 10124,
-    "validation Pedestrian tracks": 142,
-    "validation Cyclist boxes": 1409,
-    "validation Cyclist tracks": 28,
-}
 
 
 def inspect(card: Card, found: DataStatus) -> None:
@@ -65,12 +53,13 @@ def _count(found: DataStatus, validation: tuple[str, ...]) -> None:
         if oxts is not None:
             frames[name] = len(oxts.attitude)
     boxes, tracks = _boxes_and_tracks([rows.object_id[rows.type != "DontCare"] for rows in labels.values()])
-    found.count(TOTALS, (len(labels), sum(frames.values()), tracks, boxes))
-    numbers = [sum(frames.get(name, 0) for name in validation)]
+    counts = {"sequences": len(labels), "frames": sum(frames.values()), "tracks": tracks, "boxes": boxes}
+    counts["validation frames"] = sum(frames.get(name, 0) for name in validation)
+    within = [labels[name] for name in validation if name in labels]
     for kind in ("Car", "Pedestrian", "Cyclist"):
-        within = [labels[name] for name in validation if name in labels]
-        numbers += _boxes_and_tracks([rows.object_id[rows.type == kind] for rows in within])
-    found.count(VALIDATION_TOTALS, numbers)
+        boxes, tracks = _boxes_and_tracks([rows.object_id[rows.type == kind] for rows in within])
+        counts |= {f"validation {kind} boxes": boxes, f"validation {kind} tracks": tracks}
+    found.count(counts, found.about.totals)
 
 
 def _boxes_and_tracks(ids: list[Ints]) -> tuple[int, int]:

@@ -18,9 +18,8 @@ from ..base import DataRoot, ReadTracks, TrackForm, section_of
 from ..stored_tracks import FEWER, stored_tracks
 from ..text import read_table
 from .files import RESULT, camera_fields, refuse_flat, require_kinds, sensor_boxes
-from .layout import TYPES
+from .layout import TYPES, KittiSource
 from .poses import Poses
-from .section import KittiSource
 from .source import KittiTracking
 
 

@@ -12,8 +12,7 @@ from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..people import people_detections, people_truth
 from .files import DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
-from .section import Mot3dSource
-from .status import DATASET, folder_of, needed
+from .layout import DATASET, Mot3dSource, folder_of, needed
 
 
 class Mot3d:

@@ -19,11 +19,9 @@ from ...types import Floats, Scene
 from ..base import CameraImage, DataRoot, section_of
 from ..cache import write_arrays
 from .decoding import Quaternion, Vector, by_token, find, floats, read_records, require_rotations
-from .folders import CachedFolder
-from .layout import CAMERAS, DATASET, VERSIONS
-from .section import NuScenesSource
+from .layout import CAMERAS, DATASET, VERSIONS, NuScenesSource
 from .source import show_reading
-from .store import Note, TableStore, open_tables
+from .store import CachedFolder, Note, TableStore, open_tables
 from .tables import DataRecord, MountRecord, SensorRecord, read_poses
 
 _Pixels = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
@@ -110,7 +108,8 @@ def _read_cameras(tables: TableStore) -> dict[str, tuple[str, CameraRecord]]:
     for mount in records:
         if len(mount.camera_intrinsic) != 3:
             raise DataError(f"{path}, record {mount.token!r}: camera_intrinsic needs 3 rows of 3 numbers")
-    require_rotations(path, records, floats([mount.rotation for mount in records], 4))
+    rotation = floats([mount.rotation for mount in records], 4)
+    require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
     return cameras
 
 

@@ -6,7 +6,7 @@ its text and 0.8 GB for its 2.6 million records. Both are free again before the 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -15,10 +15,9 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Floats
-from ..text import LIMIT, read_json
+from ..text import LIMIT, read_json, refuse
 
 NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
-MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
 
 Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
 Count = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
@@ -69,26 +68,10 @@ def floats(rows: Sequence[Any], columns: int) -> Floats:
     return np.array(rows, dtype=np.float64).reshape(-1, columns)
 
 
-def first_wrong_rotation(rotation: Floats) -> int | None:
-    """The first of quaternions ``[R, 4]`` that is not a unit quaternion; None if all are."""
+def require_rotations(rotation: Floats, where: Callable[[int], str]) -> None:
+    """Raise DataError for the first row of quaternions ``[R, 4]`` that are not of norm 1; ``where``: name of a row."""
     wrong = np.abs(np.linalg.norm(rotation, axis=1) - 1.0) > NORM_TOLERANCE
-    return int(np.argmax(wrong)) if wrong.any() else None
-
-
-def require_rotations(path: Path, records: Sequence[Record], rotation: Floats) -> None:
-    """Raise DataError naming the first record whose quaternion ``[R, 4]`` is not a unit quaternion."""
-    row = first_wrong_rotation(rotation)
-    if row is not None:
-        got = rotation[row].tolist()
-        raise DataError(f"{path}, record {records[row].token!r}: rotation is {got}, expected a unit quaternion")
-
-
-def tilted_rows(rotation: Floats) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Rows of quaternions ``[R, 4]`` that tilt by over 45 degrees, if these are many: w was written last."""
-    _, x, y, _ = rotation.T
-    tilted = 1.0 - 2.0 * (x * x + y * y) < np.sqrt(0.5)
-    many = len(rotation) > 0 and tilted.mean() > MOST_TILTED
-    return np.flatnonzero(tilted & many)
+    refuse(wrong, lambda row: f"{where(row)}: rotation is {rotation[row].tolist()}, expected a unit quaternion")
 
 
 def yaw_of(rotation: Floats) -> Floats:

@@ -14,10 +14,8 @@ from ...errors import DataError
 from ...types import Bools, Detections, starts_of_sorted
 from ..base import class_ids
 from ..cache import Arrays, write_arrays
-from .classes import CLASSES
-from .folders import CachedFolder
-from .splits import counted
-from .store import INDEX, Note, TableStore
+from .names import CLASSES, counted
+from .store import INDEX, CachedFolder, Note, TableStore
 from .submission import no_match, read_submission
 
 _HEAD = 1 << 16  # bytes of a file in which its first sample is looked for

@@ -1,62 +1,53 @@
-"""Folder layout of nuScenes: the root, its version folders, the tables, the detection files."""
+"""nuScenes in a card and in a folder: the section ``[source]``, the versions, tables and detection files."""
 
 from __future__ import annotations
 
 import glob
 from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from ...cards import Card, instead_of_stored
+from ...cards.source import STORED_DETECTOR, LocalPath, SourceSection, Traits
 from ...errors import DataError
 from ..base import section_of
 from ..dataset import Dataset
-from .section import NuScenesSource
 
-FOLDER = "nuscenes"
 TABLES = (
-    "scene",
-    "sample",
-    "sensor",
-    "calibrated_sensor",
-    "sample_data",
-    "ego_pose",
-    "category",
-    "instance",
+    "scene", "sample", "sensor", "calibrated_sensor", "sample_data", "ego_pose", "category", "instance",
     "sample_annotation",
-)  # in the order of reading
+)  # fmt: skip
 VERSIONS = "v1.0-*"  # folders of the root
 PREDICTION = "maps/prediction/prediction_scenes.json"
 EXPANSION = "maps/expansion"  # a file for each location, drawn under the boxes
 CAMERAS = "samples/CAM_*"  # folders of images, shown beside an event
-DATASET = Dataset(
-    name="nuScenes",
-    folders=(FOLDER,),
-    layout=f"""\
-{FOLDER}/
-  v1.0-trainval/, v1.0-mini/        a version: the official tables
-    {", ".join(f"{name}.json" for name in TABLES[:5])},
-    {", ".join(f"{name}.json" for name in TABLES[5:])}
-  {PREDICTION}
-                                    targets of the prediction challenge, for all versions
-  detections/<detector>*.json       detections in the official submission form
-  {EXPANSION}/<location>.json     map expansion, for pictures alone (optional)
-  samples/CAM_*/*.jpg               images at the keyframes, for pictures alone (optional)""",
-    licence=(
-        "CC BY-NC-SA 4.0 and the nuScenes terms of use: non-commercial; "
-        "detections as distributed with AB3DMOT: academic, non-commercial"
-    ),
-    citation=(
-        "H. Caesar et al.: nuScenes: A multimodal dataset for autonomous driving. CVPR 2020; Megvii detections: "
-        "B. Zhu et al.: Class-balanced grouping and sampling for point cloud 3D object detection. arXiv 2019; "
-        "CenterPoint: T. Yin et al.: Center-based 3D object detection and tracking. CVPR 2021"
-    ),
-    how_to_get=(
-        "register at https://www.nuscenes.org/nuscenes#download, download the metadata of v1.0-trainval (or the mini "
-        "split, whose archive has its own) and, for prediction targets, the map expansion pack, and unpack them into "
-        f"{FOLDER}/ of the data root; Megvii detections in the official submission form are on the tracking page of "
-        "https://www.nuscenes.org and come with https://github.com/xinshuoweng/AB3DMOT: put them into "
-        f"{FOLDER}/detections/ as megvii*.json; neither images nor point clouds are needed"
-    ),
-)
+DATASET = Dataset.of(__file__)
+
+
+class NuScenesSource(SourceSection):
+    """nuScenes logs (official v1.0 tables) with stored detections in the official submission form."""
+
+    splits = ("train", "train_val", "val", "mini_train", "mini_val", "all")
+
+    version: Annotated[str, Field(pattern=r"^v1\.0-[A-Za-z0-9_.-]+$")] = "v1.0-trainval"  # folder of the tables
+    detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii"  # detections/<detector>*.json
+    detections_sha256: str | None = None  # of a file that replaces the detector's; see cards.with_detections
+    detections_file: LocalPath = None  # that file
+    velocity: bool = False  # show the velocities of the detections, if the file has them
+    truth: Literal["targets", "all"] = "all"
+    # "targets": the official prediction split names the targets, and other objects are unknown; "all": every box
+
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(
+            stored_detector=self.detector,
+            other_detections=True,
+            detection_file="a JSON file in the official submission form",
+            measured_velocity=self.velocity,
+            truth_complete=self.truth == "all",
+        )
 
 
 def versions(root: Path) -> tuple[str, ...]:
@@ -123,7 +114,7 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
 
 
 def _labelled(path: Path) -> str:
-    """Name of something that may be no file, for messages."""
+    """Name of a path for messages; it may be a folder or a broken link."""
     if path.is_file():
         return path.name
     return f"{path.name} (a link that leads nowhere)" if path.is_symlink() else f"{path.name} (no file)"

@@ -11,7 +11,6 @@ import numpy as np
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from ..text import read_json, repeated
-from .classes import NEUTRAL_OF, class_index
 from .decoding import (
     Count,
     Quaternion,
@@ -24,6 +23,7 @@ from .decoding import (
     require_rotations,
     upright_boxes,
 )
+from .names import NEUTRAL_OF, class_index
 from .tables import Keyframes, require_counts
 
 
@@ -83,7 +83,7 @@ def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyfram
     count = np.array([each.nbr_annotations for each in instances.values()], dtype=np.int64)
     require_counts(paths["instance"], list(instances), count, instance, path)
     rotation = floats([record.rotation for record in records], 4)
-    require_rotations(path, records, rotation)
+    require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
     box = upright_boxes(
         floats([record.translation for record in records], 3), floats([record.size for record in records], 3), rotation
     )

@@ -16,11 +16,9 @@ from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
 from ..base import DataRoot, Preparation, class_ids, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
 from ..motion import backward_velocity
-from .classes import CLASSES
 from .detections import open_detections, require_covered, scene_detections
-from .layout import DATASET, VERSIONS, detection_paths, require_prediction
-from .section import NuScenesSource
-from .splits import counted, splits_of
+from .layout import DATASET, VERSIONS, NuScenesSource, detection_paths, require_prediction
+from .names import CLASSES, counted, splits_of
 from .store import Note, TableStore, open_tables
 from .tables import SECOND
 

@@ -5,30 +5,21 @@ from __future__ import annotations
 from ...cards import Card, instead_of_stored
 from ...errors import DataError
 from ..base import section_of
-from ..dataset import DataCheck, DataStatus
+from ..dataset import DataStatus
 from .layout import (
     CAMERAS,
     EXPANSION,
     PREDICTION,
     TABLES,
+    NuScenesSource,
     detection_paths,
     detection_pattern,
     versions,
 )
-from .section import NuScenesSource
+from .names import SPLITS, counted, split_scenes
 from .source import NuScenes, available_splits, show_reading
-from .splits import SPLITS, counted
 from .store import TableStore, open_tables
 
-# Known totals. Boxes of v1.0-mini are not counted: copies without animals and debris are as good for our tasks.
-TOTALS = {
-    "v1.0-mini": {"scenes": 10, "keyframes": 404},
-    "v1.0-trainval": {"scenes": 850, "keyframes": 34149, "instances": 64386, "boxes": 1166187},
-}
-TARGETS = {
-    "v1.0-mini": {"mini_train": 742, "mini_val": 61},
-    "v1.0-trainval": {"train": 32186, "train_val": 8560, "val": 9041},
-}
 DOWNLOADS = "https://www.nuscenes.org/nuscenes#download"
 WITH = {  # notes on files that only pictures show
     f"{EXPANSION}/*.json": "pictures show the road of",
@@ -101,17 +92,12 @@ def _note_pictures(found: DataStatus) -> None:
 
 def _count(found: DataStatus, tables: TableStore) -> None:
     """Counts over the tables of all splits."""
-    numbers = {
+    counts = {
         "scenes": len(tables.scenes), "keyframes": int(tables.start[-1]), "instances": tables.instances,
         "boxes": tables.boxes,
     }  # fmt: skip
-    totals = TOTALS.get(tables.version, {})
-    found.count(totals, [numbers[name] for name in totals])
-    if tables.targets is None:
-        return
-    splits = available_splits(tables, targets=True)
-    targets = dict(zip(tables.scenes, tables.targets.tolist(), strict=True))
-    for split in SPLITS:
-        if (total := TARGETS.get(tables.version, {}).get(split)) is not None:
-            count = sum(targets[name] for name in splits.get(split, ()))
-            found.checks.append(DataCheck(f"prediction targets of {split}", count, total))
+    if tables.targets is not None:
+        targets = dict(zip(tables.scenes, tables.targets.tolist(), strict=True))
+        for split in SPLITS:
+            counts[f"prediction targets of {split}"] = sum(targets[name] for name in split_scenes(split, targets))
+    found.count(counts, found.about.totals.get(tables.version, {}))

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 from ...errors import DataError
 from ...types import Floats, Ints
 from ..text import MOST_LETTERS, decode, read_json
-from .classes import CLASSES, ClassName
 from .decoding import (
     Number,
     Quaternion,
     Size,
     Vector,
-    first_wrong_rotation,
     floats,
-    tilted_rows,
+    require_rotations,
     upright_boxes,
 )
+from .names import CLASSES, ClassName
 
+MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
 _UNKNOWN = np.nan, np.nan
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 
@@ -134,12 +134,18 @@ def _sample_boxes(path: Path, token: str, content: msgspec.Raw, form: Form) -> S
     return boxes
 
 
-def _require_upright(path: Path, boxes: list[DetectedBox | TrackedBox], rotation: Floats) -> None:
+def _require_upright(path: Path, boxes: Sequence[DetectedBox | TrackedBox], rotation: Floats) -> None:
     """Raise DataError for a rotation that is not a unit quaternion, and if many boxes do not stand upright."""
-    row, expected = first_wrong_rotation(rotation), "a unit quaternion"
-    if row is None and len(tilted := tilted_rows(rotation)):
-        row = int(tilted[0])
-        expected = f"w, x, y, z of a box that stands upright; {len(tilted)} of {len(boxes)} do not: is w written last?"
-    if row is not None:
-        got, token = rotation[row].tolist(), boxes[row].sample_token
-        raise DataError(f"{path}, sample {token!r}: rotation is {got}, expected {expected}")
+
+    def where(row: int) -> str:
+        return f"{path}, sample {boxes[row].sample_token!r}"
+
+    require_rotations(rotation, where)
+    _, x, y, _ = rotation.T
+    tilted = 1.0 - 2.0 * (x * x + y * y) < np.sqrt(0.5)  # by over 45 degrees
+    if len(boxes) and tilted.mean() > MOST_TILTED:
+        row = int(np.argmax(tilted))
+        raise DataError(
+            f"{where(row)}: rotation is {rotation[row].tolist()}, expected w, x, y, z of a box that stands upright; "
+            f"{tilted.sum()} of {len(boxes)} do not: is w written last?"
+        )

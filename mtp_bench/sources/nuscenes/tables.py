@@ -163,5 +163,5 @@ def read_poses(path: Path, referrer: Path, pose: list[str]) -> tuple[Floats, Flo
         raise DataError(f"{path} has no record {missing!r}, which {referrer.name} names as ego_pose_token")
     records = [poses[token] for token in pose]
     rotation = floats([record.rotation for record in records], 4)
-    require_rotations(path, records, rotation)
+    require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
     return floats([record.translation for record in records], 3), rotation

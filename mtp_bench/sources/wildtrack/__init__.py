@@ -2,6 +2,7 @@
 
 from ..base import SourcePackage
 from .source import ANNOTATIONS, DATASET, Wildtrack, inspect
+from .source import WildtrackSource as WildtrackSource
 
 PACKAGE = SourcePackage(
     open=Wildtrack,

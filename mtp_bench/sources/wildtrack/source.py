@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from ...cards import Card, instead_of_stored
+from ...cards.source import SourceSection, Traits
 from ...errors import DataError, UnknownNameError
 from ...types import Detections, Ints, Ragged, Scene, Truth
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset, DataStatus
 from ..people import people_detections, people_truth
 from .files import CELL, CORNER, GRID, read_annotations, read_detections
-from .section import WildtrackSource
 
 ANNOTATIONS = "annotations_positions"
 DETECTIONS = "detections/mvdet_test.txt"
@@ -25,27 +26,29 @@ SCENES = {f"wildtrack-{first:04d}": first for first in range(0, FRAMES * STEP, S
 STORED = "wildtrack-1800"  # MVDet's test frames, the only ones with stored detections
 SPLITS = {"train": tuple(SCENES)[:6], "val": tuple(SCENES)[6:], "test": (STORED,)}
 MIDDLE = tuple(start + CELL * cells / 2 for start, cells in zip(CORNER, GRID, strict=True))  # m, of the annotated area
-TOTALS = {"frames": FRAMES, "annotations": 9518, "people": 313, "detections": 966}
-DATASET = Dataset(
-    name="WILDTRACK",
-    folders=("wildtrack", "Wildtrack_dataset"),  # the second is the name in the published archive
-    layout=f"""\
-wildtrack/                         or Wildtrack_dataset/, as in the archive
-  {ANNOTATIONS}/%08d.json    frames 0, 5, ..., {STEP * (FRAMES - 1)}
-  {DETECTIONS}       MVDet on the last {SCENE_FRAMES} frames: frame gx gy""",
-    licence="WILDTRACK and MVDet's detections: none stated; research only",
-    citation=(
-        "T. Chavdarova et al.: WILDTRACK: a multi-camera HD dataset for dense unscripted pedestrian detection. "
-        "CVPR 2018; detections: Y. Hou, L. Zheng, S. Gould: Multiview detection with feature perspective "
-        "transformation (MVDet). ECCV 2020"
-    ),
-    how_to_get=(
-        "download Wildtrack_dataset_full.zip from https://www.epfl.ch/labs/cvlab/data/data-wildtrack and unpack it "
-        "into wildtrack/ of the data root (the images are not needed); detections: run the test of "
-        "https://github.com/hou-yz/MVDet on WILDTRACK and put its test.txt (rows 'frame gx gy' on the annotations' "
-        f"grid) at wildtrack/{DETECTIONS}"
-    ),
-)
+DATASET = Dataset.of(__file__)
+
+
+class WildtrackSource(SourceSection):
+    """WILDTRACK: people on a square, seen by seven fixed cameras; real detections of the last 40 frames.
+
+    The other frames have simulated detections, of the card's ``[detector]``.
+    """
+
+    splits = ("train", "val", "test")
+
+    detector: Literal["mvdet"] | None = "mvdet"  # None: simulated detections everywhere
+
+    @property
+    def traits(self) -> Traits:
+        """What the source can do."""
+        return Traits(
+            stored_detector=self.detector or "",
+            without_detections="most of WILDTRACK",
+            mixed_detections=True,
+            places_only=True,
+            has_ego=False,
+        )
 
 
 class Wildtrack:
@@ -106,8 +109,9 @@ def inspect(card: Card, found: DataStatus) -> None:
     frames = [found.attempt(read_annotations, f"{ANNOTATIONS}/{name}") for name in names]
     people = np.concatenate([np.zeros(0, dtype=np.int64), *(frame.person for frame in frames if frame is not None)])
     detections = found.attempt(read_detections, DETECTIONS)
-    stored = 0 if detections is None else len(detections.frame)
-    found.count(TOTALS, (len(names), len(people), len(np.unique(people)), stored))
+    counts = {"frames": len(names), "annotations": len(people), "people": len(np.unique(people))}
+    counts["detections"] = 0 if detections is None else len(detections.frame)
+    found.count(counts, found.about.totals)
 
 
 def _truth(folder: Path, numbers: Ints) -> Truth:
