@@ -20,12 +20,11 @@ import numpy as np
 
 from mtp_bench.cards import load_card
 from mtp_bench.sources.base import section_of
-from mtp_bench.sources.highway import plans
-from mtp_bench.sources.highway.networks import build
+from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.section import HighwaySource
 from mtp_bench.sources.highway.simulate import simulate_world
 from mtp_bench.sources.highway.source import traffic_of
-from mtp_bench.sources.highway.world import RATE, Traffic
+from mtp_bench.sources.highway.world import RATE, WARM_UP, Traffic
 
 CARDS = ("MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Highway-v0")
 STOCK_STEPS = 100  # as long as most of its vehicles are still on the roads
@@ -37,7 +36,7 @@ def measure(traffic: Traffic, scenes: int) -> dict[str, Any]:
     for seed in range(scenes):
         rejected += len(simulate_world(traffic, seed).rejected)
     spent = time.process_time() - start
-    step = 1000 * spent / ((scenes + rejected) * (plans.WARM_UP + traffic.seconds) * RATE)
+    step = 1000 * spent / ((scenes + rejected) * (WARM_UP + traffic.seconds) * RATE)
     stock = stock_step(traffic)
     return {
         "scenario": traffic.scenario,
@@ -57,7 +56,7 @@ def stock_step(traffic: Traffic) -> float:
     from highway_env.road.road import Road
     from highway_env.vehicle.behavior import IDMVehicle
 
-    town = build(traffic.scenario, traffic.seconds)
+    town = build_map(traffic.scenario, traffic.seconds)
     entries = sorted({lane for route in town.routes for lane in route.roads[0]})
     road: Any = Road(network=town.network, np_random=np.random.RandomState(0))
     for k in range(traffic.vehicles):

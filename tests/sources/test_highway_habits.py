@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
-from mtp_bench.cards import load_card, parse_card
-from mtp_bench.errors import CardError
 from mtp_bench.geometry import bev_corners
-from mtp_bench.sources.highway import plans
-from mtp_bench.sources.highway.drift import Drift
-from mtp_bench.sources.highway.following import Leaders
-from mtp_bench.sources.highway.habits import Habits
-from mtp_bench.sources.highway.moods import Moods
-from mtp_bench.sources.highway.networks import build
-from mtp_bench.sources.highway.parking import parked_boxes
-from mtp_bench.sources.highway.population import Driver, Gate, draw_profile
-from mtp_bench.sources.highway.routes import tabulate
-from mtp_bench.sources.highway.section import HighwaySource
+from mtp_bench.sources.highway.behaviour import DriverBehaviour, OrnsteinUhlenbeck, PedestrianBehaviour
+from mtp_bench.sources.highway.driving import Leaders, RoadState, observe
+from mtp_bench.sources.highway.lanes import route_table
+from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.simulate import overlapping, simulate_world
-from mtp_bench.sources.highway.source import traffic_of
-from mtp_bench.sources.highway.state import State, observe
-from mtp_bench.sources.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
+from mtp_bench.sources.highway.vehicles import Driver, Entries, draw_parked_boxes, draw_traits
+from mtp_bench.sources.highway.world import ARM_WEIGHTS, CLASSES, RATE, TURN_WEIGHTS, ScenarioName, Traffic, World
 from mtp_bench.types import Floats
 
 DT = 1.0 / RATE
@@ -55,7 +45,7 @@ def speeds(world: World, people: bool) -> list[Floats]:
 
 
 def test_a_drift_has_its_spread_and_forgets() -> None:
-    drift, numbers = Drift(0.5, 2.0, DT, rng()), np.arange(4000)
+    drift, numbers = OrnsteinUhlenbeck(0.5, 2.0, DT, rng()), np.arange(4000)
     first = drift.step(numbers)
     last = first
     for _ in range(20):  # 2 s
@@ -67,41 +57,41 @@ def test_a_drift_has_its_spread_and_forgets() -> None:
 
 
 def test_a_drift_waits_for_those_who_are_away() -> None:
-    drift = Drift(0.5, 2.0, DT, rng())
+    drift = OrnsteinUhlenbeck(0.5, 2.0, DT, rng())
     before = drift.step(np.array([0, 200]))
     assert np.abs(drift.step(np.array([200])) - before[1:]).max() < 0.6  # goes on from there
     np.testing.assert_array_equal(before, np.round(before, 6))
 
 
 def test_vehicles_take_the_ways_of_the_plan() -> None:
-    town = build("intersection", 5.0)
-    gate = Gate(town, 1, rng())
+    road_map = build_map("intersection", 5.0)
+    gate = Entries(road_map, 1, rng())
     turns, main = {1: 0, 2: 0, 3: 0}, 0
     for _ in range(3000):
         profile, route = gate._draw()
         if profile.length > 6.0:
             continue  # long ones drive straight on
-        first, *_, last = (town.geometry.index[road[0]] for road in town.routes[route].roads)
+        first, *_, last = (road_map.geometry.index[road[0]] for road in road_map.routes[route].roads)
         turns[(int(last[1][1]) - int(first[0][1])) % 4] += 1
         main += first[0] in ("o0", "o2")
-    share = np.array(plans.TURNS) / sum(plans.TURNS)
+    share = np.array(TURN_WEIGHTS) / sum(TURN_WEIGHTS)
     assert np.array(list(turns.values())) / sum(turns.values()) == pytest.approx(share, abs=0.03)
-    assert main / sum(turns.values()) == pytest.approx(1.0 / (1.0 + plans.ARMS[1]), abs=0.03)
+    assert main / sum(turns.values()) == pytest.approx(1.0 / (1.0 + ARM_WEIGHTS[1]), abs=0.03)
     assert share[1] > 0.5  # most drive straight on
 
 
 @pytest.mark.parametrize("scenario", ["intersection", "roundabout"])
 def test_cars_park_at_the_kerb_and_off_the_lanes(scenario: ScenarioName) -> None:
-    town = build(scenario, 5.0)
-    box = parked_boxes(town.kerbs, 60, rng())
+    road_map = build_map(scenario, 5.0)
+    box = draw_parked_boxes(road_map.kerbs, 60, rng())
     assert len(box) == 60
     assert len(overlapping(box)) == 0
     corners = bev_corners(box)
-    for lane in town.geometry.lanes:
+    for lane in road_map.geometry.lanes:
         for s, d in (lane.local_coordinates(corner) for corner in corners.reshape(-1, 2)):
             assert not (0 < s < lane.length and abs(d) < lane.width_at(s) / 2 + 0.05)
     for shape, heading in zip(corners, box[:, 3], strict=True):
-        room = [_to_kerb(shape, heading, kerb.start, kerb.direction, kerb.length) for kerb in town.kerbs]
+        room = [_to_kerb(shape, heading, kerb.start, kerb.direction, kerb.length) for kerb in road_map.kerbs]
         assert 0.0 < min(room) < 0.4
 
 
@@ -116,9 +106,9 @@ def _to_kerb(
 
 
 def test_there_are_never_more_parked_cars_than_places() -> None:
-    kerbs = build("intersection", 5.0).kerbs
-    assert len(parked_boxes(kerbs, 200, rng())) == len(parked_boxes(kerbs, 150, rng())) < 130
-    assert parked_boxes(kerbs, 0, rng()).shape == (0, 7)
+    kerbs = build_map("intersection", 5.0).kerbs
+    assert len(draw_parked_boxes(kerbs, 200, rng())) == len(draw_parked_boxes(kerbs, 150, rng())) < 130
+    assert draw_parked_boxes(kerbs, 0, rng()).shape == (0, 7)
 
 
 def test_parked_cars_are_true_objects_that_never_move(busy: World) -> None:
@@ -163,15 +153,15 @@ def test_people_stop_and_go_on_and_cross(busy: World, another: World) -> None:
     assert crossed >= 4
 
 
-def _before_a_queue(gap: float) -> tuple[State, Leaders]:
+def _before_a_queue(gap: float) -> tuple[RoadState, Leaders]:
     """Somebody at 9 m/s who has ``gap`` m to a standing queue."""
-    town = build("intersection", 5.0)
-    lane = town.routes[0].roads[0][0]
-    way = town.geometry.lanes[lane]
-    vehicle = Driver(None, way.position(40.0, 0.0), way.heading_at(40.0), 9.0, draw_profile(False, rng()), 0)
+    road_map = build_map("intersection", 5.0)
+    lane = road_map.routes[0].roads[0][0]
+    way = road_map.geometry.lanes[lane]
+    vehicle = Driver(None, way.position(40.0, 0.0), way.heading_at(40.0), 9.0, draw_traits(False, rng()), 0)
     vehicle.route, vehicle.lane_number = 0, lane
     nobody = np.empty((0, 2))
-    state = observe([vehicle], town, tabulate(town.routes, town.geometry), nobody, nobody)
+    state = observe([vehicle], road_map, route_table(road_map.routes, road_map.geometry), nobody, nobody)
     return state, Leaders(np.array([gap]), np.zeros(1))
 
 
@@ -182,7 +172,7 @@ def _before_a_queue(gap: float) -> tuple[State, Leaders]:
 def test_who_is_late_brakes_when_it_is_needed(gap: float, waits: bool, hardest: float) -> None:
     state, ahead = _before_a_queue(gap)
     careful, free = np.array([-2.0]), np.array([0.3])
-    habits = Habits(DT, rng())
+    habits = DriverBehaviour(DT, rng())
     gas = [float(habits.braking(state, careful, free, ahead, np.array([np.inf]))[0]) for _ in range(6000)]
     assert np.mean(np.array(gas) == -2.0) > 0.5  # most of the time it is as the driver model says
     assert (np.mean(np.array(gas) == 0.3) > 0.05) == (0.3 in gas) == waits
@@ -191,7 +181,7 @@ def test_who_is_late_brakes_when_it_is_needed(gap: float, waits: bool, hardest: 
 
 def test_drivers_differ() -> None:
     draw = rng()
-    drivers = [draw_profile(False, draw) for _ in range(400)]
+    drivers = [draw_traits(False, draw) for _ in range(400)]
     gap, pace = (np.array([getattr(driver, name) for driver in drivers]) for name in ("time_gap", "pace"))
     assert np.quantile(gap, 0.1) < 0.5
     assert np.quantile(gap, 0.9) > 1.0
@@ -202,7 +192,7 @@ def test_drivers_differ() -> None:
 
 
 def test_companions_stop_together_and_nobody_stops_on_a_crossing() -> None:
-    moods = Moods(DT, rng(3))
+    moods = PedestrianBehaviour(DT, rng(3))
     numbers, groups = np.arange(40), np.arange(40) // 2
     crossing = np.zeros(40, dtype=bool)
     crossing[:10] = True
@@ -215,28 +205,3 @@ def test_companions_stop_together_and_nobody_stops_on_a_crossing() -> None:
         assert (pace[:10] > 0.25).all()
         stood += int(stands.sum())
     assert stood > 100
-
-
-def _content(**source: object) -> dict[str, Any]:
-    content = load_card("MTP-Intersection-v0").model_dump(exclude_none=True)
-    return {**content, "source": {**content["source"], **source}}
-
-
-def test_other_parked_cars_are_other_scenes() -> None:
-    card = parse_card(_content(parked=30))
-    assert isinstance(card.source, HighwaySource)
-    assert card.digest != load_card("MTP-Intersection-v0").digest
-    assert traffic_of(card.source) == Traffic("intersection", "ego", 20.0, 18, 20, 30)
-
-
-@pytest.mark.parametrize(
-    ("source", "message"),
-    [
-        ({"generator": 1}, "source.generator: got 1: this version of the library makes generator 2"),
-        ({"parked": 201}, "less than or equal to 200"),
-        ({"scenario": "highway", "pedestrians": 0}, "parked.*expected 0: only the intersection and the roundabout"),
-    ],
-)
-def test_cards_say_what_the_generator_cannot_do(source: dict[str, object], message: str) -> None:
-    with pytest.raises(CardError, match=message):
-        parse_card(_content(**source))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtp_bench.sources.highway.footways import Footway, Side, cut, kept_off_road, slowed_at_kerb
-from mtp_bench.sources.highway.networks import build
+from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.simulate import simulate_world
+from mtp_bench.sources.highway.walking import Footway, SidewalkUse, keep_off_road, remaining_way, slow_at_kerb
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
 from mtp_bench.types import Floats, Ints
 
@@ -26,16 +26,6 @@ def busy() -> World:
     return simulate_world(Traffic("intersection", "roadside", 40.0, 12, 16), 6)
 
 
-def test_people_cross_the_intersection_at_the_crossings(busy: World) -> None:
-    crossed = 0
-    for _, box in people(busy):
-        x, y = np.sort(np.abs(box[:, :2]), axis=1).T  # from the middle of the nearer road, along it
-        on_road = x < 6.8
-        assert (np.abs(y[on_road] - 16.75) < 2.2).all()
-        crossed += bool(on_road.any())
-    assert crossed >= 4
-
-
 def test_people_come_from_afar_and_go_there(busy: World) -> None:
     ends = []
     for frame, box in people(busy):
@@ -50,10 +40,12 @@ def test_nobody_on_foot_stands_right_in_front_of_the_sensor(busy: World) -> None
 
 
 def _footway(direction: float, arm: int, around: bool) -> tuple[Footway, Floats]:
-    town = build("intersection", 5.0)
-    assert town.pavement is not None
-    crossing = town.crossings[arm]
-    way = Footway(crossing, town.pavement, direction, 0.3, Side(around, 65.0, 1.2), Side(around, 64.0, 3.0))
+    road_map = build_map("intersection", 5.0)
+    assert road_map.pavement is not None
+    crossing = road_map.crossings[arm]
+    way = Footway(
+        crossing, road_map.pavement, direction, 0.3, SidewalkUse(around, 65.0, 1.2), SidewalkUse(around, 64.0, 3.0)
+    )
     return way, np.array([crossing.direction, (-crossing.direction[1], crossing.direction[0])])
 
 
@@ -64,21 +56,21 @@ def test_ways_on_foot_lead_along_the_sidewalks(arm: int, direction: float, aroun
     way, axes = _footway(direction, arm, around)
     for k in range(4):
         for points, end in ((way.arrival(k), 65.0), (way.departure(k)[::-1], 64.0)):
-            passed = np.array([cut(points, share)[0] for share in np.linspace(1.0, 0.0, 60)])
+            passed = np.array([remaining_way(points, share)[0] for share in np.linspace(1.0, 0.0, 60)])
             xy = np.array(way.crossing.origin) + passed @ axes
             assert np.abs(xy[0]).max() == pytest.approx(end + 0.95 * (k // 2))
             outside = np.maximum(way.pavement.corner - np.abs(xy), 0.0)
             assert np.hypot(*outside.T).max() < way.pavement.radius - 0.4  # of the kerb's bend: never on the road
-            np.testing.assert_allclose(kept_off_road(xy, way.pavement, np.ones(60, dtype=bool)), xy)
+            np.testing.assert_allclose(keep_off_road(xy, way.pavement, np.ones(60, dtype=bool)), xy)
 
 
 def test_people_slow_down_at_the_kerb_unless_they_cross() -> None:
-    pavement = build("intersection", 5.0).pavement
+    pavement = build_map("intersection", 5.0).pavement
     assert pavement is not None
     place, velocity = np.array([[7.5, 30.0], [-7.5, 30.0], [7.5, 16.0]]), np.array([[-1.3, 1.0], [1.3, 1.0], [-1.3, 0]])
-    slowed = slowed_at_kerb(place, velocity, pavement, np.array([True, True, False]))
+    slowed = slow_at_kerb(place, velocity, pavement, np.array([True, True, False]))
     assert -0.9 < slowed[0, 0] < -0.5
     assert slowed[1].tolist() == [-slowed[0, 0], slowed[0, 1]] == [-slowed[0, 0], 1.0]
     assert slowed[2].tolist() == velocity[2].tolist()
-    kept = kept_off_road(np.array([[6.9, 30.0], [-30.0, -6.9]]), pavement, np.ones(2, dtype=bool))
+    kept = keep_off_road(np.array([[6.9, 30.0], [-30.0, -6.9]]), pavement, np.ones(2, dtype=bool))
     np.testing.assert_allclose(kept, [[7.35, 30.0], [-30.0, -7.35]])

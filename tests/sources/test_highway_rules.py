@@ -9,15 +9,14 @@ import pytest
 from shapely.geometry import Polygon
 
 from mtp_bench.geometry import bev_corners
-from mtp_bench.sources.highway.conflicts import Passage, Zone, passages
-from mtp_bench.sources.highway.following import Leaders, braking, steering, sweep
-from mtp_bench.sources.highway.networks import build
-from mtp_bench.sources.highway.population import Driver, draw_profile
-from mtp_bench.sources.highway.right_of_way import RightOfWay, Walk
-from mtp_bench.sources.highway.routes import NOWHERE, tabulate
+from mtp_bench.sources.highway.conflicts import ConflictZone, Passage, find_passages
+from mtp_bench.sources.highway.driving import Leaders, braking, observe, steering_angles, swept_sides
+from mtp_bench.sources.highway.lanes import NO_LANE, route_table
+from mtp_bench.sources.highway.networks import build_map
+from mtp_bench.sources.highway.right_of_way import CrossingPedestrian, RightOfWay
 from mtp_bench.sources.highway.simulate import overlapping
-from mtp_bench.sources.highway.social_force import APART, eased, kept_apart, kept_out, social_force
-from mtp_bench.sources.highway.state import observe
+from mtp_bench.sources.highway.vehicles import Driver, draw_traits
+from mtp_bench.sources.highway.walking import APART, keep_out_of_vehicles, push_apart, slow_before_others, social_force
 from mtp_bench.sources.highway.world import ScenarioName
 from mtp_bench.types import Floats
 
@@ -26,7 +25,7 @@ SCENARIOS: tuple[ScenarioName, ...] = ("intersection", "roundabout", "merge", "h
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_lane_coordinates_are_those_of_highway_env(scenario: ScenarioName) -> None:
-    geometry = build(scenario, 5.0).geometry
+    geometry = build_map(scenario, 5.0).geometry
     points = np.random.default_rng(0).uniform(-60.0, 60.0, (20, 2))
     s, d = geometry.coordinates(points)
     for k, lane in enumerate(geometry.lanes):
@@ -38,9 +37,9 @@ def test_lane_coordinates_are_those_of_highway_env(scenario: ScenarioName) -> No
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_lanes_of_a_route_join_without_a_kink(scenario: ScenarioName) -> None:
-    town = build(scenario, 5.0)
-    table, lanes = tabulate(town.routes, town.geometry), town.geometry.lanes
-    for r, k in np.argwhere(table.following != NOWHERE):
+    road_map = build_map(scenario, 5.0)
+    table, lanes = route_table(road_map.routes, road_map.geometry), road_map.geometry.lanes
+    for r, k in np.argwhere(table.following != NO_LANE):
         before, after = lanes[k], lanes[table.following[r, k]]
         np.testing.assert_allclose(before.position(before.length, 0.0), after.position(0.0, 0.0), atol=1e-6)
         turn = before.heading_at(before.length) - after.heading_at(0.0)
@@ -48,19 +47,19 @@ def test_lanes_of_a_route_join_without_a_kink(scenario: ScenarioName) -> None:
 
 
 def test_who_leaves_the_highway_counts_lanes_to_the_exit() -> None:
-    town = build("highway", 5.0)
-    table, number = tabulate(town.routes, town.geometry), town.geometry.number
-    leaving = next(r for r, route in enumerate(town.routes) if route.otherwise != NOWHERE)
-    assert [table.hops[leaving, number["a", "b", k]] for k in range(3)] == [3, 2, 1]
-    assert [table.hops[leaving, number["b", "c", k]] for k in range(4)] == [3, 2, 1, 0]
+    road_map = build_map("highway", 5.0)
+    table, number = route_table(road_map.routes, road_map.geometry), road_map.geometry.number
+    leaving = next(r for r, route in enumerate(road_map.routes) if route.otherwise != NO_LANE)
+    assert [table.changes[leaving, number["a", "b", k]] for k in range(3)] == [3, 2, 1]
+    assert [table.changes[leaving, number["b", "c", k]] for k in range(4)] == [3, 2, 1, 0]
     assert table.room[leaving, number["b", "c", 0]] == pytest.approx(200.0)
     assert np.isinf(table.room[leaving, number["b", "c", 3]])
 
 
 def _passages() -> dict[tuple[str, str, int], Passage]:
-    town = build("intersection", 5.0)
-    found = passages(town, tabulate(town.routes, town.geometry))
-    index = [[town.geometry.index[road[0]] for road in route.roads] for route in town.routes]
+    road_map = build_map("intersection", 5.0)
+    found = find_passages(road_map, route_table(road_map.routes, road_map.geometry))
+    index = [[road_map.geometry.index[road[0]] for road in route.roads] for route in road_map.routes]
     return {(lanes[0][0], lanes[-1][1], lanes[0][2]): p for lanes, p in zip(index, found, strict=True)}
 
 
@@ -69,7 +68,7 @@ def test_conflicts_of_the_intersection() -> None:
     every = _passages()
     names = list(every)
 
-    def zones(a: tuple[str, str, int], b: tuple[str, str, int]) -> tuple[Zone, ...]:
+    def zones(a: tuple[str, str, int], b: tuple[str, str, int]) -> tuple[ConflictZone, ...]:
         return every[a].zones.get(names.index(b), ())
 
     straight, oncoming = ("o0", "x2", 0), ("o2", "x0", 0)
@@ -79,11 +78,11 @@ def test_conflicts_of_the_intersection() -> None:
     assert [zone.merging for zone in zones(("o0", "x1", 0), ("o3", "x1", 0))] == [True]
     for a in names:
         for b in names:
-            mirrored = [Zone(z.other_start, z.other_end, z.start, z.end, z.merging) for z in zones(b, a)]
+            mirrored = [ConflictZone(z.other_start, z.other_end, z.start, z.end, z.merging) for z in zones(b, a)]
             assert list(zones(a, b)) == mirrored
     for passage in every.values():
-        assert len(passage.stripes) == 2
-        assert passage.line < passage.stripes[0].start < passage.stripes[1].end <= passage.end
+        assert len(passage.stretches) == 2
+        assert passage.line < passage.stretches[0].start < passage.stretches[1].end <= passage.end
 
 
 def test_overlap_against_polygons() -> None:
@@ -100,9 +99,9 @@ def test_overlap_against_polygons() -> None:
 
 def test_sweep_of_a_straight_lane_and_of_a_bend() -> None:
     length, width, base = np.array([12.0]), np.array([2.5]), np.array([6.0])
-    outer, inner = sweep(length, width, base, np.array([np.inf]))
+    outer, inner = swept_sides(length, width, base, np.array([np.inf]))
     assert outer == inner == 1.25
-    outer, inner = sweep(length, width, base, np.array([15.0]))
+    outer, inner = swept_sides(length, width, base, np.array([15.0]))
     assert outer > 2.5
     assert 1.25 < inner < 2.0
 
@@ -119,26 +118,26 @@ def test_the_model_brakes_harder_for_who_is_nearer_or_slower() -> None:
 
 def test_first_come_first_served() -> None:
     """Two lanes that cross: who is nearer gets the right to pass, the other one stops at its line."""
-    town = build("intersection", 5.0)
-    table = tabulate(town.routes, town.geometry)
-    every = passages(town, table)
+    road_map = build_map("intersection", 5.0)
+    table = route_table(road_map.routes, road_map.geometry)
+    every = find_passages(road_map, table)
     assert 5 in every[0].zones  # route 0: arm 0 to the left, route 5: arm 1 straight on
-    profile = draw_profile(False, np.random.default_rng(0))
+    profile = draw_traits(False, np.random.default_rng(0))
     vehicles = []
     for number, (route, at) in enumerate(((0, 90.0), (5, 80.0))):
-        lane = town.routes[route].roads[0][0]
-        way = town.geometry.lanes[lane]
+        lane = road_map.routes[route].roads[0][0]
+        way = road_map.geometry.lanes[lane]
         vehicle = Driver(None, way.position(at, 0.0), way.heading_at(at), 6.0, profile, number)
         vehicle.route, vehicle.lane_number = route, lane
         vehicles.append(vehicle)
-    state = observe(vehicles, town, table, np.empty((0, 2)), np.empty((0, 2)))
+    state = observe(vehicles, road_map, table, np.empty((0, 2)), np.empty((0, 2)))
     ahead = Leaders(np.full(2, np.inf), np.zeros(2))
     rules = RightOfWay(every, first_in_first_out=True)
     stop = rules.update(state, ahead, [], set(), 0.0)
     assert np.isinf(stop[0])
     assert stop[1] == pytest.approx(every[5].line - 80.0 - profile.length / 2)
     rules = RightOfWay(every, first_in_first_out=True)
-    someone = Walk(every[0].stripes[0].crossing, every[0].stripes[0].across, 1.0, 1.2)
+    someone = CrossingPedestrian(every[0].stretches[0].crossing, every[0].stretches[0].across, 1.0, 1.2)
     assert np.isfinite(rules.update(state, ahead, [someone], set(), 0.0)[0])
     assert rules.free_to_walk(someone)
     rules = RightOfWay(every, first_in_first_out=True)
@@ -151,7 +150,7 @@ def test_first_come_first_served() -> None:
 def test_people_keep_apart() -> None:
     place: Floats = np.random.default_rng(2).uniform(-1.0, 1.0, (4, 2))
     for _ in range(60):
-        place = kept_apart(place)
+        place = push_apart(place)
     gap = np.hypot(*(place[:, None] - place).transpose(2, 0, 1)) + 10 * np.eye(4)
     assert gap.min() > APART - 1e-3
 
@@ -160,8 +159,8 @@ def test_nobody_steps_against_a_vehicle() -> None:
     bus = np.array([[0.0, 0.0, 1.5, 0.0, 12.0, 2.5, 3.0]])
     place = np.array([[0.0, 2.0], [0.0, 5.0]])
     moved = np.array([[0.0, 1.5], [0.0, 4.5]])
-    np.testing.assert_array_equal(kept_out(place, moved, bus), [[0.0, 2.0], [0.0, 4.5]])
-    np.testing.assert_array_equal(kept_out(moved, place, bus), place)  # going away is free
+    np.testing.assert_array_equal(keep_out_of_vehicles(place, moved, bus), [[0.0, 2.0], [0.0, 4.5]])
+    np.testing.assert_array_equal(keep_out_of_vehicles(moved, place, bus), place)  # going away is free
 
 
 def test_who_meets_gives_way_and_who_is_alone_does_not() -> None:
@@ -175,33 +174,33 @@ def test_who_meets_gives_way_and_who_is_alone_does_not() -> None:
 
 def test_who_comes_can_stop_before_somebody_and_who_follows_need_not() -> None:
     place, none = np.array([[0.0, 0.0], [1.0, 0.0]]), np.empty((0, 7))
-    towards = eased(place, np.array([[1.3, 0.0], [-1.3, 0.0]]), none, 0.1)
+    towards = slow_before_others(place, np.array([[1.3, 0.0], [-1.3, 0.0]]), none, 0.1)
     np.testing.assert_allclose(towards[:, 0], [0.5, -0.5])  # 1 m/s together: 0.2 m at 2.5 m/s2
     behind = np.array([[1.3, 0.0], [1.3, 0.0]])
-    np.testing.assert_array_equal(eased(place, behind, none, 0.1), behind)
+    np.testing.assert_array_equal(slow_before_others(place, behind, none, 0.1), behind)
 
 
 def test_steering_turns_no_faster_than_a_hand() -> None:
-    town = build("roundabout", 5.0)
-    table = tabulate(town.routes, town.geometry)
-    lane = town.routes[0].roads[0][0]
-    profile = draw_profile(False, np.random.default_rng(0))
-    vehicle = Driver(None, town.geometry.lanes[lane].position(20.0, 1.5), 0.0, 8.0, profile, 0)  # across the road
+    road_map = build_map("roundabout", 5.0)
+    table = route_table(road_map.routes, road_map.geometry)
+    lane = road_map.routes[0].roads[0][0]
+    profile = draw_traits(False, np.random.default_rng(0))
+    vehicle = Driver(None, road_map.geometry.lanes[lane].position(20.0, 1.5), 0.0, 8.0, profile, 0)  # across the road
     vehicle.route, vehicle.lane_number = 0, lane
-    state = observe([vehicle], town, table, np.empty((0, 2)), np.empty((0, 2)))
+    state = observe([vehicle], road_map, table, np.empty((0, 2)), np.empty((0, 2)))
     angle: list[Floats] = [np.zeros(1)]
     for _ in range(30):
-        angle.append(steering(state, town.geometry, table, angle[-1], 0.1))
+        angle.append(steering_angles(state, road_map.geometry, table, angle[-1], 0.1))
     step = np.abs(np.diff(angle, axis=0))
     assert 0.04 < step.max() < 0.0605
     assert step[-1] == 0.0
 
 
 def test_who_has_waited_long_goes_before_people_who_have_just_come() -> None:
-    town = build("intersection", 5.0)
-    every = passages(town, tabulate(town.routes, town.geometry))
-    crossing = every[0].stripes[0].crossing
-    rules = RightOfWay(every, first_in_first_out=True, _wanted=[crossing])
-    assert not rules.free_to_walk(Walk(crossing, 0.0, 1.0, 1.2, patient=True))
-    assert rules.free_to_walk(Walk(crossing, 0.0, 1.0, 1.2, patient=False))
-    assert rules.free_to_walk(Walk((crossing + 1) % 4, 0.0, 1.0, 1.2, patient=True))
+    road_map = build_map("intersection", 5.0)
+    every = find_passages(road_map, route_table(road_map.routes, road_map.geometry))
+    crossing = every[0].stretches[0].crossing
+    rules = RightOfWay(every, first_in_first_out=True, _claimed=[crossing])
+    assert not rules.free_to_walk(CrossingPedestrian(crossing, 0.0, 1.0, 1.2, patient=True))
+    assert rules.free_to_walk(CrossingPedestrian(crossing, 0.0, 1.0, 1.2, patient=False))
+    assert rules.free_to_walk(CrossingPedestrian((crossing + 1) % 4, 0.0, 1.0, 1.2, patient=True))

@@ -158,14 +158,14 @@ def test_secret_worlds_lie_apart_and_nobody_else_lists_them() -> None:
 
 def test_a_cache_that_cannot_be_written_is_no_reason_to_stop(made: list[int], tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("in the way")
-    with pytest.warns(RuntimeWarning, match="cannot be kept in"):
+    with pytest.warns(RuntimeWarning, match="cannot be stored in"):
         got = WorldStore(TRAFFIC).get(5)
     assert same(got, replace(world(5), visible=got.visible))
 
 
 def test_many_scenes_are_not_generated_for_nothing(made: list[int], tmp_path: Path) -> None:
     (tmp_path / "cache").write_text("in the way")
-    with pytest.raises(DataError, match=r"generated scenes cannot be kept in .* MTP_BENCH_CACHE names another folder"):
+    with pytest.raises(DataError, match=r"generated scenes cannot be stored in .* set MTP_BENCH_CACHE to another"):
         prepare(card())
     assert made == []
 

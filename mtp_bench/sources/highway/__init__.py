@@ -1,8 +1,7 @@
 """Traffic simulated on highway-env's roads, one scene per seed."""
 
 from ..base import SourcePackage
-from .source import HighwayTraffic, generate
-from .status import DATASET, highway_status
+from .source import DATASET, HighwayTraffic, generate, highway_status
 
 PACKAGE = SourcePackage(
     open=HighwayTraffic,

@@ -1,4 +1,4 @@
-"""The four road maps: lanes, routes and crossings, built of highway-env's lane classes; its frame, y points down."""
+"""Road maps of the four scenarios: lanes, routes, crossings and kerbs, in highway-env's frame (y down)."""
 
 from __future__ import annotations
 
@@ -11,18 +11,29 @@ from highway_env.road.lane import CircularLane, SineLane, StraightLane
 from highway_env.road.road import RoadNetwork
 
 from ...types import Floats
-from . import plans
-from .lane_geometry import LaneGeometry
-from .routes import Route
-from .world import ScenarioName
+from .lanes import LaneGeometry, Route
+from .world import (
+    APPROACH,
+    ARM_WEIGHTS,
+    BEND_LIMITS,
+    ENTRY_RADIUS,
+    QUARTER_WEIGHTS,
+    RING_RADIUS,
+    ROUNDABOUT_LIMITS,
+    STREET_LIMIT,
+    STRIP,
+    TURN_WEIGHTS,
+    ScenarioName,
+)
 
-WIDTH = 3.5  # m, of a lane
-ROUND_WIDTH = 4.5  # m, of the lanes of the roundabout
-ISLAND = 4.5  # m, from the middle of an arm of the roundabout to the middle of its lanes
-RIGHT_RADIUS = 9.0  # m, of the intersection's right turns
-ZEBRA = (1.0, 4.0)  # m, from the junction's mouth to the near and the far edge of a crossing
-RAMP_SWING = 3.25  # m, half of the sideways way of a ramp
-NO_PARKING = (10.0, 5.0)  # m, at the junction's and at the other end of an arm
+_WIDTH = 3.5  # m, of a lane
+_LANES = 2  # of each direction of the intersection
+_ROUND_WIDTH = 4.5  # m, of the lanes of the roundabout
+_ISLAND = 4.5  # m, from the middle of an arm of the roundabout to the middle of its lanes
+_RIGHT_RADIUS = 9.0  # m, of the intersection's right turns
+_ZEBRA = (1.0, 4.0)  # m, from the junction's mouth to the near and the far edge of a crossing
+_RAMP_SWING = 3.25  # m, half of the lateral shift of a ramp
+_NO_PARKING = (10.0, 5.0)  # m, at the junction's and at the other end of an arm
 
 
 @dataclass(frozen=True)
@@ -37,7 +48,7 @@ class Crossing:
 
 @dataclass(frozen=True)
 class Pavement:
-    """Where people walk beside two roads that cross at (0, 0) along the axes; their kerbs bend around the corners."""
+    """Pavement beside two roads that cross at (0, 0) along the axes; the kerbs bend around the corners."""
 
     corner: float  # m, the middle of a kerb's bend is at (+-corner, +-corner)
     radius: float  # m, of the bend
@@ -45,13 +56,13 @@ class Pavement:
 
     @property
     def kerb(self) -> float:
-        """Metres from the middle of a road to its straight kerbs."""
+        """Distance in m from the middle of a road to its straight kerbs."""
         return self.corner - self.radius
 
 
 @dataclass(frozen=True)
 class Kerb:
-    """A straight kerb on the right of those who drive from ``start`` in ``direction``, where cars park."""
+    """A straight kerb to the right of the way from ``start`` in ``direction``, where cars park."""
 
     start: tuple[float, float]
     direction: tuple[float, float]
@@ -60,7 +71,7 @@ class Kerb:
 
 @dataclass(frozen=True, eq=False)
 class RoadMap:
-    """A network with the ways through it."""
+    """A road network with its routes."""
 
     network: Any  # a RoadNetwork
     geometry: LaneGeometry
@@ -69,13 +80,13 @@ class RoadMap:
     sensor: tuple[float, float, float]  # x, y, z of a roadside sensor
     regulated: bool  # vehicles give way by conflicts of routes
     overtaking: bool  # vehicles change lanes
-    first_in_first_out: bool  # False: also in front of somebody who is far away
+    first_in_first_out: bool  # False: vehicles may also go before one that is far away
     pavement: Pavement | None = None
     kerbs: tuple[Kerb, ...] = ()
 
 
-def build(scenario: ScenarioName, seconds: float) -> RoadMap:
-    """The map of ``scenario``; fast roads are long enough that somebody stays on them for ``seconds``."""
+def build_map(scenario: ScenarioName, seconds: float) -> RoadMap:
+    """Build the map of ``scenario``; fast roads are long enough for a vehicle to stay on them for ``seconds``."""
     if scenario == "intersection":
         return _intersection()
     if scenario == "roundabout":
@@ -88,42 +99,42 @@ def _turned(corner: int, x: float, y: float) -> Floats:
     return np.array([cos * x - sin * y, sin * x + cos * y], dtype=np.float64)
 
 
-def _intersection(lanes: int = 2) -> RoadMap:
-    network = RoadNetwork()
-    outermost = WIDTH * (lanes - 0.5)
-    mouth = outermost + RIGHT_RADIUS
+def _intersection() -> RoadMap:
+    network, lanes = RoadNetwork(), _LANES
+    outermost = _WIDTH * (lanes - 0.5)
+    mouth = outermost + _RIGHT_RADIUS
     for arm in range(4):
-        _intersection_arm(network, arm, lanes, mouth)
-    table = LaneGeometry(network)
+        _intersection_arm(network, arm, mouth)
+    geometry = LaneGeometry(network)
     routes = []
     for arm in range(4):
         into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
         for to, places, turn, heavy in (
-            (left, (0,), plans.TURNS[0], False),
-            (ahead, tuple(range(lanes)), plans.TURNS[1], True),
-            (right, (lanes - 1,), plans.TURNS[2], False),
+            (left, (0,), TURN_WEIGHTS[0], False),
+            (ahead, tuple(range(lanes)), TURN_WEIGHTS[1], True),
+            (right, (lanes - 1,), TURN_WEIGHTS[2], False),
         ):
             for k in places:
                 within = k if heavy else 0  # a turn has a single lane
                 indices = ((f"o{arm}", into, k), (into, to, within), (to, "x" + to[1], k))
-                weight = plans.ARMS[arm] * turn / len(places)
-                routes.append(Route(tuple((table.number[i],) for i in indices), weight, heavy))
-    half = WIDTH * lanes
-    middle = mouth + sum(ZEBRA) / 2
+                weight = ARM_WEIGHTS[arm] * turn / len(places)
+                routes.append(Route(tuple((geometry.number[i],) for i in indices), weight, heavy))
+    half = _WIDTH * lanes
+    middle = mouth + sum(_ZEBRA) / 2
     crossings = tuple(
-        Crossing((float(o[0]), float(o[1])), (float(u[0]), float(u[1])), span=2 * half, width=ZEBRA[1] - ZEBRA[0])
+        Crossing((float(o[0]), float(o[1])), (float(u[0]), float(u[1])), span=2 * half, width=_ZEBRA[1] - _ZEBRA[0])
         for o, u in ((_turned(arm, -half, middle), _turned(arm, 1.0, 0.0)) for arm in range(4))
     )
-    corner = mouth + plans.STRIP + 2.0  # behind the sidewalks, so that nobody stands right in front of the sensor
-    pavement = Pavement(mouth, mouth - half, plans.STRIP)
+    corner = mouth + STRIP + 2.0  # behind the sidewalks, so that no person stands right in front of the sensor
+    pavement = Pavement(mouth, mouth - half, STRIP)
     sensor = (corner, corner, 4.0)
-    kerbs = _kerbs(half + plans.STRIP, mouth, plans.APPROACH)
-    return RoadMap(network, table, tuple(routes), crossings, sensor, True, False, True, pavement, kerbs)
+    kerbs = _kerbs(half + STRIP, mouth)
+    return RoadMap(network, geometry, tuple(routes), crossings, sensor, True, False, True, pavement, kerbs)
 
 
-def _kerbs(aside: float, mouth: float, approach: float) -> tuple[Kerb, ...]:
+def _kerbs(aside: float, mouth: float) -> tuple[Kerb, ...]:
     """Both kerbs of every arm, ``aside`` m from its middle; the arm begins ``mouth`` m from that of the junction."""
-    near, far = mouth + NO_PARKING[0], mouth + approach - NO_PARKING[1]
+    near, far = mouth + _NO_PARKING[0], mouth + APPROACH - _NO_PARKING[1]
     found = []
     for arm in range(4):
         for start, along in (((aside, far), -1.0), ((-aside, near), 1.0)):
@@ -132,26 +143,26 @@ def _kerbs(aside: float, mouth: float, approach: float) -> tuple[Kerb, ...]:
     return tuple(found)
 
 
-def _intersection_arm(network: Any, arm: int, lanes: int, mouth: float) -> None:
-    quarter = np.pi / 2 * arm
+def _intersection_arm(network: Any, arm: int, mouth: float) -> None:
+    quarter, lanes = np.pi / 2 * arm, _LANES
     into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
-    inner, outer = WIDTH / 2, WIDTH * (lanes - 0.5)
+    inner, outer = _WIDTH / 2, _WIDTH * (lanes - 0.5)
     for k in range(lanes):
-        x = WIDTH * (k + 0.5)
-        start, end, over = _turned(arm, x, mouth + plans.APPROACH), _turned(arm, x, mouth), _turned(arm, x, -mouth)
-        network.add_lane(f"o{arm}", into, StraightLane(start, end, WIDTH, speed_limit=plans.STREET))
-        network.add_lane(into, ahead, StraightLane(end, over, WIDTH, speed_limit=plans.STREET))
-        start, end = _turned(arm, -x, mouth), _turned(arm, -x, mouth + plans.APPROACH)
-        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, WIDTH, speed_limit=plans.STREET))
+        x = _WIDTH * (k + 0.5)
+        start, end, over = _turned(arm, x, mouth + APPROACH), _turned(arm, x, mouth), _turned(arm, x, -mouth)
+        network.add_lane(f"o{arm}", into, StraightLane(start, end, _WIDTH, speed_limit=STREET_LIMIT))
+        network.add_lane(into, ahead, StraightLane(end, over, _WIDTH, speed_limit=STREET_LIMIT))
+        start, end = _turned(arm, -x, mouth), _turned(arm, -x, mouth + APPROACH)
+        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, _WIDTH, speed_limit=STREET_LIMIT))
     right_arc = _arc(
-        _turned(arm, mouth, mouth), mouth - outer, (quarter + np.pi, quarter + 1.5 * np.pi), plans.BENDS[1]
+        _turned(arm, mouth, mouth), mouth - outer, (quarter + np.pi, quarter + 1.5 * np.pi), BEND_LIMITS[1]
     )
-    left_arc = _arc(_turned(arm, -mouth, mouth), mouth + inner, (quarter, quarter - np.pi / 2), plans.BENDS[0])
+    left_arc = _arc(_turned(arm, -mouth, mouth), mouth + inner, (quarter, quarter - np.pi / 2), BEND_LIMITS[0])
     network.add_lane(into, right, right_arc)
     network.add_lane(into, left, left_arc)
 
 
-def _arc(center: Floats, radius: float, phases: tuple[float, float], limit: float, width: float = WIDTH) -> Any:
+def _arc(center: Floats, radius: float, phases: tuple[float, float], limit: float, width: float = _WIDTH) -> Any:
     return CircularLane(center, radius, *phases, clockwise=phases[1] > phases[0], width=width, speed_limit=limit)
 
 
@@ -159,56 +170,56 @@ def _roundabout() -> RoadMap:
     network = RoadNetwork()
     for arm in range(4):
         _roundabout_arm(network, arm)
-    table = LaneGeometry(network)
+    geometry = LaneGeometry(network)
     ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
     routes = []
     for arm in range(4):
-        for quarters, share in zip((1, 2, 3), plans.QUARTERS, strict=True):
+        for quarters, share in zip((1, 2, 3), QUARTER_WEIGHTS, strict=True):
             out = (arm - quarters) % 4
             first = ring.index(f"n{arm}")
             nodes = [f"o{arm}", f"a{arm}", *(ring[(first + k) % 8] for k in range(2 * quarters)), f"z{out}", f"x{out}"]
-            weight = plans.ARMS[arm] * share
-            routes.append(Route(tuple((table.number[a, b, 0],) for a, b in pairwise(nodes)), weight, heavy=True))
-    kerbs = _kerbs(ISLAND + ROUND_WIDTH / 2 + plans.STRIP, _mouth(), plans.APPROACH)
-    return RoadMap(network, table, tuple(routes), (), (0.0, 0.0, 4.0), True, False, False, None, kerbs)
+            weight = ARM_WEIGHTS[arm] * share
+            routes.append(Route(tuple((geometry.number[a, b, 0],) for a, b in pairwise(nodes)), weight, heavy=True))
+    kerbs = _kerbs(_ISLAND + _ROUND_WIDTH / 2 + STRIP, _mouth())
+    return RoadMap(network, geometry, tuple(routes), (), (0.0, 0.0, 4.0), True, False, False, None, kerbs)
 
 
 def _mouth() -> float:
-    """Metres from the middle of the roundabout to where its arms are straight."""
-    return float(np.sqrt((plans.RING + plans.ENTRY) ** 2 - (ISLAND + plans.ENTRY) ** 2))
+    """Distance in m from the middle of the roundabout to the straight part of its arms."""
+    return float(np.sqrt((RING_RADIUS + ENTRY_RADIUS) ** 2 - (_ISLAND + ENTRY_RADIUS) ** 2))
 
 
 def _roundabout_arm(network: Any, arm: int) -> None:
-    aside, away = ISLAND + plans.ENTRY, _mouth()
-    into, ring, out = plans.AROUND
+    aside, away = _ISLAND + ENTRY_RADIUS, _mouth()
+    into, ring, out = ROUNDABOUT_LIMITS
     angle = float(np.arctan2(away, aside))  # where the entry touches the ring; the exit mirrors it
     quarter = np.pi / 2 * arm
 
     def straight(start: tuple[float, float], end: tuple[float, float]) -> Any:
-        return StraightLane(_turned(arm, *start), _turned(arm, *end), ROUND_WIDTH, speed_limit=plans.STREET)
+        return StraightLane(_turned(arm, *start), _turned(arm, *end), _ROUND_WIDTH, speed_limit=STREET_LIMIT)
 
     def arc(center: tuple[float, float], radius: float, start: float, end: float, limit: float) -> Any:
-        return _arc(_turned(arm, *center), radius, (quarter + start, quarter + end), limit, ROUND_WIDTH)
+        return _arc(_turned(arm, *center), radius, (quarter + start, quarter + end), limit, _ROUND_WIDTH)
 
-    network.add_lane(f"o{arm}", f"a{arm}", straight((ISLAND, away + plans.APPROACH), (ISLAND, away)))
-    network.add_lane(f"a{arm}", f"n{arm}", arc((aside, away), plans.ENTRY, np.pi, np.pi + angle, into))
-    network.add_lane(f"e{arm}", f"z{arm}", arc((-aside, away), plans.ENTRY, -angle, 0.0, out))
-    network.add_lane(f"z{arm}", f"x{arm}", straight((-ISLAND, away), (-ISLAND, away + plans.APPROACH)))
-    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc((0.0, 0.0), plans.RING, angle, np.pi / 2 - angle, ring))
-    network.add_lane(f"e{arm}", f"n{arm}", arc((0.0, 0.0), plans.RING, np.pi - angle, angle, ring))
+    network.add_lane(f"o{arm}", f"a{arm}", straight((_ISLAND, away + APPROACH), (_ISLAND, away)))
+    network.add_lane(f"a{arm}", f"n{arm}", arc((aside, away), ENTRY_RADIUS, np.pi, np.pi + angle, into))
+    network.add_lane(f"e{arm}", f"z{arm}", arc((-aside, away), ENTRY_RADIUS, -angle, 0.0, out))
+    network.add_lane(f"z{arm}", f"x{arm}", straight((-_ISLAND, away), (-_ISLAND, away + APPROACH)))
+    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc((0.0, 0.0), RING_RADIUS, angle, np.pi / 2 - angle, ring))
+    network.add_lane(f"e{arm}", f"n{arm}", arc((0.0, 0.0), RING_RADIUS, np.pi - angle, angle, ring))
 
 
 def _parallel(network: Any, road: tuple[str, str], x: tuple[float, float], lanes: range, limit: float) -> None:
     for k in lanes:
-        start, end = (x[0], k * WIDTH), (x[1], k * WIDTH)
-        network.add_lane(*road, StraightLane(start, end, WIDTH, speed_limit=limit))
+        start, end = (x[0], k * _WIDTH), (x[1], k * _WIDTH)
+        network.add_lane(*road, StraightLane(start, end, _WIDTH, speed_limit=limit))
 
 
 def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> SineLane:
-    middle = y + RAMP_SWING
+    middle = y + _RAMP_SWING
     phase = np.pi / 2 if approaching else -np.pi / 2
     pulsation = np.pi / (x[1] - x[0])
-    return SineLane((x[0], middle), (x[1], middle), RAMP_SWING, pulsation, phase, WIDTH, speed_limit=limit)
+    return SineLane((x[0], middle), (x[1], middle), _RAMP_SWING, pulsation, phase, _WIDTH, speed_limit=limit)
 
 
 def _merge(seconds: float) -> RoadMap:
@@ -218,16 +229,16 @@ def _merge(seconds: float) -> RoadMap:
     _parallel(network, ("a", "b"), (0.0, joined), range(lanes), 25.0)
     _parallel(network, ("b", "c"), (joined, narrow), range(lanes + 1), 25.0)
     _parallel(network, ("c", "d"), (narrow, total), range(lanes), 25.0)
-    y = lanes * WIDTH
-    far = y + 2 * RAMP_SWING
-    network.add_lane("j", "k", StraightLane((0.0, far), (bend, far), WIDTH, speed_limit=20.0))
+    y = lanes * _WIDTH
+    far = y + 2 * _RAMP_SWING
+    network.add_lane("j", "k", StraightLane((0.0, far), (bend, far), _WIDTH, speed_limit=20.0))
     network.add_lane("k", "b", _ramp((bend, joined), y, True, 20.0))
-    table = LaneGeometry(network)
-    main, beside, after = (tuple(table.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
-    extra = table.number["b", "c", lanes]
-    entry = ((table.number["j", "k", 0],), (table.number["k", "b", 0],))
+    geometry = LaneGeometry(network)
+    main, beside, after = (tuple(geometry.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
+    extra = geometry.number["b", "c", lanes]
+    entry = ((geometry.number["j", "k", 0],), (geometry.number["k", "b", 0],))
     routes = (Route((main, beside, after), 0.7), Route((*entry, (*beside, extra), after), 0.3))
-    return RoadMap(network, table, routes, (), ((joined + narrow) / 2, -7.0, 4.0), False, True, True)
+    return RoadMap(network, geometry, routes, (), ((joined + narrow) / 2, -7.0, 4.0), False, True, True)
 
 
 def _highway(seconds: float) -> RoadMap:
@@ -237,13 +248,13 @@ def _highway(seconds: float) -> RoadMap:
     _parallel(network, ("a", "b"), (0.0, wide), range(lanes), 28.0)
     _parallel(network, ("b", "c"), (wide, split), range(lanes + 1), 28.0)
     _parallel(network, ("c", "d"), (split, total), range(lanes), 28.0)
-    y = lanes * WIDTH
-    far, parted = y + 2 * RAMP_SWING, split + 90.0
+    y = lanes * _WIDTH
+    far, parted = y + 2 * _RAMP_SWING, split + 90.0
     network.add_lane("c", "e", _ramp((split, parted), y, False, 22.0))
-    network.add_lane("e", "f", StraightLane((parted, far), (total, far), WIDTH, speed_limit=20.0))
-    table = LaneGeometry(network)
-    main, beside, after = (tuple(table.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
-    out = ((table.number["c", "e", 0],), (table.number["e", "f", 0],))
-    leaving = (main, (*beside, table.number["b", "c", lanes]), *out)
+    network.add_lane("e", "f", StraightLane((parted, far), (total, far), _WIDTH, speed_limit=20.0))
+    geometry = LaneGeometry(network)
+    main, beside, after = (tuple(geometry.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
+    out = ((geometry.number["c", "e", 0],), (geometry.number["e", "f", 0],))
+    leaving = (main, (*beside, geometry.number["b", "c", lanes]), *out)
     routes = (Route((main, beside, after), 0.75), Route(leaving, 0.25, otherwise=0))
-    return RoadMap(network, table, routes, (), (split, -7.0, 4.0), False, True, True)
+    return RoadMap(network, geometry, routes, (), (split, -7.0, 4.0), False, True, True)

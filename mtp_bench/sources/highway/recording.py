@@ -1,4 +1,4 @@
-"""Frames of a run, turned into a world: right-handed with z up, where highway-env's y points down."""
+"""Recording of the frames of a run as a world: right-handed with z up, while highway-env's y points down."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import numpy as np
 from ...geometry import wrap_angle
 from ...types import Floats, Ints, Lane, Truth, starts_of_sorted
 from .pedestrians import Crowd
-from .population import Driver
+from .vehicles import Driver
 from .world import CLASSES, RATE, World
 
 _EGO_HEIGHT = 1.7  # m
 _PEOPLE_FROM, _PARKED_FROM = 1_000_000, 2_000_000  # numbers of people and parked cars follow those of drivers
-_PICK_FROM = 3  # the ego is one of the best
-_FAR, _NEAR = 0.6, 60.0  # share of the longest way that an ego goes, m around it where others count
+_BEST = 3  # candidates among which the ego is drawn
+_FAR, _NEAR = 0.6, 60.0  # least share of the longest way; m around the ego within which objects count
 _LARGEST_ANGLE = 3.141592  # rad, of six decimals
 _NO_EGO = (CLASSES.index("motorcycle"), CLASSES.index("pedestrian"))
 _COLUMNS = 12  # x y z yaw l w h, velocity x y, class, number, frame
 
 
 class Recording:
-    """Boxes, velocities, classes and numbers of all frames so far."""
+    """Recorded boxes, velocities, classes and numbers, frame by frame."""
 
     def __init__(self, frames: int, parked: Floats) -> None:
         """``parked`` ``[K, 7]``: boxes of cars that never move."""
@@ -30,9 +30,9 @@ class Recording:
         self._rows: list[Floats] = []
 
     def add(self, vehicles: Sequence[Driver], vehicle_boxes: Floats, crowd: Crowd, people: Floats) -> None:
-        """Appends a frame: boxes ``[N, 7]`` and ``[M, 7]`` in highway-env's frame."""
+        """Append a frame: boxes ``[N, 7]`` of vehicles and ``[M, 7]`` of people in highway-env's frame."""
         box = np.concatenate([vehicle_boxes, people])
-        classes = [v.profile.class_id for v in vehicles] + [CLASSES.index("pedestrian")] * len(people)
+        classes = [v.traits.class_id for v in vehicles] + [CLASSES.index("pedestrian")] * len(people)
         numbers = [v.number for v in vehicles] + [_PEOPLE_FROM + p.number for p in crowd.people]
         frame = np.full(len(box), len(self._rows))
         self._rows.append(np.column_stack([box, _velocity(vehicles, crowd), classes, numbers, frame]))
@@ -41,7 +41,7 @@ class Recording:
         self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rejected: tuple[str, ...],
         rng: np.random.Generator,
     ) -> World | str:  # fmt: skip
-        """The world; ``sensor``: x y z of a fixed one, None: on a vehicle. The word "no_ego" if there is no such."""
+        """The world; ``sensor``: x y z of a fixed one, None: on a vehicle. "no_ego" if no vehicle can carry it."""
         rows = np.concatenate([np.empty((0, _COLUMNS)), *self._rows, self._parked_rows()])
         rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
         rows[:, [1, 3, 8]] *= -1.0
@@ -67,7 +67,7 @@ class Recording:
         return np.column_stack([np.tile(rows, (self._frames, 1)), frame]).astype(np.float64)
 
     def _ego(self, rows: Floats, rng: np.random.Generator) -> int | None:
-        """A vehicle that is there in all frames, goes far and has many others around it."""
+        """Number of a vehicle that is present in all frames, drives far and has many objects around it."""
         drives = ~np.isin(rows[:, 9], _NO_EGO) & (rows[:, 10] < _PEOPLE_FROM)
         numbers, count = np.unique(rows[drives, 10], return_counts=True)
         paths = [rows[rows[:, 10] == number, :2] for number in numbers[count == self._frames]]
@@ -76,12 +76,12 @@ class Recording:
         far = np.array([np.hypot(*np.diff(path, axis=0).T).sum() for path in paths])
         frame = rows[:, 11].astype(np.int64)
         near = np.array([np.mean(np.hypot(*(rows[:, :2] - path[frame]).T) < _NEAR) for path in paths])
-        best = np.argsort(-np.where(far >= _FAR * far.max(), near, near - 1.0), kind="stable")[:_PICK_FROM]
+        best = np.argsort(-np.where(far >= _FAR * far.max(), near, near - 1.0), kind="stable")[:_BEST]
         return int(numbers[count == self._frames][int(best[int(rng.integers(len(best)))])])
 
 
 def _velocity(vehicles: Sequence[Driver], crowd: Crowd) -> Floats:
-    """Velocity of the boxes' centres ``[N + M, 2]``: of vehicles along heading and slip angle of the last step."""
+    """Velocities of the boxes' centres ``[N + M, 2]``; of vehicles along heading and slip angle of the last step."""
     motion = [(v.heading, v.speed, v.action["steering"]) for v in vehicles]
     heading, speed, steering = np.array(motion, dtype=np.float64).reshape(-1, 3).T
     course = heading + np.arctan(0.5 * np.tan(steering))

@@ -1,9 +1,9 @@
-"""Who goes first at a junction: first come, first served, where routes come too close.
+"""Right of way at a junction: first come, first served, where routes conflict.
 
-A vehicle asks for the right to pass when it comes near its line. It gets it if it will reach every stretch that it
-shares with somebody who already has the right after that one has left it (or, where the map says so, well before that
-one comes), and if nobody on foot is in the way. Until then it stops at its line. With the right it still waits in front
-of a stretch that is not free in time.
+A vehicle asks for the right of way when it comes near its line. It gets it if it will reach every shared stretch after
+the vehicles with the right of way have left it (or, if the map allows it, well before they come), and if no pedestrian
+is in the way. Until then it stops at its line. With the right of way it still waits before a stretch that is not free
+in time.
 """
 
 from __future__ import annotations
@@ -14,25 +14,24 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...types import Floats
-from . import plans
-from .conflicts import Passage, Stripe, Zone
-from .following import Leaders
-from .state import State
+from .conflicts import ConflictZone, CrossingStretch, Passage
+from .driving import Leaders, RoadState
+from .world import ASK_TIME
 
 _ASK = 14.0  # m before the line at which a vehicle asks, and more at speed
 _AFTER, _BEFORE = 0.6, 0.5  # s between two vehicles at a shared stretch
-_KEEP = 0.2  # s, what is left of it before somebody with the right waits after all
-_PATIENCE = 6.0  # s, then nobody else may go in front
-_COURTESY = 10.0  # s, then people who have just come to a crossing let a vehicle go first
-_BESIDE = 1.7  # m from the middle of a vehicle's way to a pedestrian who is out of it
+_KEEP = 0.2  # s of it that must remain, otherwise a vehicle with the right of way waits
+_PATIENCE = 6.0  # s after which no conflicting vehicle gets the right of way first
+_COURTESY = 10.0  # s after which people who have just come to a crossing let a vehicle go first
+_BESIDE = 1.7  # m from the middle of a vehicle's path to a pedestrian outside of it
 _ON_FOOT = 1.0  # s between a vehicle and a pedestrian
-_OVERSHOT = 3.0  # m: who stopped this far behind the line still waits
-_SLOW = 1.0  # m/s: who is slower may stay where it is
+_OVERSHOT = 3.0  # m; a vehicle that stopped this far behind the line still waits
+_SLOW = 1.0  # m/s; a slower vehicle may stay in its place
 
 
 @dataclass(frozen=True)
-class Walk:
-    """A pedestrian on, or about to step on, a crossing."""
+class CrossingPedestrian:
+    """A pedestrian on a crossing, or about to step on it."""
 
     crossing: int
     across: float  # m along the crossing's axis
@@ -42,97 +41,101 @@ class Walk:
 
 
 @dataclass
-class _Vehicle:
+class _Approach:
+    """A vehicle on its route."""
+
     route: int
     front: float  # m from the start of the route
     rear: float
     speed: float
     acceleration: float
-    free: float  # m to somebody slow ahead
-    held: float = math.inf  # m to where it has to wait
+    free: float  # m to a slow leader
+    stop: float = math.inf  # m to the place where it has to wait
 
 
 @dataclass
 class RightOfWay:
-    """The rights that are given out, by vehicle number."""
+    """Granted rights of way, by vehicle number."""
 
     passages: tuple[Passage, ...]
     first_in_first_out: bool
-    _granted: dict[int, list[tuple[int, Zone]]] = field(default_factory=dict)  # whom to let go first, and where
+    _granted: dict[int, list[tuple[int, ConflictZone]]] = field(default_factory=dict)  # vehicles to let go first
     _asked: dict[int, float] = field(default_factory=dict)  # time
-    _seen: dict[int, _Vehicle] = field(default_factory=dict)
-    _wanted: list[int] = field(default_factory=list)  # crossings that a vehicle has waited for long enough
+    _vehicles: dict[int, _Approach] = field(default_factory=dict)
+    _claimed: list[int] = field(default_factory=list)  # crossings that a vehicle has waited for long enough
 
-    def update(self, state: State, ahead: Leaders, walks: list[Walk], claimed: set[int], time: float) -> Floats:
-        """Free metres ``[N]`` from everybody's bumper to where it must wait; inf: it need not.
+    def update(
+        self, state: RoadState, ahead: Leaders, walks: list[CrossingPedestrian], claimed: set[int], time: float
+    ) -> Floats:
+        """Free metres ``[N]`` from each bumper to the place to wait at; inf if it need not wait.
 
-        ``state``: where everybody is; ``ahead``: whom they follow; ``walks``: who is on foot where; ``time``: s.
-        ``claimed``: crossings where somebody on foot has waited long enough; nobody gets the right to pass them.
+        ``walks``: pedestrians on crossings; ``claimed``: crossings where people have waited long enough, for which no
+        vehicle gets the right of way; ``time``: s.
         """
-        self._look(state, ahead)
+        self._observe(state, ahead)
         self._forget()
         stop = np.full(len(state), np.inf)
-        waiting = self._waiting(state)
-        self._give(waiting, walks, claimed, time)
-        place = {vehicle.number: i for i, vehicle in enumerate(state.vehicles)}
-        for number, yields in self._granted.items():  # oldest right first: others wait for those who wait
-            me = self._seen[number]
-            stop[place[number]] = me.held = self._wait_inside(me, yields, walks)
-        for number, i in place.items():
-            me = self._seen[number]
+        waiting = self._first_waiting(state)
+        self._grant(waiting, walks, claimed, time)
+        index = {vehicle.number: i for i, vehicle in enumerate(state.vehicles)}
+        for number, yields in self._granted.items():  # the oldest right first: others wait for those who wait
+            me = self._vehicles[number]
+            stop[index[number]] = me.stop = self._wait_inside(me, yields, walks)
+        for number, i in index.items():
+            me = self._vehicles[number]
             if number not in self._granted and me.front < self.passages[me.route].line + _OVERSHOT:
                 stop[i] = max(self.passages[me.route].line - me.front, 0.0)
         return stop
 
-    def free_to_walk(self, walk: Walk) -> bool:
-        """Whether somebody may step on a crossing: nobody with the right to pass comes in that time."""
-        if walk.patient and walk.crossing in self._wanted:
+    def free_to_walk(self, walk: CrossingPedestrian) -> bool:
+        """True if no vehicle with the right of way comes in the time that a pedestrian needs to cross."""
+        if walk.patient and walk.crossing in self._claimed:
             return False
         for number in self._granted:
-            me = self._seen[number]
-            for stripe in self.passages[me.route].stripes:
-                if stripe.crossing == walk.crossing and me.rear < stripe.end and self._meets(me, stripe, walk):
+            me = self._vehicles[number]
+            for stretch in self.passages[me.route].stretches:
+                if stretch.crossing == walk.crossing and me.rear < stretch.end and self._meets(me, stretch, walk):
                     return False
         return True
 
-    def _look(self, state: State, ahead: Leaders) -> None:
-        front, rear = state.way + state.length / 2, state.way - state.length / 2
+    def _observe(self, state: RoadState, ahead: Leaders) -> None:
+        front, rear = state.progress + state.length / 2, state.progress - state.length / 2
         free = np.where(ahead.speed < _SLOW, ahead.gap, np.inf)
-        rows = zip(
-            state.route.tolist(), front.tolist(), rear.tolist(), state.speed.tolist(), state.temper[:, 4].tolist(),
-            free.tolist(), strict=True,
-        )  # fmt: skip
-        before = self._seen
-        self._seen = {vehicle.number: _Vehicle(*row) for vehicle, row in zip(state.vehicles, rows, strict=True)}
+        columns = (state.route, front, rear, state.speed, state.style[:, 4], free)
+        before = self._vehicles
+        self._vehicles = {
+            vehicle.number: _Approach(*row)
+            for vehicle, *row in zip(state.vehicles, *(column.tolist() for column in columns), strict=True)
+        }
         for number in self._granted:
-            if number in self._seen:  # where it had to wait a step ago
-                self._seen[number].held = before[number].held
+            if number in self._vehicles:
+                self._vehicles[number].stop = before[number].stop
 
     def _forget(self) -> None:
-        inside = {n for n, me in self._seen.items() if me.rear <= self.passages[me.route].end}
+        inside = {n for n, me in self._vehicles.items() if me.rear <= self.passages[me.route].end}
         self._granted = {n: yields for n, yields in self._granted.items() if n in inside}
-        self._asked = {n: time for n, time in self._asked.items() if n in self._seen}
+        self._asked = {n: time for n, time in self._asked.items() if n in self._vehicles}
 
-    def _waiting(self, state: State) -> list[int]:
-        """The first on every approach who has no right yet."""
+    def _first_waiting(self, state: RoadState) -> list[int]:
+        """The first vehicle of every approach without the right of way."""
         first: dict[int, tuple[float, int]] = {}
-        for vehicle, way in zip(state.vehicles, state.way.tolist(), strict=True):
-            passage = self.passages[self._seen[vehicle.number].route]
-            if vehicle.number in self._granted or self._seen[vehicle.number].front > passage.line + _OVERSHOT:
+        for number, progress in zip(state.numbers.tolist(), state.progress.tolist(), strict=True):
+            passage = self.passages[self._vehicles[number].route]
+            if number in self._granted or self._vehicles[number].front > passage.line + _OVERSHOT:
                 continue
-            if passage.entry not in first or way > first[passage.entry][0]:
-                first[passage.entry] = (way, vehicle.number)
+            if passage.entry not in first or progress > first[passage.entry][0]:
+                first[passage.entry] = (progress, number)
         return [number for _, number in first.values()]
 
-    def _give(self, waiting: list[int], walks: list[Walk], claimed: set[int], time: float) -> None:
+    def _grant(self, waiting: list[int], walks: list[CrossingPedestrian], claimed: set[int], time: float) -> None:
         for number in waiting:
-            me = self._seen[number]
-            if self.passages[me.route].line - me.front < _ASK + plans.ASK_TIME * me.speed:
+            me = self._vehicles[number]
+            if self.passages[me.route].line - me.front < _ASK + ASK_TIME * me.speed:
                 self._asked.setdefault(number, time)
         impatient: list[int] = []  # routes
-        self._wanted = []
+        self._claimed = []
         for since, number in sorted((self._asked[n], n) for n in waiting if n in self._asked):
-            me = self._seen[number]
+            me = self._vehicles[number]
             if any(route in self.passages[me.route].zones for route in impatient):
                 continue
             order = self._order(me, walks, claimed)
@@ -145,79 +148,84 @@ class RightOfWay:
             if time - since > _PATIENCE:
                 impatient.append(me.route)
             if time - since > _COURTESY:
-                self._wanted += [stripe.crossing for stripe in self.passages[me.route].stripes]
+                self._claimed += [stretch.crossing for stretch in self.passages[me.route].stretches]
 
     def _order(
-        self, me: _Vehicle, walks: list[Walk], claimed: set[int]
-    ) -> tuple[list[tuple[int, Zone]], list[tuple[int, Zone]]] | None:
-        """Whom to let go first and who has to let this one go first; None: it cannot go now."""
+        self, me: _Approach, walks: list[CrossingPedestrian], claimed: set[int]
+    ) -> tuple[list[tuple[int, ConflictZone]], list[tuple[int, ConflictZone]]] | None:
+        """Vehicles to let go first, and vehicles that must let this one go first; None if it cannot go now."""
         passage = self.passages[me.route]
-        for stripe in passage.stripes:
-            if stripe.crossing in claimed or any(self._meets(me, stripe, w) for w in walks):
+        for stretch in passage.stretches:
+            if stretch.crossing in claimed or any(self._meets(me, stretch, walk) for walk in walks):
                 return None
-        yields: list[tuple[int, Zone]] = []
-        before: list[tuple[int, Zone]] = []
+        yields: list[tuple[int, ConflictZone]] = []
+        before: list[tuple[int, ConflictZone]] = []
         for number in self._granted:
-            other = self._seen[number]
+            other = self._vehicles[number]
             for zone in passage.zones.get(other.route, ()):
-                if _left(other, zone):
+                if _has_left(other, zone):
                     continue
                 if self._soonest(me, zone.start) > self._latest(other, zone) + _AFTER:
                     yields.append((number, zone))
-                elif self._may_go_before(me, other, zone):
+                elif self._can_go_before(me, other, zone):
                     before.append((number, zone.mirrored))
                 else:
                     return None
         return yields, before
 
-    def _may_go_before(self, me: _Vehicle, other: _Vehicle, zone: Zone) -> bool:
+    def _can_go_before(self, me: _Approach, other: _Approach, zone: ConflictZone) -> bool:
         if self.first_in_first_out or other.front > zone.other_start:
             return False
         return self._latest(me, zone.mirrored) + _BEFORE < self._soonest(other, zone.other_start)
 
-    def _wait_inside(self, me: _Vehicle, yields: list[tuple[int, Zone]], walks: list[Walk]) -> float:
-        """Free metres for somebody with the right to pass."""
+    def _wait_inside(
+        self, me: _Approach, yields: list[tuple[int, ConflictZone]], walks: list[CrossingPedestrian]
+    ) -> float:
+        """Free metres of a vehicle with the right of way."""
         stop = math.inf
         for number, zone in yields:
             if number not in self._granted or me.front > zone.start + 0.5:
                 continue
-            other = self._seen[number]
-            if not _left(other, zone) and self._soonest(me, zone.start) < self._latest(other, zone) + _KEEP:
+            other = self._vehicles[number]
+            if not _has_left(other, zone) and self._soonest(me, zone.start) < self._latest(other, zone) + _KEEP:
                 stop = min(stop, max(zone.start - me.front, 0.0))
-        for stripe in self.passages[me.route].stripes:
-            if me.front < stripe.start and any(self._meets(me, stripe, w) for w in walks):
-                stop = min(stop, max(stripe.start - me.front - 0.3, 0.0))
+        for stretch in self.passages[me.route].stretches:
+            if me.front < stretch.start and any(self._meets(me, stretch, walk) for walk in walks):
+                stop = min(stop, max(stretch.start - me.front - 0.3, 0.0))
         return stop
 
-    def _meets(self, me: _Vehicle, stripe: Stripe, walk: Walk) -> bool:
-        """Whether the vehicle and the pedestrian would be in each other's way on a crossing."""
-        if walk.crossing != stripe.crossing or me.rear > stripe.end:
+    def _meets(self, me: _Approach, stretch: CrossingStretch, walk: CrossingPedestrian) -> bool:
+        """True if the vehicle and the pedestrian would be in each other's way on a crossing."""
+        if walk.crossing != stretch.crossing or me.rear > stretch.end:
             return False
-        to_middle = (stripe.across - walk.across) * walk.direction
+        to_middle = (stretch.across - walk.across) * walk.direction
         if to_middle < -_BESIDE:
             return False
         enters = max(to_middle - _BESIDE, 0.0) / walk.speed
         leaves = (to_middle + _BESIDE) / walk.speed
-        gone = Zone(0.0, 0.0, stripe.start, stripe.end, False)
-        return self._soonest(me, stripe.start) < leaves + _ON_FOOT / 2 and enters < self._latest(me, gone) + _ON_FOOT
+        zone = ConflictZone(0.0, 0.0, stretch.start, stretch.end, False)
+        soonest, latest = self._soonest(me, stretch.start), self._latest(me, zone)
+        return soonest < leaves + _ON_FOOT / 2 and enters < latest + _ON_FOOT
 
-    def _soonest(self, vehicle: _Vehicle, place: float) -> float:
-        return _time(place - vehicle.front, vehicle.speed, 2.2, 1.05 * self.passages[vehicle.route].cruise)
+    def _soonest(self, vehicle: _Approach, place: float) -> float:
+        """Earliest time at a place, s from now."""
+        return _travel_time(place - vehicle.front, vehicle.speed, 2.2, 1.05 * self.passages[vehicle.route].cruise)
 
-    def _latest(self, other: _Vehicle, zone: Zone) -> float:
-        if min(other.free, other.held) < zone.other_end - other.rear:
+    def _latest(self, other: _Approach, zone: ConflictZone) -> float:
+        """Latest time at which the other vehicle leaves the zone, s from now; inf if it may stop before."""
+        if min(other.free, other.stop) < zone.other_end - other.rear:
             return math.inf
         cruise = 0.85 * self.passages[other.route].cruise
-        return _time(zone.other_end - other.rear, other.speed, 0.7 * other.acceleration, cruise)
+        return _travel_time(zone.other_end - other.rear, other.speed, 0.7 * other.acceleration, cruise)
 
 
-def _left(other: _Vehicle, zone: Zone) -> bool:
-    """Whether the other one has left the shared stretch, or is ahead on the common way."""
+def _has_left(other: _Approach, zone: ConflictZone) -> bool:
+    """True if the other vehicle has left the shared stretch, or is ahead on the common way."""
     return (other.front + other.rear) / 2 > zone.other_end if zone.merging else other.rear > zone.other_end
 
 
-def _time(distance: float, speed: float, acceleration: float, cruise: float) -> float:
-    """Seconds over a distance, accelerating up to a cruising speed."""
+def _travel_time(distance: float, speed: float, acceleration: float, cruise: float) -> float:
+    """Seconds over a distance with acceleration up to a cruising speed."""
     if distance <= 0.0:
         return 0.0
     if speed >= cruise:

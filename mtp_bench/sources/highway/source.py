@@ -1,7 +1,8 @@
-"""Scenes of simulated traffic: worlds from the cache, cut to the card's frame rate, reach and classes."""
+"""Scenes of simulated traffic: worlds from the cache, reduced to the card's frame rate, reach and classes."""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -10,43 +11,56 @@ from ...cards import Card
 from ...errors import CardError, UnknownNameError
 from ...types import Bools, Floats, Scene, Truth, starts_of
 from ..base import Preparation, class_ids, no_detections, require_classes, section_of
+from ..cache import VARIABLE
+from ..dataset import DataCheck, Dataset, DataStatus
 from .section import HighwaySource
 from .store import WorldStore
 from .world import CLASSES, RATE, Traffic, World
 
-IN_VIEW = 0.05  # visible share of a box from which on it is in view
+IN_VIEW = 0.05  # least visible share of a box in view
+DATASET = Dataset(
+    name="simulated traffic",
+    folders=(),
+    layout="",
+    licence="simulated with highway-env (MIT); detector noise fitted to real detectors, see the profile's source",
+    citation="E. Leurent: An environment for autonomous driving decision-making. 2018 (highway-env)",
+    how_to_get=f"nothing to get: generated once and stored in the folder of {VARIABLE}",
+    generated=True,
+)
 
 
 class HighwayTraffic:
-    """Scenes of one split, named ``<scenario>-<seed>``; without detections, which a simulated detector adds.
+    """Scenes of one split, named ``<scenario>-<seed>``; a simulated detector adds the detections.
 
-    Frame of reference: the road's, x and y in the plane, z up, the road at z = 0. What is beyond the detector's reach
-    or field of view is not in the truth. An object is a prediction target once it was in free sight,
-    at any distance.
+    Frame of reference: the road's, x and y in the plane, z up, the road at z = 0. Objects beyond the detector's reach
+    or field of view are not in the truth. An object is a prediction target once it was visible, at any distance.
     """
 
     def __init__(self, card: Card, data: object = None) -> None:
-        """``data``: no data root is needed. Raises CardError for a rate or class that the simulation has not."""
+        """``data``: not needed. Raises CardError for a rate or class that the simulation does not have."""
         self.card = card
         self.section = section_of(card, HighwaySource)
-        self.stride = _stride(card)
+        self.stride = round(RATE / card.task.rate)
+        if self.stride < 1 or not np.isclose(card.task.rate * self.stride, RATE):
+            rate = f"task.rate is {card.task.rate} Hz, expected {RATE:g} Hz or a whole part of it"
+            raise CardError(f"{card.id}: {rate}")
         require_classes(card, "simulated traffic", CLASSES)
         first, end = getattr(self.section.seeds, self.section.split)
         self.names = tuple(scene_name(self.section.scenario, seed) for seed in range(first, end))
         self.store = WorldStore(traffic_of(self.section))
 
     def load(self, name: str) -> Scene:
-        """One scene, from the cache or made now (a second or two)."""
+        """One scene, from the cache or simulated now (one or two seconds)."""
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
-        return self._cut(name, self.store.get(seed_of(name)))
+        return self._scene(name, self.store.get(seed_of(name)))
 
     def discard(self) -> None:
-        """Take all scenes of the split out of the cache."""
+        """Remove all scenes of the split from the cache."""
         for name in self.names:
             self.store.path(seed_of(name)).unlink(missing_ok=True)
 
-    def _cut(self, name: str, world: World) -> Scene:
+    def _scene(self, name: str, world: World) -> Scene:
         from ...detector.visibility import Sensor, covered
 
         detector = self.card.detector
@@ -56,10 +70,9 @@ class HighwayTraffic:
         frames = np.arange(0, len(world.time), self.stride)
         class_id = class_ids(CLASSES, self.card.task.classes)[world.truth.class_id]
         keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
-        seen = replace(world.truth, eligible=ever_seen(world.truth, world.visible))
-        keep &= seen.frame_of_rows % self.stride == 0
-        truth = replace(seen, class_id=class_id).select(keep)
-        truth = replace(truth, start=truth.start[np.append(frames, seen.frames)])  # no rows lie between the frames
+        keep &= world.truth.frame_of_rows % self.stride == 0
+        truth = replace(world.truth, eligible=ever_seen(world.truth, world.visible), class_id=class_id).select(keep)
+        truth = replace(truth, start=truth.start[np.append(frames, world.truth.frames)])  # no rows between the frames
         return Scene(
             name=name,
             time=world.time[frames],
@@ -72,17 +85,33 @@ class HighwayTraffic:
 
 
 def generate(card: Card, data: object, how: Preparation) -> None:
-    """Make those of the first scenes of the card that are not in the cache."""
+    """Simulate those of the first scenes of the card that are not in the cache."""
     source = HighwayTraffic(card)
     store = source.store
     seeds = [seed for seed in map(seed_of, source.names[: how.scenes]) if not store.has(seed)]
     if seeds:
-        store.require_writable()  # else all of them would be made again and again
+        store.require_writable()  # otherwise all of them would be simulated again and again
     if how.started is not None:
         how.started(len(seeds))
     for seed in store.make(seeds, how.workers):
         if how.progress is not None:
             how.progress(scene_name(source.section.scenario, seed))
+
+
+def highway_status(card: Card, data: object = None) -> DataStatus:
+    """Status of the cache; scenes are never missing, as each is simulated when it is first used."""
+    source = HighwayTraffic(card)
+    status = DataStatus(DATASET, source.store.folder, (source.store.folder,))
+    worlds = [world for world in (source.store.read(seed_of(name)) for name in source.names) if world is not None]
+    status.notes.append("simulated scenes are generated when they are first used, and stored")
+    if worlds:
+        reasons = Counter(reason for world in worlds for reason in world.rejected)
+        attempts = len(worlds) + sum(reasons.values())
+        listed = f" ({', '.join(f'{reason} {count}' for reason, count in sorted(reasons.items()))})" if reasons else ""
+        share = 100 * sum(reasons.values()) / attempts
+        status.notes.append(f"{share:.0f} % of {attempts} attempts rejected{listed}; all scenes are crash-free")
+    status.checks.append(DataCheck("scenes generated", len(worlds), len(source.names)))
+    return status
 
 
 def traffic_of(section: HighwaySource) -> Traffic:
@@ -103,18 +132,11 @@ def seed_of(name: str) -> int:
 
 
 def ever_seen(truth: Truth, visible: Floats) -> Bools:
-    """Whether each box's object was in free sight at its frame or before, at any distance [R]."""
-    order = np.argsort(truth.object_id, kind="stable")  # rows come by frame
+    """Mask of boxes whose object was in view in their frame or before, at any distance ``[R]``."""
+    order = np.argsort(truth.object_id, kind="stable")  # rows are sorted by frame
     object_id, in_view = truth.object_id[order], visible[order] >= IN_VIEW
     first = np.searchsorted(object_id, object_id)
     views = starts_of(in_view.astype(np.int64))
     seen = np.empty(len(order), dtype=bool)
     seen[order] = views[1:] > views[first]
     return seen
-
-
-def _stride(card: Card) -> int:
-    stride = round(RATE / card.task.rate)
-    if stride < 1 or not np.isclose(card.task.rate * stride, RATE):
-        raise CardError(f"{card.id}: task.rate is {card.task.rate} Hz, expected {RATE:g} Hz or a whole part of it")
-    return stride

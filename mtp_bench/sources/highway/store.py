@@ -1,4 +1,4 @@
-"""Worlds on disk: made once, kept with a hash of their content, made again where a file is broken."""
+"""Worlds on disk: stored with a hash of their content, and simulated again if a file is broken."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ _BORDERS = ("center", "left", "right")
 
 @dataclass(frozen=True)
 class WorldStore:
-    """The worlds of one kind of traffic, by seed.
+    """Worlds of one kind of traffic, by seed.
 
-    They lie in the folder that the environment variable MTP_BENCH_CACHE names, else in the user cache folder.
+    They are in the folder of the environment variable MTP_BENCH_CACHE, or in the user cache folder.
     """
 
     traffic: Traffic
 
     @cached_property
     def folder(self) -> Path:
-        """Where the worlds of this traffic are; its name is a digest of all that their content depends on."""
+        """Folder of the worlds of this traffic; its name has a digest of everything that their content depends on."""
         from importlib.metadata import version
 
         described = {**asdict(self.traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
@@ -46,44 +46,44 @@ class WorldStore:
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 
     def path(self, seed: int) -> Path:
-        """File of one world; secret ones lie in a folder of their own, which can be closed to others."""
+        """File of one world; those of secret seeds have a separate folder."""
         return (self.folder if seed < SECRET_SEEDS else self.secret_folder) / f"{seed:06d}.npz"
 
     @property
     def secret_folder(self) -> Path:
-        """Where the worlds of secret seeds are."""
+        """Folder of the worlds of secret seeds."""
         return self.folder.with_name(f"{self.folder.name}-secret")
 
     def has(self, seed: int) -> bool:
-        """Whether the world is there and whole."""
+        """True if the world is stored and complete."""
         return self.read(seed) is not None
 
     def read(self, seed: int) -> World | None:
-        """The stored world; None where there is none or its content is not what was written."""
+        """The stored world; None if it is missing or its content was changed."""
         arrays = read_arrays(self.path(seed))
         if arrays is None:
             return None
         try:
             return unpack(arrays)
-        except KeyError:  # arrays of another format
+        except KeyError:
             return None
 
     def get(self, seed: int) -> World:
-        """The stored world, else a new one, which is stored."""
+        """The stored world, or a new one, which is then stored."""
         world = self.read(seed)
         return self._make(seed) if world is None else world
 
     def require_writable(self) -> None:
-        """Raise DataError where worlds cannot be stored."""
+        """Raise DataError if worlds cannot be stored."""
         _require_writable(self.folder)
 
     def keep_private(self) -> None:
-        """Let nobody else on this machine list or read secret worlds. Raises DataError where they cannot be stored."""
+        """Close the folder of secret worlds to other users. Raises DataError if they cannot be stored."""
         _require_writable(self.secret_folder)
         self.secret_folder.chmod(0o700)
 
     def make(self, seeds: Sequence[int], workers: int = 1) -> Iterator[int]:
-        """Make and store worlds over ``workers`` processes; gives each seed when it is done."""
+        """Simulate and store worlds over ``workers`` processes; yields each seed when it is done."""
         for place, _ in unordered_map(_make_one, [(self, seed) for seed in seeds], Workers(max(1, workers))):
             yield seeds[place]
 
@@ -97,15 +97,15 @@ class WorldStore:
         return world
 
     def _write(self, seed: int, world: World) -> None:
-        """Store a world as a whole or not at all; a cache that cannot be written is no reason to stop."""
+        """Store a world; warns if the cache cannot be written."""
         path = self.path(seed)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_arrays(path, pack(world))
         except OSError as error:
             warnings.warn(
-                f"a generated scene cannot be kept in {path.parent} ({error.strerror}) and is made anew each time; "
-                f"{VARIABLE} names another folder",
+                f"a generated scene cannot be stored in {path.parent} ({error.strerror}) and will be simulated again; "
+                f"set {VARIABLE} to another folder",
                 RuntimeWarning,
                 stacklevel=2,
             )
@@ -117,7 +117,7 @@ def _require_writable(folder: Path) -> None:
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
         raise DataError(
-            f"generated scenes cannot be kept in {folder}: {error.strerror}; {VARIABLE} names another folder"
+            f"generated scenes cannot be stored in {folder}: {error.strerror}; set {VARIABLE} to another folder"
         ) from None
 
 
@@ -139,7 +139,7 @@ def pack(world: World) -> Arrays:
 
 
 def unpack(arrays: Arrays) -> World:
-    """The world of `pack`; raises KeyError or ValueError where an array is missing or does not fit."""
+    """The world of packed arrays; raises KeyError or ValueError for a missing or wrong array."""
     borders = [_parts(arrays[f"lane_{name}"], arrays[f"lane_{name}_start"]) for name in _BORDERS]
     following = _parts(arrays["lane_following"], arrays["lane_following_start"])
     return World(
@@ -156,7 +156,7 @@ def unpack(arrays: Arrays) -> World:
 
 
 def _joined(parts: list[Any], empty: tuple[int, ...]) -> tuple[NDArray[Any], Ints]:
-    """All parts in one array, and where each begins."""
+    """All parts in one array, and the start of each."""
     start = np.cumsum([0, *(len(part) for part in parts)])
     return np.concatenate(parts) if parts else np.zeros(empty), start
 

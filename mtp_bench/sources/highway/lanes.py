@@ -1,20 +1,22 @@
-"""Geometry of all lanes of a road network at once, with the coordinates of highway-env's lane classes."""
+"""Lanes of a road network: their geometry, all at once, and the routes through them."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from highway_env.road.lane import CircularLane, SineLane, StraightLane
 
-from ...errors import DataError
 from ...types import Bools, Floats, Ints, Lane
 
 LaneIndex = tuple[str, str, int]
 
+NO_LANE = -1
+LOOKAHEAD = 5  # lanes of a driver's path, with the present one
+JOINT = 0.5  # m, largest distance of the end of a lane from the start of the one that continues it
 _STEP = 2.0  # m between two points of a polyline
-JOINT = 0.5  # m, the end of a lane and the start of the one that continues it may be this far apart
 
 
 class LaneGeometry:
@@ -31,9 +33,6 @@ class LaneGeometry:
         self.length: Floats = np.array([float(lane.length) for lane in self.lanes])
         self.limit: Floats = np.array([float(lane.speed_limit) for lane in self.lanes])
         self._arc: Bools = np.array([isinstance(lane, CircularLane) for lane in self.lanes])
-        if not all(isinstance(lane, (CircularLane, StraightLane)) for lane in self.lanes):
-            kinds = sorted({type(lane).__name__ for lane in self.lanes})
-            raise DataError(f"lanes of {kinds}: expected StraightLane, SineLane and CircularLane only")
         self._read_arcs()
         self._read_lines()
 
@@ -95,7 +94,7 @@ class LaneGeometry:
 
 
 def lane_map(geometry: LaneGeometry) -> tuple[Lane, ...]:
-    """All lanes, z up and right-handed: centre and borders every 2 m or less, and which lanes continue which."""
+    """All lanes, right-handed with z up: centres and borders at most every 2 m, and the lanes that continue each."""
     lanes, index = geometry.lanes, geometry.index
     centers = [_polyline(lane, 0.0) for lane in lanes]
     result = []
@@ -112,7 +111,94 @@ def lane_map(geometry: LaneGeometry) -> tuple[Lane, ...]:
 
 def _polyline(lane: Any, lateral: float) -> Floats:
     """Points ``[n, 2]`` at a distance to the right of the middle, from the lane's start to its end."""
-    at = np.linspace(0.0, float(lane.length), max(math.ceil(float(lane.length) / _STEP), 1) + 1)
-    points: Floats = np.array([lane.position(float(s), lateral) for s in at], dtype=np.float64)
+    stations = np.linspace(0.0, float(lane.length), max(math.ceil(float(lane.length) / _STEP), 1) + 1)
+    points: Floats = np.array([lane.position(float(s), lateral) for s in stations], dtype=np.float64)
     points[:, 1] *= -1.0
     return points + 0.0
+
+
+@dataclass(frozen=True)
+class Route:
+    """A way from an entry to an exit: the numbers of the lanes that can be used on each of its roads."""
+
+    roads: tuple[tuple[int, ...], ...]
+    weight: float = 1.0  # frequency
+    heavy: bool = True  # long vehicles can take it
+    otherwise: int = NO_LANE  # route after a missed exit
+
+
+@dataclass(frozen=True, eq=False)
+class RouteTable:
+    """Facts about every lane on every route: arrays ``[routes, lanes, ...]``; `NO_LANE` for a missing lane."""
+
+    following: Ints  # the next lane
+    left: Ints
+    right: Ints
+    changes: Floats  # lane changes needed to stay on the route; inf: the lane is not part of it
+    room: Floats  # m from the lane's start to the place where a lane change must be done; inf: none is needed
+    start: Floats  # m from the start of the route
+    last: Bools  # the lane belongs to the last road of the route
+    path: Ints  # [routes, lanes, LOOKAHEAD] the lanes ahead, the lane itself first
+    path_start: Floats  # [routes, lanes, LOOKAHEAD] m from the lane's start to theirs
+
+
+def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable:
+    """Table of ``routes`` through the lanes of ``geometry``."""
+    shape = (len(routes), len(geometry))
+    following, left, right = (np.full(shape, NO_LANE) for _ in range(3))
+    last = np.zeros(shape, dtype=bool)
+    start = np.zeros(shape)
+    for r, route in enumerate(routes):
+        for e, road in enumerate(route.roads):
+            for k, lane in enumerate(road):
+                left[r, lane] = road[k - 1] if k > 0 else NO_LANE
+                right[r, lane] = road[k + 1] if k + 1 < len(road) else NO_LANE
+                last[r, lane] = e + 1 == len(route.roads)
+                if not last[r, lane]:
+                    following[r, lane] = _continuation(lane, route.roads[e + 1], geometry)
+                    for after in route.roads[e + 1]:
+                        start[r, after] = start[r, lane] + geometry.length[lane]
+    changes, room = _needed_changes(routes, geometry, following, left, right)
+    path, path_start = _paths(following, geometry.length)
+    return RouteTable(following, left, right, changes, room, start, last, path, path_start)
+
+
+def _continuation(lane: int, road: tuple[int, ...], geometry: LaneGeometry) -> int:
+    end = geometry.lanes[lane].position(geometry.length[lane], 0.0)
+    for after in road:
+        if np.linalg.norm(geometry.lanes[after].position(0.0, 0.0) - end) < JOINT:
+            return after
+    return NO_LANE
+
+
+def _needed_changes(
+    routes: tuple[Route, ...], geometry: LaneGeometry, following: Ints, left: Ints, right: Ints
+) -> tuple[Floats, Floats]:
+    """Needed lane changes, and the metres within which the first of them must be done."""
+    changes, room = np.full(following.shape, np.inf), np.full(following.shape, np.inf)
+    for r, route in enumerate(routes):
+        for e in reversed(range(len(route.roads))):
+            road = route.roads[e]
+            for lane in road:
+                after = following[r, lane]
+                if e + 1 == len(route.roads):
+                    changes[r, lane] = 0
+                elif after == NO_LANE:
+                    room[r, lane] = geometry.length[lane]
+                else:
+                    changes[r, lane], room[r, lane] = changes[r, after], geometry.length[lane] + room[r, after]
+            for _ in road:
+                for lane in road:
+                    beside = [side[r, lane] for side in (left, right) if side[r, lane] != NO_LANE]
+                    changes[r, lane] = min([changes[r, lane], *(changes[r, b] + 1 for b in beside)])
+    return changes, room
+
+
+def _paths(following: Ints, length: Floats) -> tuple[Ints, Floats]:
+    path, start = np.full((*following.shape, LOOKAHEAD), NO_LANE), np.zeros((*following.shape, LOOKAHEAD))
+    path[..., 0] = np.arange(following.shape[1])
+    for k in range(1, LOOKAHEAD):
+        before = path[..., k - 1]
+        path[..., k] = np.where(before != NO_LANE, np.take_along_axis(following, before, axis=1), NO_LANE)
+        start[..., k] = np.where(before != NO_LANE, start[..., k - 1] + length[before], 0.0)
+    return path, start

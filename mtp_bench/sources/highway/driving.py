@@ -1,0 +1,239 @@
+"""State of all vehicles, and the driver model: following a leader, desired speed, steering.
+
+Gaps are measured from bumper to bumper along the path. Treiber, Hennecke, Helbing (2000), "Congested traffic states in
+empirical observations and microscopic simulations" (intelligent driver model).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...types import Bools, Floats, Ints
+from .lanes import NO_LANE, LaneGeometry, RouteTable
+from .networks import RoadMap
+from .vehicles import Driver
+
+HARDEST = 8.0  # m/s2, emergency braking
+_DISCS = 7  # discs along a vehicle's axis that cover its box
+_DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS  # their centres, as shares of the length
+_PERSON_RADIUS = 0.4  # m
+_MARGIN = 0.3  # m, free space on both sides
+_CLOSE = 0.05  # m, least gap in the driver model
+_LATERAL_RATE = 0.8  # 1/s, decay of an offset from the target place in the lane
+_LATERAL_SPEED = 1.3  # m/s at most
+_HEADING_RATE = 3.3  # 1/s
+_SWERVE = 2.2  # m/s2 of lateral acceleration at most, in addition to that of the bend
+_SLOW = 5.5  # m/s; slower vehicles turn as at this speed
+_PREVIEW = 0.3  # s
+_MOST_SLIP = 0.45  # sine of the angle between heading and course, about 0.8 rad of steering
+_SLIP_RATE = 0.3  # rad/s, about 0.6 rad/s of steering
+
+
+@dataclass(frozen=True, eq=False)
+class RoadState:
+    """N vehicles in the order of the road's list, and discs that cover vehicles and M people; highway-env's frame."""
+
+    vehicles: list[Driver]
+    numbers: Ints  # [N]
+    xy: Floats  # [N, 2]
+    heading: Floats  # [N]
+    speed: Floats  # [N]
+    length: Floats  # [N]
+    width: Floats  # [N]
+    wheelbase: Floats  # [N]
+    style: Floats  # [N, 7] pace, top speed, time gap, least gap, acceleration, braking, politeness
+    offset: Floats  # [N] m right of the middle of the lane, preferred
+    route: Ints  # [N]
+    lane: Ints  # [N] lane that is driven in, or towards
+    s: Floats  # [N] longitudinal coordinate in that lane
+    d: Floats  # [N] lateral coordinate
+    progress: Floats  # [N] m from the start of the route
+    velocity: Floats  # [N + M, 2] of vehicles, then people
+    disc_owner: Ints  # [P] index into ``velocity``
+    disc_radius: Floats  # [P]
+    along: Floats  # [L, P] lane coordinates of the discs
+    across: Floats  # [L, P]
+    finished: Bools  # [N] at the end of the route
+
+    def __len__(self) -> int:
+        return len(self.vehicles)
+
+
+def observe(
+    vehicles: list[Driver], road_map: RoadMap, routes: RouteTable, people: Floats, people_velocity: Floats
+) -> RoadState:
+    """Read the state of ``vehicles`` and move their lane numbers on along their ``routes``.
+
+    ``people`` and ``people_velocity`` ``[M, 2]``: places and velocities of people on foot.
+    """
+    n = len(vehicles)
+    xy = np.array([v.position for v in vehicles], dtype=np.float64).reshape(-1, 2)
+    motion = np.array([(v.heading, v.speed, v.route, v.lane_number) for v in vehicles], dtype=np.float64).reshape(-1, 4)
+    traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(-1, 11)
+    heading, speed = motion[:, 0], motion[:, 1]
+    route, lane = motion[:, 2].astype(np.int64), motion[:, 3].astype(np.int64)
+    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+    discs = xy[:, None, :] + (traits[:, 0, None] * _DISC_PLACES)[:, :, None] * direction[:, None, :]
+    along, across = road_map.geometry.coordinates(np.concatenate([discs.reshape(-1, 2), people]))
+    center = np.arange(n) * _DISCS + _DISCS // 2
+    length = road_map.geometry.length
+    for _ in range(2):  # a lane may be shorter than a step
+        after = routes.following[route, lane]
+        lane = np.where((along[lane, center] > length[lane]) & (after != NO_LANE), after, lane)
+    for vehicle, number in zip(vehicles, lane.tolist(), strict=True):
+        vehicle.lane_number = number
+    s = along[lane, center]
+    radius = np.hypot(traits[:, 1] / 2, traits[:, 0] / (2 * _DISCS))
+    return RoadState(
+        vehicles=vehicles,
+        numbers=np.array([v.number for v in vehicles], dtype=np.int64),
+        xy=xy,
+        heading=heading,
+        speed=speed,
+        length=traits[:, 0],
+        width=traits[:, 1],
+        wheelbase=traits[:, 2],
+        style=traits[:, 3:10],
+        offset=traits[:, 10],
+        route=route,
+        lane=lane,
+        s=s,
+        d=across[lane, center],
+        progress=routes.start[route, lane] + s,
+        velocity=np.concatenate([direction * speed[:, None], people_velocity]),
+        disc_owner=np.concatenate([np.repeat(np.arange(n), _DISCS), n + np.arange(len(people))]),
+        disc_radius=np.concatenate([np.repeat(radius, _DISCS), np.full(len(people), _PERSON_RADIUS)]),
+        along=along,
+        across=across,
+        finished=routes.last[route, lane] & (s > length[lane] - 1.0),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Leaders:
+    """Nearest obstacle in the path of each vehicle."""
+
+    gap: Floats  # [N] m from the bumper; inf without one
+    speed: Floats  # [N] m/s along the path
+
+
+def find_leaders(state: RoadState, geometry: LaneGeometry, routes: RouteTable) -> Leaders:
+    """Find the nearest disc of another vehicle or person in the strip that each vehicle is going to sweep."""
+    lanes = routes.path[state.route, state.lane]  # [N, K]
+    low, high = _swept_strip(state, geometry, lanes)
+    row, k, disc = _discs_in_lanes(state, geometry, lanes, low, high)
+    lane_start = (routes.path_start[state.route, state.lane] - state.s[:, None])[row, k]
+    ahead = state.along[lanes[row, k], disc] + lane_start
+    across, radius = state.across[lanes[row, k], disc], state.disc_radius[disc]
+    blocks = (ahead > 0.0) & (across + radius > low[row, k]) & (across - radius < high[row, k])
+    blocks &= state.disc_owner[disc] != row
+    row, k, disc = row[blocks], k[blocks], disc[blocks]
+    gap = ahead[blocks] - radius[blocks]
+    least = np.full(len(state), np.inf)
+    np.minimum.at(least, row, gap)
+    nearest = np.flatnonzero(gap == least[row])
+    row, first = np.unique(row[nearest], return_index=True)
+    lane, disc = lanes[row, k[nearest[first]]], disc[nearest[first]]
+    tangent = geometry.heading(lane, state.along[lane, disc])
+    velocity = state.velocity[state.disc_owner[disc]]
+    speed = np.zeros(len(state))
+    speed[row] = velocity[:, 0] * np.cos(tangent) + velocity[:, 1] * np.sin(tangent)
+    return Leaders(least - state.length / 2, speed)
+
+
+def _discs_in_lanes(
+    state: RoadState, geometry: LaneGeometry, lanes: Ints, low: Floats, high: Floats
+) -> tuple[Ints, Ints, Ints]:
+    """Vehicles, indices into their paths ``lanes`` ``[N, K]`` and discs that may be there, in this order.
+
+    ``low`` and ``high`` ``[N, K]``: the swept strip; per lane the widest one of all vehicles counts.
+    """
+    row, k = np.nonzero(lanes >= 0)
+    lane = lanes[row, k]
+    least, most = np.full(len(geometry), np.inf), np.full(len(geometry), -np.inf)
+    np.minimum.at(least, lane, low[row, k])
+    np.maximum.at(most, lane, high[row, k])
+    inside = (state.along > -0.3) & (state.along < geometry.length[:, None] + 0.3)
+    radius = state.disc_radius
+    inside &= (state.across + radius > least[:, None]) & (state.across - radius < most[:, None])
+    disc, count = np.nonzero(inside)[1], inside.sum(axis=1)
+    begin = np.cumsum(count) - count
+    pair = np.repeat(np.arange(len(lane)), count[lane])
+    rank = np.arange(len(pair)) - np.repeat(np.cumsum(count[lane]) - count[lane], count[lane])
+    return row[pair], k[pair], disc[begin[lane][pair] + rank]
+
+
+def _swept_strip(state: RoadState, geometry: LaneGeometry, lanes: Ints) -> tuple[Floats, Floats]:
+    """Lateral range ``[N, K]`` that a vehicle sweeps in the lanes of its path, and on the way to their middle."""
+    outer, inner = swept_sides(state.length, state.width, state.wheelbase, geometry.radius[lanes].T)
+    right_turn = geometry.turn[lanes] > 0
+    left, right = np.where(right_turn, outer.T, inner.T), np.where(right_turn, inner.T, outer.T)
+    low, high = np.minimum(state.d, state.offset), np.maximum(state.d, state.offset)
+    present = np.arange(lanes.shape[1]) == 0
+    low = np.where(present, low[:, None], np.minimum(state.offset, 0.0)[:, None])
+    high = np.where(present, high[:, None], np.maximum(state.offset, 0.0)[:, None])
+    return low - left - _MARGIN, high + right + _MARGIN
+
+
+def swept_sides(length: Floats, width: Floats, wheelbase: Floats, radius: Floats) -> tuple[Floats, Floats]:
+    """Reach of a box to the outer and to the inner side of a bend that its centre follows, m."""
+    rear = np.where(np.isinf(radius), 0.0, np.sqrt(np.maximum(radius**2 - wheelbase**2 / 4, 0.0)))
+    front = (wheelbase + length) / 2
+    with np.errstate(invalid="ignore"):
+        outer = np.where(np.isinf(radius), width / 2, np.hypot(rear + width / 2, front) - radius)
+        inner = np.where(np.isinf(radius), width / 2, radius - rear + width / 2)
+    return outer, inner
+
+
+def desired_speed(state: RoadState, geometry: LaneGeometry, routes: RouteTable) -> Floats:
+    """Desired speed ``[N]`` m/s, which decreases in time for the limits ahead."""
+    lanes = routes.path[state.route, state.lane]
+    distance = np.maximum(routes.path_start[state.route, state.lane] - state.s[:, None] - state.length[:, None] / 2, 0)
+    limit = geometry.limit[lanes] * state.style[:, 0, None]
+    allowed = np.sqrt(limit**2 + 2.0 * 1.3 * distance)
+    allowed = np.where(lanes >= 0, allowed, np.inf)
+    return np.asarray(np.minimum(allowed.min(axis=1), state.style[:, 1]))
+
+
+def free_acceleration(speed: Floats, desired: Floats, style: Floats) -> Floats:
+    """Acceleration ``[N]`` m/s2 of the driver model on an empty road."""
+    a = style[..., 4]
+    return np.maximum(a * (1.0 - (speed / np.maximum(desired, 0.1)) ** 4), -style[..., 5])
+
+
+def braking(speed: Floats, gap: Floats, leader: Floats, style: Floats, least: float | None = None) -> Floats:
+    """Decrease ``[N]`` m/s2 of the acceleration for a leader at a ``gap`` ``[N]`` m.
+
+    ``speed`` and ``leader`` ``[N]``: m/s of both; ``style``: of the drivers; ``least``: gap at rest in m, if it is not
+    that of the style.
+    """
+    a, b = style[..., 4], style[..., 5]
+    closing = speed * (speed - leader) / (2.0 * np.sqrt(a * b))
+    jam = style[..., 3] if least is None else least
+    wanted = jam + np.maximum(speed * style[..., 2] + closing, 0.0)
+    return a * (wanted / np.maximum(gap, _CLOSE)) ** 2
+
+
+def steering_angles(state: RoadState, geometry: LaneGeometry, routes: RouteTable, before: Floats, dt: float) -> Floats:
+    """Steering angle ``[N]`` rad that brings each vehicle to its place in the lane and along it.
+
+    ``before``: the angles ``[N]`` of ``dt`` seconds ago, which limit the new ones.
+    """
+    v = np.maximum(state.speed, 1.0)
+    ahead = state.s + v * _PREVIEW
+    after = routes.following[state.route, state.lane]
+    beyond = (ahead > geometry.length[state.lane]) & (after >= 0)
+    lane = np.where(beyond, after, state.lane)
+    s = np.where(beyond, ahead - geometry.length[state.lane], ahead)
+    slip = np.arcsin(np.clip(state.wheelbase / 2 * geometry.curvature(lane), -0.9, 0.9))
+    rate = np.clip(-_LATERAL_RATE * (state.d - state.offset), -_LATERAL_SPEED, _LATERAL_SPEED)
+    wanted = geometry.heading(lane, s) - slip + np.arcsin(np.clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
+    error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
+    bend = v * geometry.curvature(lane)
+    most = _SWERVE / np.maximum(v, _SLOW)
+    rate = np.clip(_HEADING_RATE * error, bend - most, bend + most)
+    turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))
+    now = np.arctan(np.tan(before) / 2)
+    return np.asarray(np.arctan(2 * np.tan(np.clip(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt))))

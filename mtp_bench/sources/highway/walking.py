@@ -1,0 +1,223 @@
+"""Walking: the ways of people along sidewalks and over crossings, and the forces between people and vehicles.
+
+Social forces: Helbing and Molnár (1995), "Social force model for pedestrian dynamics", with a pull towards the group as
+in Moussaïd et al. (2010), "The walking behaviour of pedestrian social groups". People are always at least `APART` from
+each other, so that their boxes do not overlap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ...types import Bools, Floats, Ints
+from .networks import Crossing, Pavement
+from .world import STRAIGHT_ON, STRIP
+
+APART = 0.8  # m between two centres
+_FAR = (62.0, 70.0)  # m from the middle of the junction, where people come from and go to
+_COMING, _GOING = (0.9, 1.6), (2.7, 3.4)  # m from the kerb, for people who come and people who go
+_BESIDE, _BEHIND = 0.9, 0.95  # m between two people of a group
+_SIDEWALK_EDGE = 0.35  # m from the kerb, within which people on a sidewalk stay
+_CLEAR = 6.0  # m from the corner to the first parked car
+_EASY_AT_KERB = 2.0  # m/s2, braking of people before a kerb
+_RELAX = 0.5  # s
+_PUSH, _RANGE, _SIGHT = 2.1, 0.35, 3.0  # m/s2, m, m
+_BLIND = 0.35  # share of the push from people behind
+_FRIEND = 0.3  # share of the push from people of the same group
+_PULL, _TOGETHER = 0.5, 1.3  # 1/s2 towards the middle of a group that is farther away than this, m
+_SLOWING = 0.8  # s to the goal, where people slow down
+_FROM_BOX = 0.42  # m to the outline of a vehicle, where people do not go
+_ROOM = 0.65  # m to it, where people stop
+_EASY = 2.5  # m/s2, braking of people before each other and before vehicles
+_STRONGEST = 3.0  # m/s2 of force
+_TINY = 1e-9
+
+
+@dataclass(frozen=True)
+class SidewalkUse:
+    """Sidewalk of a group before or after its crossing."""
+
+    around: bool  # beside the other road of the corner instead of the crossed one
+    far: float  # m from the middle of the junction to its end
+    kerb: float  # m from the kerb
+
+
+def draw_sidewalk(coming: bool, rng: np.random.Generator) -> SidewalkUse:
+    """Draw one of the two sidewalks of a corner; people who come and people who go keep apart."""
+    kerb = STRIP + rng.uniform(*(_COMING if coming else _GOING))
+    return SidewalkUse(bool(rng.uniform() < STRAIGHT_ON), float(rng.uniform(*_FAR)), float(kerb))
+
+
+@dataclass(frozen=True, eq=False)
+class Footway:
+    """Way of a group; points are (along the crossing, across it and outwards) in metres from its origin."""
+
+    crossing: Crossing
+    pavement: Pavement
+    direction: float
+    middle: float  # m across the crossing
+    coming: SidewalkUse
+    going: SidewalkUse
+
+    def waiting_point(self, k: int) -> Floats:
+        """Point where the k-th person waits: two by two."""
+        along = self._kerb(-1) - self.direction * (0.9 + _BEHIND * (k // 2))
+        return np.array([along, self.middle + _BESIDE * (k % 2)])
+
+    def far_point(self, k: int) -> Floats:
+        """Point where the k-th person leaves the road."""
+        return np.array([self._kerb(1) + self.direction * 0.6, self.waiting_point(k)[1]])
+
+    def arrival(self, k: int) -> list[Floats]:
+        """Points of the k-th person's way to the crossing."""
+        return [*self._along(self.coming, -1, k), self.waiting_point(k)]
+
+    def departure(self, k: int) -> list[Floats]:
+        """Points of the k-th person's way from the other side of the road."""
+        return [self.far_point(k), *reversed(self._along(self.going, 1, k))]
+
+    def stroll(self, k: int) -> list[Floats]:
+        """Points of the k-th person's way without a crossing: along one road, around the corner, along the other."""
+        other = replace(self.coming, around=not self.coming.around)
+        return [*self._along(self.coming, -1, k), *reversed(self._along(other, -1, k))]
+
+    def _kerb(self, end: int) -> float:
+        return self.crossing.span if end * self.direction > 0 else 0.0
+
+    def _along(self, sidewalk: SidewalkUse, end: int, k: int) -> list[Floats]:
+        x, y = self.crossing.origin
+        out = float(np.hypot(x, y) ** 2 - self.pavement.kerb**2) ** 0.5  # m from the junction's middle
+        aside, far = sidewalk.kerb + _BESIDE * (k % 2), sidewalk.far + _BEHIND * (k // 2)
+        away = end * self.direction
+        if not sidewalk.around:
+            ends = far, self.pavement.corner + _CLEAR
+            return [np.array([self._kerb(end) + away * aside, place - out]) for place in ends]
+        across = self.pavement.kerb + aside - out
+        places = (far, self.pavement.corner + 1.0)
+        return [np.array([self._kerb(end) + away * (place - self.pavement.kerb), across]) for place in places]
+
+
+def remaining_way(points: list[Floats], share: float) -> list[Floats]:
+    """The last ``share`` of a way; the first point is its start."""
+    steps = [float(np.hypot(*(b - a))) for a, b in pairwise(points)]
+    done = (1.0 - share) * sum(steps)
+    k = 0
+    while k + 1 < len(steps) and done > steps[k]:
+        done -= steps[k]
+        k += 1
+    return [points[k] + (points[k + 1] - points[k]) * min(done / steps[k], 1.0), *points[k + 1 :]]
+
+
+def slow_at_kerb(place: Floats, velocity: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
+    """Velocities ``[M, 2]`` at which people ``on_sidewalk`` ``[M]`` can stop before the kerb."""
+    outwards, room = _to_kerb(place, pavement)
+    towards = (velocity * outwards).sum(axis=1)
+    excess = np.maximum(towards - np.sqrt(2.0 * _EASY_AT_KERB * np.maximum(room, 0.0)), 0.0) * on_sidewalk
+    return np.asarray(velocity - excess[:, None] * outwards)
+
+
+def keep_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
+    """Places ``[M, 2]``; people ``on_sidewalk`` ``[M]`` are moved back to it."""
+    outwards, room = _to_kerb(place, pavement)
+    back = np.maximum(-room, 0.0) * on_sidewalk
+    return place - back[:, None] * outwards
+
+
+def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
+    """Direction to the nearest kerb ``[M, 2]``, and the distance to it ``[M]``, negative on the road."""
+    excess = np.maximum(pavement.corner - np.abs(place), 0.0)
+    distance = np.hypot(excess[:, 0], excess[:, 1])
+    outwards = -np.where(place < 0, -1.0, 1.0) * excess / np.maximum(distance, 1e-9)[:, None]
+    return outwards, pavement.radius - _SIDEWALK_EDGE - distance
+
+
+def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats, group: Ints) -> Floats:
+    """Acceleration ``[M, 2]``, m/s2, of people on foot.
+
+    ``place`` ``[M, 2]`` m, ``velocity`` ``[M, 2]`` m/s, ``to_goal`` ``[M, 2]`` vector to the goal, ``pace`` ``[M]``
+    desired speed, ``group`` ``[M]`` number of the group.
+    """
+    far = np.hypot(to_goal[:, 0], to_goal[:, 1])
+    wanted = to_goal / np.maximum(far, _TINY)[:, None] * np.minimum(pace, far / _SLOWING)[:, None]
+    between, gap, unit = _pairs(place)
+    ahead = wanted / np.maximum(np.hypot(wanted[:, 0], wanted[:, 1]), _TINY)[:, None]
+    facing = -(ahead[:, None, :] * unit).sum(axis=2)
+    friends: Bools = (group[:, None] == group) & np.isfinite(gap)
+    strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
+    strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
+    push: Floats = (strength[..., None] * unit).sum(axis=1)
+    force: Floats = (wanted - velocity) / _RELAX + push + _pull_to_group(between, friends)
+    return limit_length(force, _STRONGEST)
+
+
+def _pairs(place: Floats, least: float = _TINY) -> tuple[Floats, Floats, Floats]:
+    """Vectors from every person to every other ``[M, M, 2]``, their lengths (inf to oneself), and unit vectors."""
+    between = place[:, None] - place
+    gap = np.hypot(between[..., 0], between[..., 1])
+    np.fill_diagonal(gap, np.inf)
+    return between, gap, between / np.where(np.isinf(gap), 1.0, np.maximum(gap, least))[..., None]
+
+
+def limit_length(vector: Floats, most: Floats | float) -> Floats:
+    """Vectors ``[M, 2]`` shortened to at most ``most``."""
+    length = np.hypot(vector[:, 0], vector[:, 1])
+    return vector * np.minimum(1.0, most / np.maximum(length, _TINY))[:, None]
+
+
+def _pull_to_group(between: Floats, friends: Bools) -> Floats:
+    count = friends.sum(axis=1)
+    to_middle = -(between * friends[..., None]).sum(axis=1) / np.maximum(count, 1)[:, None]
+    away = np.hypot(to_middle[:, 0], to_middle[:, 1]) > _TOGETHER
+    return np.asarray(to_middle * np.where(away, _PULL, 0.0)[:, None])
+
+
+def slow_before_others(place: Floats, velocity: Floats, vehicles: Floats, dt: float) -> Floats:
+    """Velocities ``[M, 2]`` at which people can stop before each other and vehicles (boxes ``[N, 7]``)."""
+    _, gap, unit = _pairs(place)
+    own = -(velocity[:, None, :] * unit).sum(axis=2)  # approaching speed
+    other = own.T
+    allowed = np.sqrt(2.0 * _EASY * np.maximum(np.where(np.isinf(gap), 0.0, gap) - APART, 0.0))
+    excess = np.maximum(own + other - allowed, 0.0)
+    excess *= np.maximum(own, 0.0) / np.maximum(np.maximum(own, 0.0) + np.maximum(other, 0.0), _TINY)
+    worst = np.argmax(excess, axis=1)
+    rows = np.arange(len(place))
+    velocity = velocity + excess[rows, worst, None] * unit[rows, worst]
+    if len(vehicles) == 0:
+        return velocity
+    before = _clearance(place, vehicles)
+    coming = (before - _clearance(place + dt * velocity, vehicles)) / dt
+    allowed = np.sqrt(2.0 * _EASY * np.maximum(before - _ROOM, 0.0))
+    share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(axis=1)
+    return np.asarray(velocity * share[:, None])
+
+
+def push_apart(place: Floats) -> Floats:
+    """Places ``[M, 2]`` after people who are too close are moved apart."""
+    for _ in range(3):
+        _, gap, unit = _pairs(place, 1e-6)
+        short = np.maximum(APART + 1e-3 - gap, 0.0)
+        if not short.any():
+            break
+        place = place + 0.5 * (short[..., None] * unit).sum(axis=1)
+    return place
+
+
+def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: Floats) -> Floats:
+    """``moved`` ``[M, 2]``; people who would step against a vehicle (boxes ``[N, 7]``) stay at ``place``."""
+    if len(vehicles) == 0:
+        return moved
+    after, before = _clearance(moved, vehicles), _clearance(place, vehicles)
+    blocked = np.any((after < _FROM_BOX) & (after < before), axis=1)
+    return np.where(blocked.reshape(-1, 1), place, moved)
+
+
+def _clearance(points: Floats, boxes: Floats) -> Floats:
+    """Distance ``[M, N]`` of points to the outlines of boxes along their axes; negative inside."""
+    cos, sin = np.cos(boxes[:, 3]), np.sin(boxes[:, 3])
+    dx, dy = points[:, :1] - boxes[:, 0], points[:, 1:] - boxes[:, 1]
+    along = np.abs(cos * dx + sin * dy) - boxes[:, 4] / 2
+    across = np.abs(cos * dy - sin * dx) - boxes[:, 5] / 2
+    return np.maximum(along, across)
