@@ -194,6 +194,14 @@ def leaderboard(key: Path, tmp_path: Path) -> Path:
     return make_leaderboard(tmp_path / "leaderboard", listed(key))
 
 
+@pytest.fixture(scope="session")
+def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A submission that takes its trick as a parameter."""
+    from tests.support.hostile import submission  # it imports much
+
+    return submission(tmp_path_factory.mktemp("hostile") / "hostile")
+
+
 @pytest.fixture
 def light_fork_servers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fork servers load what every agent needs without the trackers: half a second less for each submission."""

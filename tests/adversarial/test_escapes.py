@@ -11,6 +11,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,8 @@ pytestmark = pytest.mark.usefixtures("light_fork_servers")
 
 
 @pytest.fixture
-def court(card: str, kitti: str, tmp_path: Path) -> Court:
-    return Court(card, kitti, tmp_path)
+def court(card: str, kitti: str, tmp_path: Path, hostile: Path) -> Court:
+    return Court(card, kitti, tmp_path, hostile)
 
 
 @pytest.fixture
@@ -304,14 +305,8 @@ def secret(court: Court, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """A word that lies in the home folder, in the data, in the records, in the cache and beside the submission."""
     word = "salt-" + os.urandom(16).hex()
     home, records = court.folder / "home", court.folder / "leaderboard" / "records"
-    places = [
-        home,
-        records,
-        records / "truth_past.rollouts",
-        court.folder,
-        Path(court.data),
-        home / ".cache" / "mtp_bench",
-    ]
+    places = [home, records, records / "truth_past.rollouts", court.folder, Path(court.data)]
+    places += [home / ".cache" / "mtp_bench", *([court.shared.parent] if court.shared else [])]
     move_home(home, monkeypatch)
     files = []
     for place in places:
@@ -343,7 +338,7 @@ def test_no_socket_and_no_fifo_leads_out(sandboxed: None, court: Court) -> None:
 def test_data_behind_a_link_is_not_there(sandboxed: None, court: Court) -> None:
     link = court.folder / "link"
     link.symlink_to(court.data)
-    there = Court(court.card, str(link), court.folder)
+    there = replace(court, data=str(link))
     expect_no_gain(court, there.run(act(LINKED), link=str(link), data=str(Path(court.data).resolve())))
 
 

@@ -17,5 +17,5 @@ def _compiled() -> None:
 
 
 @pytest.fixture
-def court(card: str, kitti: str, tmp_path: Path) -> Court:
-    return Court(card, kitti, tmp_path)
+def court(card: str, kitti: str, tmp_path: Path, hostile: Path) -> Court:
+    return Court(card, kitti, tmp_path, hostile)

@@ -53,6 +53,11 @@ def said(court: Court, asks: str) -> str:
     return run.reason.split("RuntimeError: ")[1]
 
 
+@pytest.fixture
+def court(card: str, kitti: str, tmp_path: Path) -> Court:
+    return Court(card, kitti, tmp_path)
+
+
 @pytest.fixture(autouse=True)
 def _no_server_remains() -> Iterator[None]:
     yield

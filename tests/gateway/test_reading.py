@@ -111,8 +111,7 @@ def test_environment_arguments_and_descriptors_tell_nothing(court: Court, monkey
 
 def test_data_is_not_there_and_nothing_else_can_be_written(court: Court, cache: Path) -> None:
     (cache / "kernels-kept").mkdir(exist_ok=True)
-    hostile = str(court.folder / "hostile")
-    run = court.run(FILES, data=court.data, submission=hostile, cache=str(cache / "kernels-kept"))
+    run = court.run(FILES, data=court.data, submission=str(court.shared), cache=str(cache / "kernels-kept"))
     if not run.isolation.sandboxed:
         pytest.skip("this system allows no file system of one's own")
     expect_nothing_found(court, run)

@@ -45,7 +45,11 @@ class Hostile(EchoAgent):
 
 {trick}
 
-def build(task, **parameters):
+def build(task, trick="", **parameters):
+    methods = {}
+    exec(trick, globals(), methods)
+    for name, method in methods.items():
+        setattr(Hostile, name, method)
     Hostile.given = parameters
     return Hostile()
 """
@@ -77,14 +81,18 @@ class Court:
     card: str
     data: str
     folder: Path
+    shared: Path | None = None  # a submission that takes its trick as a parameter, so that one fork server serves all
 
     def run(self, trick: str, limits: Limits = QUICK, scene: str = SCENE, **parameters: Any) -> SceneRun:
         """A scene answered by a hostile agent."""
-        submission(self.folder / "hostile", trick)
-        return self.again(limits, scene, **parameters)
+        if self.shared is None:
+            submission(self.folder / "hostile", trick)
+            return self.again(limits, scene, **parameters)
+        given = {"trick": textwrap.dedent(trick), **parameters}
+        return run_isolated(self.shared, self.card, {"data": self.data}, scene, parameters=given, limits=limits)
 
     def again(self, limits: Limits = QUICK, scene: str = SCENE, **parameters: Any) -> SceneRun:
-        """The same submission once more."""
+        """The same submission, written by `run`, once more."""
         path = self.folder / "hostile"
         return run_isolated(path, self.card, {"data": self.data}, scene, parameters=parameters, limits=limits)
 
