@@ -8,7 +8,7 @@ import json
 from collections.abc import Callable, Sequence
 from itertools import groupby
 
-from .column import Column, Value
+from .column import SHARE, Column, Value
 from .table import Table
 
 SUFFIXES = (".csv", ".json", ".md", ".tex")
@@ -133,5 +133,6 @@ def _latex(text: str) -> str:
 
 
 def _heading(column: Column) -> str:
-    unit = f"({column.unit})" if column.unit not in ("", "share") else ""
+    stated = column.unit in ("", SHARE) or f"({column.unit})" in column.group
+    unit = "" if stated else f"({column.unit})"
     return " ".join(part for part in (column.title, unit, column.arrow) if part)

@@ -104,22 +104,6 @@ def test_a_click_sorts_and_another_turns_the_order(opened: Browser) -> None:
     assert names(opened) == [*best[-2::-1], "sleeper"]  # what has no number stays last
 
 
-def test_where_more_is_better_the_most_comes_first(opened: Browser) -> None:
-    opened.click(header("level"))
-    assert names(opened)[0] == "braided_paths"
-    assert sorted_by(opened) == [["level", "descending"]]
-
-
-def test_the_keyboard_sorts_too(opened: Browser) -> None:
-    opened.type(header("name"), ENTER)
-    assert names(opened) == sorted(RANKED + UNRANKED)
-
-
-def test_the_other_table_keeps_its_order(opened: Browser) -> None:
-    opened.click(header("name"))
-    assert names(opened, FEW) == ["braided_paths", "stp", "calm_hedge"]
-
-
 def test_text_filters(opened: Browser) -> None:
     opened.type("#_text", "PATHS ada")
     assert names(opened) == ["braided_paths"]
@@ -157,20 +141,6 @@ def test_text_means_names_and_authors_alone(browser: Browser, tmp_path: Path) ->
 def test_selections_filter(opened: Browser, control: str, value: str, kept: list[str]) -> None:
     choose(opened, control, value)
     assert names(opened) == kept
-
-
-def test_one_env_is_shown_alone(opened: Browser) -> None:
-    choose(opened, "env", "MTP-WILDTRACK-v0")
-    shown = (
-        "return [...document.querySelectorAll('.board')].filter((b) => b.checkVisibility()).map((b) => b.dataset.env)"
-    )
-    assert opened.script(shown) == ["MTP-WILDTRACK-v0"]
-    assert opened.script(COUNT) == "3 of 13 entries"
-
-
-def test_the_unranked_can_be_left_out(opened: Browser) -> None:
-    opened.click("#_unranked")
-    assert names(opened) == RANKED
 
 
 def choose(browser: Browser, control: str, value: str) -> None:
@@ -267,11 +237,6 @@ def test_the_first_stop_of_the_keyboard_skips_to_the_tables(opened: Browser) -> 
     assert opened.script("return document.activeElement.id") == "_main"
 
 
-def test_a_cell_of_the_overview_leads_to_its_entry(opened: Browser) -> None:
-    opened.click(f'.matrix a[href="#{MAIN}/calm_hedge"]')
-    assert "Made up for a picture" in detail(opened)
-
-
 def test_a_missing_part_is_said(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "alone.html"
     path.write_text(board_files(board_of(made_up("a"))).page)
@@ -352,10 +317,3 @@ def test_a_script_that_slipped_in_would_not_run(browser: Browser, tmp_path: Path
     refused = browser.console()
     assert len(refused) == 2
     assert all("Content Security Policy" in message for message in refused)
-
-
-def test_an_empty_board_opens(browser: Browser, tmp_path: Path) -> None:
-    path = tmp_path / "empty.html"
-    path.write_text(board_files([]).page)
-    with only(browser, path):
-        assert "mtp-bench submit" in browser.script("return document.querySelector('.howto').innerText")

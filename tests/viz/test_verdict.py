@@ -87,8 +87,7 @@ def test_the_gap_between_both_reference_pairs_and_in_the_paper() -> None:
     shares = "34.5 % (95 % 10.1 to 40.4 %) over all targets and 34.5 % (95 % 10.1 to 40.4 %) on ids"
     assert sentence == (
         f"mtp (H = 20) closes {shares} of the gap between stp and ground-truth tracks; between references with its "
-        "own predictor and presence 20.0 % over all targets and 20.0 % on ids; by the plain error 75.0 % over all "
-        "targets and 75.0 % on ids; in the paper, by minADE on IDS, 76.2 %."
+        "own predictor and presence 20.0 % over all targets and 20.0 % on ids; in the paper, by minADE on IDS, 76.2 %."
     )
     (sentence,) = verdict(report(ends + rows(MINE, **closed)), ["mine"])[-1:]
     assert "; with its own predictor unknown" in sentence

@@ -81,8 +81,8 @@ _P95 = "Time within which 95 % of the frames are answered, milliseconds."
 _NUMBERS: Sequence[Column] = (
     _of_row("error", format=".3f", group="ranks (m)", help=_ERROR),
     _of_row("interval"),
-    _of("difference", "to stp", _mean_difference, unit="m", better="lower", format="+.3f",
-        group="difference to stp (m)", help=_DIFFERENCE),
+    _of("difference", "mean", _mean_difference, unit="m", better="lower", format="+.3f",
+        group="to stp (m)", help=_DIFFERENCE),
     Column(key="difference_interval", interval=True, read=_difference_interval),
     _of("public", "public", lambda e: e.public_error, unit="m", better="lower", format=".3f",
         help="bADE on the public scenes, where hidden ones rank, metres."),
@@ -105,6 +105,7 @@ _NUMBERS: Sequence[Column] = (
         help="Peak memory of the agent's process."),
 )  # fmt: skip
 COLUMN = {column.key: column for column in _NUMBERS}
+INTERVALS = {"error": "interval", "difference": "difference_interval"}  # key of a column -> that of its intervals
 _FIRST = (
     _text("version", lambda e: e.version or None),
     _text("rank", lambda e: e.rank),

@@ -7,7 +7,7 @@ one subset with a row per environment.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,13 +15,12 @@ from ...errors import MtpBenchError, UnknownNameError
 from ...files import read_bounded, write_text
 from ...scoring.subsets import SUBSETS, Subset
 from ...tables import Column, Table, Value, to_markdown
-from .columns import COLUMN
+from .columns import COLUMN, INTERVALS, PAGE
 from .entries import Entry, by_board
 
 MOST_BYTES = 4 << 20  # of a page
 _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
-_OF_ENV = ("minADE", "paper_ids_minADE", "paper_frag_minADE", "coverage", "gap", "same_gap", "ms")
 
 
 def fill(page: Path, entries: Sequence[Entry]) -> bool:
@@ -68,24 +67,12 @@ def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
     listed = next((each for each in by_board(entries).values() if each[0].env == env_id), None)
     if listed is None:
         raise UnknownNameError("environment", env_id, sorted({entry.env for entry in entries}))
-    ranked: tuple[Subset, ...] = ("all", "ids", "reacquired")
-    errors = [column for subset in ranked for column in _error_columns(subset)]
-    columns = [Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"), *errors]
-    numbers = [replace(COLUMN[key], optional=True) for key in _OF_ENV]
-    return Table(env_id, env_id, "", listed, [*columns, *numbers])
-
-
-def _error_columns(subset: Subset) -> list[Column]:
-    """Error, interval and rank of entries on a subset."""
-
-    def rank(entry: Entry) -> int | None:
-        return entry.standing.places[subset].rank
-
-    return [
-        Column("bADE", "m", "lower", group=subset, key=f"{subset}_error", read=lambda e: e.row_of(subset).error),
-        Column(interval=True, key=f"{subset}_interval", read=lambda e: e.row_of(subset).interval),
-        Column("rank", group=subset, key=f"{subset}_rank", read=rank),
+    names = [
+        Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"),
+        Column("rank", key="rank", read=lambda entry: entry.rank),
     ]
+    keys = [key for page_key in PAGE for key in (page_key, INTERVALS.get(page_key, "")) if key]
+    return Table(env_id, env_id, "", listed, [*names, *(replace(COLUMN[key], optional=True) for key in keys)])
 
 
 def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]) -> Table:
@@ -101,24 +88,13 @@ def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]
             rows.setdefault(listed[0].env, known)
     columns = [Column("environment", key="env", read=lambda row: row[agents[0]].env)]
     for agent in agents:
-        columns += [_agent_column(subset, agent, "error"), _agent_column(subset, agent, "interval")]
-    columns += [
-        Column(f"effective {what}", format=".1f", key=what, read=_size(subset, agents[0], f"effective_{what}"))
-        for what in ("objects", "units")
-    ]
+        columns.append(Column(f"`{agent}`", "m", "lower", key=agent, read=_value(subset, agent, "error")))
+        columns.append(Column(interval=True, key=f"{agent}_interval", read=_value(subset, agent, "interval")))
+    for what in ("objects", "units"):
+        read = _value(subset, agents[0], f"effective_{what}")
+        columns.append(Column(f"effective {what}", format=".1f", key=what, read=read))
     return Table(subset, f"bADE on {subset}", "", list(rows.values()), columns)
 
 
-def _agent_column(subset: Subset, agent: str, name: str) -> Column:
-    read = _size(subset, agent, name)
-    if name == "interval":
-        return Column(interval=True, key=f"{agent}_interval", read=read)
-    return Column(f"`{agent}`", "m", "lower", key=agent, read=read)
-
-
-def _size(subset: Subset, agent: str, name: str):  # type: ignore[no-untyped-def]
-    def read(row: dict[str, Entry]) -> Value:
-        value: Value = getattr(row[agent].row_of(subset), name)
-        return value
-
-    return read
+def _value(subset: Subset, agent: str, name: str) -> Callable[[dict[str, Entry]], Value]:
+    return lambda row: getattr(row[agent].row_of(subset), name)

@@ -16,31 +16,17 @@ _NAMED = 3  # leaders
 
 
 @dataclass(frozen=True)
-class Head:
-    """A column of the overview."""
-
-    board: str
-    name: str
-    simulated: bool
-
-
-@dataclass(frozen=True)
 class Overview:
     """Agents by environments, of one version."""
 
     version: str
-    heads: list[Head]
+    heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
     rows: list[tuple[str, list[Entry | None]]]  # name of an agent, its entry per environment
-
-    @property
-    def marked(self) -> bool:
-        """Whether a part of an agent was trained on scenes that are scored."""
-        return any(entry is not None and entry.trained_on_scored for _, row in self.rows for entry in row)
 
     @property
     def groups(self) -> list[tuple[str, int]]:
         """Headings above the columns, with their number."""
-        made = sum(head.simulated for head in self.heads)
+        made = sum(simulated for _, _, simulated in self.heads)
         counts = [("recorded", len(self.heads) - made), ("simulated", made)]
         return [(name, count) for name, count in counts if count]
 
@@ -53,7 +39,8 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
         agents.setdefault(entry.name, {}).setdefault(entry.board, entry)  # of several of one name the first
     names = sorted(agents, key=lambda name: (*(_place(agents[name].get(board)) for board in boards), name))
     rows = [(name, [agents[name].get(board) for board in boards]) for name in names]
-    heads = [Head(board, short_name(listed[0].env), simulated(listed[0].env)) for board, listed in boards.items()]
+    envs = {board: listed[0].env for board, listed in boards.items()}
+    heads = [(board, short_name(env), simulated(env)) for board, env in envs.items()]
     return Overview(entries[0].version if entries else "", heads, rows)
 
 

@@ -90,18 +90,15 @@ def _against_control(report: Report, row: Row) -> str | None:
 def _gap(report: Report, row: Row) -> str | None:
     """The share of the gap that is closed: between both reference pairs, by the plain error, and in the paper."""
     rows = [each for each in (row, _on_subset(report, row, "ids")) if each is not None]
-    stp, truth = _main_row(report, STP), _main_row(report, TRUTH)
-    if stp is None or truth is None:
+    if _main_row(report, STP) is None or _main_row(report, TRUTH) is None:
         return None
     closed = _shares(rows, lambda r: r.gap_closed, lambda r: r.gap_interval)
     if not closed:
         return f"{_label(row)}: no gap to close, {STP} is not significantly worse than ground-truth tracks."
     own = _shares(rows, lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
-    plain = _shares(rows, lambda r: _plain_share(report, r, stp, truth), lambda _: None)
     parts = [
         f"{_label(row)} closes {closed} of the gap between {STP} and ground-truth tracks",
         f"between references with its own predictor and presence {own}" if own else _NO_OWN_GAP,
-        f"by the plain error {plain or 'unknown'}",
     ]
     if (paper := paper_gap(shipped_env(report), row)) is not None:
         parts.append(f"in the paper, by minADE on IDS, {_percent(paper)}")
@@ -114,18 +111,6 @@ def _shares(
     """Shares on the subsets of the rows, with intervals; empty where none is known."""
     known = [(row, value) for row in rows if (value := share(row)) is not None]
     return " and ".join(f"{_percent(value)}{_percents(interval(row))} {WHERE[row.subset]}" for row, value in known)
-
-
-def _plain_share(report: Report, row: Row, stp: Row, truth: Row) -> float | None:
-    errors = [None if each is None else each.plain_error for each in (row, *_references(report, row, stp, truth))]
-    if None in errors:
-        return None
-    own, high, low = (error or 0.0 for error in errors)
-    return (high - own) / (high - low) if high > low else None
-
-
-def _references(report: Report, row: Row, stp: Row, truth: Row) -> tuple[Row | None, Row | None]:
-    return _on_subset(report, stp, row.subset), _on_subset(report, truth, row.subset)
 
 
 def _ranks(report: Report) -> str | None:
