@@ -1,7 +1,7 @@
 """Table ``[source]`` of a card: the class of the section of each source, and its traits.
 
-A source is a package ``mtp_bench.sources.<name>``. Its ``section.py`` holds a subclass of `SourceSection`, which is
-registered here by one line of `SOURCES`; it is imported when a card names it, so cards depend on no source.
+A source is a package ``mtp_bench.sources.<name>``. Its subclass of `SourceSection` is registered by one line
+of `SOURCES` and imported when a card names it, so cards depend on no source.
 """
 
 from __future__ import annotations
@@ -105,6 +105,13 @@ class FilesSource(SourceSection):
             truth_complete=self.truth == "all",
             view=self.view,
         )
+
+
+class DetectionsSection(SourceSection):
+    """Keys of a source with detections that a user's own can replace; see `cards.with_detections`."""
+
+    detections_sha256: str | None = None
+    detections_file: LocalPath = None
 
 
 def source_class(name: str) -> type[SourceSection]:

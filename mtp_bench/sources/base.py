@@ -10,7 +10,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from ..cards import Card, SourceSection
-from ..errors import CardError, nearest
+from ..cards.own import TEXTS, folder_digest, known_digest
+from ..cards.source import DetectionsSection
+from ..errors import CardError, DataError, nearest
 from ..types import Detections, Floats, Ints, Lane, Scene, StoredTracks
 from .dataset import Dataset, DataStatus
 
@@ -61,7 +63,7 @@ class CameraImage:
 
 @dataclass(frozen=True)
 class Preparation:
-    """How to do the work that is done once per machine."""
+    """Settings of the work that is done once per machine."""
 
     scenes: int | None = None  # the first ones; None: all
     workers: int = 1
@@ -102,6 +104,28 @@ def section_of(card: Card, kind: type[SectionT]) -> SectionT:
     if not isinstance(card.source, kind):
         raise CardError(f"{card.id}: source is {card.source.name!r}, expected the section of {kind.__name__}")
     return card.source
+
+
+def own_detections(card: Card) -> Path | None:
+    """A user's file or folder of detections that replaces the detector's; None if the card names none.
+
+    Raises DataError if it is missing, or has another content than when the card was made.
+    """
+    section = card.source
+    if not isinstance(section, DetectionsSection):
+        return None
+    expected = section.detections_sha256
+    if section.detections_file is None:
+        if expected is None:
+            return None
+        raise DataError(f"{card.id} has the detections with sha256 {expected}: name their file or folder, --detections")
+    path = Path(section.detections_file).expanduser()
+    if not path.exists():
+        raise DataError(f"no file or folder {path}, expected {section.traits.detection_file}")
+    digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
+    if expected not in (None, digest):
+        raise DataError(f"{path} has the sha256 {digest}, expected {expected}: the detections of {card.id}")
+    return path
 
 
 def require_classes(card: Card, dataset: str, known: Collection[str]) -> None:

@@ -59,8 +59,6 @@ BOX, CAR, WALKER, T = "sample_annotation", "scene-0003-car", "scene-0003-walker"
 S3, POSE, KEY = "scene-0003-token", "scene-0003-pose-1", "scene-0003-lidar-1-True-2"
 C1, C2 = f"{CAR}-t1", f"{CAR}-t2"
 TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error names
-    "a sample is missing": ("sample", remove(T + "2"), "sample.json has 3 records of it, expected 4"),
-    "a sample is in another scene": ("sample", record(T + "2", scene_token="scene-0001-token"), "has 5 records"),
     "a sample is in no scene": ("sample", record(T + "1", scene_token="?"), f"record '{T}1': scene_token is '?'"),
     "a sample comes twice": ("sample", repeat(T + "1"), f"token '{T}1', expected one"),
     "two samples have one time": ("sample", record(T + "1", timestamp=1_500_000_200_000_000), "has its time"),
@@ -70,11 +68,9 @@ TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error 
     "a time is negative": ("sample", record(T + "1", timestamp=-5), "[9].timestamp: expected `float` >= 0"),
     "times are in milliseconds": ("sample", scale_times(1000), "timestamp must be in microseconds"),
     "times are in nanoseconds": ("sample", scale_times(0.001), "timestamp: expected `float` <="),
-    "a scene has no samples": ("scene", repeat(S3, token="new", name="new", nbr_samples=0), "record 'new'"),
+    "a scene has no samples": ("scene", repeat(S3, token="new", name="new"), "record 'new'"),
     "a scene has a name twice": ("scene", record(S3, name="scene-0001"), "several scenes 'scene-0001'"),
     "a scene has no name for a file": ("scene", record(S3, name="../x"), "[2].name"),
-    "a scene counts other samples": ("scene", record(S3, nbr_samples=5), "has 4 records of it, expected 5"),
-    "a scene counts too many samples": ("scene", record(S3, nbr_samples=10**10), "[2].nbr_samples"),
     "no lidar keyframe": ("sample_data", record(KEY, is_key_frame=False), f"LIDAR_TOP keyframe of sample '{T}2'"),
     "two lidar keyframes": ("sample_data", record("scene-0003-lidar-1-False-2", is_key_frame=True), "a second LIDAR"),
     "a keyframe of no sample": ("sample_data", record(KEY, sample_token="x"), "sample_token is 'x'"),
@@ -87,7 +83,6 @@ TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error 
     "a pose comes twice": ("ego_pose", repeat(POSE), f"token '{POSE}'"),
     "a pose is too far": ("ego_pose", record(POSE, translation=[1e308, 0, 0]), "translation[0]"),
     "a pose is not turned": ("ego_pose", record(POSE, rotation=[0, 0, 0, 0]), f"'{POSE}': rotation is"),
-    "a box is missing": (BOX, remove(C2), "has 3 records of it, expected 4"),
     "two boxes in a sample": (BOX, record(C2, sample_token=T + "1"), f"record '{C2}': a second box"),
     "a box in no sample": (BOX, record(C1, sample_token="x"), f"record '{C1}': sample_token is 'x'"),
     "a box of no instance": (BOX, record(C1, instance_token=""), f"record '{C1}': instance_token is ''"),
@@ -98,8 +93,6 @@ TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error 
     "a box has two sides": (BOX, record(C1, size=[1, 2]), "size"),
     "a box has no rotation": (BOX, record(C1, rotation=None), "rotation"),
     "a box is not turned properly": (BOX, record(C1, rotation=[0.7, 0, 0, 0.6]), f"'{C1}': rotation is [0.7, "),
-    "an instance counts other boxes": ("instance", record(CAR, nbr_annotations=3), "has 4 records of it, expected 3"),
-    "an instance counts texts": ("instance", record(CAR, nbr_annotations="4"), "nbr_annotations"),
     "an instance of no category": ("instance", record(CAR, category_token="x"), f"'{CAR}': category_token is 'x'"),
     "an instance without a token": ("instance", record(CAR, token=None), "`token`"),
 }

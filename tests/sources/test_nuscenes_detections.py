@@ -90,9 +90,9 @@ def test_a_named_file_is_used_alone(data: Path, tmp_path: Path) -> None:
     other = nuscenes_card(detections_file=str(path), detector="mine", detections_sha256="0" * 64)
     with pytest.raises(DataError, match=rf"mine\.json has the sha256 {digest}, expected 0000"):
         open_source(other, data)
-    with pytest.raises(DataError, match=r"sha256 0000.*: name it with --detections"):
+    with pytest.raises(DataError, match=r"sha256 0000.*--detections"):
         open_source(nuscenes_card(detections_sha256="0" * 64), data)
-    with pytest.raises(DataError, match=r"no file .*none\.json, expected detections"):
+    with pytest.raises(DataError, match=r"none\.json, expected a JSON file"):
         open_source(nuscenes_card(detections_file="none.json", detections_sha256="0" * 64), data)
 
 
@@ -105,19 +105,6 @@ def test_unknown_detector(data: Path) -> None:
     stored(data).parent.rmdir()
     with pytest.raises(DataError, match=r"detections; .*--detector nuscenes_megvii .*; to get them: register at"):
         open_source(nuscenes_card(), data)
-
-
-def test_a_link_that_leads_nowhere_is_not_there(data: Path) -> None:
-    stored(data, "megvii_gone.json").symlink_to("nowhere.json")
-    assert len(load(data).box) == 6
-    stored(data).unlink()
-    with pytest.raises(
-        DataError, match=r"no file megvii\*\.json; found: megvii_gone\.json \(a link that leads nowhere\)"
-    ):
-        load(data)
-    stored(data).mkdir()
-    with pytest.raises(DataError, match=r"found: megvii_all\.json \(no file\), megvii_gone"):
-        load(data)
 
 
 def test_a_submission_to_the_tracking_task(data: Path) -> None:

@@ -2,10 +2,9 @@
 
 from ..base import SourcePackage
 from .image import scene_images
-from .layout import DATASET, LABELS
+from .layout import DATASET, LABELS, inspect
 from .layout import KittiSource as KittiSource
 from .source import KittiTracking
-from .status import inspect
 from .tracks import FORM
 
 PACKAGE = SourcePackage(

@@ -1,19 +1,20 @@
-"""KITTI tracking in a card and in a folder: the section ``[source]``, the splits and the detections."""
+"""KITTI tracking in a card and in a folder: the section ``[source]``, splits, detections, status of the files."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from ...cards import Card, instead_of_stored
-from ...cards.own import TEXTS, folder_digest
-from ...cards.source import LocalPath, SourceSection, Traits
+from ...cards.source import DetectionsSection, Traits
 from ...errors import DataError
-from ..base import section_of
-from ..dataset import Dataset
-from .files import read_sequence_map
+from ...types import Ints
+from ..base import own_detections, section_of
+from ..dataset import Dataset, DataStatus
+from .files import Labels, read_labels, read_oxts, read_sequence_map
 
 SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
 # The paper's validation sequences (AB3DMOT's split), for a root without the sequence map.
@@ -21,23 +22,22 @@ VALIDATION = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0
 TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}  # label type, detection code
 LABELS = "training/label_02"
 IMAGES = "training/image_02"  # shown beside an event
+SEQUENCES = tuple(f"{i:04d}" for i in range(21))
 DATASET = Dataset.of(__file__)
 
 
-class KittiSource(SourceSection):
+class KittiSource(DetectionsSection):
     """KITTI tracking logs with stored detections."""
 
     splits = ("train", "val")
 
     detector: str = "pointrcnn"  # folder under detections/
-    detections_sha256: str | None = None  # of a folder that replaces the detector's; see cards.with_detections
-    detections_file: LocalPath = None  # that folder
     ego_motion: bool = True  # False: every frame in its own camera frame, as without ego-motion compensation
     stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
 
     @property
     def traits(self) -> Traits:
-        """What the source can do."""
+        """Abilities of the source."""
         return Traits(
             stored_detector=self.detector,
             detection_file="a folder of KITTI text, one file per sequence",
@@ -64,9 +64,9 @@ def split_names(root: Path, split: str, lengths: dict[str, int]) -> tuple[str, .
 
 def require_detector(root: Path, card: Card) -> Path:
     """The folder of the card's detections; raises DataError unless it is there with all classes."""
-    section = section_of(card, KittiSource)
-    if section.detections_file is not None or section.detections_sha256 is not None:
-        return _own_detections(card, section)
+    own, section = own_detections(card), section_of(card, KittiSource)
+    if own is not None:
+        return own
     folder = root / "detections"
     if not folder.is_dir():
         raise DataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
@@ -80,17 +80,54 @@ def require_detector(root: Path, card: Card) -> Path:
     return folder / section.detector
 
 
-def _own_detections(card: Card, section: KittiSource) -> Path:
-    """The folder of detections that replaces those of the detector's; see `cards.with_detections`."""
-    if section.detections_file is None:
-        raise DataError(
-            f"{card.id} has the detections of a folder with sha256 {section.detections_sha256}: "
-            "name it with --detections"
+def inspect(card: Card, found: DataStatus) -> None:
+    """Note the files that ``card`` needs, and count over the label files."""
+    section = section_of(card, KittiSource)
+    validation = tuple(found.attempt(read_sequence_map, SEQUENCE_MAP) or VALIDATION)
+    training = tuple(name for name in SEQUENCES if name not in validation)
+    names = validation if section.split == "val" else training
+    folders = [LABELS, "training/calib", "training/oxts"]
+    if card.detector is None and section.detections_file is None:
+        stored = f"detections/{section.detector}"
+        folders += [f"{stored}/{TYPES[name][0]}" for name in card.task.classes if name in TYPES]
+    for folder in folders:
+        found.require_all(folder, [f"{name}.txt" for name in names])
+    found.note_detector(instead_of_stored(card))
+    if not (found.folder / SEQUENCE_MAP).is_file():
+        found.notes.append(f"{SEQUENCE_MAP} is missing: the validation split is taken as {', '.join(VALIDATION)}")
+    if "0019" in names and not (found.folder / "poses_orbslam3/0019.txt").is_file():
+        found.notes.append(
+            "poses_orbslam3/0019.txt is missing: sequence 0019 uses its GPS/IMU unit, which is bad there"
         )
-    folder = Path(section.detections_file)
-    if not folder.is_dir():
-        expected = f"{section.traits.detection_file}: 0001.txt, ..., or Car/0001.txt, ..."
-        raise DataError(f"{folder} is not a folder, expected {expected}")
-    if section.detections_sha256 not in (None, folder_digest(folder, TEXTS)):
-        raise DataError(f"{folder}: its files were changed since {card.id} was made with them; run the agent again")
-    return folder
+    if not (found.folder / IMAGES).is_dir():
+        found.notes.append(
+            f"{IMAGES}/ is missing, so pictures of events show no image: the left colour images are in "
+            "data_tracking_image_2.zip of https://www.cvlibs.net/datasets/kitti/eval_tracking.php"
+        )
+    _count(found, validation)
+
+
+def _count(found: DataStatus, validation: tuple[str, ...]) -> None:
+    """Counts over all sequences that are there and over those of the validation split."""
+    labels: dict[str, Labels] = {}
+    frames: dict[str, int] = {}
+    for name in SEQUENCES:
+        rows = found.attempt(read_labels, f"{LABELS}/{name}.txt")
+        oxts = found.attempt(read_oxts, f"training/oxts/{name}.txt")
+        if rows is not None:
+            labels[name] = rows
+        if oxts is not None:
+            frames[name] = len(oxts.attitude)
+    boxes, tracks = _boxes_and_tracks([rows.object_id[rows.type != "DontCare"] for rows in labels.values()])
+    counts = {"sequences": len(labels), "frames": sum(frames.values()), "tracks": tracks, "boxes": boxes}
+    counts["validation frames"] = sum(frames.get(name, 0) for name in validation)
+    within = [labels[name] for name in validation if name in labels]
+    for kind in ("Car", "Pedestrian", "Cyclist"):
+        boxes, tracks = _boxes_and_tracks([rows.object_id[rows.type == kind] for rows in within])
+        counts |= {f"validation {kind} boxes": boxes, f"validation {kind} tracks": tracks}
+    found.count(counts, found.about.totals)
+
+
+def _boxes_and_tracks(ids: list[Ints]) -> tuple[int, int]:
+    """Numbers of boxes and of tracks by the ids of each sequence."""
+    return sum(map(len, ids)), sum(len(np.unique(own)) for own in ids)

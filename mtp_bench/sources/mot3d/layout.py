@@ -29,7 +29,7 @@ class Mot3dSource(SourceSection):
 
     @property
     def traits(self) -> Traits:
-        """What the source can do."""
+        """Abilities of the source."""
         return Traits(stored_detector=self.detector, places_only=True, bounded_by_truth=True, has_ego=False)
 
 

@@ -128,10 +128,6 @@ def _projections(tables: TableStore, images: list[ImageRecord], mounts: tuple[Ca
 
 def _matrices(rotation: Floats) -> Floats:
     """Rotation matrices [n, 3, 3] of quaternions [n, 4] w x y z."""
-    w, x, y, z = (rotation / np.linalg.norm(rotation, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(rotation[:, [1, 2, 3, 0]]).as_matrix())

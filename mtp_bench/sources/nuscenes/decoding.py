@@ -20,7 +20,6 @@ from ..text import LIMIT, read_json, refuse
 NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
 
 Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
-Count = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
 Pair = tuple[Number, Number]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]  # w x y z

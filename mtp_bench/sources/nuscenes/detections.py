@@ -83,25 +83,18 @@ def require_covered(
             both = " and ".join(str(store.path) for store in stores if store.covered[row])
             token = tables.tokens[row].decode()
             raise DataError(f"{both} both have sample {token!r} of {name}; name one of them with --detections")
-    lost = [name for name in names if not files[tables.samples(name)].all()]
-    if not lost:
-        return
-    first = tables.samples(lost[0])
-    token = tables.tokens[first[int(np.argmin(files[first]))]].decode()
-    whole = {
-        other: scenes
-        for other, scenes in splits.items()
-        if other != split and all(files[tables.samples(scene)].all() for scene in scenes)
-    }
-    hint = (
-        f"wholly covered: {counted(whole)}; choose one with --split or split="
-        if whole
-        else "no split is wholly covered"
-    )
-    raise DataError(
-        f"{', '.join(str(store.path) for store in stores)}: no entry for sample {token!r} of {lost[0]}: detections "
-        f"cover {len(names) - len(lost)} of the {len(names)} scenes of split {split!r}; {hint}"
-    )
+    covered = {scene for scene in tables.scenes if files[tables.samples(scene)].all()}
+    lost = [name for name in names if name not in covered]
+    if lost:
+        first = tables.samples(lost[0])
+        token = tables.tokens[first[int(np.argmin(files[first]))]].decode()
+        whole = {other: scenes for other, scenes in splits.items() if other != split and covered.issuperset(scenes)}
+        choice = f"wholly covered: {counted(whole)}; choose one with --split or split="
+        raise DataError(
+            f"{', '.join(str(store.path) for store in stores)}: no entry for sample {token!r} of {lost[0]}: detections "
+            f"cover {len(names) - len(lost)} of the {len(names)} scenes of split {split!r}; "
+            f"{choice if whole else 'no split is wholly covered'}"
+        )
 
 
 def scene_detections(stores: Sequence[DetectionStore], samples: range, name: str, classes: Sequence[str]) -> Detections:
@@ -119,11 +112,8 @@ def scene_detections(stores: Sequence[DetectionStore], samples: range, name: str
 
 def _begins_in(path: Path, tables: TableStore, wanted: Bools) -> bool:
     """True if the first sample of a file is a wanted one, or if the beginning of the file is not understood."""
-    try:
-        with path.open("rb") as file:
-            found = _FIRST_SAMPLE.search(file.read(_HEAD))
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
+    with path.open("rb") as file:
+        found = _FIRST_SAMPLE.search(file.read(_HEAD))
     return found is None or bool(wanted[tables.tokens == found.group(1)].any())
 
 

@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ...cards import Card, instead_of_stored
-from ...cards.source import STORED_DETECTOR, LocalPath, SourceSection, Traits
+from ...cards.source import STORED_DETECTOR, DetectionsSection, Traits
 from ...errors import DataError
-from ..base import section_of
+from ..base import own_detections, section_of
 from ..dataset import Dataset
 
 TABLES = (
@@ -25,22 +25,20 @@ CAMERAS = "samples/CAM_*"  # folders of images, shown beside an event
 DATASET = Dataset.of(__file__)
 
 
-class NuScenesSource(SourceSection):
+class NuScenesSource(DetectionsSection):
     """nuScenes logs (official v1.0 tables) with stored detections in the official submission form."""
 
     splits = ("train", "train_val", "val", "mini_train", "mini_val", "all")
 
     version: Annotated[str, Field(pattern=r"^v1\.0-[A-Za-z0-9_.-]+$")] = "v1.0-trainval"  # folder of the tables
     detector: Annotated[str, Field(pattern=STORED_DETECTOR)] = "megvii"  # detections/<detector>*.json
-    detections_sha256: str | None = None  # of a file that replaces the detector's; see cards.with_detections
-    detections_file: LocalPath = None  # that file
     velocity: bool = False  # show the velocities of the detections, if the file has them
     truth: Literal["targets", "all"] = "all"
     # "targets": the official prediction split names the targets, and other objects are unknown; "all": every box
 
     @property
     def traits(self) -> Traits:
-        """What the source can do."""
+        """Abilities of the source."""
         return Traits(
             stored_detector=self.detector,
             other_detections=True,
@@ -67,13 +65,13 @@ def table_paths(root: Path, version: str) -> dict[str, Path]:
 
 
 def prediction_path(root: Path) -> Path | None:
-    """The list of prediction targets, where it is there; one file serves all versions."""
+    """The list of prediction targets, if it is there; one file serves all versions."""
     path = root / PREDICTION
     return path if path.is_file() else None
 
 
 def require_prediction(root: Path, card: Card) -> None:
-    """Raise DataError where the card needs the list of prediction targets and it is not there."""
+    """Raise DataError if the card needs the list of prediction targets and it is missing."""
     if section_of(card, NuScenesSource).truth == "targets" and prediction_path(root) is None:
         raise DataError(
             f"no file {root / PREDICTION}: {card.id} needs the targets of the prediction challenge, which come with "
@@ -89,32 +87,18 @@ def detection_pattern(card: Card) -> str:
 def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
     """Detection files of the card: the one it names, else all of its detector; none if the detector is simulated.
 
-    Raises DataError where there is none, naming those that are there.
+    Raises DataError if there is none, naming the files of other detectors.
     """
-    section = section_of(card, NuScenesSource)
     if card.detector is not None:
         return ()
-    if section.detections_file is not None:
-        path = Path(section.detections_file).expanduser()
-        if not path.is_file():
-            raise DataError(f"no file {path}, expected detections in the official submission form")
-        return (path,)
-    if section.detections_sha256 is not None:
-        raise DataError(
-            f"{card.id} has the detections of a file with sha256 {section.detections_sha256}: name it with --detections"
-        )
+    if (own := own_detections(card)) is not None:
+        return (own,)
+    section = section_of(card, NuScenesSource)
     folder = root / "detections"
     if not folder.is_dir():
         raise DataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
     paths = tuple(sorted(path for path in folder.glob(f"{glob.escape(section.detector)}*.json") if path.is_file()))
     if not paths:
-        found = ", ".join(_labelled(path) for path in sorted(folder.glob("*.json"))) or "none"
+        found = ", ".join(sorted(path.name for path in folder.glob("*.json") if path.is_file())) or "none"
         raise DataError(f"{folder} has no file {section.detector}*.json; found: {found}{instead_of_stored(card)}")
     return paths
-
-
-def _labelled(path: Path) -> str:
-    """Name of a path for messages; it may be a folder or a broken link."""
-    if path.is_file():
-        return path.name
-    return f"{path.name} (a link that leads nowhere)" if path.is_symlink() else f"{path.name} (no file)"

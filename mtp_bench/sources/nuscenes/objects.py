@@ -10,9 +10,8 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
-from ..text import read_json, repeated
+from ..text import read_json, refuse, repeated
 from .decoding import (
-    Count,
     Quaternion,
     Record,
     Size,
@@ -24,7 +23,7 @@ from .decoding import (
     upright_boxes,
 )
 from .names import NEUTRAL_OF, class_index
-from .tables import Keyframes, require_counts
+from .tables import Keyframes
 
 
 class CategoryRecord(Record):
@@ -37,7 +36,6 @@ class InstanceRecord(Record):
     """A record of ``instance.json``."""
 
     category_token: str
-    nbr_annotations: Count
 
 
 class BoxRecord(Record):
@@ -75,13 +73,10 @@ def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyfram
     row = {token: index for index, token in enumerate(instances)}
     sample = np.array([find(keyframes.row, record, "sample_token", path) for record in records], dtype=np.int64)
     instance = np.array([find(row, record, "instance_token", path) for record in records], dtype=np.int64)
-    twice = repeated(sample, instance)
-    if twice.any():
-        raise DataError(
-            f"{path}, record {records[int(np.argmax(twice))].token!r}: a second box of its instance in its sample"
-        )
-    count = np.array([each.nbr_annotations for each in instances.values()], dtype=np.int64)
-    require_counts(paths["instance"], list(instances), count, instance, path)
+    refuse(
+        repeated(sample, instance),
+        lambda index: f"{path}, record {records[index].token!r}: a second box of its instance in its sample",
+    )
     rotation = floats([record.rotation for record in records], 4)
     require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
     box = upright_boxes(

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card
-from ...cards.own import known_digest
 from ...errors import DataError, UnknownNameError
 from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
 from ..base import DataRoot, Preparation, class_ids, no_detections, require_classes, require_rate, section_of
@@ -47,7 +46,6 @@ class NuScenes:
             self.names = _names(card, self.root, splits)
             self.detections = open_detections(paths, self.tables, self.names, told)
         if paths:
-            _check_digest(card, paths)
             require_covered(self.detections, self.tables, self.names, splits, self.section.split)
 
     def load(self, name: str) -> Scene:
@@ -137,11 +135,3 @@ def _names(card: Card, root: Path, splits: dict[str, tuple[str, ...]]) -> tuple[
         f"{root / section.version} has no scene of split {section.split!r}; it has {counted(splits)}; "
         "choose one with --split or split="
     )
-
-
-def _check_digest(card: Card, paths: Sequence[Path]) -> None:
-    """Raise DataError if the file of detections that the card names has another content than when it was named."""
-    expected = section_of(card, NuScenesSource).detections_sha256
-    for path in paths if expected is not None else ():
-        if (digest := known_digest(path)) != expected:
-            raise DataError(f"{path} has the sha256 {digest}, expected {expected}: the detections of {card.id}")

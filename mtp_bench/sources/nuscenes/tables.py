@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +13,8 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Ints, starts_of
-from .decoding import Count, Quaternion, Record, Vector, by_token, find, floats, read_records, require_rotations, yaw_of
+from ..text import refuse
+from .decoding import Quaternion, Record, Vector, by_token, find, floats, read_records, require_rotations, yaw_of
 
 SECOND = 1e6  # microseconds
 STEPS = 0.25, 1.0  # s, between samples: nominally 0.5
@@ -24,7 +25,6 @@ class SceneRecord(Record):
     """A record of ``scene.json``; the name becomes that of a file."""
 
     name: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]+$")]
-    nbr_samples: Count
 
 
 class SampleRecord(Record):
@@ -93,26 +93,16 @@ def _read_samples(paths: Mapping[str, Path]) -> tuple[tuple[str, ...], Ints, lis
     row = {scene.token: index for index, scene in enumerate(scenes)}
     samples = list(by_token(table, SampleRecord).values())
     group = np.array([find(row, sample, "scene_token", table) for sample in samples], dtype=np.int64)
-    count = np.array([scene.nbr_samples for scene in scenes], dtype=np.int64)
-    require_counts(path, list(row), count, group, table)
+    count = np.bincount(group, minlength=len(scenes))
+    refuse(
+        count == 0, lambda index: f"{path}, record {scenes[index].token!r}: {table.name} has no sample of this scene"
+    )
     time = floats([sample.timestamp for sample in samples], 1)[:, 0]
     order = np.lexsort((time, group))
     start, tokens, time = starts_of(count), [samples[index].token for index in order], time[order]
     names = tuple(scene.name for scene in scenes)
     _check_steps(table, names, start, tokens, time)
     return names, start, tokens, time
-
-
-def require_counts(path: Path, token: Sequence[str], stated: Ints, group: Ints, table: Path) -> None:
-    """Raise DataError unless each record of ``path`` has as many rows of ``table`` as it states, and at least one.
-
-    ``token`` and ``stated``: of the records [G]; ``group``: the record of each row [R].
-    """
-    count = np.bincount(group, minlength=len(token))
-    for index in np.flatnonzero((count != stated) | (count == 0))[:1]:
-        raise DataError(
-            f"{path}, record {token[index]!r}: {table.name} has {count[index]} records of it, expected {stated[index]}"
-        )
 
 
 def _check_steps(path: Path, scene: tuple[str, ...], start: Ints, token: list[str], time: Floats) -> None:

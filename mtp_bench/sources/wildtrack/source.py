@@ -41,7 +41,7 @@ class WildtrackSource(SourceSection):
 
     @property
     def traits(self) -> Traits:
-        """What the source can do."""
+        """Abilities of the source."""
         return Traits(
             stored_detector=self.detector or "",
             without_detections="most of WILDTRACK",
