@@ -23,11 +23,11 @@ import numpy as np
 from mtp_bench.parallel import Workers
 from mtp_bench.prediction.learned.local import to_absolute
 from mtp_bench.prediction.learned.registry import network_of
-from mtp_bench.prediction.learned.weights import Stored, read_weights
+from mtp_bench.prediction.learned.weights import StoredWeights, read_weights
 from mtp_bench.prediction.presence import file_of, read_model
 from mtp_bench.running.options import RunOptions
 from mtp_bench.training import Windows, windows
-from mtp_bench.training.predictors import HYPOTHESES, Request, learnable, taught, train_predictor
+from mtp_bench.training.predictors import HYPOTHESES, TrainingRequest, has_future, train_predictor, training_windows
 from mtp_bench.training.presence import fit, quality, said_by
 from mtp_bench.training.presence_rows import PresenceRecipe, Rows, training_rows
 
@@ -64,19 +64,21 @@ def predictor(given: argparse.Namespace) -> None:
     """Errors of both networks on recorded tracklets."""
     workers = Workers(given.jobs)
     requests = {
-        f"{given.scenes} scenes of {REAL}": (Request(given.network, REAL, "tracklets"), given.scenes, given.data),
+        f"{given.scenes} scenes of {REAL}": (
+            TrainingRequest(given.network, REAL, "tracklets"), given.scenes, given.data,
+        ),
         f"{given.also_scenes} scenes each of {', '.join(SIMULATED)}": (
-            Request(given.network, SIMULATED[0], "tracklets", also=SIMULATED[1:]), given.also_scenes, None,
+            TrainingRequest(given.network, SIMULATED[0], "tracklets", also=SIMULATED[1:]), given.also_scenes, None,
         ),
     }  # fmt: skip
     asked = windows(REAL, given.split, HYPOTHESES, None, RunOptions(given.data, workers=workers))
-    asked = asked.select(taught(asked) & asked.target & asked.future_known.all(1))
+    asked = asked.select(has_future(asked) & asked.target & asked.future_known.all(1))
     still = _error(asked, np.zeros((len(asked), 1, asked.future.shape[1], 2)) + asked.box[:, -1, None, None, :2])
     print(f"{REAL}, {given.split}: {len(asked)} windows of tracklets; standing still {still:.3f} m")
     with tempfile.TemporaryDirectory() as folder:
         for number, (name, (request, scenes, data)) in enumerate(requests.items()):
             start = time.process_time()
-            found = learnable(request, RunOptions(data, scenes, workers=workers))
+            found = training_windows(request, RunOptions(data, scenes, workers=workers))
             found = found if asked.seen.velocity.any() else without_velocity(found)
             path, card = train_predictor(found, request, Path(folder) / f"{number}.safetensors")
             stored = read_weights(path, network_of(request.network))
@@ -95,7 +97,7 @@ def without_velocity(found: Windows) -> Windows:
     return replace(found, velocity=np.zeros_like(found.velocity), seen=seen)
 
 
-def _forecasts(asked: Windows, stored: Stored) -> np.ndarray:
+def _forecasts(asked: Windows, stored: StoredWeights) -> np.ndarray:
     """Samples ``[n, k, T, 2]`` of a network; classes that it does not know stand for others."""
     known = stored.sizes.classes
     own = [known.index(name if name in known else STANDS_FOR[name]) for name in asked.task.classes]

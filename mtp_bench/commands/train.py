@@ -86,7 +86,7 @@ def predictor(
     """
     from ..prediction.learned.registry import NETWORKS
     from ..training.fitting import device_of
-    from ..training.predictors import ON, Request, learnable, train_predictor
+    from ..training.predictors import ON, TrainingRequest, train_predictor, training_windows
     from ..training.recipes import recipe_of
     from ..viz.terminal.output import progress_bar
 
@@ -100,14 +100,14 @@ def predictor(
     plan = replace(recipe.plan, **changed)
     options, without = _learnt_from(on, jobs)
     _require_place(output, options)
-    request = Request(network, on.env, chosen, hypotheses, without, tuple(also or ()), plan, device)
+    request = TrainingRequest(network, on.env, chosen, hypotheses, without, tuple(also or ()), plan, device)
     device_of(device)  # nobody waits for scenes to hear that there is no GPU, or no such env
     for env in (on.env, *request.also):
         options.card(env)
     for env in (on.env, *request.also):
         prepare(env, options)
     with working("read", options) as watched:
-        found = learnable(request, watched)
+        found = training_windows(request, watched)
     with progress_bar(f"train {network}") as progress:
         progress.started(plan.epochs)
         path, card = train_predictor(

@@ -1,14 +1,14 @@
-"""The probability that a track's object is really there, learned on training splits and evaluated in plain NumPy.
+"""Probability that the object of a track is really there, learned on training splits and evaluated in plain NumPy.
 
-A logistic regression over what the tracker remembers of a track, with coefficients per class, and a calibration that
-puts its probabilities right; one small file per detector in ``presence_models/``, made by ``mtp-bench train presence``.
+A logistic regression over the history of a track, with coefficients per class, and a calibration of its probabilities;
+one small file per detector in ``presence_models/``, made by ``mtp-bench train presence``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 from typing import final
 
@@ -23,12 +23,11 @@ from .presence_file import LikeFile, read_file
 MODELS = Path(__file__).with_name("presence_models")
 # Per class, scores [2, n] of a detector and those of another one that finds as many boxes above them, both increasing.
 ScoreTables = Mapping[str, Floats]
-DEFAULT = "default"  # of a detector without a file of its own: hits, misses and age
 
 
 @dataclass(frozen=True, eq=False)
-class History:
-    """What is known of N tracks, from which features are made."""
+class TrackHistory:
+    """History of N tracks, from which features are computed."""
 
     last_score: Floats  # [N] of the last detection
     mean_score: Floats  # [N] of all detections
@@ -39,7 +38,7 @@ class History:
     speed: Floats  # [N] m/s over the past that is kept
 
 
-FEATURES: dict[str, Callable[[History], Floats]] = {
+FEATURES: dict[str, Callable[[TrackHistory], Floats]] = {
     "last_score": lambda h: h.last_score,
     "mean_score": lambda h: h.mean_score,
     "log_hits": lambda h: np.log(h.hits),
@@ -53,29 +52,28 @@ FEATURES: dict[str, Callable[[History], Floats]] = {
 }
 
 
-def history_of(tracks: Tracks, observation: Observation, dt: float) -> History:
-    """The history of N tracks after a frame; where a tracker does not state hits and age, those of the past it keeps.
+def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHistory:
+    """The history of N tracks after a frame; hits and age that a tracker does not state are taken from its pasts.
 
     ``observation``: of that frame (only ``ego_pose`` is read, and may be missing); ``dt``: s, nominal frame period.
     """
     n, valid = len(tracks.box), tracks.past_valid
-    last = valid.shape[1] - 1
-    first = np.where(valid.any(axis=1), valid.argmax(axis=1), last)
-    lived = last - first  # frames
+    last, seen = valid.shape[1] - 1, valid.any(axis=1)
+    first = np.where(seen, valid.argmax(axis=1), last)
+    lifetime = last - first  # frames
     hits = np.maximum(valid.sum(axis=1), 1) if tracks.hits is None else tracks.hits
-    age = lived + 1 if tracks.age is None else tracks.age
+    age = lifetime + 1 if tracks.age is None else tracks.age
     longer = np.clip(age - hits, 0, valid.shape[1])  # not seen in all the past that is kept
-    unseen = np.where(valid.any(axis=1), valid[:, ::-1].argmax(axis=1), longer)
     moved = tracks.past[:, -1, :2] - tracks.past[np.arange(n), first, :2]
     ego = np.asarray(observation.get("ego_pose", np.zeros(2)), dtype=np.float64)
-    return History(
+    return TrackHistory(
         last_score=tracks.score if tracks.last_score is None else tracks.last_score,
         mean_score=tracks.score,
         hits=hits,
         age=np.maximum(age, hits),
-        unseen=unseen,
+        unseen=np.where(seen, valid[:, ::-1].argmax(axis=1), longer),
         range=np.linalg.norm(tracks.box[:, :2] - ego[:2], axis=1),
-        speed=np.linalg.norm(moved, axis=1) / (np.maximum(lived, 1) * dt),
+        speed=np.linalg.norm(moved, axis=1) / (np.maximum(lifetime, 1) * dt),
     )
 
 
@@ -84,7 +82,7 @@ class PresenceModel:
     """A logistic model of presence and its calibration.
 
     The F features are clipped to the range of the training data and standardised to z. The logit is ``shared`` times
-    (1, z, products of two z with i <= j in the order of `numpy.triu_indices`), the products only where there are that
+    (1, z, products of two z with i <= j in the order of `numpy.triu_indices`), the products only if there are that
     many numbers, plus ``classes[name]`` times (1, z); a class without numbers has the shared ones alone. The
     probability is then mapped by the ``knots``, increasing and linear between them.
     """
@@ -98,7 +96,7 @@ class PresenceModel:
     classes: Mapping[str, Floats]  # [1 + F] each
     knots: Floats  # [2, n] probabilities before and after calibration, n >= 2
 
-    def standardised(self, history: History) -> Floats:
+    def standardised(self, history: TrackHistory) -> Floats:
         """Features z [N, F] of N tracks."""
         raw = np.stack([FEATURES[name](history) for name in self.features], axis=1)
         return np.asarray((np.clip(raw, self.low, self.high) - self.center) / self.scale)
@@ -114,20 +112,20 @@ class PresenceModel:
             logit += (z @ product * z).sum(axis=1)
         return np.asarray(logit)
 
-    def probability(self, history: History, class_id: Ints, classes: Sequence[str]) -> Floats:
+    def probability(self, history: TrackHistory, class_id: Ints, classes: Sequence[str]) -> Floats:
         """Calibrated probabilities [N] of N tracks."""
-        said = logistic(self.logits(self.standardised(history), class_id, classes))
-        return np.asarray(np.interp(said, *self.knots))
+        raw = logistic(self.logits(self.standardised(history), class_id, classes))
+        return np.asarray(np.interp(raw, *self.knots))
 
 
-def mapped(score: Floats, tables: ScoreTables, class_id: Ints, classes: Sequence[str]) -> Floats:
-    """Scores [N] in place of those of this detector; those of a class without a table stay as they are."""
-    result = np.array(score, dtype=np.float64)
+def map_scores(score: Floats, tables: ScoreTables, class_id: Ints, classes: Sequence[str]) -> Floats:
+    """Scores [N] of another detector in place of these; those of a class without a table stay as they are."""
+    mapped = np.array(score, dtype=np.float64)
     for number, name in enumerate(classes):
         if name in tables:
-            mine = class_id == number
-            result[mine] = np.interp(result[mine], *tables[name])
-    return result
+            own = class_id == number
+            mapped[own] = np.interp(mapped[own], *tables[name])
+    return mapped
 
 
 def logistic(logit: Floats) -> Floats:
@@ -137,20 +135,19 @@ def logistic(logit: Floats) -> Floats:
 
 @final
 class LearnedPresence:
-    """The presence of tracks of the task's detector.
+    """Presence of the tracks of the task's detector.
 
-    ``model``: file that ``mtp-bench train presence`` wrote. By default the one that ships for the detector, by the part
-    of its name before the first hyphen; a detector without one takes ``default.json``, which knows hits, misses and age
-    alone.
+    ``model``: file that ``mtp-bench train presence`` wrote. By default the one that ships for the detector or the
+    detector it is a variant of; a detector without one takes ``default.json``, which uses hits, misses and age alone.
 
-    Raises SubmissionError at ``reset`` where there is no such file or it holds something else.
+    Raises SubmissionError at ``reset`` if there is no such file or it is not a presence model.
     """
 
     def __init__(self, model: str | Path | None = None) -> None:
         self._file = None if model is None else Path(model)
 
     def reset(self, task: Task) -> None:
-        """A new scene begins."""
+        """Begin a new scene."""
         self._task = task
         self._model, self._scores = read_model(self._file or file_of(task.detector))
 
@@ -158,21 +155,21 @@ class LearnedPresence:
         """Probability [N] that each track's object is there."""
         class_id, classes = tracks.class_id, self._task.classes
         history = history_of(tracks, observation, self._task.dt)
-        scores = history.last_score, history.mean_score
-        last, mean = (mapped(score, self._scores, class_id, classes) for score in scores)
+        last = map_scores(history.last_score, self._scores, class_id, classes)
+        mean = map_scores(history.mean_score, self._scores, class_id, classes)
         return self._model.probability(replace(history, last_score=last, mean_score=mean), class_id, classes)
 
 
 def file_of(detector: str) -> Path:
-    """The file that ships for a detector, or the default's."""
+    """The file that ships for a detector, or the default one."""
     own = MODELS / f"{family_of(detector)}.json"
-    return own if own.is_file() else MODELS / f"{DEFAULT}.json"
+    return own if own.is_file() else MODELS / "default.json"
 
 
 def fitted_on(detector: str) -> tuple[str, ...]:
-    """Names of the scenes that the presence of a detector was fitted on: it is no news to it what is there.
+    """Names of the scenes that the presence of a detector was fitted on.
 
-    Where one of them is scored, the manifest of an agent says so (``[trained_on_scored]``), and tables too.
+    If one of them is scored, the manifest of an agent states it (``[trained_on_scored]``), and tables too.
     """
     content = read_file(file_of(detector))
     if isinstance(content, LikeFile):
@@ -181,16 +178,16 @@ def fitted_on(detector: str) -> tuple[str, ...]:
 
 
 def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:
-    """The model of a file, and by which tables scores are mapped before it.
+    """The model of a file, and the tables by which scores are mapped before it.
 
-    Raises SubmissionError, naming the file and what is wrong, where it is no such file.
+    Raises SubmissionError, naming the file and what is wrong, if it is not a presence model.
     """
-    return _model_of(path.resolve(), path.stat().st_mtime_ns if path.is_file() else 0)
+    return _read_state(path.resolve(), path.stat().st_mtime_ns if path.is_file() else 0)
 
 
-@cache
-def _model_of(path: Path, changed: int) -> tuple[PresenceModel, ScoreTables]:
-    """What the file holds that was changed last at this time, ns: it may be trained again meanwhile."""
+@lru_cache(maxsize=16)
+def _read_state(path: Path, changed: int) -> tuple[PresenceModel, ScoreTables]:
+    """The model of a file that was ``changed`` last at this time, ns: it may be trained again meanwhile."""
     content = read_file(path)
     if isinstance(content, LikeFile):
         _require_known(path, "detector in like", content.like, [file.stem for file in MODELS.glob("*.json")])
@@ -203,11 +200,9 @@ def _model_of(path: Path, changed: int) -> tuple[PresenceModel, ScoreTables]:
         return read_model(other)[0], {name: np.array(rows) for name, rows in content.score_map.items()}
     for name in content.features:
         _require_known(path, "feature", name, FEATURES)
-    return PresenceModel(
-        features=tuple(content.features),
-        **{key: np.array(getattr(content, key)) for key in ("low", "high", "center", "scale", "shared", "knots")},
-        classes={name: np.array(row) for name, row in content.classes.items()},
-    ), {}
+    arrays = {key: np.array(getattr(content, key)) for key in ("low", "high", "center", "scale", "shared", "knots")}
+    classes = {name: np.array(row) for name, row in content.classes.items()}
+    return PresenceModel(features=tuple(content.features), classes=classes, **arrays), {}
 
 
 def _require_known(path: Path, kind: str, got: str, known: Iterable[str]) -> None:

@@ -1,4 +1,4 @@
-"""What stands in a file of presence: its keys, and how many numbers belong to each of them."""
+"""Files of presence models: their keys, and how many numbers each has."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ..errors import SubmissionError
 from ..strict import Section, read_json, validate
 
 
-def _a_table(rows: list[list[float]]) -> list[list[float]]:
+def _increasing(rows: list[list[float]]) -> list[list[float]]:
     if len(rows) != 2 or len(rows[0]) != len(rows[1]) or len(rows[0]) < 2:
         raise ValueError(f"lengths {[len(row) for row in rows]}, expected two lists of one length, at least 2")
     if any(later <= earlier for earlier, later in pairwise(rows[0])):
@@ -20,7 +20,8 @@ def _a_table(rows: list[list[float]]) -> list[list[float]]:
     return rows
 
 
-Table = Annotated[list[list[float]], AfterValidator(_a_table)]  # [2, n] what comes in and what it becomes, n >= 2
+Table = Annotated[list[list[float]], AfterValidator(_increasing)]  # [2, n] input and output, n >= 2
+_Probability = Annotated[float, Field(ge=0, le=1)]
 
 
 class Origin(Section):
@@ -32,16 +33,11 @@ class Origin(Section):
     scenes: list[str]
 
 
-class _Described(Section):
-    """What a file says of itself."""
+class ModelFile(Section):
+    """Numbers of a `mtp_bench.prediction.presence.PresenceModel`."""
 
     detector: str = ""
     terms: str = ""
-
-
-class ModelFile(_Described):
-    """The numbers of a `mtp_bench.prediction.presence.PresenceModel`."""
-
     fitted_on: list[Origin] = Field(default_factory=list)
     features: Annotated[list[str], Field(min_length=1)]  # F
     low: list[float]  # [F]
@@ -50,56 +46,34 @@ class ModelFile(_Described):
     scale: list[Annotated[float, Field(gt=0)]]  # [F]
     shared: list[float]  # [1 + F] or [1 + F + F (F + 1) / 2]
     classes: dict[str, list[float]]  # [1 + F] each
-    knots: Table  # of probabilities
-    held_out: dict[str, Any] = Field(default_factory=dict)  # how good it is on scenes outside its fit
+    knots: Annotated[list[list[_Probability]], AfterValidator(_increasing)]
+    held_out: dict[str, Any] = Field(default_factory=dict)  # quality on scenes outside its fit
 
-    @field_validator("low", "high", "center", "scale")
-    @classmethod
-    def _one_per_feature(cls, values: list[float], info: ValidationInfo) -> list[float]:
-        return _of_length(values, [_features(info, values)])
-
-    @field_validator("shared")
-    @classmethod
-    def _with_or_without_products(cls, values: list[float], info: ValidationInfo) -> list[float]:
-        f = _features(info, values[1:])
-        return _of_length(values, [1 + f, 1 + f + f * (f + 1) // 2])
-
-    @field_validator("classes")
-    @classmethod
-    def _complete_classes(cls, values: dict[str, list[float]], info: ValidationInfo) -> dict[str, list[float]]:
-        for name, row in values.items():
-            if len(row) != 1 + _features(info, row[1:]):
-                raise ValueError(f"{len(row)} numbers for {name!r}, expected {1 + _features(info, row[1:])}")
-        return values
-
-    @field_validator("knots")
-    @classmethod
-    def _probabilities(cls, values: list[list[float]]) -> list[list[float]]:
-        if not all(0 <= value <= 1 for row in values for value in row):
-            raise ValueError("expected numbers from 0 to 1")
-        return values
+    @model_validator(mode="after")
+    def _lengths_fit(self) -> ModelFile:
+        f = len(self.features)
+        rows: dict[str, tuple[list[float], tuple[int, ...]]]
+        rows = {name: (getattr(self, name), (f,)) for name in ("low", "high", "center", "scale")}
+        rows["shared"] = (self.shared, (1 + f, 1 + f + f * (f + 1) // 2))
+        rows |= {f"classes.{name}": (row, (1 + f,)) for name, row in self.classes.items()}
+        for name, (row, lengths) in rows.items():
+            if len(row) not in lengths:
+                expected = " or ".join(map(str, lengths))
+                raise ValueError(f"{name} has {len(row)} numbers, expected {expected} for {f} features")
+        return self
 
 
-class LikeFile(_Described):
-    """A detector whose scores are put in place of those of another one, whose model it takes."""
+class LikeFile(Section):
+    """A detector that takes the model of another one, with its scores mapped to the scores of that one."""
 
+    detector: str = ""
+    terms: str = ""
     like: str
-    score_map: dict[str, Table]  # of scores, per class
+    score_map: dict[str, Table]  # per class
 
 
 def read_file(path: Path) -> ModelFile | LikeFile:
-    """What the file holds. Raises SubmissionError, naming the file and the key, where it is no such file."""
+    """The content of a file; raises SubmissionError, naming the file and the key, if it is not a presence model."""
     content = read_json(path, SubmissionError)
     model: type[ModelFile] | type[LikeFile] = LikeFile if "like" in content else ModelFile
     return validate(model, content, str(path), SubmissionError)
-
-
-def _features(info: ValidationInfo, otherwise: list[float]) -> int:
-    """The number of features; where they are wrong themselves, so many as fit, for one error is enough."""
-    return len(info.data.get("features", otherwise))
-
-
-def _of_length(values: list[float], expected: list[int]) -> list[float]:
-    if len(values) not in expected:
-        raise ValueError(f"{len(values)} numbers, expected {' or '.join(map(str, expected))} for its features")
-    return values

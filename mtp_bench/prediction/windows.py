@@ -1,4 +1,4 @@
-"""Windows: what a learned predictor is shown of tracks, the same in training and at work."""
+"""Windows of tracks: the input of a learned predictor, the same in training and in an agent."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ def surroundings_of(seen: Sequence[Observation]) -> Surroundings:
 class TrackWindows:
     """The last P frames of n tracks, in the frame of the observations; the last row is now."""
 
-    box: Floats  # [n, P, 7] the detection taken, else where the tracker thinks it is; 0 before birth
+    box: Floats  # [n, P, 7] the detection taken, else where the tracker expects it; 0 before birth
     taken: Bools  # [n, P] a detection was taken; alive and not taken: the track coasts
     alive: Bools  # [n, P] the track is born
-    detection: Ints  # [n, P] its row in the observation of that frame; -1: none, or the tracker does not say
+    detection: Ints  # [n, P] its row in the observation of that frame; -1: none, or the tracker does not state it
     score: Floats  # [n, P] of the detection taken, else 0
     velocity: Floats  # [n, P, 2] m/s that the detector measured with the detection taken, else 0
     class_id: Ints  # [n]
@@ -60,8 +60,8 @@ class TrackWindows:
 
 
 def shown_as_truth(windows: TrackWindows) -> TrackWindows:
-    """Windows as true pasts show them: sure of every box, and with no count of what came before the window."""
-    hits, age = (np.maximum(seen.sum(axis=1), 1) for seen in (windows.taken, windows.alive))
+    """Windows in the form of true pasts: score 1 for every box, hits and age within the window alone."""
+    hits, age = (np.maximum(mask.sum(axis=1), 1) for mask in (windows.taken, windows.alive))
     return replace(windows, score=windows.taken.astype(np.float64), hits=hits, age=age)
 
 
@@ -69,20 +69,19 @@ def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
     """The distinct windows of ``past`` frames of a frame's tracks, and the window [N] of each track.
 
     Tracks that took the same detections in these frames share the window of the first of them, whatever came before.
-    Where such tracks coast, or are of another age, this is not exact: at the simulated intersection with 20 hypotheses
-    the forecasts of 2 % of the objects are of another track's window, half of them by more than 0.4 m. A tracker that
-    does not state the detections it took has a window for each track.
+    If such tracks coast, or differ in age, this is not exact: at the simulated intersection with 20 hypotheses the
+    forecasts of 2 % of the objects are of another track's window, half of them by more than 0.4 m. A tracker that does
+    not state the detections it took has a window for each track.
     """
-    tracks = frame.tracks
-    length = min(past, tracks.past.shape[1])
-    first, window = _distinct(tracks, length)
-    taken = tracks.past_valid[first, -length:]
-    row = np.where(taken, 0, -1) if tracks.past_detection is None else tracks.past_detection[first, -length:]
+    tracks = _with_past(frame.tracks, past)
+    first, window = _distinct(tracks)
+    taken = tracks.past_valid[first]
+    row = np.where(taken, 0, -1) if tracks.past_detection is None else tracks.past_detection[first]
     alive = np.maximum.accumulate(taken, axis=1) if tracks.past_detection is None else row != UNBORN
     score, velocity = _measured(tracks, first, row, frame.seen)
     mass = np.exp(tracks.log_weight) @ tracks.member
     windows = TrackWindows(
-        box=tracks.past[first, -length:],
+        box=tracks.past[first],
         taken=taken,
         detection=np.full(taken.shape, -1) if tracks.past_detection is None else np.maximum(row, -1),
         alive=alive,
@@ -93,19 +92,33 @@ def windows_of(frame: Frame, past: int) -> tuple[TrackWindows, Ints]:
         age=np.maximum(alive.sum(axis=1), 1) if tracks.age is None else tracks.age[first],
         mass=np.bincount(window, mass, minlength=len(first)).astype(np.float64),
         best=np.bincount(window, tracks.member[0], minlength=len(first)) > 0,
-        ego=np.broadcast_to(_ego(frame.seen, length), (len(first), length, 4)),
+        ego=np.broadcast_to(_ego(frame.seen, past), (len(first), past, 4)),
     )
-    return (windows if length == past else _longer(windows, past)), window
+    return windows, window
 
 
-def _distinct(tracks: Tracks, length: int) -> tuple[Ints, Ints]:
+def _with_past(tracks: Tracks, past: int) -> Tracks:
+    """The tracks with pasts of exactly ``past`` frames, unborn in frames that the tracker does not keep."""
+    more = max(past - tracks.past.shape[1], 0)
+    detection = tracks.past_detection
+    if detection is not None:
+        detection = np.pad(detection, ((0, 0), (more, 0)), constant_values=UNBORN)[:, -past:]
+    return replace(
+        tracks,
+        past=np.pad(tracks.past, ((0, 0), (more, 0), (0, 0)))[:, -past:],
+        past_valid=np.pad(tracks.past_valid, ((0, 0), (more, 0)))[:, -past:],
+        past_detection=detection,
+    )
+
+
+def _distinct(tracks: Tracks) -> tuple[Ints, Ints]:
     """The first track of each window and the window [N] of each track."""
     n = len(tracks.box)
     if tracks.past_detection is None or n == 0:
         return np.arange(n), np.arange(n)
-    key = np.concatenate([tracks.class_id[:, None], tracks.past_detection[:, -length:]], axis=1)
-    nothing = (tracks.past_detection[:, -length:] < 0).all(axis=1)  # then only the identity tells tracks apart
-    key = np.concatenate([key, np.where(nothing, tracks.track_id, -1)[:, None]], axis=1)
+    key = np.concatenate([tracks.class_id[:, None], tracks.past_detection], axis=1)
+    unseen = (tracks.past_detection < 0).all(axis=1)  # then only the identity distinguishes tracks
+    key = np.concatenate([key, np.where(unseen, tracks.track_id, -1)[:, None]], axis=1)
     _, first, window = np.unique(key, axis=0, return_index=True, return_inverse=True)
     return first, window.reshape(-1)
 
@@ -122,19 +135,7 @@ def _measured(tracks: Tracks, first: Ints, row: Ints, seen: Sequence[Observation
     return score, velocity
 
 
-def _ego(seen: Sequence[Observation], length: int) -> Floats:
+def _ego(seen: Sequence[Observation], past: int) -> Floats:
     """Poses [P, 4] of the platform; without them, zeros."""
-    poses = np.array([np.asarray(o.get("ego_pose", np.zeros(4)), dtype=np.float64) for o in seen[-length:]])
-    return np.concatenate([np.repeat(poses[:1], length - len(poses), axis=0), poses])
-
-
-def _longer(windows: TrackWindows, past: int) -> TrackWindows:
-    """The windows with frames before birth put in front, for a predictor that looks further back than the task."""
-    more = past - windows.taken.shape[1]
-    parts = {}
-    for name in ("box", "taken", "alive", "detection", "score", "velocity"):
-        value = getattr(windows, name)
-        fill = np.full((len(value), more, *value.shape[2:]), -1 if name == "detection" else 0, value.dtype)
-        parts[name] = np.concatenate([fill, value], axis=1)
-    ego = np.concatenate([np.repeat(windows.ego[:, :1], more, axis=1), windows.ego], axis=1)
-    return replace(windows, **parts, ego=ego)
+    poses = np.array([np.asarray(o.get("ego_pose", np.zeros(4)), dtype=np.float64) for o in seen[-past:]])
+    return np.concatenate([np.repeat(poses[:1], past - len(poses), axis=0), poses])

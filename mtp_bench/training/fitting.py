@@ -1,12 +1,11 @@
-"""The training of a network: batches, schedule, early stop; deterministic, and it goes on where it was interrupted."""
+"""Training of a network: batches, schedule, early stop. It is deterministic, and goes on where it was interrupted."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,51 +14,37 @@ import torch
 from ..errors import MtpBenchError
 from ..prediction.learned.local import Arrays
 from ..prediction.learned.network import Network, Sizes
-from .batches import in_order, shuffled
+from .checkpoint import Checkpoint, CheckpointFile, optimizer_state, restore_optimizer
 from .losses import Tensors, mode_distance
-from .recipes import Plan as Plan
-from .recipes import Recipe, Stage, recipe_of
+from .recipes import NetworkRecipe, Stage, TrainingPlan, recipe_of
 from .window_cache import code_digest
 
-Told = Callable[[int, float], object]  # is told every epoch's number, from 1 on, and its validation minADE
+EpochCallback = Callable[[int, float], object]  # number of an epoch, from 1 on, and its validation minADE, m
 
-_CODE = ("training", "prediction/learned")  # a training that goes on under other code would be half of each
-WARM = 0.2  # of a training: the learning rate rises
+_CODE = ("training", "prediction/learned")  # a training does not go on under other code
+WARM_UP = 0.2  # share of a training in which the learning rate rises
+_LABELS = ("future", "known", "present", "weight")
 
 
 @dataclass(frozen=True, eq=False)
-class Lesson:
-    """What is learnt from: n windows."""
+class TrainingSet:
+    """Windows to learn from and to validate on: n in all."""
 
     inputs: Arrays  # of the network
     future: np.ndarray  # [n, T, 2] heading frame
     known: np.ndarray  # [n, T]
     present: np.ndarray  # [n, 2] heading frame
     weight: np.ndarray  # [n]
-    validation: np.ndarray  # [n] bool: it is not learnt from
+    validation: np.ndarray  # [n] bool
 
     def tensors(self, device: torch.device) -> Tensors:
-        """Everything as tensors."""
-        rest = {name: getattr(self, name) for name in ("future", "known", "present", "weight")}
-        arrays = {**self.inputs, **{name: value.astype(np.float32) for name, value in rest.items()}}
+        """Inputs and labels as tensors."""
+        arrays = {**self.inputs, **{name: getattr(self, name).astype(np.float32) for name in _LABELS}}
         return {name: torch.from_numpy(np.ascontiguousarray(value)).to(device) for name, value in arrays.items()}
 
 
-@dataclass
-class State:
-    """Where a training is."""
-
-    epoch: int = 0  # that are done
-    stage: int = 0
-    first: int = 0  # epochs that were done when the stage began
-    best_epoch: int = 0
-    curve: list[float] = field(default_factory=list)  # validation minADE, m, after each epoch
-    best: Arrays = field(default_factory=dict)  # weights of the best epoch
-    memory: Tensors = field(default_factory=dict)  # of the optimizer, see `_memory`
-
-
 def device_of(name: str) -> torch.device:
-    """The device meant by "auto", "cpu" or "cuda"; raises MtpBenchError for other names and a GPU that is not there."""
+    """The device "auto", "cpu" or "cuda"; raises MtpBenchError for other names and a GPU that is missing."""
     if name not in ("auto", "cpu", "cuda"):
         raise MtpBenchError(f"device is {name!r}, expected auto, cpu or cuda")
     if name == "cuda" and not torch.cuda.is_available():
@@ -69,13 +54,13 @@ def device_of(name: str) -> torch.device:
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """One core: sums are made in the same order on every machine, and small batches gain nothing from more."""
-    from threadpoolctl import threadpool_limits  # scikit-learn needs it, so it is there
+    """One core: sums have the same order on every machine, and small batches gain nothing from more."""
+    from threadpoolctl import threadpool_limits  # scikit-learn requires it
 
     before = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
-        with threadpool_limits(1):  # what scikit-learn uses
+        with threadpool_limits(1):  # NumPy's and scikit-learn's
             yield
     finally:
         torch.set_num_threads(before)
@@ -83,194 +68,176 @@ def _one_thread() -> Iterator[None]:
 
 @_one_thread()
 def fit(
-    network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device, told: Told, checkpoint: Path
-) -> State:
-    """Train a network by its recipe; the weights of the epoch with the best validation minADE count.
+    network: Network,
+    sizes: Sizes,
+    training_set: TrainingSet,
+    plan: TrainingPlan,
+    device: torch.device,
+    callback: EpochCallback,
+    checkpoint_path: Path,
+) -> Checkpoint:
+    """Train a network by its recipe; ``best`` holds the weights of the epoch with the best validation minADE.
 
-    After each epoch ``checkpoint`` holds where it is; a training with the same plan, data and code goes on from there,
-    and ends with the same weights as one that was never interrupted.
+    After each epoch ``checkpoint_path`` holds a checkpoint. A training with the same plan, data and code goes on from
+    it, and ends with the same weights as one that was never interrupted.
     """
-    work = _Work.of(network, sizes, lesson, plan, device)
-    kept = _Checkpoint(checkpoint, _digest(network, sizes, lesson, plan, device))
-    state = kept.read(work.weights)
-    while state.stage < len(work.recipe.stages):
-        _fit_stage(work, state, kept, told)
+    inputs = _TrainingInputs.of(network, sizes, training_set, plan, device)
+    file = CheckpointFile(checkpoint_path, _digest(network, sizes, training_set, plan, device))
+    checkpoint = file.read(inputs.weights)
+    while checkpoint.stage < len(inputs.recipe.stages):
+        _fit_stage(inputs, checkpoint, file, callback)
         with torch.no_grad():
-            for name, value in work.weights.items():
-                value.copy_(torch.from_numpy(state.best[name]))
-        state.stage, state.first, state.memory = state.stage + 1, state.epoch, {}
-    return state
+            for name, value in inputs.weights.items():
+                value.copy_(torch.from_numpy(checkpoint.best[name]))
+        checkpoint.stage, checkpoint.first, checkpoint.optimizer = checkpoint.stage + 1, checkpoint.epoch, {}
+    return checkpoint
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
-    """What a training works on."""
+class _TrainingInputs:
+    """Network, recipe, weights and data of one training."""
 
     network: Network
     sizes: Sizes
-    recipe: Recipe
-    plan: Plan
+    recipe: NetworkRecipe
+    plan: TrainingPlan
     weights: Tensors
     data: Tensors
-    learnt: torch.Tensor  # rows of the data
-    held: torch.Tensor  # rows that tell when to stop
+    training_rows: torch.Tensor  # rows of the data
+    validation_rows: torch.Tensor
 
     @classmethod
-    def of(cls, network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device) -> _Work:
-        learnt = ~lesson.validation
-        start = network.start(
-            {name: value[learnt] for name, value in lesson.inputs.items()},
-            lesson.future[learnt], lesson.known[learnt].astype(bool), sizes, plan.seed,
-        )  # fmt: skip
+    def of(
+        cls, network: Network, sizes: Sizes, training_set: TrainingSet, plan: TrainingPlan, device: torch.device
+    ) -> _TrainingInputs:
+        learnt = ~training_set.validation
+        own = {name: value[learnt] for name, value in training_set.inputs.items()}
+        known = training_set.known[learnt].astype(bool)
+        start = network.start(own, training_set.future[learnt], known, sizes, plan.seed)
         weights = {name: torch.from_numpy(np.asarray(value, np.float32)).to(device) for name, value in start.items()}
-        rows, held = (torch.from_numpy(np.flatnonzero(part)).to(device) for part in (learnt, lesson.validation))
-        return cls(network, sizes, recipe_of(network.name), plan, weights, lesson.tensors(device), rows, held)
+        rows = [torch.from_numpy(np.flatnonzero(part)).to(device) for part in (learnt, training_set.validation)]
+        data = training_set.tensors(device)
+        return cls(network, sizes, recipe_of(network.name), plan, weights, data, *rows)
 
     @property
     def moment(self) -> torch.Tensor | None:
-        """The frame of each window, where batches are of whole frames."""
+        """The frame of each window, if batches are of whole frames."""
         return self.data["moment"] if self.recipe.by_frame else None
 
-    def trained(self, stage: Stage) -> list[torch.Tensor]:
-        """The weights that a stage trains; only these ask for gradients."""
-        statistics = (".mean", ".spread")  # of the data, which are not trained
+    def batch(self, rows: torch.Tensor) -> Tensors:
+        """The data of these rows."""
+        return {name: value[rows] for name, value in self.data.items()}
+
+    def trained_weights(self, stage: Stage) -> list[torch.Tensor]:
+        """The weights that a stage trains; only these require gradients."""
+        statistics = (".mean", ".spread")  # of the data
         names = [n for n in sorted(self.weights) if n.startswith(stage.trains) and not n.endswith(statistics)]
         for name, value in self.weights.items():
             value.requires_grad_(name in names)
         return [self.weights[name] for name in names]
 
 
-def _judge(work: _Work, state: State) -> float:
-    """The validation error, m, at the end of an epoch; the weights are kept if none were better."""
-    error = _validation_error(work)
-    if not math.isfinite(error):
-        raise MtpBenchError(f"the training of {work.network.name} broke down in epoch {state.epoch + 1}")
-    state.epoch += 1
-    if not state.curve or error < min(state.curve):
-        state.best_epoch = state.epoch
-        state.best = {name: value.detach().cpu().numpy().copy() for name, value in work.weights.items()}
-    state.curve.append(error)
-    return error
+def _fit_stage(inputs: _TrainingInputs, checkpoint: Checkpoint, file: CheckpointFile, callback: EpochCallback) -> None:
+    """Train the stage of ``checkpoint`` to its end."""
+    stage, plan = inputs.recipe.stages[checkpoint.stage], inputs.plan
+    optimizer = torch.optim.AdamW(inputs.trained_weights(stage), lr=plan.rate, weight_decay=plan.decay)
+    restore_optimizer(optimizer, checkpoint.optimizer)
+    while not _stage_is_over(checkpoint, plan, stage.epochs(plan)):
+        _train_epoch(inputs, stage, optimizer, checkpoint)
+        error = _end_epoch(inputs, checkpoint)
+        checkpoint.optimizer = optimizer_state(optimizer)
+        file.write(checkpoint, inputs.weights)
+        callback(checkpoint.epoch, error)
 
 
-def _fit_stage(work: _Work, state: State, kept: _Checkpoint, told: Told) -> None:
-    """Train the stage in which ``state`` is, to its end."""
-    stage = work.recipe.stages[state.stage]
-    optimizer = torch.optim.AdamW(work.trained(stage), lr=work.plan.rate, weight_decay=work.plan.decay)
-    _remember(optimizer, state.memory)
-    while not _over(state, work.plan, stage.epochs(work.plan)):
-        _epoch(work, stage, optimizer, state)
-        error = _judge(work, state)
-        state.memory = _memory(optimizer)
-        kept.write(state, work.weights)
-        told(state.epoch, error)
-
-
-def _over(state: State, plan: Plan, epochs: int) -> bool:
-    """The stage had its ``epochs``, or has not become better for long."""
-    done, idle = state.epoch - state.first, state.epoch - max(state.best_epoch, state.first)
+def _stage_is_over(checkpoint: Checkpoint, plan: TrainingPlan, epochs: int) -> bool:
+    """True after all ``epochs``, or if the error has not fallen for long."""
+    done = checkpoint.epoch - checkpoint.first
+    idle = checkpoint.epoch - max(checkpoint.best_epoch, checkpoint.first)
     return done >= epochs or (done >= epochs // 2 and idle >= plan.patience)
 
 
-def _epoch(work: _Work, stage: Stage, optimizer: torch.optim.Optimizer, state: State) -> None:
+def _train_epoch(
+    inputs: _TrainingInputs, stage: Stage, optimizer: torch.optim.Optimizer, checkpoint: Checkpoint
+) -> None:
     """One pass over the data; the random numbers depend on seed and epoch alone."""
-    generator = torch.Generator().manual_seed(work.plan.seed * 100_003 + state.epoch)
-    batches = shuffled(work.learnt, work.moment, work.plan.batch, generator)
-    for number, part in enumerate(batches):
-        progress = (state.epoch - state.first + number / len(batches)) / stage.epochs(work.plan)
+    plan = inputs.plan
+    generator = torch.Generator().manual_seed(plan.seed * 100_003 + checkpoint.epoch)
+    batches = shuffled_batches(inputs.training_rows, inputs.moment, plan.batch, generator)
+    for number, rows in enumerate(batches):
+        progress = (checkpoint.epoch - checkpoint.first + number / len(batches)) / stage.epochs(plan)
         for group in optimizer.param_groups:
-            group["lr"] = work.plan.rate * one_cycle(progress)
-        batch = work.recipe.vary({name: value[part] for name, value in work.data.items()}, generator)
-        loss = stage.loss(work.network, work.weights, batch, work.sizes, progress, generator)
+            group["lr"] = plan.rate * one_cycle(progress)
+        batch = inputs.recipe.vary(inputs.batch(rows), generator)
+        loss = stage.loss(inputs.network, inputs.weights, batch, inputs.sizes, progress, generator)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
 
 
-def one_cycle(progress: float) -> float:
-    """Learning rate as a share of the highest: up from 1/25 over a fifth of the training, then down to nearly 0."""
-    if progress < WARM:
-        return 0.04 + 0.96 * (1 - math.cos(math.pi * progress / WARM)) / 2
-    return max(1e-3, (1 + math.cos(math.pi * (progress - WARM) / (1 - WARM))) / 2)
+def _end_epoch(inputs: _TrainingInputs, checkpoint: Checkpoint) -> float:
+    """The validation error, m, of an epoch; its weights are kept if they are the best."""
+    error = _validation_error(inputs)
+    if not math.isfinite(error):
+        raise MtpBenchError(f"the training of {inputs.network.name} broke down in epoch {checkpoint.epoch + 1}")
+    checkpoint.epoch += 1
+    if not checkpoint.curve or error < min(checkpoint.curve):
+        checkpoint.best_epoch = checkpoint.epoch
+        checkpoint.best = {name: value.detach().cpu().numpy().copy() for name, value in inputs.weights.items()}
+    checkpoint.curve.append(error)
+    return error
 
 
 @torch.no_grad()
-def _validation_error(work: _Work) -> float:
+def _validation_error(inputs: _TrainingInputs) -> float:
     """minADE, m, of the windows that are held out, by their weight."""
     total, weight = 0.0, 0.0
-    for part in in_order(work.held, work.moment, 8192 if work.moment is None else 1024):
-        batch = {name: value[part] for name, value in work.data.items()}
-        said = work.network.forward(work.weights, batch, work.sizes)
-        least = mode_distance(said["modes"], batch["future"], batch["known"]).amin(dim=1)
+    for rows in ordered_batches(inputs.validation_rows, inputs.moment, 8192 if inputs.moment is None else 1024):
+        batch = inputs.batch(rows)
+        output = inputs.network.forward(inputs.weights, batch, inputs.sizes)
+        least = mode_distance(output["modes"], batch["future"], batch["known"]).amin(dim=1)
         total += float((least * batch["weight"]).sum())
         weight += float(batch["weight"].sum())
     return total / weight
 
 
-def _digest(network: Network, sizes: Sizes, lesson: Lesson, plan: Plan, device: torch.device) -> str:
-    """What a checkpoint is of: another plan, other data and other code begin anew."""
+def one_cycle(progress: float) -> float:
+    """Learning rate as a share of the highest: up from 1/25 over a fifth of the training, then down to nearly 0."""
+    if progress < WARM_UP:
+        return 0.04 + 0.96 * (1 - math.cos(math.pi * progress / WARM_UP)) / 2
+    return max(1e-3, (1 + math.cos(math.pi * (progress - WARM_UP) / (1 - WARM_UP))) / 2)
+
+
+def shuffled_batches(
+    rows: torch.Tensor, moment: torch.Tensor | None, size: int, generator: torch.Generator
+) -> tuple[torch.Tensor, ...]:
+    """The rows [n] in random batches of about ``size``.
+
+    ``moment`` [all rows]: the frame of each; windows of one frame stay together. None: each window alone.
+    """
+    if moment is None:
+        return torch.split(rows[torch.randperm(len(rows), generator=generator).to(rows.device)], size)
+    frames, frame = torch.unique(moment[rows], return_inverse=True)
+    return _split_by_rank(rows, torch.randperm(len(frames), generator=generator).to(rows.device)[frame], size)
+
+
+def ordered_batches(rows: torch.Tensor, moment: torch.Tensor | None, size: int) -> tuple[torch.Tensor, ...]:
+    """The rows [n] in batches of about ``size``, of whole frames if ``moment`` is given."""
+    return torch.split(rows, size) if moment is None else _split_by_rank(rows, moment[rows], size)
+
+
+def _split_by_rank(rows: torch.Tensor, rank: torch.Tensor, size: int) -> tuple[torch.Tensor, ...]:
+    """The rows sorted by ``rank`` [n], in pieces that begin where a rank begins."""
+    order = torch.argsort(rank, stable=True)
+    first = torch.searchsorted(rank[order], rank[order])  # the row at which each one's frame begins
+    _, count = torch.unique_consecutive(first // size, return_counts=True)
+    return torch.split(rows[order], count.tolist())
+
+
+def _digest(network: Network, sizes: Sizes, training_set: TrainingSet, plan: TrainingPlan, device: torch.device) -> str:
+    """Digest that invalidates a checkpoint: another plan, other data and other code start again."""
     from ..sources.cache import content_hash
 
-    rest = {name: getattr(lesson, name) for name in ("future", "known", "present", "weight", "validation")}
-    data = content_hash({**lesson.inputs, **rest})
+    labels = {name: getattr(training_set, name) for name in (*_LABELS, "validation")}
+    data = content_hash({**training_set.inputs, **labels})
     return f"{network.name} {asdict(sizes)} {asdict(plan)} {data} {device.type} {code_digest(_CODE)}"
-
-
-def _memory(optimizer: torch.optim.Optimizer) -> Tensors:
-    """What an optimizer remembers of each parameter, as "number/name"."""
-    parameters = optimizer.param_groups[0]["params"]
-    return {
-        f"{number}/{name}": value.cpu()
-        for number, parameter in enumerate(parameters)
-        for name, value in optimizer.state[parameter].items()
-    }
-
-
-def _remember(optimizer: torch.optim.Optimizer, memory: Tensors) -> None:
-    """Give an optimizer back what `_memory` said."""
-    parameters = optimizer.param_groups[0]["params"]
-    for place, value in memory.items():
-        number, name = place.split("/")
-        parameter = parameters[int(number)]
-        optimizer.state[parameter][name] = value.to("cpu" if name == "step" else parameter.device)
-
-
-class _Checkpoint:
-    """The file that a training goes on from: safetensors, nothing in it is run."""
-
-    def __init__(self, path: Path, digest: str) -> None:
-        self._path, self._digest = path, digest
-
-    def read(self, weights: Tensors) -> State:
-        """Put ``weights`` where they were; a new state where there is no file of this training."""
-        from safetensors import SafetensorError, safe_open
-
-        if not self._path.is_file():
-            return State()
-        try:
-            with safe_open(self._path, framework="pt") as file:
-                said = json.loads((file.metadata() or {}).get("state", "{}"))
-                if said.pop("digest", None) != self._digest:
-                    return State()
-                tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-        except (SafetensorError, OSError, ValueError):
-            return State()
-        with torch.no_grad():
-            for name, value in weights.items():
-                value.copy_(tensors[f"now/{name}"])
-        best = {name: tensors[f"best/{name}"].numpy() for name in weights}
-        memory = {name.removeprefix("memory/"): value for name, value in tensors.items() if name.startswith("memory/")}
-        return State(**said, best=best, memory=memory)
-
-    def write(self, state: State, weights: Tensors) -> None:
-        """Store where the training is, as a whole or not at all."""
-        from safetensors.torch import save_file
-
-        from ..files import whole_file
-
-        tensors = {f"now/{name}": value.detach().cpu().contiguous() for name, value in weights.items()}
-        tensors |= {f"best/{name}": torch.from_numpy(value) for name, value in state.best.items()}
-        tensors |= {f"memory/{name}": value for name, value in state.memory.items()}
-        said = {name: value for name, value in vars(state).items() if name not in ("best", "memory")}
-        with whole_file(self._path) as part:
-            save_file(tensors, part, {"state": json.dumps({**said, "digest": self._digest})})

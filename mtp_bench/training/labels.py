@@ -1,4 +1,4 @@
-"""Which true object a track follows, and what that object does next."""
+"""Labels of tracks: the true object that a track follows, and what that object does next."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ..scoring.neutral import evaluated, neutral_places
 from ..scoring.targets import find_targets
 from ..types import Bools, Floats, Ints, Scene
 
-NOTHING, UNKNOWN = -1, -2  # a track follows no true object; that cannot be said
+NO_OBJECT, UNKNOWN = -1, -2  # a track follows no true object; the object is unknown
 
 
 class Labels(NamedTuple):
-    """The truth that belongs to n tracks of a frame; positions in the frame of the observations."""
+    """Truth of n tracks of a frame; positions in the frame of the observations."""
 
-    object_id: Ints  # [n] NOTHING, UNKNOWN
+    object_id: Ints  # [n] NO_OBJECT, UNKNOWN
     present: Floats  # [n, 2]
     future: Floats  # [n, T, 2]
     future_known: Bools  # [n, T]
@@ -27,35 +27,35 @@ class Labels(NamedTuple):
 
 
 class SceneLabels:
-    """The labels of a scene, whose observations are ``feed``."""
+    """Labels of a scene, whose observations are ``feed``."""
 
     def __init__(self, scene: Scene, card: Card, local: LocalFrame, feed: Feed) -> None:
-        judged = evaluated(scene)
-        truth = judged.truth
-        self._scene, self._local = judged, local
+        self._scene, self._local = evaluated(scene), local
+        truth = self._scene.truth
         self._gate = np.asarray(card.per_class(card.task.forecast_gate))
         self._ids, self._object = np.unique(truth.object_id, return_inverse=True)  # objects by their place in `_ids`
         self._box = local.to_local(truth.box)
-        self._place = np.full((len(self._ids) + 1, scene.frames + card.task.future, 2), np.nan)  # the last: no object
-        self._place[self._object, truth.frame_of_rows] = self._box[:, :2]
         self._future = card.task.future
+        # The last row is of no object.
+        self._place = np.full((len(self._ids) + 1, scene.frames + self._future, 2), np.nan)
+        self._place[self._object, truth.frame_of_rows] = self._box[:, :2]
         targets = find_targets(scene, card)
         self._target = np.zeros(self._place.shape[:2], dtype=bool)
         self._target[self._object[targets.row], targets.frame] = True
-        # The last row stands for "no detection in the past that is kept".
+        # The last row is of "no detection in the past that is kept".
         self._start, self._of_row = feed.start, np.append(self._objects_of(feed), UNKNOWN)
 
     def _objects_of(self, feed: Feed) -> Ints:
-        """The object [R] of each detection shown: the nearest of its class inside the gate."""
+        """The object [R] of each detection: the nearest of its class inside the gate."""
         if feed.object_id is not None:
             return np.searchsorted(self._ids, feed.object_id)
-        found = [self._nearest(t, feed.box[feed.rows(t)], feed.class_id[feed.rows(t)]) for t in range(feed.frames)]
-        return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
+        parts = [self._nearest(t, feed.box[feed.rows(t)], feed.class_id[feed.rows(t)]) for t in range(feed.frames)]
+        return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
 
     def _nearest(self, t: int, box: Floats, class_id: Ints) -> Ints:
-        """The object [n] of boxes in frame ``t``, NOTHING or UNKNOWN."""
+        """The object [n] of boxes in frame ``t``, NO_OBJECT or UNKNOWN."""
         truth, rows = self._scene.truth, self._scene.truth.rows(t)
-        label = np.full(len(box), NOTHING if self._scene.truth_complete else UNKNOWN)
+        label = np.full(len(box), NO_OBJECT if self._scene.truth_complete else UNKNOWN)
         if rows.stop > rows.start and len(box):
             distance = np.linalg.norm(box[:, None, :2] - self._box[None, rows, :2], axis=-1)
             distance[class_id[:, None] != truth.class_id[None, rows]] = np.inf
@@ -71,7 +71,7 @@ class SceneLabels:
         gone = np.isnan(self._place[np.maximum(follows, -1), t, 0])  # hidden, or no longer there
         follows = self._unless_neutral(t, windows, np.where((follows >= 0) & gone, UNKNOWN, follows))
         known = follows >= 0
-        row = np.where(known, follows, -1)  # the last row stands for no object
+        row = np.where(known, follows, -1)  # the last row is of no object
         place = self._place[row, t : t + self._future + 1]
         future = place[:, 1:]
         return Labels(
@@ -83,7 +83,7 @@ class SceneLabels:
         )
 
     def _followed(self, t: int, windows: TrackWindows) -> Ints:
-        """The object [n] of the last detection taken; of a tracker that does not say which, the nearest one now."""
+        """The object [n] of the last detection taken; if a tracker does not state detections, the nearest one now."""
         if len(windows) == 0:
             return np.zeros(0, dtype=np.int64)
         if not (windows.detection >= 0).any():
@@ -93,8 +93,8 @@ class SceneLabels:
         return self._of_row[np.where(row >= 0, self._start[np.maximum(t - back, 0)] + row, -1)]
 
     def _unless_neutral(self, t: int, windows: TrackWindows, follows: Ints) -> Ints:
-        """UNKNOWN for what follows nothing where no label could tell."""
-        nothing = np.flatnonzero(follows == NOTHING)
-        xy = self._local.to_scene(windows.box[nothing, -1])[:, :2]
-        hidden = neutral_places(self._scene, np.full(len(nothing), t), xy, windows.class_id[nothing])
-        return np.where(np.isin(np.arange(len(follows)), nothing[hidden]), UNKNOWN, follows)
+        """``follows`` with UNKNOWN for tracks of no object in neutral places."""
+        alone = np.flatnonzero(follows == NO_OBJECT)
+        xy = self._local.to_scene(windows.box[alone, -1])[:, :2]
+        hidden = neutral_places(self._scene, np.full(len(alone), t), xy, windows.class_id[alone])
+        return np.where(np.isin(np.arange(len(follows)), alone[hidden]), UNKNOWN, follows)

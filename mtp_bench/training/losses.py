@@ -1,18 +1,26 @@
-"""Losses of networks and how their training data is varied; all in torch."""
+"""Losses of networks, in torch. Each is the mean over the windows of a batch, by their weight."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 
+from ..prediction.learned.modes import straight
 from ..prediction.learned.network import Network, Sizes
+from ..prediction.learned.ptp import context_of, decode, posterior, sample_codes
 
 Tensors = dict[str, torch.Tensor]
+# Network, weights, batch, sizes, progress of the stage from 0 to 1, random numbers.
+Loss = Callable[[Network, Tensors, Tensors, Sizes, float, torch.Generator], torch.Tensor]
 
-WEIGHING = 0.2  # of the log-likelihood of the right mode beside metres
-PATH = 2.0  # of the distance of the mean path in metres beside its log-likelihood, which objects at rest rule
-PRESENT = 0.5  # of the error of the present position
-CUT = 0.3  # share of the windows whose past is cut short
-TURN = 0.05  # rad, deviation of a turn of the heading frame
+MODE_WEIGHT = 0.2  # of the log-likelihood of the best mode, beside metres
+PATH_WEIGHT = 2.0  # of the distance of the mean path, m, beside its log-likelihood, which objects at rest dominate
+PRESENT_WEIGHT = 0.5  # of the error of the present position
+# Of PTP, beside errors in units of their scale:
+DIVERGENCE_WEIGHT = 0.02  # of a code from the prior
+PRIOR_WEIGHT = 0.0005  # of the negative log-density of the k codes under the prior
+SIMILARITY_WEIGHT = 0.02  # of the k futures
 
 
 def mode_distance(modes: torch.Tensor, future: torch.Tensor, known: torch.Tensor) -> torch.Tensor:
@@ -24,17 +32,18 @@ def mode_distance(modes: torch.Tensor, future: torch.Tensor, known: torch.Tensor
 def winner_takes_all(
     network: Network, weights: Tensors, batch: Tensors, sizes: Sizes, progress: float, generator: torch.Generator
 ) -> torch.Tensor:
-    """Mean loss of a batch: distance of the best mode, whether it was given the weight, and the present position.
+    """Distance of the best mode, its log-likelihood, and the error of the present position.
 
     In the first half of the training a shrinking part (from .3) of all modes' mean distance keeps every mode alive.
     """
-    said = network.forward(weights, batch, sizes)
-    distance = mode_distance(said["modes"], batch["future"], batch["known"])
+    output = network.forward(weights, batch, sizes)
+    distance = mode_distance(output["modes"], batch["future"], batch["known"])
     relaxed = 0.3 * max(0.0, 1 - 2 * progress)
     best, winner = distance.min(dim=1)
-    weight = torch.nn.functional.cross_entropy(said["log_weight"], winner, reduction="none")
-    here = present_error(said["present"], batch)
-    return weighted((1 - relaxed) * best + relaxed * distance.mean(dim=1) + WEIGHING * weight + PRESENT * here, batch)
+    likelihood = torch.nn.functional.cross_entropy(output["log_weight"], winner, reduction="none")
+    present = _present_error(output["present"], batch)
+    loss = (1 - relaxed) * best + relaxed * distance.mean(dim=1)
+    return _weighted_mean(loss + MODE_WEIGHT * likelihood + PRESENT_WEIGHT * present, batch)
 
 
 def gaussian_path(
@@ -42,70 +51,77 @@ def gaussian_path(
 ) -> torch.Tensor:
     """Negative log-likelihood of the future under a normal distribution at each step, and distance of the means.
 
-    The network says ``path`` [n, T, 2], the means, and ``root`` [n, T, 2, 2], lower triangular square roots of the
-    covariances, m.
+    The network's output has ``path`` [n, T, 2], the means, and ``root`` [n, T, 2, 2], lower triangular square roots of
+    the covariances, m.
     """
-    said = network.forward(weights, batch, sizes)
-    root, error = said["root"], batch["future"] - said["path"]
+    output = network.forward(weights, batch, sizes)
+    root, error = output["root"], batch["future"] - output["path"]
     first = error[..., 0] / root[..., 0, 0]
     second = (error[..., 1] - root[..., 1, 0] * first) / root[..., 1, 1]
     loss = 0.5 * (first**2 + second**2) + root[..., 0, 0].log() + root[..., 1, 1].log()
     loss = (loss * batch["known"]).sum(-1) / batch["known"].sum(-1).clip(1)
-    loss = loss + PATH * mode_distance(said["path"][:, None], batch["future"], batch["known"])[:, 0]
-    return weighted(loss + PRESENT * present_error(said["present"], batch), batch)
+    loss = loss + PATH_WEIGHT * mode_distance(output["path"][:, None], batch["future"], batch["known"])[:, 0]
+    return _weighted_mean(loss + PRESENT_WEIGHT * _present_error(output["present"], batch), batch)
 
 
-def present_error(present: torch.Tensor, batch: Tensors) -> torch.Tensor:
+def autoencoder(
+    network: Network, weights: Tensors, batch: Tensors, sizes: Sizes, progress: float, generator: torch.Generator
+) -> torch.Tensor:
+    """Squared error of the future decoded from its own code, and divergence of that code from the prior (PTP)."""
+    context = context_of(weights, batch, sizes)
+    residual = batch["future"] - straight(batch, sizes)
+    mean, log_variance = posterior(weights, context, *_scaled_steps(weights, residual, batch["known"]))
+    noise = torch.randn(mean.shape, generator=generator).to(mean.device)
+    code = mean + (0.5 * log_variance).exp() * noise
+    decoded = decode(weights, context, code[:, None], sizes)[:, 0]
+    error = (((decoded - residual) / _scale(weights)) ** 2).sum(-1)
+    error = (error * batch["known"]).sum(-1) / batch["known"].sum(-1).clip(1)
+    divergence = 0.5 * (log_variance.exp() + mean**2 - 1 - log_variance).sum(-1)  # Kullback-Leibler
+    present = torch.matmul(context, weights["cvae.present.weight"]) + weights["cvae.present.bias"]
+    loss = error + DIVERGENCE_WEIGHT * divergence + PRESENT_WEIGHT * _present_error(present, batch)
+    return _weighted_mean(loss, batch)
+
+
+def diverse(
+    network: Network, weights: Tensors, batch: Tensors, sizes: Sizes, progress: float, generator: torch.Generator
+) -> torch.Tensor:
+    """DLow's loss: distance of the best of k futures, their similarity, and how unlikely their codes are (PTP)."""
+    context = context_of(weights, batch, sizes)
+    code = sample_codes(weights, context, sizes)
+    modes = decode(weights, context, code, sizes)
+    residual = batch["future"] - straight(batch, sizes)
+    best = mode_distance(modes, residual, batch["known"]).amin(dim=1) / _scale(weights)
+    unlikely = 0.5 * (code**2).sum(-1).mean(dim=1)
+    similar = _similarity(modes / _scale(weights))
+    return _weighted_mean(best + SIMILARITY_WEIGHT * similar + PRIOR_WEIGHT * unlikely, batch)
+
+
+def _present_error(present: torch.Tensor, batch: Tensors) -> torch.Tensor:
     """Distance [n] m of the present positions [n, 2] to the true ones."""
     return torch.sqrt(((present - batch["present"]) ** 2).sum(-1) + 1e-6)
 
 
-def weighted(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
-    """Mean of the losses [n] of windows, by their weight."""
+def _weighted_mean(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
     return (loss * batch["weight"]).sum() / batch["weight"].sum().clip(1e-9)
 
 
-def mirrored_and_turned(
-    lot: torch.Tensor, generator: torch.Generator
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Signs [n] of half the windows, by their ``lot`` [n] in [0, 1), turns [n] rad, and both as matrices [n, 2, 2]."""
-    mirror = torch.where(lot < 0.5, -1.0, 1.0)
-    angle = TURN * torch.randn(len(lot), generator=generator)
-    turn = torch.stack([angle.cos(), -angle.sin(), angle.sin(), angle.cos()], -1).reshape(-1, 2, 2)
-    return mirror, angle, turn * torch.stack([torch.ones_like(mirror), mirror], -1)[:, None]
+def _scaled_steps(weights: Tensors, residual: torch.Tensor, known: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Steps [n, T, 2] of corrections in units of their spread, and where both ends are known, [n, T]."""
+    steps = torch.diff(residual, dim=1, prepend=torch.zeros_like(residual[:, :1])) / weights["step.spread"]
+    both = known * torch.cat([known[:, :1], known[:, :-1]], 1)
+    return steps * both[:, :, None], both
 
 
-def first_kept(n: int, past: int, generator: torch.Generator) -> torch.Tensor:
-    """The first frame [n] that is kept of ``past`` ones: of some windows it is a later one."""
-    cut = torch.rand(n, generator=generator) < CUT
-    return torch.where(cut, torch.randint(0, past, (n,), generator=generator), 0)
+def _scale(weights: Tensors) -> torch.Tensor:
+    """Mean error of constant velocity, m."""
+    return weights["step.spread"].cumsum(0).mean()
 
 
-def varied(batch: Tensors, generator: torch.Generator) -> Tensors:
-    """The batch with half of the windows mirrored, some pasts cut short, and the heading `TURN` rad off.
-
-    Windows of the same frame, where the batch tells it, are mirrored together.
-    """
-    n, past = batch["alive"].shape
-    lot = torch.rand(n, generator=generator)
-    if "moment" in batch:
-        lot = lot[torch.unique(batch["moment"].cpu(), return_inverse=True)[1]]
-    mirror, angle, turn = mirrored_and_turned(lot, generator)
-    device = batch["position"].device
-    turn = turn.to(device)
-    out = dict(batch)
-    for name in ("position", "velocity", "future"):
-        out[name] = torch.einsum("nti,nji->ntj", batch[name], turn)
-    out["present"] = torch.einsum("ni,nji->nj", batch["present"], turn)
-    out["yaw"] = batch["yaw"] * mirror.to(device)[:, None]
-    if "place" in batch:
-        there = torch.stack([torch.ones(n), mirror, mirror], -1).to(device) * batch["place"]
-        out["place"] = torch.cat([there[:, :2], there[:, 2:] - angle.to(device)[:, None]], 1)
-    first = first_kept(n, past, generator)
-    kept = (torch.arange(past)[None] >= first[:, None]).to(device)
-    out["alive"], out["taken"] = batch["alive"] * kept, batch["taken"] * kept
-    shorter = torch.log((past - first).to(torch.float32)).to(device)[:, None]
-    out["counts"] = torch.where(
-        (first > 0).to(device)[:, None], torch.minimum(batch["counts"], shorter), batch["counts"]
-    )
-    return out
+def _similarity(modes: torch.Tensor) -> torch.Tensor:
+    """Mean over all pairs of modes [n, S, T, 2] of exp(-mean squared distance): [n]."""
+    flat = modes.flatten(2) / modes.shape[2] ** 0.5
+    square = (flat**2).sum(-1)
+    distance = (square[:, :, None] + square[:, None] - 2 * flat @ flat.transpose(1, 2)).clip(0)
+    samples = modes.shape[1]
+    similar: torch.Tensor = (-distance).exp().sum((1, 2)) - samples  # without each mode's similarity to itself
+    return similar / max(1, samples * (samples - 1))

@@ -11,7 +11,7 @@ import numpy as np
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
-from ..prediction.presence import FEATURES, History, history_of
+from ..prediction.presence import FEATURES, TrackHistory, history_of
 from ..running.options import DEFAULTS, RunOptions
 from ..scoring.forecasts import match_objects
 from ..scoring.neutral import evaluated, neutral_places
@@ -54,7 +54,7 @@ class PresenceRecipe:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(History):
+class Rows(TrackHistory):
     """Tracks of n frames and tracks in all, and whether an object was there."""
 
     class_name: Any  # [n] str
@@ -76,7 +76,7 @@ def collect(scenes: Iterable[Scene], card: Card, task: Task) -> Rows:
 def _scene_rows(scene: Scene, card: Card, task: Task) -> Rows:
     tracker = HypothesisTracker()
     tracker.reset(task)
-    said: list[tuple[Tracks, History]] = []
+    said: list[tuple[Tracks, TrackHistory]] = []
     for t, observation in enumerate(observations(scene)):
         tracks = tracker.step(observation)
         said.append((tracks, history_of(tracks, {"ego_pose": scene.ego[t]}, task.dt)))

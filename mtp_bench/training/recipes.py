@@ -1,4 +1,4 @@
-"""How each network is trained: plan, stages with their losses, how its batches are made and varied."""
+"""Training recipes of networks: plan, stages with their losses, batches and their variation."""
 
 from __future__ import annotations
 
@@ -8,20 +8,14 @@ from dataclasses import dataclass
 import torch
 
 from ..errors import MtpBenchError
-from ..prediction.learned.network import Network, Sizes
 from ..running.options import require_seed
-from . import ptp_losses
-from .around import varied_around
-from .losses import Tensors, gaussian_path, varied, winner_takes_all
-
-# mean loss of a batch: network, weights, batch, sizes, progress of the stage from 0 to 1, random numbers
-Loss = Callable[[Network, Tensors, Tensors, Sizes, float, torch.Generator], torch.Tensor]
-Vary = Callable[[Tensors, torch.Generator], Tensors]
+from .augmentation import vary_detections, vary_tracks
+from .losses import Loss, Tensors, autoencoder, diverse, gaussian_path, winner_takes_all
 
 
 @dataclass(frozen=True)
-class Plan:
-    """How long and how fast a network is trained."""
+class TrainingPlan:
+    """Length and speed of a training."""
 
     epochs: int = 60  # of all stages
     batch: int = 512  # windows
@@ -39,40 +33,38 @@ class Plan:
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of a training, which begins with the best weights of the one before."""
+    """A part of a training, which begins with the best weights of the stage before."""
 
     loss: Loss
-    trains: str = ""  # the weights whose names begin so; the others stay as they are
+    trains: str = ""  # prefix of the names of the weights that are trained; the others stay as they are
     share: float = 1.0  # of the epochs
 
-    def epochs(self, plan: Plan) -> int:
-        """How many epochs of a plan are its own, at least one."""
+    def epochs(self, plan: TrainingPlan) -> int:
+        """Epochs of a plan that are of this stage, at least one."""
         return max(1, round(self.share * plan.epochs))
 
 
 @dataclass(frozen=True)
-class Recipe:
-    """How a network is trained."""
+class NetworkRecipe:
+    """Recipe of one network."""
 
-    stages: tuple[Stage, ...]
-    plan: Plan = Plan()  # unless another one is asked for
-    on: str = "truth"  # the pasts that its baselines learn from, unless others are asked for
-    vary: Vary = varied
-    by_frame: bool = False  # batches hold whole frames, for networks whose inputs tell the ``moment``
+    stages: tuple[Stage, ...] = (Stage(winner_takes_all),)
+    plan: TrainingPlan = TrainingPlan()  # unless another one is given
+    on: str = "truth"  # the pasts that its baselines learn from, unless others are given
+    vary: Callable[[Tensors, torch.Generator], Tensors] = vary_tracks
+    by_frame: bool = False  # batches hold whole frames, for networks whose inputs state the ``moment``
 
 
 RECIPES = {
-    "ptp": Recipe(
-        (Stage(ptp_losses.autoencoder, "cvae.", 0.6), Stage(ptp_losses.diverse, "sampler.", 0.4)),
-        Plan(epochs=80),
-        by_frame=True,
+    "ptp": NetworkRecipe(
+        (Stage(autoencoder, "cvae.", 0.6), Stage(diverse, "sampler.", 0.4)), TrainingPlan(epochs=80), by_frame=True
     ),
-    "tracking_free": Recipe((Stage(winner_takes_all),), Plan(epochs=40), "tracklets", varied_around),
-    "affinity": Recipe((Stage(winner_takes_all),), on="tracklets", vary=varied_around),
-    "social_lstm": Recipe((Stage(gaussian_path),), Plan(epochs=40, batch=128), by_frame=True),
+    "tracking_free": NetworkRecipe(plan=TrainingPlan(epochs=40), on="tracklets", vary=vary_detections),
+    "affinity": NetworkRecipe(on="tracklets", vary=vary_detections),
+    "social_lstm": NetworkRecipe((Stage(gaussian_path),), TrainingPlan(epochs=40, batch=128), by_frame=True),
 }
 
 
-def recipe_of(network: str) -> Recipe:
-    """The recipe of a network; of one that has none of its own, that of winner-takes-all modes."""
-    return RECIPES.get(network, Recipe((Stage(winner_takes_all),)))
+def recipe_of(network: str) -> NetworkRecipe:
+    """The recipe of a network; without an entry of its own, winner-takes-all modes on tracks."""
+    return RECIPES.get(network, NetworkRecipe())

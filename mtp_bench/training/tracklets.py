@@ -1,7 +1,7 @@
-"""Training windows: what a tracker says of the past beside what the objects did next.
+"""Training windows: the tracks of a tracker beside what their objects did next.
 
-``windows`` plays a tracker through the scenes of a split and keeps, frame by frame, the windows that a predictor would
-be shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.
+`windows` plays a tracker through the scenes of a split and keeps, frame by frame, the windows that a predictor would be
+shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ..tracks import Tracks
 from ..types import Bools, Floats, Ints, Scene, Task, starts_of
 from .labels import UNKNOWN, Labels, SceneLabels
 from .split import open_split
-from .window_cache import kept
+from .window_cache import cached_windows
 
 TRUTH = "truth"  # in place of a tracker: true pasts
 
@@ -54,8 +54,8 @@ class Windows(TrackWindows):
     # out of one env must not be learnt from another one.
     own_names: tuple[str, ...]
     seen: Surroundings  # the detections of all frames of all scenes
-    task: Task
-    envs: tuple[str, ...]  # ids; where there are several the task is that of the first
+    task: Task  # of the first env
+    envs: tuple[str, ...]  # ids
 
     def select(self, rows: Ints | Bools | slice) -> Windows:
         """The windows ``rows``; frames and scenes keep their numbers."""
@@ -63,30 +63,24 @@ class Windows(TrackWindows):
 
     @property
     def negative(self) -> Bools:
-        """The tracks [n] that follow no true object. Where the truth is not complete there are none."""
+        """Mask [n] of the tracks that follow no true object; all False if the truth is not complete."""
         return np.asarray(self.object_id < 0)
 
     def split(self, fold: Fold) -> tuple[Windows, Windows]:
         """The windows to learn from, and those of the scenes of a fold, which are held out.
 
-        It is a fold of the scenes that are here. Commands (``--fold``) take it of the whole split: what they score may
-        have been learnt from here, unless these are all its scenes.
+        It is a fold of the scenes that are here. Commands (``--fold``) take it of the whole split: their scenes may
+        have been learnt from here, unless these are all scenes of the split.
         """
         away = self.of_scenes(held_out(tuple(dict.fromkeys(self.own_names)), fold))
         return self.select(~away), self.select(away)
 
     def of_scenes(self, own_names: Sequence[str]) -> Bools:
-        """The windows [n] of the scenes that have one of these names in their own env."""
+        """Mask [n] of the windows of the scenes that have one of these names in their own env."""
         if isinstance(own_names, str):
             raise MtpBenchError(f"own_names is {own_names!r}, expected a list of names")
         wanted = set(own_names)
         return np.asarray(np.array([name in wanted for name in self.own_names])[self.scene])
-
-    def neighbours(self, row: int) -> Ints:
-        """The other windows of the same frame that the heaviest hypothesis holds."""
-        low, high = np.searchsorted(self.moment, [self.moment[row], self.moment[row] + 1])
-        rows = np.arange(low, high)
-        return np.asarray(rows[self.best[rows] & (rows != row)])
 
     def dataset(self) -> Any:
         """A `torch.utils.data.Dataset`: each item is a dictionary of the tensors of a window, by these names."""
@@ -97,9 +91,9 @@ class Windows(TrackWindows):
         return StackDataset(**columns)
 
 
-AROUND = ("box", "velocity", "class_id", "score")  # columns of `Surroundings`
-_WHOLE = ("names", "own_names", "seen", "task", "envs")  # fields that have no value per window
-BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in _WHOLE)
+_OF_DETECTIONS = ("box", "velocity", "class_id", "score")  # columns of `Surroundings`
+_OF_ALL = ("names", "own_names", "seen", "task", "envs")  # fields without a value per window
+BY_WINDOW = tuple(f.name for f in fields(Windows) if f.name not in _OF_ALL)
 
 
 def windows(
@@ -111,16 +105,15 @@ def windows(
 ) -> Windows:
     """Windows of every track of every hypothesis, at every frame of the scenes of a split.
 
-    ``tracker``: one of your own, the number of hypotheses of `HypothesisTracker`, or "truth" for true pasts.
-    ``scenes``: how many, the first ones, or their names; None: all that ``options`` asks for. ``options``: data root,
-    detector, workers and progress.
+    ``tracker``: your own tracker, the number of hypotheses of `HypothesisTracker`, or "truth" for true pasts.
+    ``scenes``: how many, the first ones, or their names; None: those of ``options``. ``options``: data root, detector,
+    workers and progress.
 
     A track follows the true object of its class that is nearest to the last detection it took, within the forecast gate
-    of the card; of true boxes, the object itself. Tracks of which that cannot be said, for the truth is not complete or
-    neutral there, are left out. What the tracker of a whole number of hypotheses says is kept in the cache; one
-    of your own runs each time, for nobody knows what it depends on. Progress is told to ``options.progress``.
-    Raises UnknownNameError for a scene that is not there, MtpBenchError for another ``tracker`` and where there is
-    nothing to learn from.
+    of the card; of true boxes, the object itself. Tracks of which that is unknown, since the truth is not complete or
+    neutral there, are left out. Windows of "truth" and of a number of hypotheses are cached; your own tracker runs each
+    time. Raises UnknownNameError for a scene that does not exist, MtpBenchError for another ``tracker`` and if there is
+    no track to learn from.
     """
     _require_tracker(tracker)
     scenes = int(scenes) if isinstance(scenes, np.integer) else scenes
@@ -142,18 +135,18 @@ def windows(
     parts = parallel_map(_scene_arrays, calls, options.workers, lambda place: options.progress.done(names[place]))
     if not any(len(part["scene"]) for part in parts):
         raise MtpBenchError(f"{env_id}: no track of the {len(names)} scenes of split {split!r} can be learnt from")
-    return joined(parts, names, task)
+    return join_scenes(parts, names, task)
 
 
 def _require_tracker(tracker: object) -> None:
-    """Raise MtpBenchError for what is neither a tracker nor stands for one."""
+    """Raise MtpBenchError unless ``tracker`` is a tracker or stands for one."""
     if isinstance(tracker, str):
         known = tracker == TRUTH
     elif isinstance(tracker, (int, np.integer)):
         known = bool(tracker >= 1) and not isinstance(tracker, bool)
     else:
-        is_one = all(callable(getattr(tracker, name, None)) for name in ("reset", "step"))
-        known = is_one and not isinstance(tracker, type)
+        methods = all(callable(getattr(tracker, name, None)) for name in ("reset", "step"))
+        known = methods and not isinstance(tracker, type)
     if not known:
         raise MtpBenchError(
             f"tracker is {tracker!r}, expected {TRUTH!r}, a number of hypotheses of at least 1, or a tracker of your "
@@ -161,13 +154,13 @@ def _require_tracker(tracker: object) -> None:
         )
 
 
-def joined(parts: Sequence[Arrays], names: Sequence[str], task: Task) -> Windows:
+def join_scenes(parts: Sequence[Arrays], names: Sequence[str], task: Task) -> Windows:
     """The windows of several scenes, each as `scene_arrays` gives it."""
     first = np.cumsum([0, *(len(part["seen_start"]) - 1 for part in parts)])
     for number, part in enumerate(parts):
         part["scene"] = np.full(len(part["scene"]), number)
         part["moment"] = part["frame"] + first[number]
-    seen = {name: np.concatenate([part[f"seen_{name}"] for part in parts]) for name in AROUND}
+    seen = {name: np.concatenate([part[f"seen_{name}"] for part in parts]) for name in _OF_DETECTIONS}
     before = np.concatenate([np.arange(len(part["seen_start"]) - 1) for part in parts])
     count = np.concatenate([np.diff(part["seen_start"]) for part in parts])
     rows = {name: np.concatenate([part[name] for part in parts]) for name in BY_WINDOW}
@@ -176,7 +169,7 @@ def joined(parts: Sequence[Arrays], names: Sequence[str], task: Task) -> Windows
     return Windows(**rows, names=own, own_names=own, seen=surroundings, task=task, envs=(task.env_id,))
 
 
-def together(parts: Sequence[Windows]) -> Windows:
+def concatenate(parts: Sequence[Windows]) -> Windows:
     """The windows of several envs, with the task of the first."""
     scenes = np.cumsum([0, *(len(part.names) for part in parts)])
     frames = np.cumsum([0, *(part.seen.frames for part in parts)])
@@ -185,21 +178,21 @@ def together(parts: Sequence[Windows]) -> Windows:
         for part, scene, frame in zip(parts, scenes, frames, strict=False)
     ]
     rows = {name: np.concatenate([getattr(part, name) for part in moved]) for name in BY_WINDOW}
-    seen = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in (*AROUND, "before")}
+    columns = (*_OF_DETECTIONS, "before")
+    seen = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in columns}
     start = starts_of(np.concatenate([part.seen.counts for part in parts]))
     names = tuple(f"{part.task.env_id} {name}" if len(parts) > 1 else name for part in parts for name in part.names)
     own_names, envs = (tuple(one for part in parts for one in getattr(part, name)) for name in ("own_names", "envs"))
-    return Windows(
-        **rows, names=names, own_names=own_names, seen=Surroundings(start, **seen), task=parts[0].task, envs=envs
-    )
+    surroundings = Surroundings(start, **seen)
+    return Windows(**rows, names=names, own_names=own_names, seen=surroundings, task=parts[0].task, envs=envs)
 
 
 def _scene_arrays(card: Card, data: str | None, task: Task, tracker: Tracker | int | str, name: str) -> Arrays:
     scene = open_source(card, data).load(name)
     if not isinstance(tracker, int | str):
         return scene_arrays(scene, card, task, tracker)
-    made: Tracker = TruthTracker() if isinstance(tracker, str) else HypothesisTracker(tracker)
-    return kept(scene, (card.digest, task, tracker), lambda: scene_arrays(scene, card, task, made))
+    known: Tracker = TruthTracker() if isinstance(tracker, str) else HypothesisTracker(tracker)
+    return cached_windows(scene, (card.digest, task, tracker), lambda: scene_arrays(scene, card, task, known))
 
 
 def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> Arrays:
@@ -208,35 +201,35 @@ def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> Arra
     feed = make_feed(scene, local, task)
     labels = SceneLabels(scene, card, local, feed)
     tracker.reset(task)
-    parts, seen = [_nothing(task)], deque[Observation](maxlen=task.past)
+    parts, seen = [_no_windows(task)], deque[Observation](maxlen=task.past)
     for t in range(scene.frames):
         seen.append(feed.observe(t))
         tracks = tracker.step(seen[-1])
         if not np.isfinite(tracks.box).all():
             raise MtpBenchError(f"scene {scene.name!r}, frame {t}: the tracker gave a box that is not finite")
-        found, _ = windows_of(Frame(t, tracks, tuple(seen)), task.past)
-        parts.append(_learnable(found, labels.of(t, found), t))
+        frame_windows, _ = windows_of(Frame(t, tracks, tuple(seen)), task.past)
+        parts.append(_labelled(frame_windows, labels.of(t, frame_windows), t))
     rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    around = {name: getattr(feed, name) for name in AROUND}
-    return {**rows, "seen_start": feed.start, **{f"seen_{name}": _single(value) for name, value in around.items()}}
+    detections = {f"seen_{name}": _single_precision(getattr(feed, name)) for name in _OF_DETECTIONS}
+    return {**rows, "seen_start": feed.start, **detections}
 
 
-def _learnable(found: TrackWindows, labels: Labels, t: int) -> Arrays:
-    """Those of the windows of frame ``t`` of which is known what they follow, with their labels."""
+def _labelled(frame_windows: TrackWindows, labels: Labels, t: int) -> Arrays:
+    """The windows of frame ``t`` whose object is known, or known to be none, with their labels."""
     known = labels.object_id != UNKNOWN
-    columns = {f.name: getattr(found, f.name) for f in fields(TrackWindows)} | labels._asdict()
-    rows = {name: _single(value[known]) for name, value in columns.items()}
+    columns = {f.name: getattr(frame_windows, f.name) for f in fields(TrackWindows)} | labels._asdict()
+    rows = {name: _single_precision(value[known]) for name, value in columns.items()}
     return {**rows, "scene": np.zeros(known.sum(), dtype=np.int64), "frame": np.full(known.sum(), t)}
 
 
-def _nothing(task: Task) -> Arrays:
-    """No windows: for a scene without any."""
+def _no_windows(task: Task) -> Arrays:
+    """Columns without rows, for a scene without windows."""
     no_tracks = Tracks.of_one_hypothesis(np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64))
-    found, _ = windows_of(Frame(0, no_tracks, ({},)), task.past)
+    empty, _ = windows_of(Frame(0, no_tracks, ({},)), task.past)
     ids, future = np.zeros(0, dtype=np.int64), np.zeros((0, task.future, 2))
-    return _learnable(found, Labels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0), 0)
+    return _labelled(empty, Labels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0), 0)
 
 
-def _single(values: NDArray[Any]) -> NDArray[Any]:
-    """Numbers in single precision."""
+def _single_precision(values: NDArray[Any]) -> NDArray[Any]:
+    """The values, numbers in single precision."""
     return values.astype(np.float32) if values.dtype.kind == "f" else np.asarray(values)

@@ -1,4 +1,4 @@
-"""Windows that were made once: kept by the content of the scene, what was asked for, and the code that makes them."""
+"""Cache of training windows, by the content of the scene, the arguments, and the code that makes them."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from ..sources.cache import Arrays, cache_root, content_hash, read_arrays, write
 from ..types import Scene
 
 _LIBRARY = Path(__file__).parents[1]
-_MAKERS = (
+_CODE = (  # that makes windows
     *("geometry.py", "similar.py", "tracks.py", "types.py", "prediction/windows.py", "training"),
     *("env/action.py", "env/observation.py", "env/spaces.py"),
     *("scoring/definitions.py", "scoring/events.py", "scoring/neutral.py", "scoring/targets.py", "tracking"),
 )
 
 
-def kept(scene: Scene, asked: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
-    """What ``make`` makes of a scene, from the cache where it is there; ``asked``: what it depends on beside it."""
-    parts = [content_hash(_arrays_of(scene)), *map(repr, asked), code_digest(_MAKERS)]
+def cached_windows(scene: Scene, arguments: tuple[Any, ...], make: Callable[[], Arrays]) -> Arrays:
+    """The result of ``make`` for a scene, from the cache if it is there; ``arguments``: all else that it depends on."""
+    parts = [content_hash(_arrays_of(scene)), *map(repr, arguments), code_digest(_CODE)]
     path = cache_root() / "windows" / f"{hashlib.sha256('|'.join(parts).encode()).hexdigest()[:32]}.npz"
-    found = read_arrays(path)
-    if found is None:
-        found = make()
+    arrays = read_arrays(path)
+    if arrays is None:
+        arrays = make()
         with suppress(OSError):  # without a cache they are made again next time
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_arrays(path, found)
-    return found
+            write_arrays(path, arrays)
+    return arrays
 
 
 def _arrays_of(scene: Scene) -> Arrays:
-    """Everything of a scene that windows can depend on."""
+    """All contents of a scene that windows can depend on."""
     arrays: Arrays = {"time": scene.time, "ego": scene.ego, "name": np.array(scene.name)}
     arrays |= {name: np.array(getattr(scene, name)) for name in ("truth_complete", "listed_targets")}
     for part in ("truth", "detections", "image"):
@@ -50,8 +50,9 @@ def _arrays_of(scene: Scene) -> Arrays:
 
 @cache
 def code_digest(parts: tuple[str, ...]) -> str:
-    """Digest of modules and packages of the library."""
-    places = [_LIBRARY / part for part in parts]
-    code = [path for place in places for path in (place.rglob("*.py") if place.is_dir() else [place])]
+    """Digest of modules and packages of the library, with their TOML files."""
+    paths = [_LIBRARY / part for part in parts]
+    files = [file for path in paths for file in (path.rglob("*") if path.is_dir() else [path])]
+    code = [file for file in files if file.suffix in (".py", ".toml")]
     digests = sorted(f"{path.relative_to(_LIBRARY).as_posix()} {file_digest(path)}" for path in code)
     return hashlib.sha256("\n".join(digests).encode()).hexdigest()

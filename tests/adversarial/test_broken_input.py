@@ -343,11 +343,11 @@ def test_a_submission_that_changes_while_it_runs(cli: CommandLine, card: str, ki
 
 DEEP_HEAD = b'{"__metadata__": {"mtp_bench": "' + b"[" * 50_000 + b'"}}'
 WEIGHTS: dict[str, tuple[Change, str]] = {
-    "a header of 2**63 bytes": (raw(struct.pack("<Q", 2**63) + b"{}"), "no file of weights"),
-    "a header that is deep": (raw(struct.pack("<Q", 200_000) + b'{"a":' * 40_000), "no file of weights"),
+    "a header of 2**63 bytes": (raw(struct.pack("<Q", 2**63) + b"{}"), "not a file of weights"),
+    "a header that is deep": (raw(struct.pack("<Q", 200_000) + b'{"a":' * 40_000), "not a file of weights"),
     "said deeply": (raw(struct.pack("<Q", len(DEEP_HEAD)) + DEEP_HEAD), DEEP),
     "20 GB of zeros": (sparse(20 << 30), "bytes, expected at most 67108864"),
-    "cut off": (raw(b"\x01"), "no file of weights"),
+    "cut off": (raw(b"\x01"), "not a file of weights"),
 }  # fmt: skip
 
 

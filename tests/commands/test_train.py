@@ -12,7 +12,7 @@ import pytest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions, held_out
 from mtp_bench.training import motion_noise
-from mtp_bench.training.predictors import Request
+from mtp_bench.training.predictors import TrainingRequest
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine, write_training
 from tests.support.small_scenes import CARD, write_card
@@ -48,7 +48,7 @@ def test_noise_is_fitted_without_the_scenes_of_a_fold(
 def test_a_folder_without_room_for_the_weights_is_told_before_the_work(
     cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mtp_bench.training.predictors.learnable", None)
+    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", None)
     error = cli("train", "predictor", "modes", "--env", card, "--data", root, "-o", "/proc/w.safetensors").error
     assert error.startswith("cannot write /proc/w.safetensors: ")
 
@@ -60,7 +60,7 @@ def test_weights_of_other_scenes_have_a_file_of_their_own(
     scenes: tuple[str, str], cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else every run of the env would take them."""
-    monkeypatch.setattr("mtp_bench.training.predictors.learnable", None)
+    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", None)
     error = cli("train", "predictor", "modes", "--env", card, "--data", root, *scenes).error
     assert re.match(r"--(split val|files|detector|detections): without -o the weights", error)
 
@@ -73,11 +73,11 @@ def test_networks_learn_from_the_pasts_that_their_baselines_take(
 ) -> None:
     asked = []
 
-    def learnable(request: Request, options: RunOptions) -> None:
+    def learnable(request: TrainingRequest, options: RunOptions) -> None:
         asked.append(request.on)
         raise MtpBenchError("enough")
 
-    monkeypatch.setattr("mtp_bench.training.predictors.learnable", learnable)
+    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", learnable)
     known = ("train", "predictor", network, "--env", card, "--data", root)
     assert cli(*known).error == "enough"
     assert asked == [on]

@@ -9,7 +9,7 @@ import numpy as np
 from mtp_bench.prediction.learned.local import local_future
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.windows import Surroundings, TrackWindows
-from mtp_bench.training.fitting import Lesson
+from mtp_bench.training.fitting import TrainingSet
 from mtp_bench.types import Floats, Ints
 
 SIZES = Sizes(("car", "pedestrian"), past=4, future=3, modes=5, dt=0.5)
@@ -40,13 +40,13 @@ def random_windows(counts: Sequence[int] = (3, 1, 6), seed: int = 0) -> tuple[Tr
     return windows, np.repeat(np.arange(len(counts)), counts)
 
 
-def random_lesson(network: Network, frames: int = 12, seed: int = 0) -> Lesson:
+def random_training_set(network: Network, frames: int = 12, seed: int = 0) -> TrainingSet:
     """Frames of three tracks that go on in their bends; of the last frames a quarter is for validation."""
     windows, moment = random_windows([3] * frames, seed)
     future = _going_on(windows)
     known = np.ones(future.shape[:2], dtype=bool)
     known[::5, -1] = False
-    return Lesson(
+    return TrainingSet(
         inputs=network.inputs(windows, moment, NOTHING_SEEN, SIZES),
         future=local_future(windows, future),
         known=known,

@@ -18,13 +18,14 @@ from mtp_bench.prediction.learned.neighbours import absolute
 from mtp_bench.prediction.learned.network import Network
 from mtp_bench.prediction.learned.ptp import Ptp
 from mtp_bench.prediction.learned.social_lstm import SocialLstm
-from mtp_bench.training.fitting import Plan, State, Told, fit
-from mtp_bench.training.losses import varied
-from mtp_bench.training.recipes import RECIPES
-from tests.support.random_windows import SIZES, random_lesson
+from mtp_bench.training.augmentation import vary_tracks
+from mtp_bench.training.checkpoint import Checkpoint
+from mtp_bench.training.fitting import EpochCallback, fit, ordered_batches, shuffled_batches
+from mtp_bench.training.recipes import RECIPES, TrainingPlan
+from tests.support.random_windows import SIZES, random_training_set
 
 NETWORKS = pytest.mark.parametrize("network", [Modes(), Ptp(), SocialLstm()], ids=lambda network: network.name)
-PLAN = Plan(epochs=6, batch=8)
+PLAN = TrainingPlan(epochs=6, batch=8)
 CPU = torch.device("cpu")
 
 
@@ -32,9 +33,11 @@ class StoppedError(Exception):
     """What stops a training in these tests."""
 
 
-def trained(network: Network, folder: Path, plan: Plan = PLAN, told: Told = lambda *_: None) -> State:
+def trained(
+    network: Network, folder: Path, plan: TrainingPlan = PLAN, callback: EpochCallback = lambda *_: None
+) -> Checkpoint:
     folder.mkdir(exist_ok=True)
-    return fit(network, SIZES, random_lesson(network), plan, CPU, told, folder / "checkpoint")
+    return fit(network, SIZES, random_training_set(network), plan, CPU, callback, folder / "checkpoint")
 
 
 def stop(epoch: int, done: int, error: float) -> None:
@@ -76,10 +79,10 @@ def test_an_interrupted_training_ends_with_the_same_weights(network: Network, tm
     for epoch in (2, 4, 5):  # of ptp: in its first stage, at its end, in its second stage
         folder = tmp_path / f"parts {epoch}"
         with pytest.raises(StoppedError):
-            trained(network, folder, told=partial(stop, epoch))
-        told: list[int] = []
-        rest = trained(network, folder, told=lambda done, _, told=told: told.append(done))  # type: ignore[misc]
-        assert told == list(range(epoch + 1, 7))
+            trained(network, folder, callback=partial(stop, epoch))
+        callback: list[int] = []
+        rest = trained(network, folder, callback=lambda done, _, callback=callback: callback.append(done))  # type: ignore[misc]
+        assert callback == list(range(epoch + 1, 7))
         assert rest.curve == whole.curve
         assert_equal(rest.best, whole.best)
 
@@ -94,19 +97,19 @@ def test_another_plan_begins_anew(network: Network, tmp_path: Path) -> None:
 
 def test_other_code_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(StoppedError):
-        trained(Modes(), tmp_path, told=partial(stop, 2))
+        trained(Modes(), tmp_path, callback=partial(stop, 2))
     monkeypatch.setattr("mtp_bench.training.fitting.code_digest", lambda parts: "other")
-    told: list[int] = []
-    trained(Modes(), tmp_path, told=lambda done, _: told.append(done))
-    assert told[0] == 1
+    callback: list[int] = []
+    trained(Modes(), tmp_path, callback=lambda done, _: callback.append(done))
+    assert callback[0] == 1
 
 
 def test_each_stage_of_ptp_trains_its_own_weights(tmp_path: Path) -> None:
     """The first stage leaves the sampling function as k draws of the prior, the second leaves the rest as it is."""
-    network, lesson = Ptp(), random_lesson(Ptp())
-    learnt = ~lesson.validation
-    inputs = {name: value[learnt] for name, value in lesson.inputs.items()}
-    start = network.start(inputs, lesson.future[learnt], lesson.known[learnt], SIZES, PLAN.seed)
+    network, data = Ptp(), random_training_set(Ptp())
+    learnt = ~data.validation
+    inputs = {name: value[learnt] for name, value in data.inputs.items()}
+    start = network.start(inputs, data.future[learnt], data.known[learnt], SIZES, PLAN.seed)
     first, last = after_stages(network, 1, tmp_path / "first"), after_stages(network, 2, tmp_path / "last")
     for name in start:
         assert np.array_equal(first[name], start[name]) or name.startswith("cvae."), name
@@ -126,8 +129,8 @@ def after_stages(network: Network, count: int, folder: Path) -> Arrays:
 
 @pytest.mark.parametrize("network", [Ptp(), SocialLstm()], ids=lambda network: network.name)
 def test_windows_of_a_frame_are_mirrored_together(network: Network) -> None:
-    batch = random_lesson(network).tensors(CPU)
-    out = varied(batch, torch.Generator().manual_seed(0))
+    batch = random_training_set(network).tensors(CPU)
+    out = vary_tracks(batch, torch.Generator().manual_seed(0))
     mirrored = torch.sign(out["place"][:, 1] * batch["place"][:, 1])
     assert {len(set(frame.tolist())) for frame in torch.split(mirrored, 3)} == {1}
     assert len(set(mirrored.tolist())) == 2
@@ -136,8 +139,37 @@ def test_windows_of_a_frame_are_mirrored_together(network: Network) -> None:
 @pytest.mark.parametrize("network", [Ptp(), SocialLstm()], ids=lambda network: network.name)
 def test_a_varied_window_is_where_it_was(network: Network) -> None:
     """Futures, put back from the heading frame into the frame of the observations, are the old ones, or mirrored."""
-    batch = random_lesson(network).tensors(CPU)
-    out = varied(batch, torch.Generator().manual_seed(0))
+    batch = random_training_set(network).tensors(CPU)
+    out = vary_tracks(batch, torch.Generator().manual_seed(0))
     before, after = (absolute(part, part["future"]) for part in (batch, out))
     np.testing.assert_allclose(after[..., 0], before[..., 0], rtol=0, atol=1e-4)
     np.testing.assert_allclose(after[..., 1].abs(), before[..., 1].abs(), rtol=0, atol=1e-4)
+
+
+MOMENT = torch.tensor([5, 5, 1, 1, 1, 7, 5, 2, 9, 9])
+ROWS = torch.tensor([0, 1, 2, 4, 5, 6, 7, 8, 9])  # without row 3
+
+
+@pytest.mark.parametrize("moment", [None, MOMENT], ids=["windows", "frames"])
+@pytest.mark.parametrize("size", [1, 3, 4, 100])
+def test_every_window_once(moment: torch.Tensor | None, size: int) -> None:
+    for batches in (
+        ordered_batches(ROWS, moment, size),
+        shuffled_batches(ROWS, moment, size, torch.Generator().manual_seed(0)),
+    ):
+        assert sorted(torch.cat(batches).tolist()) == ROWS.tolist()
+
+
+@pytest.mark.parametrize("size", [1, 3, 4])
+@pytest.mark.parametrize("seed", range(5))
+def test_frames_stay_whole_and_batches_small(size: int, seed: int) -> None:
+    batches = shuffled_batches(ROWS, MOMENT, size, torch.Generator().manual_seed(seed))
+    frames = [set(MOMENT[part].tolist()) for part in batches]
+    assert sum(map(len, frames)) == 5  # no frame in two batches
+    assert all(len(part) < size + 3 for part in batches)  # the largest frame has 3 windows
+
+
+def test_the_same_seed_gives_the_same_batches() -> None:
+    made = [torch.cat(shuffled_batches(ROWS, MOMENT, 3, torch.Generator().manual_seed(seed))) for seed in (1, 1, 2)]
+    assert torch.equal(made[0], made[1])
+    assert not torch.equal(made[0], made[2])

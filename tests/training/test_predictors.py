@@ -17,22 +17,24 @@ from mtp_bench.prediction.learned.registry import network_of
 from mtp_bench.prediction.learned.weights import find_weights, read_weights, require_fit
 from mtp_bench.running.options import RunOptions, fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.training.fitting import Plan, device_of, one_cycle
-from mtp_bench.training.losses import Tensors, mode_distance, varied
+from mtp_bench.training.augmentation import vary_tracks
+from mtp_bench.training.fitting import device_of, one_cycle
+from mtp_bench.training.losses import Tensors, mode_distance
 from mtp_bench.training.predictors import (
-    Request,
-    _require_alike,
-    learnable,
-    taught,
+    TrainingRequest,
+    _require_same_task,
+    has_future,
     train_predictor,
+    training_windows,
     validation_rows,
 )
-from mtp_bench.training.tracklets import Windows, joined, scene_arrays, together
+from mtp_bench.training.recipes import TrainingPlan
+from mtp_bench.training.tracklets import Windows, concatenate, join_scenes, scene_arrays
 from mtp_bench.types import Bools
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene, task, write_card, write_kitti
 
-QUICK = Plan(epochs=6, batch=32)
+QUICK = TrainingPlan(epochs=6, batch=32)
 
 
 @pytest.fixture
@@ -44,13 +46,13 @@ def windows_of_scenes(folder: Path, names: str, frames: int) -> Windows:
     """The windows that are learnt from, of a scene for each letter of ``names``."""
     card = load_card(write_card(folder))
     parts = [scene_arrays(make_scene(name, frames=frames), card, task(), HypothesisTracker()) for name in names]
-    whole = joined(parts, list(names), task())
-    return whole.select(taught(whole))
+    whole = join_scenes(parts, list(names), task())
+    return whole.select(has_future(whole))
 
 
 def test_training_lowers_the_error_and_repeats_itself(found: Windows, tmp_path: Path) -> None:
     curve: list[float] = []
-    request = Request("modes", "small", "tracklets", plan=replace(QUICK, epochs=25))
+    request = TrainingRequest("modes", "small", "tracklets", plan=replace(QUICK, epochs=25))
     path, card = train_predictor(found, request, tmp_path / "one.safetensors", lambda _, error: curve.append(error))
     assert min(curve[10:]) < 0.5 * curve[0]
     assert card["validation_minADE"] == round(min(curve), 4)
@@ -67,7 +69,7 @@ class InterruptionError(Exception):
 
 
 def test_an_interrupted_training_ends_as_one_that_was_not(found: Windows, tmp_path: Path) -> None:
-    request = Request("modes", "small", plan=QUICK)
+    request = TrainingRequest("modes", "small", plan=QUICK)
     whole, _ = train_predictor(found, request, tmp_path / "whole.safetensors")
 
     def stop(epoch: int, _: float) -> None:
@@ -88,9 +90,9 @@ def test_a_checkpoint_of_another_training_is_not_gone_on_with(found: Windows, tm
         raise InterruptionError
 
     with pytest.raises(InterruptionError):
-        train_predictor(found, Request("modes", "small", plan=QUICK), tmp_path / "a.safetensors", stop)
+        train_predictor(found, TrainingRequest("modes", "small", plan=QUICK), tmp_path / "a.safetensors", stop)
     epochs: list[int] = []
-    other = Request("modes", "small", plan=replace(QUICK, seed=1))
+    other = TrainingRequest("modes", "small", plan=replace(QUICK, seed=1))
     train_predictor(found, other, tmp_path / "a.safetensors", lambda epoch, _: epochs.append(epoch))
     assert epochs[0] == 1
     (tmp_path / "b.safetensors.checkpoint").write_bytes(b"broken")
@@ -105,7 +107,7 @@ def test_weights_may_have_any_name(name: str, found: Windows, tmp_path: Path) ->
         if epoch == 3:
             raise InterruptionError
 
-    request = Request("modes", "small", plan=QUICK)
+    request = TrainingRequest("modes", "small", plan=QUICK)
     with pytest.raises(InterruptionError):
         train_predictor(found, request, tmp_path / name, stop)
     assert not (tmp_path / name).exists()
@@ -117,7 +119,7 @@ def test_weights_may_have_any_name(name: str, found: Windows, tmp_path: Path) ->
 
 
 def test_it_stops_where_nothing_gets_better(found: Windows, tmp_path: Path) -> None:
-    request = Request("modes", "small", plan=replace(QUICK, epochs=60, patience=1, rate=1e-9))
+    request = TrainingRequest("modes", "small", plan=replace(QUICK, epochs=60, patience=1, rate=1e-9))
     epochs: list[int] = []
     train_predictor(found, request, tmp_path / "a.safetensors", lambda epoch, _: epochs.append(epoch))
     assert 30 <= len(epochs) < 60
@@ -138,7 +140,7 @@ def test_validation_is_of_whole_scenes_where_there_are_enough(found: Windows) ->
 def test_no_scene_is_learnt_from_whose_twin_of_another_env_is_validated_on(names: str, tmp_path: Path) -> None:
     """Two envs may show the same traffic, each with its own detector."""
     one = windows_of_scenes(tmp_path, names, frames=12)
-    both = together([one, replace(one, task=task(env_id="MTP-SmallRaw-v0"))])
+    both = concatenate([one, replace(one, task=task(env_id="MTP-SmallRaw-v0"))])
     rows = validation_rows(both)
     validated, learnt = shown_in(both, rows), shown_in(both, ~rows)
     assert validated
@@ -163,7 +165,7 @@ TOO_SHORT = {
 @pytest.mark.parametrize("network", ["modes", "tracking_free"])
 def test_scenes_too_short_to_validate_on_are_one_clear_error(network: str, name: str, tmp_path: Path) -> None:
     names, frames, counts = TOO_SHORT[name]
-    request, out = Request(network, "small", plan=QUICK), tmp_path / "new" / "w.safetensors"
+    request, out = TrainingRequest(network, "small", plan=QUICK), tmp_path / "new" / "w.safetensors"
     with pytest.raises(MtpBenchError, match=f"{network} cannot be trained: {counts}") as caught:
         train_predictor(windows_of_scenes(tmp_path, names, frames), request, out)
     assert "all 3 future frames" in str(caught.value)
@@ -180,7 +182,7 @@ def test_a_varied_batch_is_the_same_motion_seen_otherwise() -> None:
         "alive": torch.ones(n, past), "taken": torch.ones(n, past), "counts": torch.full((n, 2), 3.0),
         "future": position[:, :3] + 1, "present": position[:, 0],
     }  # fmt: skip
-    out = varied(batch, torch.Generator().manual_seed(0))
+    out = vary_tracks(batch, torch.Generator().manual_seed(0))
     length = torch.linalg.norm(batch["future"], dim=-1)
     np.testing.assert_allclose(torch.linalg.norm(out["future"], dim=-1), length, rtol=1e-5)
     np.testing.assert_allclose(out["velocity"], out["position"])
@@ -220,11 +222,11 @@ def test_folds() -> None:
 
 def test_what_cannot_be_trained() -> None:
     with pytest.raises(UnknownNameError, match="did you mean 'modes'"):
-        Request("mods", "MTP-KITTI-v0")
+        TrainingRequest("mods", "MTP-KITTI-v0")
     with pytest.raises(UnknownNameError, match="value of --on"):
-        Request("modes", "MTP-KITTI-v0", "detections")
+        TrainingRequest("modes", "MTP-KITTI-v0", "detections")
     with pytest.raises(MtpBenchError, match="epochs is 1, expected at least 2: ptp has 2 stages"):
-        Request("ptp", "MTP-KITTI-v0", plan=Plan(epochs=1))
+        TrainingRequest("ptp", "MTP-KITTI-v0", plan=TrainingPlan(epochs=1))
     if not torch.cuda.is_available():
         with pytest.raises(MtpBenchError, match="torch finds no GPU here"):
             device_of("cuda")
@@ -253,25 +255,25 @@ def test_the_command(tmp_path: Path, cli: CommandLine) -> None:
     [("past", 7), ("future", 9), ("dt", 0.3), ("k", 9), ("ego_motion", False), ("classes", ("van", "car"))],
 )
 def test_envs_that_are_not_alike(name: str, value: object) -> None:
-    _require_alike(task(), task())
+    _require_same_task(task(), task())
     with pytest.raises(MtpBenchError, match="cannot be learnt together"):
-        _require_alike(task(), task(**{name: value}))
+        _require_same_task(task(), task(**{name: value}))
 
 
 def test_an_env_may_teach_some_of_the_classes() -> None:
-    _require_alike(task(), task(classes=("car",)))
+    _require_same_task(task(), task(classes=("car",)))
 
 
 @pytest.mark.parametrize("also", [("MTP-Merge-v0", "MTP-Merge-v0"), ("MTP-Merge-v0", "MTP-Highway-v0")])
 def test_an_env_that_is_named_twice_is_one_clear_error(also: tuple[str, ...]) -> None:
-    request = Request("modes", "MTP-Highway-v0", also=also)
+    request = TrainingRequest("modes", "MTP-Highway-v0", also=also)
     with pytest.raises(MtpBenchError, match=f"{also[1]} is named twice among the envs .* expected each once"):
-        learnable(request, RunOptions(scenes=1))
+        training_windows(request, RunOptions(scenes=1))
 
 
 def test_further_envs_do_not_go_with_files_of_ones_own() -> None:
     with pytest.raises(MtpBenchError, match="--also MTP-Merge-v0 cannot go with --files"):
-        learnable(Request("modes", "MTP-Highway-v0", also=("MTP-Merge-v0",)), RunOptions(files="logs"))
+        training_windows(TrainingRequest("modes", "MTP-Highway-v0", also=("MTP-Merge-v0",)), RunOptions(files="logs"))
 
 
 def test_no_env_teaches_what_a_fold_of_another_one_holds_out(
@@ -294,7 +296,7 @@ def test_no_env_teaches_what_a_fold_of_another_one_holds_out(
     monkeypatch.setattr("mtp_bench.training.predictors.windows", watched)
     for number in (1, 2, 3):
         away = set(held_out(scenes["MTP-Small-v0"], (number, 3)))
-        learnable(Request("modes", some, fold=(number, 3), also=(str(more),)))
+        training_windows(TrainingRequest("modes", some, fold=(number, 3), also=(str(more),)))
         assert len(learnt) == 2
         assert not any(away & set(names) for names in learnt.values())
 
@@ -305,7 +307,7 @@ def test_weights_lie_where_agents_look_whatever_the_card_is_called(
     """A card may be given as a path; agents know the id of its env."""
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "weights"))
     path, card = train_predictor(
-        found, Request("modes", str(tmp_path / "MTP-Small-v0.toml"), plan=replace(QUICK, epochs=1))
+        found, TrainingRequest("modes", str(tmp_path / "MTP-Small-v0.toml"), plan=replace(QUICK, epochs=1))
     )
     assert path == tmp_path / "weights" / "modes-truth-MTP-Small-v0.safetensors"
     assert card["env"] == "MTP-Small-v0"

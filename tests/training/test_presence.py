@@ -14,7 +14,7 @@ import pytest
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.prediction.presence import FEATURES, MODELS, History, logistic, read_model
+from mtp_bench.prediction.presence import FEATURES, MODELS, TrackHistory, logistic, read_model
 from mtp_bench.running.options import RunOptions
 from mtp_bench.sources import load_scenes
 from mtp_bench.training import presence
@@ -37,7 +37,7 @@ def made_up(n: int = 4000, scenes: int = 8, seed: int = 0) -> tuple[Rows, Floats
     score = rng.normal(0.4, 0.2, n)
     names = rng.choice(["car", "bus"], n)
     truth = logistic(4 * score + hits - 2.5 * unseen - 3.0 * (names == "bus") - 1.5)
-    history = History(score, score, hits, hits + unseen, unseen, rng.uniform(0, 50, n), rng.uniform(0, 9, n))
+    history = TrackHistory(score, score, hits, hits + unseen, unseen, rng.uniform(0, 50, n), rng.uniform(0, 9, n))
     scene = np.array([f"s{i}" for i in rng.integers(0, scenes, n)])
     return Rows(**vars(history), class_name=names, present=rng.random(n) < truth, scene=scene), truth
 

@@ -17,7 +17,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
 from mtp_bench.tracks import Tracks
 from mtp_bench.training.labels import UNKNOWN
-from mtp_bench.training.tracklets import Windows, joined, scene_arrays, together, windows
+from mtp_bench.training.tracklets import Windows, concatenate, join_scenes, scene_arrays, windows
 from mtp_bench.types import ImageField, Observation, Scene
 from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
@@ -28,7 +28,7 @@ def windows_of_scenes(tmp_path: Path, *scenes: Scene, truth: bool = False, hypot
     task = small_task(observe="truth" if truth else "detections")
     tracker = TruthTracker() if truth else HypothesisTracker(hypotheses)
     parts = [scene_arrays(scene, card, task, tracker) for scene in scenes]
-    return joined(parts, [scene.name for scene in scenes], task)
+    return join_scenes(parts, [scene.name for scene in scenes], task)
 
 
 def test_true_pasts_have_their_own_futures(tmp_path: Path) -> None:
@@ -144,15 +144,6 @@ def test_a_scene_without_objects_has_no_windows(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.seen.before, [0, 1, 2, *range(8)])
 
 
-def test_neighbours_are_of_the_same_frame(tmp_path: Path) -> None:
-    found = windows_of_scenes(tmp_path, make_scene(), make_scene("two"))
-    for row in range(len(found)):
-        others = found.neighbours(row)
-        assert len(others) == 2
-        assert (found.moment[others] == found.moment[row]).all()
-        assert row not in others
-
-
 def test_folds_are_whole_scenes(tmp_path: Path) -> None:
     found = windows_of_scenes(tmp_path, *(make_scene(name) for name in "abcd"))
     learnt, away = found.split((1, 4))
@@ -166,7 +157,7 @@ def test_folds_are_whole_scenes(tmp_path: Path) -> None:
 
 def test_a_fold_takes_a_scene_out_of_all_envs_that_show_it(tmp_path: Path) -> None:
     one = windows_of_scenes(tmp_path, *(make_scene(name) for name in "abcd"))
-    both = together([one, replace(one, task=small_task(env_id="MTP-SmallRaw-v0"))])
+    both = concatenate([one, replace(one, task=small_task(env_id="MTP-SmallRaw-v0"))])
     for number in (1, 2, 3, 4):
         parts = both.split((number, 4))
         learnt, away = ({both.names[scene] for scene in part.scene.tolist()} for part in parts)
@@ -177,7 +168,7 @@ def test_a_fold_takes_a_scene_out_of_all_envs_that_show_it(tmp_path: Path) -> No
 
 def test_envs_together(tmp_path: Path) -> None:
     one = windows_of_scenes(tmp_path, make_scene("a"))
-    both = together([one, one])
+    both = concatenate([one, one])
     assert len(both) == 2 * len(one)
     assert len(both.names) == 2
     np.testing.assert_array_equal(both.moment[len(one) :], one.moment + 8)

@@ -12,7 +12,7 @@ import pytest
 from mtp_bench.files import file_digest
 from mtp_bench.sources.cache import Arrays
 from mtp_bench.training import window_cache
-from mtp_bench.training.window_cache import kept
+from mtp_bench.training.window_cache import cached_windows
 from mtp_bench.types import Scene
 from tests.support.small_scenes import make_scene
 
@@ -33,7 +33,7 @@ def made(scene: Scene) -> bool:
         calls.append(1)
         return {"box": np.zeros(1)}
 
-    kept(scene, ("asked",), make)
+    cached_windows(scene, ("asked",), make)
     return bool(calls)
 
 

@@ -1,8 +1,8 @@
 """Affinity: a past of soft assignments, found backwards from the present box, in place of a track.
 
-Every earlier detection is the object's with a learned probability (after Weng, Ivanovic, Kitani, Pavone 2022,
-AffiniPred: prediction from detections and affinities, without association). The soft past then goes where `modes` puts
-that of a track.
+Every earlier detection is of the object with a learned probability (after Weng, Ivanovic, Kitani, Pavone 2022,
+AffiniPred: prediction from detections and affinities, without association). `modes` then takes the soft past as that
+of a track.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from .modes import Modes
 from .network import Sizes
 
 HIDDEN = 32
-PAIR = 18  # numbers that `_pairs` gives
-GATE = 0.5  # m: before training a detection so far from where it is expected is as likely the object's as not ...
-SPEED = 6.0  # m/s: ... and farther, as long as little is known of the velocity
-FADE = 2.0  # log-odds that are lost with each such distance
-DOUBT = 0.1  # what a share of none counts where the object was, beside one of a detection
-MODES = Modes()  # what comes after the soft past
+PAIR = 18  # features of `_pairs` without those of the object
+GATE = 0.5  # m from the expected position: before training, a detection there is of the object with probability 1/2 ...
+SPEED = 6.0  # m/s by which this distance grows with age, while few detections determine the velocity
+FADE = 2.0  # log-odds lost per such distance
+DOUBT = 0.1  # weight of the expected position for the share of "none", beside that of a detection
+MODES = Modes()  # the network after the soft past
 
 
 class Affinity:
-    """The network ``affinity``."""
+    """Network "affinity"."""
 
     name = "affinity"
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
-        """The detections around each window's present box; of the track nothing."""
+        """The detections around each window's present box, without its track."""
         return around_inputs(windows, moment, seen, sizes)
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
@@ -42,7 +42,7 @@ class Affinity:
         return {**MODES.shapes(sizes), **_trained(sizes), "score.mean": (1,), "score.spread": (1,)}
 
     def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
-        """Random layers; before training an affinity is little more than a distance."""
+        """Random layers; before training an affinity is mostly a distance."""
         score = np.append(inputs["score"][inputs["near"] > 0], np.array([0, 1], dtype=np.float32))  # never all alike
         weights = initial(_trained(sizes), np.random.default_rng([seed, 1]))
         weights |= {"score.mean": score.mean(keepdims=True), "score.spread": score.std(keepdims=True)}
@@ -53,8 +53,8 @@ class Affinity:
         return MODES.forward(weights, soft_past(weights, inputs, sizes), sizes)
 
 
-class _Object(NamedTuple):
-    """What is known of n objects in the frame that is looked at, on the way back."""
+class _Backward(NamedTuple):
+    """State of the backward pass over frames: n objects."""
 
     last: Array  # [n, 2] m, where they were a frame later
     expected: Array  # [n, 2] m
@@ -64,10 +64,10 @@ class _Object(NamedTuple):
     given: Array  # [n, 2 + C] size and class
 
 
-class _Soft(NamedTuple):
-    """What is found in a frame: means over the detections by their shares."""
+class _SoftDetection(NamedTuple):
+    """Means over the detections of a frame by their shares."""
 
-    position: Array  # [n, 2] m; where nothing is found, where it is expected
+    position: Array  # [n, 2] m; without a detection, the expected one
     velocity: Array  # [n, 2] m/s
     yaw: Array  # [n] rad
     score: Array  # [n]
@@ -75,19 +75,19 @@ class _Soft(NamedTuple):
 
 
 def soft_past(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
-    """The past of n objects as `local_inputs` gives that of tracks; alive and taken are probabilities."""
+    """The past of n objects in the form of `local_inputs`; alive and taken are probabilities."""
     xp, origin = namespace(inputs["near"]), inputs["position"][:, -1, 0] * 0
     given = xp.concatenate([inputs["size"][:, :2] / 5, one_hot(inputs["class_id"], len(sizes.classes), origin)], 1)
-    now = _Object(origin, origin, origin, origin[:, 0], 0.0, given)
-    back: list[_Soft] = []
+    now = _Backward(origin, origin, origin, origin[:, 0], 0.0, given)
+    back: list[_SoftDetection] = []
     for frame in range(sizes.past):
         back.append(_found(weights, {name: inputs[name][:, -1 - frame] for name in FRAME}, now))
         now = _earlier(now, back, sizes.dt)
-    soft = {name: xp.stack([getattr(step, name) for step in reversed(back)], 1) for name in _Soft._fields}
+    soft = {name: xp.stack([getattr(step, name) for step in reversed(back)], 1) for name in _SoftDetection._fields}
     found = soft.pop("found")
     age = xp.flip(xp.cumsum(xp.ones_like(found), 1), (1,))  # frames, this one included
     counts = [xp.log(xp.clip(found.sum(1), 1, None)), xp.log(xp.clip(xp.amax(age * found, 1), 1, None))]
-    alive = xp.concatenate([found[:, :-1], xp.ones_like(found[:, -1:])], 1)  # now it is where it is said to be
+    alive = xp.concatenate([found[:, :-1], xp.ones_like(found[:, -1:])], 1)  # the present box is given
     rest = {"alive": alive, "taken": found, "counts": xp.stack(counts, 1)}
     return {**soft, **rest, "size": inputs["size"], "class_id": inputs["class_id"]}
 
@@ -95,8 +95,8 @@ def soft_past(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[
 FRAME = ("near", "position", "velocity", "yaw", "score", "same", "ratio")  # of each detection
 
 
-def _found(weights: Weights, seen: dict[str, Array], now: _Object) -> _Soft:
-    """What is found among the detections ``seen`` [n, M, ...] of a frame."""
+def _found(weights: Weights, seen: dict[str, Array], now: _Backward) -> _SoftDetection:
+    """The soft detection of each object among the detections ``seen`` [n, M, ...] of a frame."""
     far = seen["position"] - now.expected[:, None]
     gate = GATE + SPEED * now.age / (1 + now.found)
     distance = namespace(far).sqrt((far**2).sum(2) + 1e-6)
@@ -107,11 +107,13 @@ def _found(weights: Weights, seen: dict[str, Array], now: _Object) -> _Soft:
     share, doubt = share / (found + doubt)[:, None], doubt / (found + doubt)
     mean = {name: (share[..., None] * seen[name]).sum(1) for name in ("position", "velocity")}
     position = mean["position"] + doubt[:, None] * now.expected
-    return _Soft(position, mean["velocity"], (share * seen["yaw"]).sum(1), (share * seen["score"]).sum(1), found)
+    return _SoftDetection(
+        position, mean["velocity"], (share * seen["yaw"]).sum(1), (share * seen["score"]).sum(1), found
+    )
 
 
-def _pairs(weights: Weights, seen: dict[str, Array], now: _Object) -> Array:
-    """Each object beside each detection near it, as numbers [n, M, PAIR + 2 + C]."""
+def _pairs(weights: Weights, seen: dict[str, Array], now: _Backward) -> Array:
+    """Features [n, M, PAIR + 2 + C] of each object with each detection near it."""
     xp = namespace(seen["near"])
     off = seen["position"] - now.expected[:, None]
     moved = seen["position"] - now.last[:, None]
@@ -125,8 +127,8 @@ def _pairs(weights: Weights, seen: dict[str, Array], now: _Object) -> Array:
     return xp.concatenate([*columns, xp.stack(scalars, 2), repeated], 2)
 
 
-def _earlier(now: _Object, back: list[_Soft], dt: float) -> _Object:
-    """The objects a frame earlier; the velocity is of all that was found ``back`` to here, the latest first."""
+def _earlier(now: _Backward, back: list[_SoftDetection], dt: float) -> _Backward:
+    """The state a frame earlier; the velocity is fitted to all soft detections ``back`` to here, the latest first."""
     xp, last = namespace(now.last), back[-1]
     found = xp.stack([step.found for step in back], 1)
     measured = (found[:, :, None] * xp.stack([step.velocity for step in back], 1)).sum(1)
@@ -134,7 +136,7 @@ def _earlier(now: _Object, back: list[_Soft], dt: float) -> _Object:
     age = (xp.cumsum(xp.ones_like(found), 1) - 1) * dt
     position = xp.stack([step.position for step in back], 1)
     velocity = fitted_velocity(age, position, found, measured, dt)
-    count = found[:, 1:].sum(1)  # what is found now says nothing of the velocity
+    count = found[:, 1:].sum(1)  # the present one does not determine the velocity
     return now._replace(
         last=last.position, expected=last.position - velocity * dt, velocity=velocity, found=count, age=now.age + dt
     )

@@ -1,6 +1,6 @@
-"""The detections around the present boxes of objects in the last frames, for networks that do not trust tracks.
+"""Detections around the present boxes of objects in the last frames: input of networks that do not trust tracks.
 
-Of a window only its last box and its class are looked at: whatever the tracker did before, the answer is the same.
+Of a window only the last box and the class are used: the rest of the track does not change the output.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from .network import Sizes
 
 NEAREST = 6  # M: detections of a frame that are kept, at most
 REACH = np.array([2.0, 2.0])  # m along the heading and across it, in which a detection of this frame is near
-SPEED = np.array([20.0, 4.0])  # m/s by which the reach grows with age, for the object was elsewhere then
-OTHER_CLASS = 2.0  # a detection of another class counts as so many times as far away
-FINE = 0.3  # m: up to here offsets count in proportion, beyond it by their logarithm
-CAUTION = 0.01  # weight of the prior of a velocity, beside one place a frame away
+SPEED = np.array([20.0, 4.0])  # m/s by which the reach grows with age, since the object was elsewhere then
+OTHER_CLASS = 2.0  # factor of the distance of a detection of another class
+FINE = 0.3  # m: offsets are linear up to here, logarithmic beyond
+PRIOR_WEIGHT = 0.01  # of the prior of a velocity, beside one position a frame away
 
 
 def around_inputs(windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
     """The M nearest detections of each of the last P frames, float32, in the heading frame of the last box.
 
     ``moment`` [n]: the frame of each window in ``seen``. Frames stand oldest first, detections nearest first.
-    near [n, P, M] it is there, else all is 0 · position [n, P, M, 2] m · velocity [n, P, M, 2] m/s as measured · yaw
+    near [n, P, M] 1 if it exists, else all is 0 · position [n, P, M, 2] m · velocity [n, P, M, 2] m/s as measured · yaw
     [n, P, M] rad · score, same (class) [n, P, M] · ratio [n, P, M, 2] log of its length and width over the object's ·
     size [n, 3] m · class_id [n].
     """
@@ -35,15 +35,15 @@ def around_inputs(windows: TrackWindows, moment: Ints, seen: Surroundings, sizes
     row = np.stack([nearest(windows, moment, seen, back, back * sizes.dt) for back in backs], axis=1)
     near = row >= 0
     turn = rotation(windows.box[:, -1, 3])
-    box, velocity = (_taken(values, row) for values in (seen.box, seen.velocity))
+    box, velocity = (_rows_of(values, row) for values in (seen.box, seen.velocity))
     now = windows.box[:, None, None, -1]
     inputs = {
         "near": near,
         "position": np.einsum("npmi,nij->npmj", box[..., :2] - now[..., :2], turn) * near[..., None],
         "velocity": np.einsum("npmi,nij->npmj", velocity, turn),
         "yaw": wrap_angle(box[..., 3] - now[..., 3]) * near,
-        "score": _taken(seen.score, row),
-        "same": near & (_taken(seen.class_id, row) == windows.class_id[:, None, None]),
+        "score": _rows_of(seen.score, row),
+        "same": near & (_rows_of(seen.class_id, row) == windows.class_id[:, None, None]),
         "ratio": np.log(np.maximum(box[..., 4:6], 0.1) / np.maximum(now[..., 4:6], 0.1)) * near[..., None],
         "size": windows.box[:, -1, 4:],
     }
@@ -70,10 +70,10 @@ def nearest(windows: TrackWindows, moment: Ints, seen: Surroundings, back: int, 
     return found
 
 
-def taken_alone(windows: TrackWindows, moment: Ints, seen: Surroundings) -> tuple[Surroundings, Ints]:
+def detections_of_tracks(windows: TrackWindows, moment: Ints, seen: Surroundings) -> tuple[Surroundings, Ints]:
     """The detections that tracks took, each track alone in a scene of its P frames, and the last frame of each scene.
 
-    So a network that looks at what is around sees what the tracker says that the object is, and nothing else.
+    So the input of a network is what the tracker associated with the object, without the other detections around.
     """
     back = np.arange(windows.detection.shape[1])[::-1]
     there = (windows.detection >= 0) & (back <= seen.before[moment][:, None])
@@ -91,19 +91,19 @@ def _distance(windows: TrackWindows, seen: Surroundings, owner: Ints, row: Ints,
     return np.asarray(far * np.where(seen.class_id[row] == windows.class_id[owner], 1.0, OTHER_CLASS))
 
 
-def _taken(values: np.ndarray, row: Ints) -> np.ndarray:
-    """The ``values`` [R, ...] of rows, 0 for the row -1."""
+def _rows_of(values: np.ndarray, row: Ints) -> np.ndarray:
+    """``values`` [R, ...] of the rows, 0 for row -1."""
     return np.concatenate([values, np.zeros_like(values[:1], shape=(1, *values.shape[1:]))])[row]
 
 
 def ages(near: Array, dt: float) -> Array:
-    """Age [n, P, M] s of the detections ``near`` [n, P, M] and of the empty places beside them."""
+    """Age [n, P, M] s of the detections ``near`` [n, P, M], and of empty places."""
     xp, frames = namespace(near), near.shape[1]
     return (frames - xp.cumsum(xp.ones_like(near), 1)) * dt  # in the precision of the weights
 
 
 def shares(logit: Array, near: Array) -> Array:
-    """Softmax of ``logit`` [n, M, ...] over what is ``near`` [n, M, ...] and none of it, whose logit is 0."""
+    """Softmax of ``logit`` [n, M, ...] over the detections that are ``near``, and over "none", whose logit is 0."""
     xp = namespace(logit)
     highest = xp.clip(xp.amax(logit * near, 1), 0, None)
     weight = xp.exp(xp.clip(logit - highest[:, None], -50, 0)) * near
@@ -111,13 +111,13 @@ def shares(logit: Array, near: Array) -> Array:
 
 
 def fitted_velocity(age: Array, position: Array, weight: Array, prior: Array, dt: float) -> Array:
-    """Velocities [n, 2] m/s: slope of a straight line through weighted places and the origin now; ``prior`` of none.
+    """Velocities [n, 2] m/s: slope of a straight line through weighted positions and the origin now.
 
-    ``age`` [n, S] s, ``position`` [n, S, 2] m, ``weight`` [n, S].
+    ``age`` [n, S] s, ``position`` [n, S, 2] m, ``weight`` [n, S]; ``prior`` [n, 2] m/s, for objects without positions.
     """
     total = 1 + weight.sum(1)  # the origin has the weight 1
     middle = (weight * age).sum(1) / total
     lever = (middle[:, None] - age) * weight
-    spread = (lever * (middle[:, None] - age)).sum(1) + middle**2 + CAUTION * dt**2
-    slope = (lever[:, :, None] * position).sum(1) + CAUTION * dt**2 * prior
+    spread = (lever * (middle[:, None] - age)).sum(1) + middle**2 + PRIOR_WEIGHT * dt**2
+    slope = (lever[:, :, None] * position).sum(1) + PRIOR_WEIGHT * dt**2 * prior
     return slope / spread[:, None]

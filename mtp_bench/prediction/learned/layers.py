@@ -17,7 +17,7 @@ Weights = Mapping[str, Array]
 
 
 def namespace(x: Array) -> Any:
-    """The module whose functions take ``x``: numpy, or torch for a tensor. Both know the names that layers use."""
+    """The module of functions for ``x``: numpy, or torch for a tensor. Both have all functions that layers use."""
     return np if isinstance(x, np.ndarray) else sys.modules["torch"]
 
 
@@ -56,7 +56,7 @@ def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array
     ``name.weight`` [in + h, 4 h] and ``name.bias`` [4 h], in the order input, forget, cell, output (Hochreiter,
     Schmidhuber 1997; Gers et al. 2000).
     """
-    hidden = cell = nothing(steps[:, 0], weights[f"{name}.bias"])
+    hidden = cell = zero_state(steps[:, 0], weights[f"{name}.bias"])
     states = []
     for step in range(steps.shape[1]):
         new = lstm_cell(weights, name, steps[:, step], hidden, cell)
@@ -65,7 +65,7 @@ def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array
     return namespace(steps).stack(states, 1)
 
 
-def nothing(like: Array, bias: Array) -> Array:
+def zero_state(like: Array, bias: Array) -> Array:
     """A hidden state [n, h] of zeros, for ``like`` [n, ...] and the ``bias`` [4 h] of an LSTM."""
     zeros = namespace(like).zeros_like
     return zeros(like[:, :1]) + zeros(bias[: len(bias) // 4])
@@ -99,7 +99,7 @@ def lstm_shapes(name: str, inputs: int, hidden: int) -> dict[str, tuple[int, ...
 
 
 def initial(shapes: Mapping[str, tuple[int, ...]], rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Weights to start from: uniform in +-1 / sqrt(inputs), biases 0 (as torch's linear layers, but for the biases)."""
+    """Initial weights: uniform in +-1 / sqrt(inputs) as in torch's linear layers; biases are 0."""
     return {
         name: np.zeros(shape, np.float32)
         if len(shape) == 1

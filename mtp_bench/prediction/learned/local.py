@@ -1,4 +1,4 @@
-"""Windows in the heading frame of their last box, where networks see them, and back."""
+"""Windows in the heading frame of their last box, the frame of networks, and back."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from .layers import Array, namespace
 
 Arrays = dict[str, np.ndarray]
 
-PER_FRAME = 10  # numbers that `history` gives for each frame
+PER_FRAME = 10  # features of `history` for each frame
 
 
 def local_inputs(windows: TrackWindows) -> Arrays:
-    """What networks see of n windows, float32; the origin is the centre of the last box, x points along its yaw.
+    """Features of n windows, float32; the origin is the centre of the last box, x points along its yaw.
 
     position [n, P, 2] m · yaw [n, P] rad · velocity [n, P, 2] m/s as measured · score, taken, alive [n, P] · size
     [n, 3] m · counts [n, 2] log of hits and age · class_id [n].
@@ -36,13 +36,13 @@ def local_inputs(windows: TrackWindows) -> Arrays:
 
 
 def local_future(windows: TrackWindows, xy: Floats) -> Floats:
-    """Places [n, T, 2] in the heading frame of each window, float32."""
+    """Positions [n, T, 2] in the heading frame of each window, float32."""
     offset = xy - windows.box[:, -1:, :2]
     return np.asarray(np.einsum("nti,nij->ntj", offset, rotation(windows.box[:, -1, 3])), dtype=np.float32)
 
 
 def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
-    """Places [n, ..., 2] given in the heading frame of each window, in absolute x y."""
+    """Absolute x y of positions [n, ..., 2] in the heading frame of each window."""
     shape = len(xy), *(1,) * (xy.ndim - 2)
     (x, y, _, yaw), turned = windows.box[:, -1, :4].T.reshape(4, *shape), np.empty(xy.shape)
     c, s = np.cos(yaw), np.sin(yaw)
@@ -52,11 +52,11 @@ def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
 
 
 def history(inputs: dict[str, Array]) -> Array:
-    """The past as numbers [n, P, PER_FRAME], 0 where the track was not alive: masks, never padding."""
+    """Features [n, P, PER_FRAME] of the past, 0 where the track was not alive: masks, never padding."""
     xp, alive = namespace(inputs["position"]), inputs["alive"]
     position, yaw = inputs["position"], inputs["yaw"]
     step = xp.concatenate([xp.zeros_like(position[:, :1]), position[:, 1:] - position[:, :-1]], 1)
-    born = xp.concatenate([xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1)  # a first box has come from nowhere
+    born = xp.concatenate([xp.zeros_like(alive[:, :1]), alive[:, :-1]], 1)  # a first box has no step
     columns = [position, step * born[:, :, None], inputs["velocity"]]
     columns += [xp.sin(yaw)[:, :, None], xp.cos(yaw)[:, :, None] - 1, inputs["score"][:, :, None]]
     numbers = xp.concatenate(columns, 2) * alive[:, :, None]
@@ -64,7 +64,7 @@ def history(inputs: dict[str, Array]) -> Array:
 
 
 def mean_velocity(inputs: dict[str, Array], dt: float) -> Array:
-    """Velocities [n, 2] m/s: the slope of a straight line through the past; of a single box what was measured."""
+    """Velocities [n, 2] m/s: slope of a straight line through the past; of a single box the measured velocity."""
     xp, alive = namespace(inputs["position"]), inputs["alive"]
     frames = alive.shape[1]
     time = (xp.cumsum(xp.ones_like(alive), 1) - frames) * dt  # in the precision of the weights
@@ -77,7 +77,7 @@ def mean_velocity(inputs: dict[str, Array], dt: float) -> Array:
 
 
 def one_hot(class_id: Array, classes: int, like: Array) -> Array:
-    """Classes as [n, C] numbers of the kind of ``like``."""
+    """One-hot classes [n, C], in the precision of ``like``."""
     xp = namespace(like)
     known = xp.arange(classes) if xp is np else xp.arange(classes, device=class_id.device)
     return (class_id[:, None] == known[None]) + xp.zeros_like(like[:, :1])

@@ -16,32 +16,32 @@ from .network import Sizes
 
 HIDDEN = 256
 LAYERS = 3
-CAUTION = 1e-3  # least spread of a number that is standardised
+LEAST_SPREAD = 1e-3  # of a feature that is standardised
 
 
 class Modes:
-    """The network ``modes``."""
+    """Network "modes"."""
 
     name = "modes"
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
-        """The past of each window, by itself: tracks that share a window share its forecasts."""
+        """The past of each window alone: tracks that share a window share its forecasts."""
         return local_inputs(windows)
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
-        """A perceptron from the past to all modes, and statistics of both ends."""
+        """A perceptron from the past to all modes, and statistics of inputs and outputs."""
         inputs = sizes.past * PER_FRAME + 2 * PER_STATIC + len(sizes.classes)
         outputs = sizes.modes * (2 * sizes.future + 1) + 2
         trained = linear_shapes("net", inputs, *[HIDDEN] * (LAYERS - 1), outputs)
         return {**trained, "input.mean": (inputs,), "input.spread": (inputs,), "output.spread": (sizes.future, 1)}
 
     def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
-        """Random layers; inputs are standardised, and outputs are in units of how wrong constant velocity is."""
+        """Random layers; inputs are standardised, and outputs are in units of the error of constant velocity."""
         seen = encoded(inputs, sizes)
         error = np.linalg.norm(future - straight(inputs, sizes), axis=-1)
         trained = {name: shape for name, shape in self.shapes(sizes).items() if name.startswith("net.")}
         weights = initial(trained, np.random.default_rng(seed))
-        weights |= {"input.mean": seen.mean(axis=0), "input.spread": np.maximum(seen.std(axis=0), CAUTION)}
+        weights |= {"input.mean": seen.mean(axis=0), "input.spread": np.maximum(seen.std(axis=0), LEAST_SPREAD)}
         return {**weights, "output.spread": spread_of(error, known)}
 
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
@@ -58,11 +58,11 @@ class Modes:
         }
 
 
-PER_STATIC = 4  # numbers of a window besides its past, given once and once more if the track coasts
+PER_STATIC = 4  # features of a window beside its past; they come twice, the second time 0 unless the track coasts
 
 
 def encoded(inputs: dict[str, Array], sizes: Sizes) -> Array:
-    """All that is seen of n windows as one row each."""
+    """Features of n windows, one row each."""
     xp = namespace(inputs["position"])
     past = history(inputs).reshape(len(inputs["position"]), -1)
     static = xp.concatenate([inputs["size"][:, :2], inputs["counts"]], 1)
@@ -79,7 +79,7 @@ def straight(inputs: dict[str, Array], sizes: Sizes) -> Array:
 
 
 def step_spread(correction: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """How far a step of corrections [n, T, 2] of constant velocity strays, per axis: [T, 1] m."""
+    """Spread per axis of the steps of corrections [n, T, 2] of constant velocity: [T, 1] m."""
     step = np.diff(correction, axis=1, prepend=0)
     both = known & np.concatenate([known[:, :1], known[:, :-1]], axis=1)
     return spread_of(step, both)
@@ -89,4 +89,4 @@ def spread_of(value: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Root mean square [T, 1] of each step, over the rows of ``value`` [n, T, ...] that are ``known`` [n, T]."""
     steps = range(value.shape[1])
     spread = np.array([np.sqrt(np.mean(value[known[:, t], t] ** 2)) if known[:, t].any() else 0.0 for t in steps])
-    return np.asarray(np.maximum(spread, CAUTION)[:, None], dtype=np.float32)
+    return np.asarray(np.maximum(spread, LEAST_SPREAD)[:, None], dtype=np.float32)

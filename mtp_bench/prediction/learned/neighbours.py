@@ -1,7 +1,7 @@
-"""Who is near whom: what networks see that look at all objects of a frame together.
+"""Inputs of networks that forecast all objects of a frame together.
 
 The windows of many frames may stand in one array; only windows of the same ``moment`` see each other, so that a batch
-of whole frames gives what the frames give one by one.
+of whole frames gives the same output as the frames one by one.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .local import Arrays, local_inputs
 
 
 def frame_inputs(windows: TrackWindows, moment: Ints) -> Arrays:
-    """`local_inputs`, and of each window where its heading frame is and who is in the same frame.
+    """`local_inputs`, and of each window the place of its heading frame and the number of its frame.
 
     place [n, 3] x y m, yaw rad, in the frame of the observations · best [n] · moment [n], equal in the same frame.
     """
@@ -24,10 +24,10 @@ def frame_inputs(windows: TrackWindows, moment: Ints) -> Arrays:
 
 
 def in_view(inputs: dict[str, Array]) -> Array:
-    """Who sees whom: [n, n] bool, row i sees column j.
+    """Mask [n, n]: window i sees window j.
 
-    Everybody sees the objects of the same frame that the heaviest hypothesis holds, but himself: a window that ends in
-    the very same place is of the same object, in another hypothesis.
+    A window sees the objects of the same frame that the heaviest hypothesis holds, other than its own: a window that
+    ends in exactly the same place is of the same object, in another hypothesis.
     """
     xy, moment = inputs["place"][:, :2], inputs["moment"]
     elsewhere = (xy[:, None] != xy[None]).any(-1)
@@ -35,12 +35,12 @@ def in_view(inputs: dict[str, Array]) -> Array:
 
 
 def offsets(inputs: dict[str, Array], xy: Array) -> Array:
-    """From each to each: [n, n, 2] m, place of j less place of i, in the heading frame of i; ``xy`` [n, 2] absolute."""
+    """Offsets [n, n, 2] m from i to j, in the heading frame of i; ``xy`` [n, 2] absolute."""
     return turned(inputs, xy[None] - xy[:, None], -1)
 
 
 def absolute(inputs: dict[str, Array], xy: Array) -> Array:
-    """Places [n, S, 2] given in heading frames, in the frame of the observations."""
+    """Positions [n, S, 2] of heading frames, in the frame of the observations."""
     return inputs["place"][:, None, :2] + turned(inputs, xy, 1)
 
 

@@ -1,4 +1,4 @@
-"""What a network is to those who run it and those who train it."""
+"""Interface of a network, for agents and for training."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .local import Arrays
 
 @dataclass(frozen=True)
 class Sizes:
-    """What a network is made for. A task may have fewer classes, in any order, and another k; the rest must agree."""
+    """Sizes of a network. A task may have fewer classes, in any order, and another k; the rest must agree."""
 
     classes: tuple[str, ...]
     past: int  # P frames, the current one included
@@ -25,7 +25,7 @@ class Sizes:
 
     @classmethod
     def of(cls, task: Task) -> Sizes:
-        """Those of a task: as many modes as samples that count."""
+        """Sizes for a task: as many modes as samples that are ranked."""
         return cls(task.classes, task.past, task.future, task.k, task.dt)
 
 
@@ -35,7 +35,7 @@ class Network(Protocol):
     name: str
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
-        """What it sees of n windows, each array [n, ...]; ``moment`` [n]: the frame of each in ``seen``."""
+        """Its input for n windows, each array [n, ...]; ``moment`` [n]: the frame of each in ``seen``."""
         ...
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
@@ -47,5 +47,5 @@ class Network(Protocol):
         ...
 
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
-        """In the heading frame: ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m."""
+        """Output in the heading frame: ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m."""
         ...

@@ -1,13 +1,13 @@
 """PTP: the forecasting branch of Weng, Yuan, Kitani 2021, the predictor of the MTP paper.
 
 A recurrent encoder of each tracklet, a graph network over the objects of the frame, a conditional variational
-autoencoder with recurrent encoder and decoder, and on top of it a diversity sampling function, which maps what is seen
+autoencoder with recurrent encoder and decoder, and on top of it a diversity sampling function, which maps the context
 of an object to k codes (Yuan, Kitani 2019). It is trained with the losses of its successor DLow (Yuan, Kitani 2020),
-whose codes are z_k = A_k eps + b_k; here eps is 0, in training as at work, so that every run forecasts the same. All k
-futures have the same weight. Before the sampling function is trained its codes are k fixed draws of the prior.
+whose codes are z_k = A_k eps + b_k; here eps is 0, in training as at work, so that forecasts are deterministic. All k
+futures have the same weight. Before the sampling function is trained, its codes are k fixed draws of the prior.
 
 Neither code nor weights of PTP are public. What differs: all is in the heading frame of the object, the decoder gives
-corrections of constant velocity, and messages between objects tell where the other one is.
+corrections of constant velocity, and messages between objects hold the position of the other one.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from .layers import (
     relu,
 )
 from .local import PER_FRAME, Arrays, history, mean_velocity, one_hot
-from .modes import CAUTION, step_spread, straight
+from .modes import LEAST_SPREAD, step_spread, straight
 from .neighbours import frame_inputs, in_view, offsets, turned
 from .network import Sizes
 
-TRACKLET = 64  # numbers that stand for a tracklet, and for an object in the graph
+TRACKLET = 64  # size of the state of a tracklet, and of an object in the graph
 ROUNDS = 2  # of messages
 REACH = 20.0  # m, between objects that are joined by an edge
-CODE = 16  # numbers of a latent code
+CODE = 16  # size of a latent code
 DECODER = 64  # hidden state of the recurrent decoder
 SAMPLER = 128  # hidden layer of the sampling function
-PER_STEP = PER_FRAME + 2  # numbers of a frame of a tracklet
-PER_OBJECT = 7  # numbers of a tracklet beside its frames and class
-PER_MESSAGE = 5  # numbers of where the other one is, how it moves, and that it is there
+PER_STEP = PER_FRAME + 2  # features of a frame of a tracklet
+PER_OBJECT = 7  # features of a tracklet beside its frames and class
+PER_MESSAGE = 5  # features of a message: position, velocity and existence of the other object
 
 
 class Ptp:
-    """The network ``ptp``."""
+    """Network "ptp"."""
 
     name = "ptp"
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
-        """The past of each window and the others of its frame."""
+        """The past of each window, and the other objects of its frame."""
         return frame_inputs(windows, moment)
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
@@ -61,23 +61,23 @@ class Ptp:
         return {**_trained_shapes(sizes), **statistics, "step.spread": (sizes.future, 1)}
 
     def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
-        """Random layers; the sampling function starts as k draws of the prior, whatever is seen."""
+        """Random layers; the sampling function starts as k draws of the prior, for every context."""
         rng = np.random.default_rng(seed)
         weights = initial(_trained_shapes(sizes), rng)
         weights["sampler.1.bias"] = rng.standard_normal(sizes.modes * CODE).astype(np.float32)
         weights["sampler.1.weight"] *= np.float32(0.1)
         alive = inputs["alive"] > 0
         past, rest = _steps(inputs, sizes)[alive], _object(inputs, sizes)
-        weights |= {"past.spread": np.maximum(np.sqrt((past**2).mean(axis=0)), CAUTION)}
-        weights |= {"object.mean": rest.mean(axis=0), "object.spread": np.maximum(rest.std(axis=0), CAUTION)}
+        weights |= {"past.spread": np.maximum(np.sqrt((past**2).mean(axis=0)), LEAST_SPREAD)}
+        weights |= {"object.mean": rest.mean(axis=0), "object.spread": np.maximum(rest.std(axis=0), LEAST_SPREAD)}
         return {**weights, "step.spread": step_spread(future - straight(inputs, sizes), known)}
 
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
-        """The futures of the k codes of the sampling function."""
-        context = seen_of(weights, inputs, sizes)
-        code = sampled(weights, context, sizes)
+        """Futures of the k codes of the sampling function."""
+        context = context_of(weights, inputs, sizes)
+        code = sample_codes(weights, context, sizes)
         return {
-            "modes": straight(inputs, sizes)[:, None] + decoded(weights, context, code, sizes),
+            "modes": straight(inputs, sizes)[:, None] + decode(weights, context, code, sizes),
             "log_weight": code[:, :, 0] * 0,
             "present": linear(weights, "cvae.present", context),
         }
@@ -102,7 +102,7 @@ def _layer(name: str, inputs: int, outputs: int) -> dict[str, tuple[int, ...]]:
 
 
 def _steps(inputs: dict[str, Array], sizes: Sizes) -> Array:
-    """Numbers [n, P, PER_STEP] of each frame of the past: also how far it is from constant velocity."""
+    """Features [n, P, PER_STEP] of each frame of the past, its distance from constant velocity included."""
     xp, alive = namespace(inputs["position"]), inputs["alive"]
     time = (xp.cumsum(xp.ones_like(alive), 1) - alive.shape[1]) * sizes.dt
     line = mean_velocity(inputs, sizes.dt)[:, None] * time[:, :, None]
@@ -110,14 +110,14 @@ def _steps(inputs: dict[str, Array], sizes: Sizes) -> Array:
 
 
 def _object(inputs: dict[str, Array], sizes: Sizes) -> Array:
-    """Numbers [n, PER_OBJECT] of a tracklet as a whole."""
+    """Features [n, PER_OBJECT] of a tracklet as a whole."""
     xp = namespace(inputs["position"])
     velocity, coasting = mean_velocity(inputs, sizes.dt), 1 - inputs["taken"][:, -1:]
     return xp.concatenate([inputs["size"][:, :2], inputs["counts"], velocity, coasting], 1)
 
 
-def seen_of(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> Array:
-    """What is seen of an object, [n, 2 TRACKLET]: its own past, and that among the others."""
+def context_of(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> Array:
+    """Context [n, 2 TRACKLET] of each object: its own past, and its past among the others."""
     xp, alive = namespace(inputs["position"]), inputs["alive"]
     steps = xp.clip(_steps(inputs, sizes) / weights["past.spread"], -10, 10)
     past = lstm(weights, "cvae.past.1", lstm_states(weights, "cvae.past.0", steps, alive), alive)
@@ -130,8 +130,8 @@ def seen_of(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> Array:
 def _among_others(weights: Weights, inputs: dict[str, Array], node: Array, sizes: Sizes) -> Array:
     """Graph network: u' = relu(W1 u + sum over the others in reach of W2 v), ROUNDS times; [n, TRACKLET].
 
-    v is the other's u, where it is and how it moves in the heading frame of u; the sum of products is the product of
-    the sums, which costs no [n, n, TRACKLET].
+    v is the other's u with its position and velocity in the heading frame of u. The sum of products is computed as the
+    product of sums, without an array [n, n, TRACKLET].
     """
     xp = namespace(node)
     near, geometry = _messages(inputs, sizes, node)
@@ -142,7 +142,7 @@ def _among_others(weights: Weights, inputs: dict[str, Array], node: Array, sizes
 
 
 def _messages(inputs: dict[str, Array], sizes: Sizes, like: Array) -> tuple[Array, Array]:
-    """Who is in reach of whom as 1 and 0, [n, n], and sums over those in reach, [n, PER_MESSAGE], in units of REACH."""
+    """Reachability [n, n] as 1 and 0, and sums [n, PER_MESSAGE] over the objects in reach, in units of REACH."""
     xp = namespace(like)
     between = offsets(inputs, inputs["place"][:, :2])
     near = in_view(inputs) & ((between**2).sum(-1) <= REACH**2)
@@ -154,13 +154,13 @@ def _messages(inputs: dict[str, Array], sizes: Sizes, like: Array) -> tuple[Arra
     )
 
 
-def sampled(weights: Weights, context: Array, sizes: Sizes) -> Array:
+def sample_codes(weights: Weights, context: Array, sizes: Sizes) -> Array:
     """The sampling function: codes [n, k, CODE]."""
     return mlp(weights, "sampler", context, 2).reshape(-1, sizes.modes, CODE)
 
 
-def decoded(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array:
-    """Corrections [n, S, T, 2] m of constant velocity for codes [n, S, CODE]; each step sees the one before."""
+def decode(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array:
+    """Corrections [n, S, T, 2] m of constant velocity for codes [n, S, CODE]; each step depends on the one before."""
     xp = namespace(context)
     n, samples = code.shape[:2]
     split = context.shape[1]
@@ -180,7 +180,7 @@ def decoded(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Arra
 def posterior(weights: Weights, context: Array, steps: Array, known: Array) -> tuple[Array, Array]:
     """Mean and log of the variance, [n, CODE] each, of the code of a true future; for training.
 
-    ``steps`` [n, T, 2]: the steps that `decoded` should make, in units of their spread; ``known`` [n, T].
+    ``steps`` [n, T, 2]: the steps that `decode` should make, in units of their spread; ``known`` [n, T].
     """
     xp = namespace(context)
     future = lstm(weights, "cvae.future", xp.clip(steps, -10, 10), known)

@@ -1,4 +1,4 @@
-"""The networks by name."""
+"""Networks by name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .tracking_free import TrackingFree
 
 _ALL: tuple[Network, ...] = (Modes(), Ptp(), SocialLstm(), TrackingFree(), Affinity())
 NETWORKS: dict[str, Network] = {network.name: network for network in _ALL}
-AROUND = ("affinity", "tracking_free")  # those that see the detections around an object in place of its track
+AROUND = ("affinity", "tracking_free")  # their input is the detections around an object, not its track
 
 
 def network_of(name: str) -> Network:

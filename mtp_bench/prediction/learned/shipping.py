@@ -1,6 +1,6 @@
-"""Make a file of weights small enough to ship: ``python -m mtp_bench.prediction.learned.shipping FILE...``.
+"""Packing of weights that ship: ``python -m mtp_bench.prediction.learned.shipping FILE...``.
 
-Numbers keep 7 bits of the fraction, as bfloat16 does, and the file is packed: two thirds of its size.
+Numbers keep 7 bits of the fraction, as in bfloat16, and the file is compressed, to two thirds of its size.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ...errors import MtpBenchError
 from ...files import write_bytes
 from .registry import network_of
-from .weights import PACKED, SHIPPED, content_of, read_weights
+from .weights import PACKED, SHIPPED, packed_tensors, read_weights
 
 FRACTION = 7  # bits
 _DROPPED = 10 - FRACTION  # of the bits that half precision has
@@ -26,11 +26,11 @@ _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0
 def ship(file: Path, folder: Path = SHIPPED) -> Path:
     """Write the packed form of a file of weights into ``folder``; its path.
 
-    Raises SubmissionError where ``file`` holds none, and MtpBenchError where the folder cannot be written.
+    Raises SubmissionError if ``file`` is not a file of weights, and MtpBenchError if the folder cannot be written.
     """
     stored = read_weights(file, network_of(file.name.split("-", 1)[0]))
     short = {name: rounded(value) for name, value in stored.weights.items()}
-    packed = lzma.compress(content_of(replace(stored, weights=short)), filters=_FILTERS)
+    packed = lzma.compress(packed_tensors(replace(stored, weights=short)), filters=_FILTERS)
     path = folder / f"{file.name.removesuffix(PACKED)}{PACKED}"
     write_bytes(path, packed)
     return path

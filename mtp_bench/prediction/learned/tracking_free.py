@@ -1,7 +1,7 @@
-"""Tracking-free: futures of an object from the detections around it, whichever are its own.
+"""Tracking-free: futures of an object from all detections around it, without association.
 
 A set encoder in place of a track (after Trabelsi et al. 2021, "Drowned out by the noise"): every detection of the last
-frames is described beside the object's present box; what they say together is pooled by attention.
+frames is described relative to the object's present box, and pooled by attention.
 """
 
 from __future__ import annotations
@@ -13,41 +13,41 @@ from ..windows import Surroundings, TrackWindows
 from .around import FINE, ages, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear, linear_shapes, mlp, namespace, relu, sigmoid
 from .local import Arrays, one_hot
-from .modes import CAUTION, spread_of
+from .modes import LEAST_SPREAD, spread_of
 from .network import Sizes
 
-HIDDEN = 48  # numbers per detection
-VALUES = 16  # numbers that are pooled from each frame
+HIDDEN = 48  # features per detection
+VALUES = 16  # features that are pooled from each frame
 DECODER = 256
 FASTEST = 40.0  # m/s
 NOISE = 0.3  # m, of a detected position
 ACCELERATION = 1.5  # m/s2 by which objects deviate from constant velocity
-PER_DETECTION = 14  # numbers that `described` gives
+PER_DETECTION = 14  # features of `described`
 RESIDUAL = 0.2  # size of corrections of a constant velocity, beside standing still
-FAR = 1e6  # m2: nothing is there
-PER_FIT = 3  # numbers more about how a detection fits to a velocity
+FAR = 1e6  # m2, of an empty place
+PER_FIT = 3  # more features: the fit of a detection to a velocity
 
 
 class TrackingFree:
-    """The network ``tracking_free``."""
+    """Network "tracking_free"."""
 
     name = "tracking_free"
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
-        """The detections around each window's present box; of the track nothing."""
+        """The detections around each window's present box, without its track."""
         return around_inputs(windows, moment, seen, sizes)
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
-        """Perceptrons for detections, their attention and all modes, and statistics of both ends."""
+        """Perceptrons for detections, their attention and all modes, and statistics of inputs and outputs."""
         spread = {"around.mean": (PER_DETECTION,), "around.spread": (PER_DETECTION,)}
         return {**_trained(sizes), **spread, "output.spread": (sizes.future, 1)}
 
     def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
-        """Random layers; detections are standardised, and outputs are in units of how wrong standing still is."""
+        """Random layers; detections are standardised, and outputs are in units of the error of standing still."""
         seen = described(inputs, sizes)[inputs["near"] > 0]
         seen = seen if len(seen) else np.zeros((1, PER_DETECTION), np.float32)
         weights = initial(_trained(sizes), np.random.default_rng(seed))
-        weights |= {"around.mean": seen.mean(axis=0), "around.spread": np.maximum(seen.std(axis=0), CAUTION)}
+        weights |= {"around.mean": seen.mean(axis=0), "around.spread": np.maximum(seen.std(axis=0), LEAST_SPREAD)}
         return {**weights, "output.spread": spread_of(np.linalg.norm(future, axis=-1), known)}
 
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
@@ -79,7 +79,7 @@ def _trained(sizes: Sizes) -> dict[str, tuple[int, ...]]:
 
 
 def encoded(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> tuple[Array, Array]:
-    """The velocity [n, 2] m/s that the detections agree on, and all that is known of n objects as one row each.
+    """The velocity [n, 2] m/s that the detections agree on, and features of n objects, one row each.
 
     Detections vote for a velocity, are compared with it, vote again, and are pooled, frame by frame and altogether.
     """
@@ -93,29 +93,29 @@ def encoded(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> tuple[A
     vote = sigmoid(linear(weights, "first.0", token)[..., 0]) * near
     velocity = voted(inputs, vote, sizes.dt)
     token = relu(mlp(weights, "fit", xp.concatenate([token, off_line(inputs, velocity, age), vote[..., None]], 3), 2))
-    said = linear(weights, "second.0", token)
-    vote = sigmoid(said[..., 0]) * near
+    output = linear(weights, "second.0", token)
+    vote = sigmoid(output[..., 0]) * near
     velocity = voted(inputs, vote, sizes.dt)
-    value = xp.concatenate([off_line(inputs, velocity, age), said[..., 2:], xp.ones_like(near)[..., None]], 3)
-    by_frame = (in_frames(said[..., 1], near)[..., None] * value).sum(2).reshape(len(near), -1)
+    value = xp.concatenate([off_line(inputs, velocity, age), output[..., 2:], xp.ones_like(near)[..., None]], 3)
+    by_frame = (_shares_in_frames(output[..., 1], near)[..., None] * value).sum(2).reshape(len(near), -1)
     highest = xp.amax(xp.amax(token * near[..., None], 1), 1)
     count = xp.log(1 + xp.stack([near.sum((1, 2)), vote.sum((1, 2))], 1))
     return velocity, xp.concatenate([by_frame, highest, velocity / 10, count, of_object], 1)
 
 
 def off_line(inputs: dict[str, Array], velocity: Array, age: Array) -> Array:
-    """How far [n, P, M, 2] detections are from where an object of a ``velocity`` [n, 2] was; see FINE."""
+    """Distance [n, P, M, 2] of detections from where an object of a ``velocity`` [n, 2] was; see FINE."""
     off = inputs["position"] + velocity[:, None, None] * age[..., None]
     return namespace(off).arcsinh(off * inputs["near"][..., None] / FINE)
 
 
-def in_frames(logit: Array, near: Array) -> Array:
+def _shares_in_frames(logit: Array, near: Array) -> Array:
     """`shares` [n, P, M] within each frame."""
     return shares(logit.reshape(-1, logit.shape[2]), near.reshape(-1, near.shape[2])).reshape(near.shape)
 
 
 def voted(inputs: dict[str, Array], vote: Array, dt: float) -> Array:
-    """Velocity [n, 2] m/s of the places of detections and of what was measured there, by votes [n, P, M]."""
+    """Velocity [n, 2] m/s from positions and measured velocities of detections, by votes [n, P, M]."""
     n, slots = len(vote), vote.shape[1] * vote.shape[2]
     position, measured = (inputs[name].reshape(n, slots, 2) for name in ("position", "velocity"))
     age, vote = ages(vote, dt).reshape(n, slots), vote.reshape(n, slots)
@@ -124,10 +124,10 @@ def voted(inputs: dict[str, Array], vote: Array, dt: float) -> Array:
 
 
 def described(inputs: dict[str, Array], sizes: Sizes) -> Array:
-    """The detections as numbers [n, P, M, PER_DETECTION]."""
+    """Features [n, P, M, PER_DETECTION] of the detections."""
     xp, near = namespace(inputs["near"]), inputs["near"]
     age = ages(near, sizes.dt)
-    needed = -inputs["position"] / xp.clip(age, sizes.dt, None)[..., None]  # velocity, were it the object's
+    needed = -inputs["position"] / xp.clip(age, sizes.dt, None)[..., None]  # velocity, if it is of the object
     columns = [inputs["position"], xp.clip(needed, -FASTEST, FASTEST), inputs["velocity"], inputs["ratio"]]
     scalars = [xp.sin(inputs["yaw"]), xp.cos(inputs["yaw"]) - 1, inputs["score"], inputs["same"], age]
     scalars += [support(needed, inputs["position"], near, sizes.dt)]
@@ -137,8 +137,8 @@ def described(inputs: dict[str, Array], sizes: Sizes) -> Array:
 def support(velocity: Array, position: Array, near: Array, dt: float) -> Array:
     """Frames that agree with each detection's ``velocity`` [n, P, M, 2], as a number [n, P, M] from 0 to P - 1.
 
-    A frame agrees as much as its detection does that is nearest to where an object of that velocity was: 1 there, less
-    the farther it is beside the noise of both positions and what acceleration may do.
+    A frame agrees by its detection that is nearest to where an object of that velocity was: 1 there, less with its
+    distance in units of the noise of both positions and of possible acceleration.
     """
     xp, frames = namespace(near), near.shape[1]
     age = (frames - xp.cumsum(xp.ones_like(near[0, :, 0]), 0)) * dt

@@ -1,6 +1,6 @@
-"""Files of weights: safetensors with what they were trained for, read without running anything of them.
+"""Files of weights: safetensors with a model card. Nothing in a file is executed when it is read.
 
-A file is looked for where the user said, then in the user's own folder, then among those that ship, which are packed.
+A file is searched for in the user's folder, then among those that ship, which are packed.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from .local import Arrays
 from .network import Network, Sizes
 
 SHIPPED = Path(__file__).with_name("weights")
-PACKED = ".xz"  # end of the names of those that ship
+PACKED = ".xz"  # suffix of the files that ship
 FORMAT = "mtp-bench weights 1"
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 
 
 @dataclass(frozen=True, eq=False)
-class Stored:
-    """Weights and what is said of them."""
+class StoredWeights:
+    """Content of a file of weights."""
 
     weights: Arrays  # float32
     network: str
@@ -40,9 +40,9 @@ class Stored:
 
 
 def find_weights(network: str, on: str, task: Task) -> Path:
-    """The file for a task: its env's own, else that of the env it borrows from.
+    """The file for a task: of its env, else of the env whose weights serve here too.
 
-    Raises SubmissionError that says how to make it, where there is none.
+    Raises SubmissionError that says how to make it, if there is none.
     """
     for env_id in filter(None, (task.env_id, task.weights_of)):
         name = file_name(network, on, env_id)
@@ -55,38 +55,35 @@ def find_weights(network: str, on: str, task: Task) -> Path:
     )
 
 
-def write_weights(path: Path, stored: Stored) -> None:
+def write_weights(path: Path, stored: StoredWeights) -> None:
     """Write weights in half precision, as a whole or not at all. Raises OSError."""
     with whole_file(path) as part:
-        part.write_bytes(content_of(stored))
+        part.write_bytes(packed_tensors(stored))
 
 
-def content_of(stored: Stored) -> bytes:
-    """What stands in a file of weights."""
+def packed_tensors(stored: StoredWeights) -> bytes:
+    """Content of a file of weights."""
     from safetensors.numpy import save
 
-    said = {"format": FORMAT, "network": stored.network, "sizes": asdict(stored.sizes), "card": stored.card}
+    content = {"format": FORMAT, "network": stored.network, "sizes": asdict(stored.sizes), "card": stored.card}
     halves = {name: np.asarray(value, dtype=np.float16) for name, value in sorted(stored.weights.items())}
-    return save(halves, {"mtp_bench": json.dumps(said, sort_keys=True)})
+    return save(halves, {"mtp_bench": json.dumps(content, sort_keys=True)})
 
 
-def read_weights(path: Path, network: Network) -> Stored:
-    """The weights of ``network`` in a file, checked.
-
-    Nothing in the file is run. Raises SubmissionError that says what was found and what was expected.
-    """
-    tensors, said = _content(path)
-    found = said.get("network")
-    if said.get("format") != FORMAT or found != network.name:
+def read_weights(path: Path, network: Network) -> StoredWeights:
+    """The weights of ``network`` in a file; raises SubmissionError, naming what was got and what was expected."""
+    tensors, content = _read_tensors(path)
+    found = content.get("network")
+    if content.get("format") != FORMAT or found != network.name:
         raise SubmissionError(f"{path}: weights of {found!r}, expected {network.name!r} in the form {FORMAT!r}")
-    card = said.get("card", {})
+    card = content.get("card", {})
     if not isinstance(card, dict):
         raise SubmissionError(f"{path}: its card is {type(card).__name__}, expected a table")
     try:
-        sizes = Sizes(**{**said["sizes"], "classes": tuple(said["sizes"]["classes"])})
+        sizes = Sizes(**{**content["sizes"], "classes": tuple(content["sizes"]["classes"])})
         shapes = network.shapes(sizes)
     except (KeyError, TypeError, ValueError) as error:
-        raise SubmissionError(f"{path}: does not say what it is made for ({error})") from None
+        raise SubmissionError(f"{path}: does not state its sizes ({error})") from None
     got = {name: value.shape for name, value in tensors.items()}
     for name in sorted(shapes.keys() | got.keys()):
         if shapes.get(name) != got.get(name):
@@ -96,39 +93,40 @@ def read_weights(path: Path, network: Network) -> Stored:
     for name, value in tensors.items():
         if not np.isfinite(value).all():
             raise SubmissionError(f"{path}: {name} holds numbers that are not finite")
-    return Stored(tensors, network.name, sizes, card)
+    return StoredWeights(tensors, network.name, sizes, card)
 
 
 def require_fit(sizes: Sizes, task: Task, path: Path) -> None:
-    """Raise SubmissionError unless weights of these sizes, in a file, are made for the task."""
-    wanted = Sizes.of(task)
-    for class_name in wanted.classes:
+    """Raise SubmissionError unless weights of these sizes, in the file ``path``, are made for the task."""
+    expected = Sizes.of(task)
+    for class_name in expected.classes:
         if class_name not in sizes.classes:
             known = ", ".join(sizes.classes)
             raise SubmissionError(f"{path}: made for {known}, but {task.env_id} has the class {class_name!r}")
     for name in ("past", "future", "dt"):
-        if getattr(sizes, name) != getattr(wanted, name):
+        if getattr(sizes, name) != getattr(expected, name):
             raise SubmissionError(
-                f"{path}: made for {name} {getattr(sizes, name)}, but {task.env_id} has {getattr(wanted, name)}"
+                f"{path}: made for {name} {getattr(sizes, name)}, but {task.env_id} has {getattr(expected, name)}"
             )
 
 
-def _content(path: Path) -> tuple[Arrays, dict[str, Any]]:
-    """Arrays, float32, and what the file says of itself."""
+def _read_tensors(path: Path) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays, float32, and the metadata of a file."""
     from safetensors import SafetensorError
     from safetensors.numpy import load
 
     try:
-        content = _bytes(path)
+        content = _read_bytes(path)
         arrays = {name: value.astype(np.float32) for name, value in load(content).items()}
-        said = parse_json(_metadata(content).get("mtp_bench", "{}"), str(path), SubmissionError)
+        header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
+        metadata = header.get("__metadata__", {}).get("mtp_bench", "{}")
+        return arrays, parse_json(metadata, str(path), SubmissionError)
     except (OSError, lzma.LZMAError, SafetensorError, ValueError, TypeError, KeyError) as error:
-        raise SubmissionError(f"{path}: no file of weights ({error})") from None
-    return arrays, said
+        raise SubmissionError(f"{path}: not a file of weights ({error})") from None
 
 
-def _bytes(path: Path) -> bytes:
-    """The content of a file, unpacked."""
+def _read_bytes(path: Path) -> bytes:
+    """The unpacked content of a file."""
     with open_regular(path) as stream:  # a FIFO would wait for ever
         size = os.fstat(stream.fileno()).st_size
         content = stream.read(MOST_BYTES)
@@ -138,9 +136,3 @@ def _bytes(path: Path) -> bytes:
     if size > MOST_BYTES:
         raise SubmissionError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
     return content
-
-
-def _metadata(content: bytes) -> dict[str, str]:
-    """What a safetensors file, already read without an error, says beside its arrays."""
-    header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
-    return dict(header.get("__metadata__", {}))

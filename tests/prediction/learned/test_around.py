@@ -12,14 +12,14 @@ import torch
 from mtp_bench import Pipeline, SubmissionError
 from mtp_bench.prediction import GreedySampler, LearnedPredictor
 from mtp_bench.prediction.learned.affinity import Affinity, soft_past
-from mtp_bench.prediction.learned.around import around_inputs, fitted_velocity, nearest, shares, taken_alone
+from mtp_bench.prediction.learned.around import around_inputs, detections_of_tracks, fitted_velocity, nearest, shares
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.learned.tracking_free import TrackingFree, support
-from mtp_bench.prediction.learned.weights import Stored, write_weights
+from mtp_bench.prediction.learned.weights import StoredWeights, write_weights
 from mtp_bench.prediction.windows import Surroundings, TrackWindows
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.training.around import varied_around
+from mtp_bench.training.augmentation import vary_detections
 from mtp_bench.training.losses import winner_takes_all
 from mtp_bench.types import Floats, Ints, starts_of
 from tests.support.tracking_scenes import at_once, frame, kitti_task, observation
@@ -168,7 +168,7 @@ def test_gradients_are_finite(network: Network, away: float) -> None:
     batch |= {"future": torch.ones(12, 3, 2), "known": torch.ones(12, 3), "present": torch.zeros(12, 2)}
     batch["weight"] = torch.ones(12)
     random = torch.Generator()
-    loss = winner_takes_all(network, weights, varied_around(batch, random), SIZES, 0.1, random)
+    loss = winner_takes_all(network, weights, vary_detections(batch, random), SIZES, 0.1, random)
     loss.backward()  # type: ignore[no-untyped-call]
     assert all(bool(torch.isfinite(value.grad).all()) for value in weights.values() if value.grad is not None)
 
@@ -201,7 +201,7 @@ def test_of_a_track_alone_only_what_it_took_is_seen() -> None:
     detection = np.tile(np.arange(OBJECTS)[:, None], (SCENES, SIZES.past))
     detection[2, 1] = -1  # coasts
     windows = replace(windows, detection=detection)
-    alone, last = taken_alone(windows, moment, seen)
+    alone, last = detections_of_tracks(windows, moment, seen)
     inputs = around_inputs(windows, last, alone, SIZES)
     near = inputs["near"]
     assert near[..., 0].all(axis=0).tolist() == [True, False, True, True]
@@ -216,7 +216,7 @@ def test_of_a_track_alone_only_what_it_took_is_seen() -> None:
 def test_of_a_track_alone_frames_before_its_scene_are_empty() -> None:
     windows, _, seen = crowd()
     windows = replace(windows, detection=np.zeros((12, SIZES.past), dtype=int))
-    alone, last = taken_alone(windows, np.full(12, 4), seen)  # the first frame of the second scene
+    alone, last = detections_of_tracks(windows, np.full(12, 4), seen)  # the first frame of the second scene
     assert alone.counts.reshape(12, -1).sum(axis=0).tolist() == [0, 0, 0, 12]
     assert last.tolist() == list(range(3, 48, 4))
 
@@ -232,7 +232,7 @@ def test_an_agent_whose_tracker_associates(network: Network, tmp_path: Path) -> 
     inputs = network.inputs(windows, moment, seen, sizes)
     weights = network.start(inputs, np.ones((12, sizes.future, 2), np.float32), known, sizes, 1)
     file = tmp_path / "weights.safetensors"
-    write_weights(file, Stored(weights, network.name, sizes, {"on": "tracklets"}))
+    write_weights(file, StoredWeights(weights, network.name, sizes, {"on": "tracklets"}))
     changed = []
     for association in ("network", "track"):
         told = []
@@ -249,7 +249,7 @@ def test_an_agent_whose_tracker_associates(network: Network, tmp_path: Path) -> 
 def test_who_associates_is_checked() -> None:
     with pytest.raises(SubmissionError, match="association is 'none', expected one of: network, track"):
         LearnedPredictor("affinity", association="none")
-    with pytest.raises(SubmissionError, match="'modes', which sees tracks anyway; it is for: affinity, tracking_free"):
+    with pytest.raises(SubmissionError, match="'modes', which gets tracks anyway; it is for: affinity, tracking_free"):
         LearnedPredictor("modes", association="track")
 
 
@@ -299,7 +299,7 @@ def test_varied_batches_keep_places_and_futures_together() -> None:
     inputs = TrackingFree().inputs(*crowd(), SIZES)
     batch = {name: torch.from_numpy(value) for name, value in inputs.items()}
     batch |= {"future": batch["position"][:, -1, :3].clone(), "present": batch["position"][:, -1, 0].clone()}
-    got = varied_around(batch, torch.Generator().manual_seed(1))
+    got = vary_detections(batch, torch.Generator().manual_seed(1))
     there = got["near"][:, -1, :3] > 0
     torch.testing.assert_close(got["position"][:, -1, :3][there], got["future"][there])
     torch.testing.assert_close(got["position"].norm(dim=-1), batch["position"].norm(dim=-1) * got["near"])

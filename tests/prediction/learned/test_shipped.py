@@ -78,7 +78,7 @@ def test_rounded_numbers_are_the_nearest_and_finite() -> None:
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(b"", "no file of weights"), (b"no xz", "no file of weights"), (lzma.compress(b"\1" * 9), "no file of weights")],
+    [(b"", "not a file of weights"), (b"no xz", "not a file of weights"), (lzma.compress(b"\1" * 9), "not a file of weights")],
 )
 def test_a_broken_packed_file_is_one_error(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / f"modes-truth-MTP-X-v0.safetensors{PACKED}"

@@ -16,15 +16,15 @@ from mtp_bench.prediction.learned.ptp import Ptp
 from mtp_bench.prediction.learned.social_lstm import SocialLstm, points
 from mtp_bench.prediction.windows import TrackWindows
 from mtp_bench.types import Ints
-from tests.support.random_windows import NOTHING_SEEN, SIZES, random_lesson, random_windows
+from tests.support.random_windows import NOTHING_SEEN, SIZES, random_training_set, random_windows
 
 NETWORKS = pytest.mark.parametrize("network", [Ptp(), SocialLstm()], ids=lambda network: network.name)
 
 
 def weights_of(network: Network) -> Arrays:
     """Weights to start from, three times as large, so that everything that is seen matters."""
-    lesson = random_lesson(network)
-    start = network.start(lesson.inputs, lesson.future, lesson.known, SIZES, 1)
+    data = random_training_set(network)
+    start = network.start(data.inputs, data.future, data.known, SIZES, 1)
     return {name: value if name.endswith((".mean", ".spread")) else 3 * value for name, value in start.items()}
 
 
