@@ -76,14 +76,11 @@ def test_rounded_numbers_are_the_nearest_and_finite() -> None:
     assert (np.abs(short[inside].astype(np.float64) - finite[inside]) == nearest).all()
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [(b"", "not a file of weights"), (b"no xz", "not a file of weights"), (lzma.compress(b"\1" * 9), "not a file of weights")],
-)
-def test_a_broken_packed_file_is_one_error(tmp_path: Path, content: bytes, message: str) -> None:
+@pytest.mark.parametrize("content", [b"", b"no xz", lzma.compress(b"\1" * 9)], ids=["empty", "text", "packed"])
+def test_a_broken_packed_file_is_one_error(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / f"modes-truth-MTP-X-v0.safetensors{PACKED}"
     path.write_bytes(content)
-    with pytest.raises(SubmissionError, match=message):
+    with pytest.raises(SubmissionError, match="not a file of weights"):
         read_weights(path, network_of("modes"))
 
 
