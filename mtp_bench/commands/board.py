@@ -113,7 +113,7 @@ def read_board(
     folder = folder or shipped_records()
     start = _Start(page, trust, folder.absolute().parent.parent / "baselines")
     refused: list[str] = []
-    paths = [path for path in record_paths(folder) if env_id is None or path.stem.startswith(env_id)]
+    paths = record_paths(folder, env_id or "")
     progress.started(len(paths))
     found = {each.record.digest: each for each in _sound(paths, start, refused, progress)}
     for path in further:

@@ -7,6 +7,7 @@ from typing import Literal
 
 from ..types import Rollout
 
+SandboxBackend = Literal["bubblewrap", "none"]  # "none": agents run unsandboxed
 PATIENCE = 10  # late answers in a row after which an agent counts as hung
 
 
@@ -29,7 +30,7 @@ class Limits:
 class Isolation:
     """The sandbox of an agent's process, see ``SECURITY.md``."""
 
-    mechanism: Literal["bubblewrap", "none"] = "none"
+    mechanism: SandboxBackend = "none"
     memory: Literal["cgroup", "watch"] = "watch"  # what bounds the memory of all its processes together
 
     @property

@@ -22,8 +22,7 @@ from .channel import Channel
 from .fork_server import ForkServer, ForkServerError, discard, server_for
 from .image import Image
 from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, library, packages, python
-from .limits import Isolation, Limits
-from .sandbox import SandboxBackend
+from .limits import Isolation, Limits, SandboxBackend
 from .wire import Arrays, header_of
 
 _EXIT_CODE_SECONDS = 2.0  # until it is known how a process ended

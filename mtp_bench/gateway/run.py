@@ -22,9 +22,9 @@ from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
 from .image import image_of
 from .layout import compile_kernels, layout_for
-from .limits import Limits, SceneRun
+from .limits import Limits, SandboxBackend, SceneRun
 from .process import AgentProcess, SandboxSpec
-from .sandbox import SandboxBackend, sandbox_backend
+from .sandbox import sandbox_backend
 
 
 def run_isolated(

@@ -9,13 +9,12 @@ import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import Literal
 
 from ..errors import SubmissionError
 from .filter import system_call_filter
 from .layout import TEMPORARY, Layout, bare_layout, environment, python
+from .limits import SandboxBackend
 
-SandboxBackend = Literal["bubblewrap", "none"]
 _UID = 1000  # of the agent, inside
 _CAPABILITIES = ("CAP_SYS_ADMIN", "CAP_SETPCAP")  # over the sandbox: to mount, and to drop capabilities for good
 _TRIAL_SECONDS = 30.0

@@ -15,10 +15,11 @@ from pydantic import Field
 
 from ..errors import MtpBenchError, RecordError
 from ..files import read_bounded, write_text
+from ..gateway.limits import SandboxBackend
 from ..strict import Section, parse_json
 from .canonical import Date, Sha256, canonical, differences
 from .consistency import inconsistent_sums
-from .record import HiddenPart, Mechanism, Name, Observed, Record
+from .record import HiddenPart, Name, Observed, Record
 from .seal import ListedSeal
 from .signing import MOST_SIGNATURE, SIGNER_PATTERN, sign, why_not_signed
 from .storage import LEVEL_SUFFIX, MOST_BYTES, content_digest, measured_digest, parse_as
@@ -47,7 +48,7 @@ class Statement(Section):
     definitions: Name
     scorer: Sha256
     weights: Sha256
-    isolation: Mechanism  # sandbox of the agent when it was run again; of stored rollouts that of the record
+    isolation: SandboxBackend  # sandbox of the agent when it was run again; of stored rollouts that of the record
     date: Date
     ran_again: Date | None = None  # date of the run if an earlier level showed it; None: for this level
     hidden: HiddenPart | None = None

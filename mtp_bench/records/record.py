@@ -11,6 +11,7 @@ from typing_extensions import TypeAliasType  # pydantic brings it
 
 from .._version import __version__
 from ..files import unseen
+from ..gateway.limits import SandboxBackend
 from ..running.options import MOST_SEED
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
@@ -20,7 +21,6 @@ from ..submission.manifest import NAME_PATTERN
 from .canonical import Date, Sha256
 
 Division = Literal["closed", "open"]
-Mechanism = Literal["bubblewrap", "none"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Observed = Literal["detections", "truth", "tracks"]
 EARLIER, EARLIER_VERSIONS = "0.2", ("0.1.", "0.2.")  # label of what these versions of the package made
@@ -177,7 +177,7 @@ class MissedPart(Section):
 class IsolationPart(Section):
     """The sandbox of the agent, the weakest over all runs; as `gateway.Isolation`."""
 
-    mechanism: Mechanism
+    mechanism: SandboxBackend
     memory: Literal["cgroup", "watch"]
 
     @property

@@ -31,27 +31,30 @@ def test_every_baseline_on_every_environment_the_ends_of_gaps_first() -> None:
     assert sorted(envs) == list(card_ids())
     simulated = ["MTP-Highway-v0", "MTP-Intersection-v0", "MTP-IntersectionRaw-v0", "MTP-Merge-v0", "MTP-Roundabout-v0"]
     assert envs[-5:] == simulated
-
-
-def test_an_environment_that_does_not_ship_is_named() -> None:
     with pytest.raises(UnknownNameError, match="MTP-KITTI-v0"):
         inventory(["MTP-KITI-v0"])
 
 
-def test_what_is_there_is_kept_and_what_is_not_is_made(
+def test_a_record_is_made_once_kept_and_not_lost_to_a_smaller_one(
     cli: CommandLine, tmp_path: Path, submission: Path, card: str, kitti: str
 ) -> None:
     words = ("submit", "--all", submission, "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "-o", tmp_path)
-    first = cli(*words)
+    assert "1 record made" in cli(*words).out
     target = tmp_path / "echo" / f"{CARD_ID}.json"
     before = target.read_bytes()
-    assert first.status == 0, first.err
-    assert "1 record made" in first.out
-    again = cli(*words)
-    assert again.status == 0
-    assert "0 records made" in again.out
-    assert "1 kept" in again.out
+    again = cli(*words).out
+    assert ("0 records made" in again, "1 kept" in again) == (True, True)
+    refused = cli(*words, "--scenes", 1)
+    assert refused.status == 1
+    assert "(seeds: 1, scenes: 3) with a smaller one (seeds: 1, scenes: 1)" in refused.err
     assert target.read_bytes() == before
+    (piece,) = inventory([card], [str(submission)], tmp_path)
+    assert piece.size > target.stat().st_size  # with its rollouts
+    assert standing_record(piece, RunOptions(kitti, seeds=(0,))) is not None
+    assert standing_record(piece, RunOptions(kitti, seeds=(0, 1))) is None
+    assert standing_record(piece, RunOptions(kitti, 2, seeds=(0,))) is None
+    cli(*words, "--scenes", 1, "--force")
+    assert target.read_bytes() != before
 
 
 def test_a_failure_stays_one_when_its_record_is_there(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
@@ -78,57 +81,22 @@ def test_scenes_that_were_cut_short_are_a_failure(tmp_path: Path) -> None:
     assert line_of(write_record(1.0, 2.0)).outcome == "made"
 
 
-def test_a_finished_record_is_not_lost_to_a_partial_one(
-    cli: CommandLine, tmp_path: Path, submission: Path, card: str, kitti: str
-) -> None:
-    words = ("submit", "--all", submission, "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "-o", tmp_path)
-    assert cli(*words).status == 0
-    target = tmp_path / "echo" / f"{CARD_ID}.json"
-    before = target.read_bytes()
-    refused = cli(*words, "--scenes", 1)
-    assert refused.status == 1
-    assert f"{target}: would overwrite a finished record (seeds: 1, scenes: 3)" in refused.err
-    assert "with a smaller one (seeds: 1, scenes: 1)" in refused.err
-    assert target.read_bytes() == before
-    cli(*words, "--scenes", 1, "--force")
-    assert target.read_bytes() != before
-
-
-def test_a_record_of_other_seeds_is_made_again(
-    tmp_path: Path, cli: CommandLine, submission: Path, card: str, kitti: str
-) -> None:
-    words = ("submit", "--all", submission, "--env", card, "--data", kitti, "--jobs", 1, "--scenes", 1, "-o", tmp_path)
-    cli(*words, "--seeds", 1)
-    (piece,) = inventory([card], [str(submission)], tmp_path)
-    assert standing_record(piece, RunOptions(kitti, 1, seeds=(0,))) is not None
-    assert standing_record(piece, RunOptions(kitti, 1, seeds=(0, 1))) is None
-    assert standing_record(piece, RunOptions(kitti, 2, seeds=(0,))) is None
-    assert piece.size > piece.target.stat().st_size  # with its rollouts
-
-
-def test_an_agent_without_weights_says_how_to_make_them(
+def test_a_record_that_cannot_be_made_says_why(
     cli: CommandLine, tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Without weights, without data, and after the time."""
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "none"))
-    done = cli("submit", "--all", "stp_modes", "--env", card, "--data", kitti, "--jobs", 1, "-o", tmp_path)
+    out = tmp_path / "records"
+    done = cli("submit", "--all", "stp_modes", "--env", card, "--data", kitti, "--jobs", 1, "-o", out)
     assert done.status == 1  # it was the only one
-    assert "stp_modes on" in done.err
-    assert "not here" in done.err
+    assert f"stp_modes on {card}: not here: " in done.err
     assert "mtp-bench train predictor modes" in done.err
-    assert not (tmp_path / "stp_modes").exists()
-
-
-def test_without_data_the_reason_says_so(cli: CommandLine, tmp_path: Path, card: str) -> None:
-    done = cli("submit", "--all", "stp", "--env", card, "--data", tmp_path, "-o", tmp_path / "records")
-    assert done.status == 1
-    assert f"stp on {card}: not here: no data: " in done.err
-
-
-def test_no_record_is_begun_after_the_time(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
-    done = cli("submit", "--all", "--env", card, "--data", kitti, "--minutes", 0, "-o", tmp_path)
-    assert done.status == 0
-    assert "left: the same command continues" in done.out
-    assert not list(tmp_path.iterdir())
+    done = cli("submit", "--all", "stp", "--env", card, "--data", tmp_path, "-o", out)
+    assert (done.status, f"stp on {card}: not here: no data: " in done.err) == (1, True)
+    assert "left: the same command" in cli.ok(
+        "submit", "--all", "--env", card, "--data", kitti, "--minutes", 0, "-o", out
+    )
+    assert not out.exists()
 
 
 def test_what_does_not_ship_runs_in_the_sandbox_alone(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
