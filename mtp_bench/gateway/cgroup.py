@@ -98,8 +98,8 @@ def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
             _, controllers, path = line.split(":", 2)
             entries |= dict.fromkeys(controllers.split(","), path)
     if {"memory", "pids"} <= entries.keys():
-        found = {root / controller / entries[controller].lstrip("/") for controller in ("memory", "pids")}
-        return (sorted(found) if all(os.access(path, os.W_OK) for path in found) else []), dict(_V1)
+        folders = {root / controller / entries[controller].lstrip("/") for controller in ("memory", "pids")}
+        return (sorted(folders) if all(os.access(path, os.W_OK) for path in folders) else []), dict(_V1)
     if "" in entries:  # a group with processes cannot contain others: use this process's own or its parent
         here = root / entries[""].lstrip("/")
         for place in (here, here.parent):

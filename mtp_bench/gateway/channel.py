@@ -62,12 +62,12 @@ class Channel:
         if len(self._incoming) == self._wanted:  # a message of no bytes
             raise WireError("an empty message")
         try:
-            found = os.read(self._answers, min(self._wanted - len(self._incoming), _PIPE))
+            part = os.read(self._answers, min(self._wanted - len(self._incoming), _PIPE))
         except BlockingIOError:
             return False
-        if not found:
+        if not part:
             raise EndedError
-        self._incoming += found
+        self._incoming += part
         return True
 
     def wait(self, deadline: float) -> None:
@@ -105,9 +105,9 @@ class Channel:
     def _read_log(self) -> None:
         with suppress(BlockingIOError):
             for _ in range(16):  # an agent that prints much must not keep the judge busy
-                found = os.read(self._log, 1 << 16)
-                self._printed += found[: _KEPT - len(self._printed)]
-                if not found:
+                part = os.read(self._log, 1 << 16)
+                self._printed += part[: _KEPT - len(self._printed)]
+                if not part:
                     with suppress(KeyError):
                         self._poll.unregister(self._log)
                     return

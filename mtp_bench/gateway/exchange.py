@@ -131,8 +131,8 @@ class Exchange:
             if message is None:
                 return None
             frame, token = message[0].get("frame"), message[0].get("token")
-            known = type(frame) is int and frame in self._open and self._open.pop(frame) == token
-            if message[0].get("kind") != "answer" or not known:
+            expected = type(frame) is int and frame in self._open and self._open.pop(frame) == token
+            if message[0].get("kind") != "answer" or not expected:
                 raise SceneOverError(
                     "rejected", "it sent an unexpected message: every frame is answered once, after it was shown"
                 )

@@ -157,11 +157,11 @@ def compiled_kernels() -> list[Path]:
 
 
 def _kernels() -> list[Any]:
-    found = []
+    kernels = []
     for module, names in _KERNELS.items():
         loaded = _players(module)
-        found += [getattr(loaded, name) for name in names]
-    return found
+        kernels += [getattr(loaded, name) for name in names]
+    return kernels
 
 
 def _players(module: str) -> Any:
@@ -209,7 +209,7 @@ def _require_hidden(shown: Sequence[str], data: str | None, own: Sequence[Path])
 
 
 def _graphics_cards() -> tuple[str, ...]:
-    found = tuple(sorted(str(path) for path in Path("/dev").glob("nvidia*") if path.is_char_device()))
-    if not found:
+    devices = tuple(sorted(str(path) for path in Path("/dev").glob("nvidia*") if path.is_char_device()))
+    if not devices:
         raise SubmissionError("no graphics card was found at /dev/nvidia*: leave out --cuda")
-    return found
+    return devices

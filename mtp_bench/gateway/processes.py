@@ -45,8 +45,8 @@ def threads(pid: int) -> int:
 def files_below(pid: int, folder: str) -> int:
     """Number of files in the file system that a process has at ``folder``; 0 if unknown."""
     with suppress(OSError):
-        found = os.statvfs(f"/proc/{pid}/root{folder}")
-        return found.f_files - found.f_ffree
+        state = os.statvfs(f"/proc/{pid}/root{folder}")
+        return state.f_files - state.f_ffree
     return 0
 
 
@@ -65,29 +65,29 @@ def mapped(pid: int) -> int:
 
 def children(pid: int) -> list[int]:
     """Processes that it started, and those adopted from parents that ended."""
-    found: list[int] = []
+    pids: list[int] = []
     with suppress(OSError):
         for task in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208
             with suppress(OSError, ValueError):  # this thread has ended
-                found += map(int, _read(f"/proc/{pid}/task/{task}/children").split())
-    return found
+                pids += map(int, _read(f"/proc/{pid}/task/{task}/children").split())
+    return pids
 
 
 def descendants(pid: int, most: int | None = None) -> list[int]:
     """The process, its children, their children and so on, until they are more than ``most``."""
-    found = [pid]
-    for parent in found:  # grows as it is read
-        if most is not None and len(found) > most:
+    pids = [pid]
+    for parent in pids:  # grows as it is read
+        if most is not None and len(pids) > most:
             break
-        found += children(parent)
-    return found
+        pids += children(parent)
+    return pids
 
 
 def ready(descriptor: int, seconds: float = 0.0) -> bool:
     """True if a descriptor can be read, or the process of a handle has ended, within ``seconds``."""
-    found = select.poll()  # select.select refuses numbers above 1023
-    found.register(descriptor, select.POLLIN)
-    return bool(found.poll(max(0.0, 1000 * seconds)))
+    poll = select.poll()  # select.select refuses numbers above 1023
+    poll.register(descriptor, select.POLLIN)
+    return bool(poll.poll(max(0.0, 1000 * seconds)))
 
 
 def end(processes: Iterable[int], seconds: float) -> None:

@@ -110,7 +110,7 @@ def _within(path: Path, folder: Path) -> bool:
 
 def _files(root: Path) -> set[Path]:
     """Names of all files below ``root`` but stored rollouts; RecordError for links and special files."""
-    found: set[Path] = set()
+    files: set[Path] = set()
     for parent, folders, names in os.walk(root, followlinks=False):
         folders[:] = [name for name in folders if not name.endswith(ROLLOUTS) or Path(parent, name).is_symlink()]
         for name in (*folders, *names):
@@ -119,10 +119,10 @@ def _files(root: Path) -> set[Path]:
             if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
                 raise RecordError(f"{path.relative_to(root)}: neither a file nor a folder, such as a link")
             if stat.S_ISREG(mode):
-                found.add(path.relative_to(root))
-            if len(found) > _MOST_FILES:
+                files.add(path.relative_to(root))
+            if len(files) > _MOST_FILES:
                 raise RecordError(f"{root}: more than {_MOST_FILES} files")
-    return found
+    return files
 
 
 def _same(path: Path, other: Path) -> bool:
@@ -141,14 +141,15 @@ def _outdated_level(name: Path, root: Path, trust: Trust) -> bool:
 
 def _owners(path: Path, trust: Trust, owner: str | None) -> Mapping[str, str]:
     """Proposed owners; RecordError for any change but new names of ``owner``."""
-    known = trust.owners
+    trusted_owners = trust.owners
     if path.is_file() and path.stat().st_size > MOST_BYTES:
         raise RecordError(f"{OWNERS}: larger than {MOST_BYTES >> 20} MiB")
     proposed = read_owners(path)
-    changed = [name for name in known if proposed.get(name) != known[name]]
+    changed = [name for name in trusted_owners if proposed.get(name) != trusted_owners[name]]
     if changed:
-        raise RecordError(f"{OWNERS}: {changed[0]!r} belongs to {known[changed[0]]!r}: only maintainers change that")
-    for name in [name for name in proposed if name not in known]:
+        name, login = changed[0], trusted_owners[changed[0]]
+        raise RecordError(f"{OWNERS}: {name!r} belongs to {login!r}: only maintainers change that")
+    for name in [name for name in proposed if name not in trusted_owners]:
         if owner is not None and proposed[name].lower() != owner.lower():
             raise RecordError(f"{OWNERS}: gives {name!r} to {proposed[name]!r}, expected {owner!r} who asks for it")
         others = (*baseline_names(), *(other for other in proposed if other != name))
@@ -205,9 +206,9 @@ def _check_level(path: Path, name: Path, trust: Trust) -> None:
     signed, why = read_level(of, record, trust)
     if signed is None:
         raise RecordError(f"{name.parent}/{why}")
-    there = trust.folder / name.parent / of.name
-    known = read_level(there, record, trust)[0] if there.is_file() else None
-    if known is not None and _strength(signed) <= _strength(known):
+    trusted_record = trust.folder / name.parent / of.name
+    trusted_level = read_level(trusted_record, record, trust)[0] if trusted_record.is_file() else None
+    if trusted_level is not None and _strength(signed) <= _strength(trusted_level):
         raise RecordError(f"{name}: {signed.level} of {signed.statement.date} is not above the level that is there")
 
 

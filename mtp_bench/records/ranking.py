@@ -75,10 +75,10 @@ def standings(
     groups: dict[tuple[str, str], list[Record]] = {}
     for record in records:
         groups.setdefault((record.env.id, record.earlier_version), []).append(record)
-    found: dict[str, Standing] = {}
+    standing: dict[str, Standing] = {}
     for group in groups.values():
-        found |= _standings_of_env(group, levels, ships)
-    return found
+        standing |= _standings_of_env(group, levels, ships)
+    return standing
 
 
 def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
@@ -126,14 +126,14 @@ def _standings_of_env(
             ranked = [_unranked(_why_apart(division, place["all"])) for place in ranked]
         places |= {each.record.digest: place for each, place in zip(group, ranked, strict=True)}
     inside = {each.record.digest for each in groups.get(("closed", main), [])} if main is not None else set()
-    found = {digest: Standing(place, digest in inside) for digest, place in places.items()}
+    standing = {digest: Standing(place, digest in inside) for digest, place in places.items()}
     stp = _best_named(STP, peers)
     for each in peers:
         gaps, own = _gaps(each, peers, (STP, TRUTH)), own_ends(each.record.submission)
         own_gaps = gaps if own == (STP, TRUTH) else _gaps(each, peers, own)
         digest = each.record.digest
-        found[digest] = Standing(places[digest], digest in inside, gaps, own_gaps, _differences(each, stp))
-    return found
+        standing[digest] = Standing(places[digest], digest in inside, gaps, own_gaps, _differences(each, stp))
+    return standing
 
 
 def _entrant(record: Record, level: SignedLevel | None, taken: str | None, ships: Ships) -> _Entrant:
@@ -215,11 +215,11 @@ def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, Paired
         return {}
     if entrant.record.status != "finished":
         return {}
-    found = {subset: difference_of(entrant, stp, subset) for subset in SUBSETS}
-    return {subset: difference for subset, difference in found.items() if difference is not None}
+    by_subset = {subset: difference_of(entrant, stp, subset) for subset in SUBSETS}
+    return {subset: difference for subset, difference in by_subset.items() if difference is not None}
 
 
 def _best_named(name: str, entrants: Sequence[_Entrant]) -> _Entrant | None:
     """The finished record of the genuine submission ``name`` with the highest level."""
-    found = [each for each in entrants if each.baseline == name and each.record.status == "finished"]
-    return max(found, key=_precedence, default=None)
+    candidates = [each for each in entrants if each.baseline == name and each.record.status == "finished"]
+    return max(candidates, key=_precedence, default=None)

@@ -39,8 +39,8 @@ _random = secrets.SystemRandom()
 
 def run_again(plan: Plan, seeds: Sequence[int], limits: Limits) -> Runs:
     """Run each seed, in the order of ``seeds`` and of the plan in the result, in a random one in time."""
-    found = {seed: _run_shuffled(plan, seed, limits) for seed in _random.sample(list(seeds), len(seeds))}
-    return {seed: found[seed] for seed in seeds}
+    runs = {seed: _run_shuffled(plan, seed, limits) for seed in _random.sample(list(seeds), len(seeds))}
+    return {seed: runs[seed] for seed in seeds}
 
 
 def rows_under_random_pose(plan: Plan, reference: Reference, limits: Limits) -> Sequence[Row]:
@@ -103,15 +103,15 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends:
         raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with bubblewrap")
     require_answered(runs, plan.submission.name, "of hidden scenes")
     reference = sealed.reference(hidden, names, options)
-    found = evaluate_plan(hidden_plan, runs, reference)
+    evaluation = evaluate_plan(hidden_plan, runs, reference)
     return HiddenPart(
         commitment=sealed.commitment,
         weights=reference.digest,
         scenes=len(names),
-        rows=found.rows,
-        silence=found.silence,
-        weight={subset: [w for scene in found.per_scene for w in scene.weight[subset]] for subset in SUBSETS},
-        error={subset: [e for scene in found.per_scene for e in scene.error[subset]] for subset in SUBSETS},
+        rows=evaluation.rows,
+        silence=evaluation.silence,
+        weight={subset: [w for scene in evaluation.per_scene for w in scene.weight[subset]] for subset in SUBSETS},
+        error={subset: [e for scene in evaluation.per_scene for e in scene.error[subset]] for subset in SUBSETS},
     )
 
 
@@ -127,5 +127,5 @@ def require_answered(runs: Runs, agent: str, where: str) -> None:
 
 def _run_shuffled(plan: Plan, seed: int, limits: Limits) -> list[SceneRun]:
     order = _random.sample(plan.scenes, len(plan.scenes))
-    found = {run.rollout.scene: run for run in run_seed(replace(plan, scenes=tuple(order)), seed, limits)}
-    return [found[scene] for scene in plan.scenes]
+    runs = {run.rollout.scene: run for run in run_seed(replace(plan, scenes=tuple(order)), seed, limits)}
+    return [runs[scene] for scene in plan.scenes]

@@ -160,16 +160,16 @@ def open_seal(
     path = Path(path)
     public = beside(path, COMMITMENT) if commitment is None else Path(commitment)
     seeds = read_as(SecretSeeds, path, _ABSENT)
-    found = commitment_of(seeds)
+    sha256 = commitment_of(seeds)
     promise = read_as(Commitment, public, _ABSENT)
-    if (promise.commitment, promise.env, promise.count) != (found, seeds.env, seeds.count):
-        raise RecordError(f"{path}: has the sha256 {found[:12]}, {public} promises {promise.commitment[:12]}")
-    known = (listed or {}).get(found)
+    if (promise.commitment, promise.env, promise.count) != (sha256, seeds.env, seeds.count):
+        raise RecordError(f"{path}: has the sha256 {sha256[:12]}, {public} promises {promise.commitment[:12]}")
+    known = (listed or {}).get(sha256)
     if beside(path, RETIRED).exists() or (known is not None and known.retired):
         raise RetiredSealError(
             f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench maintain seal`"
         )
-    return Sealed(seeds, found, beside(path, WEIGHTS))
+    return Sealed(seeds, sha256, beside(path, WEIGHTS))
 
 
 def open_seals(folder: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
@@ -177,7 +177,7 @@ def open_seals(folder: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Seal
 
     Raises RecordError if a secret is wrong, none is left, or two are of one env.
     """
-    found: dict[str, Sealed] = {}
+    seals: dict[str, Sealed] = {}
     for public in sorted(folder.glob(f"*{COMMITMENT}")):
         path = public.with_name(f"{public.name.removesuffix(COMMITMENT)}.json")
         if not path.is_file():
@@ -186,14 +186,14 @@ def open_seals(folder: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Seal
             sealed = open_seal(path, listed=listed)
         except RetiredSealError:
             continue
-        if sealed.seeds.env in found:
+        if sealed.seeds.env in seals:
             raise RecordError(
                 f"{path}: a second seal of {sealed.seeds.env}, expected one: retire the other, or name one file"
             )
-        found[sealed.seeds.env] = sealed
-    if not found:
+        seals[sealed.seeds.env] = sealed
+    if not seals:
         raise RecordError(f"{folder}: no secret of a seal in use, expected NAME.json beside NAME{COMMITMENT}")
-    return found
+    return seals
 
 
 def retire(path: str | Path, folder: str | Path = SEALS) -> Path:

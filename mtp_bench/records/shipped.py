@@ -88,10 +88,10 @@ def _is_own_reference(references: object, parameters: Mapping[str, object]) -> b
 
 def _sums(reference: Reference) -> dict[str, dict[Subset, float]]:
     """Sums of `Reference.weight` per scene; scenes are known by their keys alone."""
-    found: dict[str, dict[Subset, float]] = {}
+    sums: dict[str, dict[Subset, float]] = {}
     for key, scene in reference.scenes.items():
         ids, lost, back, frag = (scene.counts.sum(axis=0, dtype=np.int64) / reference.runs).tolist()
         paper_ids, paper_frag = scene.stp[:, 0].sum(), (scene.stp[:, 1] | scene.stp[:, 2]).sum()
         values = (scene.targets, ids, lost, back, frag, paper_ids, paper_frag)
-        found[key] = dict(zip(SUBSETS, map(float, values), strict=True))
-    return found
+        sums[key] = dict(zip(SUBSETS, map(float, values), strict=True))
+    return sums

@@ -100,9 +100,9 @@ def submit(
         options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
         runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
         _require_unchanged(plan)
-        found = evaluate_plan(plan, runs, reference, with_progress=True)
-        _require_one_data(plan, runs, found)
-        return _save(target, plan, runs, _record(plan, runs, found, content, commit))
+        evaluation = evaluate_plan(plan, runs, reference, with_progress=True)
+        _require_one_data(plan, runs, evaluation)
+        return _save(target, plan, runs, _record(plan, runs, evaluation, content, commit))
 
 
 def plan_content(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> dict[str, Any]:
@@ -241,10 +241,10 @@ def _require_unchanged(plan: Plan) -> None:
         )
 
 
-def _require_one_data(plan: Plan, runs: Runs, found: Evaluation) -> None:
+def _require_one_data(plan: Plan, runs: Runs, evaluation: Evaluation) -> None:
     """Raise DataError if scenes of an interrupted submit were run on other data than today's."""
     for results in runs.values():
-        for name, run, digest in zip(plan.scenes, results, found.scene_digests, strict=True):
+        for name, run, digest in zip(plan.scenes, results, evaluation.scene_digests, strict=True):
             if run.scene_digest not in ("", digest):
                 raise DataError(
                     f"{name}: its data are others than when {plan.submission.name} was run on it, expected the same in "
@@ -283,7 +283,7 @@ def _require_recordable(plan: Plan, limits: Limits, division: str, training_data
     require_part(Record, content, f"a record of {plan.submission.name} on {card.id}", RecordError)
 
 
-def _record(plan: Plan, runs: Runs, found: Evaluation, content: dict[str, Any], commit: str) -> Record:
+def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any], commit: str) -> Record:
     missed, card = unanswered(runs), plan.card
     every = [rollout for results in rollouts_of(runs).values() for rollout in results]
     scheduler = plan.options.workers.scheduler
@@ -295,11 +295,11 @@ def _record(plan: Plan, runs: Runs, found: Evaluation, content: dict[str, Any], 
             id=card.id,
             card_digest=card.digest,
             split=card.source.split,
-            data_manifest=found.data_manifest,
+            data_manifest=evaluation.data_manifest,
             scenes=len(plan.scenes),
             scenes_of_split=plan.scenes_of_split,
             observe=plan.submission.compare.observe,
-            truth_complete=found.truth_complete,
+            truth_complete=evaluation.truth_complete,
             keywords=plan.stated_keywords,
         ),
         seeds=list(runs),
@@ -312,10 +312,10 @@ def _record(plan: Plan, runs: Runs, found: Evaluation, content: dict[str, Any], 
         measured=MeasuredPart(
             hardware=hardware() if scheduler is None else parallel_map(hardware, [()], plan.options.workers)[0],
             latency=latency(every),
-            ms_per_frame=found.ms_per_frame,
+            ms_per_frame=evaluation.ms_per_frame,
             peak_memory_mib=peak_memory(runs),
             made=today(),
         ),
         plan=digest_of(content),
-        **found.record_parts(missed, len(every), plan.scenes_of_split, plan.keywords),
+        **evaluation.record_parts(missed, len(every), plan.scenes_of_split, plan.keywords),
     )

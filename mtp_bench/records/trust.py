@@ -45,13 +45,13 @@ class Trust:
     @cached_property
     def listed(self) -> Mapping[str, ListedSeal]:
         """The seals by their commitment. Raises RecordError if a file is broken or does not fit its commitment."""
-        found = {}
+        seals = {}
         for path in sorted(self.seals.glob(f"*{COMMITMENT}")):
             promise = read_as(Commitment, path)
             name = path.name.removesuffix(COMMITMENT)
             retired = _retired(path.with_name(name + RETIRED), promise)
-            found[promise.commitment] = ListedSeal(**promise.model_dump(), name=name, retired=retired)
-        return found
+            seals[promise.commitment] = ListedSeal(**promise.model_dump(), name=name, retired=retired)
+        return seals
 
     @cached_property
     def owners(self) -> Mapping[str, str]:

@@ -221,8 +221,8 @@ def _score_again(
     if changed:
         return Verification(path, record, "scored", changed)
     truth = record.env.observe == "truth"
-    found = evaluate(record.submission.name, card, options, runs, reference, record.submission.hypotheses, truth)
-    scored = _rescored(record, found, runs, len(open_source(card, options.data).names), times_differ)
+    evaluation = evaluate(record.submission.name, card, options, runs, reference, record.submission.hypotheses, truth)
+    scored = _rescored(record, evaluation, runs, len(open_source(card, options.data).names), times_differ)
     parts = (each.model_dump(mode="json", include=_RESCORED) for each in (record, scored))
     unequal = tuple(differences("", *parts))
     same_task = not any(difference.what.startswith("env.") for difference in unequal)
@@ -234,22 +234,22 @@ def _score_again(
 
 def _rescored(
     record: Record,
-    found: Evaluation,
+    evaluation: Evaluation,
     runs: Mapping[int, Sequence[Rollout]],
     scenes_of_split: int,
     times_differ: bool,
 ) -> Record:
     """The record with the numbers of the evaluation, under today's scorer."""
-    scenes, every = len(found.per_scene), [rollout for rollouts in runs.values() for rollout in rollouts]
+    scenes, every = len(evaluation.per_scene), [rollout for rollouts in runs.values() for rollout in rollouts]
     env = {
         "scenes": scenes,
         "scenes_of_split": scenes_of_split,
-        "data_manifest": found.data_manifest,
-        "truth_complete": found.truth_complete,
+        "data_manifest": evaluation.data_manifest,
+        "truth_complete": evaluation.truth_complete,
     }
-    times = {} if times_differ else {"latency": latency(every), "ms_per_frame": found.ms_per_frame}
+    times = {} if times_differ else {"latency": latency(every), "ms_per_frame": evaluation.ms_per_frame}
     changed = {
-        **found.record_parts(record.missed, scenes * len(record.seeds), scenes_of_split, record.env.keywords),
+        **evaluation.record_parts(record.missed, scenes * len(record.seeds), scenes_of_split, record.env.keywords),
         "samples": every[0].forecast.shape[1],
         "env": record.env.model_copy(update=env),
         "measured": record.measured.model_copy(update=times),
