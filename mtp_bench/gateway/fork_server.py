@@ -27,7 +27,7 @@ from .processes import ready
 from .sandbox import bubblewrap_command
 
 _START_SECONDS = 120.0  # to load the library; without compiled kernels it takes long
-_FORK_SECONDS = 10.0  # until a fork is in its namespaces
+_FORK_SECONDS = 60.0  # until a fork is in its namespaces, also on a busy machine
 _SPACE = 64 << 20  # bytes of the server's own temporary folder
 _CREDENTIALS = struct.Struct("3i")  # pid, user, group
 _PASS_CREDENTIALS = getattr(socket, "SO_PASSCRED", 16)

@@ -181,7 +181,7 @@ def test_a_server_that_hangs_is_replaced(court: Court, monkeypatch: pytest.Monke
     court.run(HONEST)
     first = running_server()
     os.kill(inner_pid(first), signal.SIGSTOP)
-    monkeypatch.setattr(fork_server, "_FORK_SECONDS", 2.0)
+    monkeypatch.setattr(fork_server, "_FORK_SECONDS", 5.0)
     assert court.again().status == "finished"
     assert not first.running
 
