@@ -49,16 +49,14 @@ def write_clip(clip: Path, path: Path, record: Record) -> bool:
 
 def worst_event(replays: Iterable[Replay]) -> tuple[Replay, Incident] | None:
     """The costliest identity event; of equal ones the one with the largest rise of the error, then the first."""
-    worst: tuple[Replay, Incident] | None = None
-    most = (-1.0, 0.0)
-    for played in replays:
-        for incident in played.incidents:
-            if incident.kind == "spurious" or incident.error is None:
-                continue
-            cost = incident.error, incident.error - (incident.error_before or 0.0)
-            if cost > most:
-                worst, most = (played, incident), cost
-    return worst
+    events = (
+        (played, incident, incident.error)
+        for played in replays
+        for incident in played.incidents
+        if incident.kind != "spurious" and incident.error is not None
+    )
+    worst = max(events, key=lambda event: (event[2], event[2] - (event[1].error_before or 0.0)), default=None)
+    return None if worst is None else worst[:2]
 
 
 def draw_clip(path: Path, played: Replay, incident: Incident) -> None:
