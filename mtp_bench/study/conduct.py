@@ -21,7 +21,7 @@ from ..sources import open_source
 from ..submission.loader import load_submission
 from ..tables import Table, to_csv, to_json
 from .findings import Findings
-from .plan import HYPOTHESES, QUANTILES, Plan, key_of, make_plan, with_cuts
+from .plan import HYPOTHESES, QUANTILES, StudyPlan, key_of, make_plan, with_cuts
 from .runs import RUNS, Bench, Measured, measure, open_bench, speed_of
 from .specs import make_tables
 
@@ -110,7 +110,7 @@ def _cuts(bench: Bench) -> dict[float, dict[str, float]]:
 
 
 def _scores_at_cuts(
-    bench: Bench, plan: Plan, reference: Reference, measured: dict[str, Measured]
+    bench: Bench, plan: StudyPlan, reference: Reference, measured: dict[str, Measured]
 ) -> tuple[AtThreshold, ...]:
     """Scores of the baselines with all detections, and with each score threshold."""
     if not plan.cuts:

@@ -110,43 +110,26 @@ def draw(
             each.spines[["top", "right"]].set_visible(False)
             each.set_axisbelow(True)
         canvas.draw_without_rendering()  # panels of equal scales find their places only then
-        svg = _svg(canvas, name, f"{title}. {sentence}")
+        canvas.set_layout_engine("none")
+        for legend in canvas.legends:  # stays in its place when the figure grows by title and sentence
+            legend.set_bbox_to_anchor((0, 1), canvas.transFigure)
+        label = f'<svg role="img" aria-label="{escape(f"{title}. {sentence}")}" data-figure="{name}" '
+        svg = _svg(canvas).replace("<svg ", label, 1)
         foot = textwrap.fill(f"{sentence} n: {n}.", int(width * _LETTERS))
-        png = _png(canvas, title, foot, sentence)
-    return Drawing(name, title, sentence, n, width > WIDTH * 1.2, svg, _standalone(svg, title, foot), png)
+        canvas.text(0.01, 1 + 0.05 / height, title, fontsize=12, weight="bold", va="bottom")
+        canvas.text(0.01, -0.05 / height, foot, fontsize=8.5, color=SOFT, va="top")
+        svg_file = _standalone(_svg(canvas).replace("<svg ", label, 1), title, sentence)
+        png = io.BytesIO()
+        about = {"Title": title, "Description": sentence, "Software": None}
+        canvas.savefig(png, format="png", dpi=DOTS, bbox_inches="tight", metadata=about, pil_kwargs={"optimize": True})
+    return Drawing(name, title, sentence, n, width > WIDTH * 1.2, svg, svg_file, png.getvalue())
 
 
-def _png(canvas: Any, title: str, foot: str, sentence: str) -> bytes:
-    """The drawing as a picture, the title above and the sentence below."""
-    from matplotlib import font_manager
-    from PIL import Image, ImageDraw, ImageFont, PngImagePlugin
-
-    plain = io.BytesIO()
-    canvas.savefig(plain, format="png", dpi=DOTS)
-    drawing = Image.open(plain).convert("RGB")
-    point = DOTS / 72
-    faces = [
-        font_manager.findfont(font_manager.FontProperties(family="DejaVu Sans", weight=w)) for w in ("bold", "normal")
-    ]
-    bold, small = (ImageFont.truetype(face, round(size * point)) for face, size in zip(faces, (12, 8.5), strict=True))
-    above, below = round(24 * point), round((11 * (1 + foot.count("\n")) + 10) * point)
-    whole = Image.new("RGB", (drawing.width, drawing.height + above + below), GROUND)
-    whole.paste(drawing, (0, above))
-    brush, left = ImageDraw.Draw(whole), round(6 * point)
-    brush.text((left, round(5 * point)), title, INK, bold)
-    brush.multiline_text((left, above + drawing.height), foot, SOFT, small, spacing=round(1.5 * point))
-    about = PngImagePlugin.PngInfo()
-    about.add_text("Title", title)
-    about.add_text("Description", sentence)
-    content = io.BytesIO()
-    whole.quantize(256, dither=Image.Dither.NONE).save(content, "PNG", optimize=True, pnginfo=about)
-    return content.getvalue()
-
-
-def _svg(canvas: Any, name: str, label: str) -> str:
-    """The drawing as an element of a page: sized by its box, coloured by variables; ``label``: for screen readers."""
+def _svg(canvas: Any) -> str:
+    """The drawing as an element of a page, with all its texts: sized by its box, coloured by variables."""
     text = io.StringIO()
-    canvas.savefig(text, format="svg", facecolor="none", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))
+    anonymous = dict.fromkeys(("Date", "Creator", "Format", "Type"))
+    canvas.savefig(text, format="svg", facecolor="none", bbox_inches="tight", metadata=anonymous)
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*|<style[^>]*>.*?</style>", "", svg, flags=re.DOTALL)  # pages have a style
@@ -156,25 +139,16 @@ def _svg(canvas: Any, name: str, label: str) -> str:
     svg = svg.replace("'DejaVu Sans'", "system-ui, 'DejaVu Sans', sans-serif")
     for key, (light, _) in COLORS.items():
         svg = re.sub(re.escape(light), f"var(--{key})", svg, flags=re.IGNORECASE)
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(label)}" data-figure="{name}" ', 1)
+    return svg
 
 
-def _standalone(svg: str, title: str, foot: str) -> str:
-    """The element as a file that needs no page: with both sets of colours, the title above and the sentence below."""
+def _standalone(svg: str, title: str, sentence: str) -> str:
+    """The element as a file that needs no page: with both sets of colours."""
     style = (
         f"<style>svg{{{LIGHT};background:var(--paper)}}@media(prefers-color-scheme:dark){{svg{{{DARK}}}}}"
         f"*{{stroke-linejoin:round;stroke-linecap:butt}}text{{{_FONTS}}}</style>"
     )
-    heading, *lines = [escape(line, quote=False) for line in (title, *foot.split("\n"))]
-    box = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
-    assert box is not None
-    width, height = float(box[1]), float(box[2])
-    top = f'<text x="6" y="-9" font-size="12" font-weight="bold" fill="var(--ink)">{heading}</text>'
-    below = "".join(
-        f'<text x="6" y="{height + 11 * (i + 1):g}" font-size="8.5" fill="var(--soft)">{line}</text>'
-        for i, line in enumerate(lines)
-    )
-    svg = svg.replace(box[0], f'viewBox="0 -24 {width:g} {height + 41 + 11 * len(lines):g}"', 1)
+    heading, description = (escape(text, quote=False) for text in (title, sentence))
     first = svg.index(">") + 1
-    head = f"<title>{heading}</title><desc>{' '.join(lines)}</desc>{style}"
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{svg[:first]}{head}{top}{below}{svg[first:]}'
+    head = f"<title>{heading}</title><desc>{description}</desc>{style}"
+    return f'<?xml version="1.0" encoding="utf-8"?>\n{svg[:first]}{head}{svg[first:]}'

@@ -10,12 +10,12 @@ import numpy as np
 
 from ..running.compare import threshold_agents
 from ..running.settings import Setting
-from ..scoring import rows as report_rows
+from ..scoring.rows import PairedRow
 from ..scoring.statistics import ratio
 from ..scoring.subsets import Subset
 from ..viz.terminal.paper import PAPER_SUBSETS, figures_of, paper_facts, paper_gap
 from .findings import Findings
-from .plan import Subject
+from .plan import StudiedAgent
 
 EVENT_SUBSETS: tuple[Subset, ...] = ("paper_ids", "paper_frag", "ids", "reacquired")
 _SUBSET_NAMES = {"ids": "identity switch", "paper_ids": "IDS", "paper_frag": "FRAG"}
@@ -27,7 +27,7 @@ def subset_name(subset: str) -> str:
     return _SUBSET_NAMES.get(subset, subset)
 
 
-def settings_of_rows(findings: Findings) -> Iterator[tuple[Subject, Setting]]:
+def settings_of_rows(findings: Findings) -> Iterator[tuple[StudiedAgent, Setting]]:
     """Settings of the tables over H and k, each with the subject that it stands beside."""
     for subject in findings.plan.subjects:
         equal = [setting for setting in subject.equal.values() if setting != subject.single]
@@ -45,9 +45,20 @@ def shown_settings(findings: Findings) -> list[Setting]:
     return [s for i, s in enumerate(picked) if s not in picked[:i]]
 
 
-def sizes(row: report_rows.Row) -> dict[str, Any]:
-    """Coverage, targets and objects of a row of the report."""
-    return {"coverage": row.coverage, "targets": row.targets, "objects": row.objects}
+def values_of(row: Any, names: str) -> dict[str, Any]:
+    """Attributes of a row of the report, by name; ``names`` are separated by blanks."""
+    return {name: getattr(row, name) for name in names.split()}
+
+
+def _difference(paired: PairedRow | None, name: str) -> dict[str, Any]:
+    """A difference of ranking errors under this name, with its interval and p-value; None without one."""
+    known = (None, None, None) if paired is None else (paired.error, paired.interval, paired.p)
+    return dict(zip((name, f"{name}_interval", "p"), known, strict=True))
+
+
+def _of_paper(figures: Sequence[float | None]) -> dict[str, float | None]:
+    """The paper's minADE and minFDE."""
+    return {"paper_minADE": figures[0], "paper_minFDE": figures[1]}
 
 
 def past_rows(findings: Findings) -> Iterator[Row]:
@@ -70,10 +81,8 @@ def past_rows(findings: Findings) -> Iterator[Row]:
                     minFDE=row.minFDE,
                     plain_error=plain.value,
                     plain_error_interval=plain.interval,
-                    **sizes(row),
-                    events=row.events,
-                    paper_minADE=paper[0],
-                    paper_minFDE=paper[1],
+                    **values_of(row, "coverage targets objects events"),
+                    **_of_paper(paper),
                     paper_objects=paper_facts(of_paper, "objects").get(key),
                 )
 
@@ -91,32 +100,27 @@ def global_rows(findings: Findings) -> Iterator[Row]:
         yield _gain_row(findings, subject, setting, "all")
 
 
-def _gain_row(findings: Findings, subject: Subject, setting: Setting, subset: Subset) -> Row:
+def _gain_row(findings: Findings, subject: StudiedAgent, setting: Setting, subset: Subset) -> Row:
     row, paired = findings.row(setting, subset), None
     if setting.budget == "equal" and setting is not subject.single:
         paired = findings.difference(setting, subject.single, subset)
-    paper = _paper_figures(findings, subject, setting, subset)
     return Row(
         targets_of=subset_name(subset),
         agent=setting.label,
         H=row.hypotheses,
         k=row.samples,
         sampling="–" if row.hypotheses == 1 else "k of all" if setting.budget == "equal" else "none",
-        minADE=row.minADE,
-        minFDE=row.minFDE,
-        plain_error=row.plain_error,
-        error=row.error,
+        **values_of(row, "minADE minFDE plain_error error"),
         error_interval=row.interval,
-        to_single=paired and paired.error,
-        to_single_interval=paired and paired.interval,
-        p=paired and paired.p,
-        **sizes(row),
-        paper_minADE=paper[0],
-        paper_minFDE=paper[1],
+        **_difference(paired, "to_single"),
+        **values_of(row, "coverage targets objects"),
+        **_of_paper(_paper_figures(findings, subject, setting, subset)),
     )
 
 
-def _paper_figures(findings: Findings, subject: Subject, setting: Setting, subset: Subset) -> Sequence[float | None]:
+def _paper_figures(
+    findings: Findings, subject: StudiedAgent, setting: Setting, subset: Subset
+) -> Sequence[float | None]:
     """The paper's minADE and minFDE for the role of a setting."""
     role = "truth_past" if setting == subject.truth else "stp" if setting == subject.single else "mtp"
     if setting in findings.plan.controls and role == "mtp":
@@ -132,22 +136,15 @@ def people_rows(findings: Findings) -> Iterator[Row]:
     for name, setting in zip(names, findings.plan.retracking, strict=False):
         row, plain = findings.row(setting, "all"), findings.plan.retracking[0]
         paired = None if name == "plain" else findings.difference(setting, plain, "all")
-        paper = papers.get(name, _UNKNOWN)
         yield Row(
             agent=setting.submission.name if name in ("plain", "both") else setting.label,
             retracking="yes" if name in ("retracking", "both") else "no",
             H=row.hypotheses,
-            minADE=row.minADE,
-            minFDE=row.minFDE,
-            error=row.error,
+            **values_of(row, "minADE minFDE error"),
             error_interval=row.interval,
-            to_plain=paired and paired.error,
-            to_plain_interval=paired and paired.interval,
-            p=paired and paired.p,
-            coverage=row.coverage,
-            targets=row.targets,
-            paper_minADE=paper[0],
-            paper_minFDE=paper[1],
+            **_difference(paired, "to_plain"),
+            **values_of(row, "coverage targets"),
+            **_of_paper(papers.get(name, _UNKNOWN)),
         )
 
 
@@ -158,9 +155,7 @@ def speed_rows(findings: Findings) -> Iterator[Row]:
         count = str(speed.hypotheses)
         yield Row(
             H=speed.hypotheses,
-            tracking=speed.tracking,
-            prediction=speed.prediction,
-            whole=speed.whole,
+            **values_of(speed, "tracking prediction whole"),
             tracking_rate=1e3 / speed.tracking if speed.tracking else None,
             prediction_rate=1e3 / speed.prediction if speed.prediction else None,
             frames=speed.frames,
@@ -212,7 +207,7 @@ def knee_rows(findings: Findings) -> Iterator[Row]:
 
 
 def _knee_rows(
-    subject: Subject, of: str, counts: list[int], errors: Sequence[float | None], cost: dict[int, float]
+    subject: StudiedAgent, of: str, counts: list[int], errors: Sequence[float | None], cost: dict[int, float]
 ) -> Iterator[Row]:
     """The knee over ``counts`` by their ``cost``, or by their logarithm without costs."""
     known = [float(error) for error in errors if error is not None]

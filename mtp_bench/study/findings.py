@@ -18,7 +18,7 @@ from ..scoring.subsets import Subset
 from ..scoring.table import AgentTable
 from ..types import Bools, Floats, Ints
 from .causes import causes
-from .plan import Plan, Subject, key_of
+from .plan import StudiedAgent, StudyPlan, key_of
 from .runs import Bench, Measured, Speed
 
 
@@ -36,14 +36,14 @@ class Findings:
     """Results of a study; every number comes from the scorer."""
 
     bench: Bench
-    plan: Plan
+    plan: StudyPlan
     reference: Reference
     measured: dict[str, Measured]  # by `key_of`
     speed: tuple[Speed, ...] = ()  # of the subject
     cuts: tuple[AtThreshold, ...] = ()  # scores of the baselines with detections left out
 
     @property
-    def subject(self) -> Subject:
+    def subject(self) -> StudiedAgent:
         """The agent that the story is about: the first one."""
         return self.plan.subjects[0]
 
@@ -106,7 +106,7 @@ class Findings:
         ade = np.divide(table.min_ade, table.covered, out=np.zeros(len(table.covered)), where=table.covered > 0)
         return self.mean(table, ade, weight * table.covered)
 
-    def causes(self, subject: Subject, setting: Setting, subset: Subset) -> Floats:
+    def causes(self, subject: StudiedAgent, setting: Setting, subset: Subset) -> Floats:
         """Parts [len(CAUSES), n] of the ranking error on a subset, per target, m."""
         table, measured = self.table(setting), self.of(setting)
         from_truth, switched = self.table(subject.truth).capped, table.weight["ids"] > 0

@@ -13,10 +13,10 @@ from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
 from ..viz.terminal.verdict import verdict
 from .drawing import DARK, LIGHT, Drawing
-from .figures import n_of
 from .findings import Findings
 from .gallery import EventPicture
 from .plan import only_people, retracking_baselines
+from .sketches import n_of
 from .specs import TEXTS
 
 if TYPE_CHECKING:

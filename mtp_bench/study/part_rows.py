@@ -12,7 +12,7 @@ from ..running.settings import Setting
 from ..scoring.definitions import DISTANCE_BINS, PLANNING_SIGMA
 from ..types import Bools, Floats
 from .causes import CAUSES
-from .error_rows import settings_of_rows, shown_settings, subset_name
+from .error_rows import settings_of_rows, shown_settings, subset_name, values_of
 from .findings import Findings
 
 
@@ -32,8 +32,7 @@ def cause_rows(findings: Findings) -> Iterator[Row]:
                 H=row.hypotheses,
                 error=row.error,
                 **dict(zip(CAUSES, parts.tolist(), strict=True)),
-                targets=row.targets,
-                objects=row.objects,
+                **values_of(row, "targets objects"),
             )
             rows += [] if cause in rows else [cause]  # a control stands beside every subject
     yield from rows
@@ -56,8 +55,7 @@ def _bin_rows(findings: Findings, setting: Setting, by: str, bins: Mapping[str, 
                 minADE=ade.value,
                 minADE_interval=ade.interval,
                 coverage=float((table.covered * weight).sum() / len(table.setting.seeds) / np.sum(weight)),
-                targets=mean.targets,
-                objects=mean.objects,
+                **values_of(mean, "targets objects"),
             )
 
 

@@ -23,7 +23,7 @@ RETRACKING = "retracking"  # parameter of baselines that re-track the past
 
 
 @dataclass(frozen=True)
-class Subject:
+class StudiedAgent:
     """The settings of an agent that is studied."""
 
     name: str
@@ -41,10 +41,10 @@ class Subject:
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """Settings of a study; each is run once, however many tables need it."""
 
-    subjects: tuple[Subject, ...]
+    subjects: tuple[StudiedAgent, ...]
     controls: tuple[Setting, ...]
     retracking: tuple[Setting, ...] = ()  # rows of the paper's table on pedestrians
     cuts: dict[float, tuple[Setting, ...]] = field(default_factory=dict)  # by share of true detections left out
@@ -99,7 +99,7 @@ def unique(settings: Iterable[Setting]) -> list[Setting]:
 
 def make_plan(
     names: Sequence[str], card: Card, hypotheses: Sequence[int] = HYPOTHESES, free: Sequence[int] = HYPOTHESES[1:]
-) -> Plan:
+) -> StudyPlan:
     """The plan for submissions on a card, without score thresholds, which depend on the detections.
 
     ``hypotheses``: numbers of hypotheses to run an agent with, if it has such a parameter; ``free``: those of them to
@@ -110,10 +110,10 @@ def make_plan(
         raise MtpBenchError("a study needs an agent: name at least one")
     all_settings(names, card)  # checks the names and manifests
     subjects = tuple(subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
-    return Plan(subjects, tuple(all_settings(control_names(), card)), retracking_settings(card))
+    return StudyPlan(subjects, tuple(all_settings(control_names(), card)), retracking_settings(card))
 
 
-def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> Subject:
+def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> StudiedAgent:
     """The settings of a submission."""
     whole = setting_of(submission, card)
     end, truth, stated = _reference_pair(whole, card)
@@ -121,7 +121,7 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
     parameter, most = submission.compare.hypotheses, _most_hypotheses(whole)
     control_ended = most == 1 and not whole.gap_references and end is not whole
     if parameter is None or submission.compare.observe == "truth" or control_ended:
-        return Subject(submission.name, end, end, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
+        return StudiedAgent(submission.name, end, end, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
 
     def with_hypotheses(count: int, budget: Budget = "equal") -> Setting:
         return setting_of(submission, card, {parameter: count}, budget)
@@ -130,7 +130,7 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
     if whole.gap_references and (one := with_hypotheses(1)).parameters != end.parameters:
         single = whole if key_of(one) == key_of(whole) else replace(one, label=f"{submission.name}, H = 1")
     counts = sorted({count for count in hypotheses if count <= most} | {most}) if most > 1 else [1]
-    return Subject(
+    return StudiedAgent(
         name=submission.name,
         single=single,
         end=end,
@@ -161,7 +161,7 @@ def _reference_pair(setting: Setting, card: Card) -> tuple[Setting, Setting, boo
     return replace(single, label=f"{name}, H = 1"), replace(truth, label=f"{name}, GT tracks"), True
 
 
-def with_cuts(plan: Plan, card: Card, cuts: dict[float, dict[str, float]]) -> Plan:
+def with_cuts(plan: StudyPlan, card: Card, cuts: dict[float, dict[str, float]]) -> StudyPlan:
     """The plan with score thresholds: share of true detections left out -> least score per class."""
     settings = {
         share: tuple(setting_of(load_submission(name), card, {PARAMETER: cut}) for name in threshold_agents())

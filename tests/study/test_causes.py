@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mtp_bench.cards import Card
-from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.scoring.budgets import Budgets, budgets_of, errors_at
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.study.causes import CAUSES, causes, causes_at
 from mtp_bench.study.circumstances import Circumstances, circumstances
-from mtp_bench.submission import load_submission
+from mtp_bench.study.error_rows import knee
 from mtp_bench.types import Detections, Rollout, Scene
 from tests.support.scoring_scenes import (
     WALKER,
@@ -167,24 +164,18 @@ def test_an_event_that_one_hypothesis_does_not_have_is_not_shared() -> None:
     assert len(near.shared["ids"].frame) == 0
 
 
-@pytest.mark.data
-def test_parts_add_up_on_a_real_sequence(data_root: Path) -> None:
-    # STP on one sequence of KITTI, at every budget of "all", and at that of the subsets
-    settings_of = {"data": str(data_root)}
-    (job,) = jobs_of(load_submission("stp"), "MTP-KITTI-noego-v0", settings_of, ["0012"])
-    ((score, near),) = run_jobs([job], finish=_look)
-    budgets, rng = budgets_of(len(score), 30.0), np.random.default_rng(0)
-    from_truth, switched = rng.uniform(0, 2, len(score)), rng.random(len(score)) < 0.5
-    assert len(score) > 50
-    for subsets in (False, True):
-        allowed = [budgets.subsets] if subsets else budgets.all
-        parts = causes([[score]], [[near]], budgets, from_truth, switched, subsets)
-        error = errors_at([score.cuts], allowed).error.mean(axis=0)
-        np.testing.assert_allclose(parts.sum(axis=0), error, atol=1e-9)
-    named_parts = dict(zip(CAUSES, parts.mean(axis=1), strict=True))
-    assert named_parts["undetected"] > 0  # the detector does not see everything
-    assert named_parts["localisation"] > 0  # and what it sees is a little off
+KNEES = {  # cost, error, index of the knee
+    "falls at once, then hardly": ((1, 2, 3, 4), (10, 2, 1.5, 1), 1),
+    "falls late": ((1, 2, 3, 4), (10, 9.9, 9.8, 1), None),
+    "a straight line": ((1, 2, 3), (3, 2, 1), None),
+    "it does not fall": ((1, 2, 3), (1, 0.5, 1), None),
+    "two points": ((1, 2), (2, 1), None),
+    "the third point is nearly free": ((1, 1.1, 1.2, 10), (10, 8, 2, 1), 2),
+    "equal costs": ((1, 1, 1), (3, 1, 0.5), None),
+}
 
 
-def _look(scene: Scene, rollout: Rollout, card: Card) -> tuple[SceneScore, Circumstances]:
-    return score_scene(scene, rollout, card), circumstances(scene, rollout, card)
+@pytest.mark.parametrize("name", KNEES)
+def test_knees(name: str) -> None:
+    cost, error, place = KNEES[name]
+    assert knee(cost, error) == place

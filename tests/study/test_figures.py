@@ -5,65 +5,32 @@ from __future__ import annotations
 from itertools import combinations
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from mtp_bench.study.drawing import COLORS, SERIES, draw
-from mtp_bench.study.figures import CAUSE_COLORS
 from mtp_bench.study.panels import Panel, Series, draw_panel
-
-Array = NDArray[np.float64]
-
-# Machado, Oliveira and Fernandes 2009, severity 1, for linear RGB
-VISION = {
-    "normal": np.eye(3),
-    "protanopia": np.array(
-        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
-    ),
-    "deuteranopia": np.array(
-        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
-    ),
-    "tritanopia": np.array(
-        [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]]
-    ),
-}
-TO_XYZ = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-)
-WHITE = np.array([0.95047, 1.0, 1.08883])
-APART = 15.0  # of the Lab space; 2.3 is just noticeable
+from mtp_bench.study.part_figures import CAUSE_COLORS
+from tests.support.colours import APART, TO_XYZ, VISION, distance, linear
 
 
-def linear(color: str) -> Array:
-    value = np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)]) / 255
-    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-
-
-def lab(rgb: Array) -> Array:
-    x = TO_XYZ @ np.clip(rgb, 0, 1) / WHITE
-    f = np.where(x > 216 / 24389, np.cbrt(x), (24389 / 27 * x + 16) / 116)
-    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+def rgb(name: str, page: int) -> list[int]:
+    """A colour on light (0) or dark (1) pages."""
+    return [int(COLORS[name][page][i : i + 2], 16) for i in (1, 3, 5)]
 
 
 @pytest.mark.parametrize("vision", VISION)
 @pytest.mark.parametrize("page", [0, 1], ids=["light", "dark"])
 def test_series_and_causes_are_told_apart(vision: str, page: int) -> None:
     for a, b in combinations(sorted({*SERIES, *CAUSE_COLORS}), 2):
-        one, other = (lab(VISION[vision] @ linear(COLORS[name][page])) for name in (a, b))
-        assert np.linalg.norm(one - other) > APART, (a, b)
-
-
-def contrast(a: str, b: str) -> float:
-    low, high = sorted(float(TO_XYZ[1] @ linear(color)) for color in (a, b))
-    return (high + 0.05) / (low + 0.05)
+        assert distance(rgb(a, page), rgb(b, page), vision) > APART, (a, b)
 
 
 @pytest.mark.parametrize("page", [0, 1], ids=["light", "dark"])
 def test_words_are_read_on_their_ground(page: int) -> None:
     for name in ("ink", "soft"):
-        assert contrast(COLORS[name][page], COLORS["paper"][page]) > 4.5
+        low, high = sorted(float(TO_XYZ[1] @ linear(rgb(each, page))) for each in (name, "paper"))
+        assert (high + 0.05) / (low + 0.05) > 4.5
 
 
 def painted(axis: Axes) -> None:

@@ -51,12 +51,6 @@ def test_no_event(first: Replay) -> None:
     assert [key.text for key in focus.key if key.role == "event"] == ["the event of the other run"]
 
 
-def test_nobody_follows_it(first: Replay) -> None:
-    run = replay(first.scene, make_rollout([[]] * FRAMES, [[]] * FRAMES, samples=2), CARD, "silent")
-    said = Focus.of(run, counterpart(run, first.incident("ids-0"))).sentence
-    assert said.startswith("no event: at 0.4 s car 5 is followed by no track; it has no forecast, which costs 10")
-
-
 def false_forecasts(first: Replay, place: tuple[float, float], frames: range) -> Replay:
     """A run that says nothing but that a car stands where none is."""
     ghost = [Thing(80, *place, forecast=[[place] * 3] * 2)]

@@ -24,7 +24,6 @@ from tests.support.scoring_scenes import (
     make_scene,
     moved,
     random_case,
-    with_detections,
 )
 
 
@@ -42,6 +41,9 @@ def test_only_what_belongs_to_the_event_is_bright() -> None:
     assert [(track.track_id, track.role) for track in shown.tracks] == [(1, "before"), (2, "now")]
     assert shown.detection_box[:, :2].tolist() == [[2.0, 0.0]]
     assert shown.bright == 4
+    np.testing.assert_allclose(shown.past[:, 0], [2.0, 1.5, 1.0, 0.5, 0.0])
+    np.testing.assert_allclose(shown.future[:, 0], [2.0, 2.5, 3.0, 3.5])
+    assert [len(track.trail) for track in shown.tracks] == [5, 1]
     assert len(shown.dim_truth) == len(shown.dim_track) == len(shown.dim_detection) == len(CROWD)
 
 
@@ -54,13 +56,6 @@ def test_before_the_event_its_old_track_is_there_and_the_new_one_is_not_yet() ->
         ("before", EVENT - 1),
         ("now", EVENT),
     ]
-
-
-def test_where_the_object_was_and_goes() -> None:
-    shown = switch().frame(EVENT)
-    np.testing.assert_allclose(shown.past[:, 0], [2.0, 1.5, 1.0, 0.5, 0.0])
-    np.testing.assert_allclose(shown.future[:, 0], [2.0, 2.5, 3.0, 3.5])
-    assert [len(track.trail) for track in shown.tracks] == [5, 1]
 
 
 def test_a_swap_shows_the_other_object_by_its_name() -> None:
@@ -134,14 +129,6 @@ def test_the_way_of_the_object_points_to_the_right_wherever_it_goes(yaw: float) 
     assert second.sentence == first.sentence
 
 
-def test_small_pictures_have_one_scale_and_hold_both_tracks() -> None:
-    focus = switch(old_y=1.5)
-    windows = [focus.close_window(t) for t in (EVENT - 1, EVENT, EVENT + 1)]
-    assert len({(window.wide, window.high) for window in windows}) == 1
-    assert windows[1].high / 2 > 1.5
-    assert windows[1].wide < focus.window().wide
-
-
 # ---- the sentence
 
 
@@ -213,26 +200,6 @@ def test_whom_the_track_that_takes_an_object_followed(places: list[float], text:
     assert f"track 2{',' if text[0] == 'w' else ''} {text}" in told(truth, tracks, event)
 
 
-def test_a_detection_of_another_class_is_nothing_to_follow() -> None:
-    truth, tracks = line([5] * 8), line([1, 1, None, None, None, None, None, None])
-    walkers = [[replace(thing, class_id=WALKER) for thing in frame] for frame in truth]
-    run = replay(with_detections(make_scene(truth), walkers), make_rollout(tracks), CARD)
-    assert (
-        "loses track 1, which ends, and no car is detected within 4 m; "
-        in Focus.of(run, run.incident("lost-0")).sentence
-    )
-
-
-def test_a_second_forecast_of_an_object_in_one_sentence() -> None:
-    tracks = [[*own, *other] for own, other in zip(line([1] * 8), line([8] * 8, y=0.5, confidence=0.25), strict=True)]
-    said = [[replace(thing, forecast=[[[0.0, 0.0]] * 3], log_weight=[0.0]) for thing in frame] for frame in tracks]
-    run = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
-    assert Focus.of(run, run.incident("spurious-0")).sentence == (
-        "spurious-0: from 0.1 s to 0.4 s track 8 forecasts a car a second time: car 5, 0.5 m away, has its forecast; "
-        "confidence up to 0.25"
-    )
-
-
 def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     """Track 1 drifts off in it for two frames, while it stays in the one that was the best until then."""
     tracks = [
@@ -246,12 +213,6 @@ def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     assert case.at.frame == 4
     assert [case.follower(t) for t in range(5)] == [1, 1, -1, -1, 1]
     assert "car 5 is found again after 2 frames by its old track 1; " in sentence(case)
-
-
-def test_where_nothing_is_detected() -> None:
-    run = crowd(old_y=None, detected=False)
-    silent = replace(run.incident("ids-0"), kind="lost", name="lost-0", new_id=-1)
-    assert "which ends, and no car is detected within 4 m; " in sentence(Case(run, silent))
 
 
 def test_a_false_forecast_in_one_sentence() -> None:

@@ -15,7 +15,7 @@ from mtp_bench.types import Floats
 from mtp_bench.viz.drawing.report import SIZE, report, save_report
 from mtp_bench.viz.focus import ROLES, Focus
 from mtp_bench.viz.palette import Color
-from mtp_bench.viz.photo import HEIGHT, draw_photo, photo_of, photos_around, projected
+from mtp_bench.viz.photo import HEIGHT, photo_of, photos_around, projected
 from mtp_bench.viz.replay import Replay, replay
 from tests.support.camera_images import GREY, write_image
 from tests.support.camera_images import SIZE as PIXELS
@@ -127,23 +127,6 @@ def test_the_row_shows_the_image_and_the_boxes(seen: Replay) -> None:
         assert near(row, ROLES[role]) > 50, role
 
 
-def test_an_event_at_the_end_has_two_small_images(seen: Replay) -> None:
-    gone = replace(seen, images=tuple(image for image in seen.images if image.frame <= EVENT))
-    photos = photos_around(event(gone))
-    assert [t for t, photo in photos.items() if photo is not None] == [EVENT - 1, EVENT]
-    assert report(event(gone)).size == (SIZE[0], SIZE[1] + HEIGHT)
-
-
-def test_from_near_the_object_fills_the_picture(seen: Replay) -> None:
-    photo = photo_of(event(seen), EVENT)
-    assert photo is not None
-    whole, close = draw_photo(photo, (300, 200)), draw_photo(photo, (300, 200), 150.0)
-    assert whole is not None
-    assert close is not None
-    green = ROLES["truth"]
-    assert near(close, green) > 2 * near(whole, green) > 0
-
-
 @pytest.mark.parametrize("content", [b"", b"no image", b"\xff\xd8\xff\xe0 cut off"], ids=["empty", "text", "cut off"])
 def test_a_broken_image_is_named_and_the_rest_is_drawn(content: bytes, seen: Replay, tmp_path: Path) -> None:
     photo = photo_of(event(seen), EVENT)
@@ -153,11 +136,3 @@ def test_a_broken_image_is_named_and_the_rest_is_drawn(content: bytes, seen: Rep
     assert 0.2 * SIZE[0] * HEIGHT < near(row, GREY, 4) < 0.6 * SIZE[0] * HEIGHT
     save_report(tmp_path / "a.png", event(seen))
     assert (tmp_path / "a.png").is_file()
-
-
-def test_an_image_of_another_size_is_shown_as_well(seen: Replay) -> None:
-    photo = photo_of(event(seen), EVENT)
-    assert photo is not None
-    write_image(photo.image.path, (400, 225))
-    assert photo.picture is not None
-    assert photo.picture.size == PIXELS

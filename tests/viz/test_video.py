@@ -67,12 +67,6 @@ def test_a_video_holds_every_frame_of_the_first_scene(
     assert [path.name for path in tmp_path.iterdir()] == [f"a{suffix}"]
 
 
-def test_pictures_per_second_and_scene(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
-    cli.ok("video", events_run, "-o", tmp_path / "A.GIF", *known, "--scene", "0006", "--fps", 4)
-    shown, rate = frames_of((tmp_path / "A.GIF").rename(tmp_path / "a.gif"))
-    assert (len(shown), rate) == (7, 4.0)
-
-
 def test_an_event_is_shown_with_what_is_around_it(drawn: Callable[[str], Replay]) -> None:
     played = drawn("0001")
     assert frames_around(played, None) == range(9)
@@ -117,13 +111,6 @@ def test_one_clear_error(
     monkeypatch.chdir(tmp_path)
     assert message in cli("video", events_run, "-o", "a.gif", *known, *arguments).error
     assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("name", ["a.avi", "gif"])
-def test_an_unknown_suffix_is_wrong_usage(name: str, cli: CommandLine, events_run: Path, tmp_path: Path) -> None:
-    output = cli("video", events_run, "-o", tmp_path / name)
-    assert output.status == 2
-    assert "ends in .mp4 or .gif" in " ".join(output.err.replace("│", " ").split())
 
 
 def test_without_pyav_one_sentence_says_what_to_install(
