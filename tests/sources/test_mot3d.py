@@ -12,7 +12,7 @@ from mtp_bench.cards import Card, load_card, parse_card
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
 from mtp_bench.types import Scene
-from tests.support.source_files import card_of, write
+from tests.support.source_files import write
 
 SEQUENCE = "TUD-Stadtmitte"
 TEN = 10  # frames of the small sequence
@@ -189,37 +189,9 @@ def test_a_simulated_detector_needs_no_detections_and_sees_every_person(root: Pa
     assert plain.detector.startswith("clean, simulated")  # never under the name of the stored ones
 
 
-@pytest.mark.parametrize(
-    ("card", "text"),
-    [
-        pytest.param({"task": {"rate": 7.0}}, "7 Hz, but TUD-Stadtmitte has 5 Hz", id="rate"),
-        pytest.param({"task": {"rate": 5.0}, "stride": 2}, "stride 2 gives 2.5 Hz", id="rate of a stride"),
-        pytest.param({"scene_frames": 2}, "scene_frames is 2, expected at least 3", id="scenes without targets"),
-    ],
-)
-def test_cards_that_do_not_fit(root: Path, card: dict[str, Any], text: str) -> None:
-    with pytest.raises(CardError, match=text):
-        open_source(mot3d_card(**card), root)
-
-
-@pytest.mark.parametrize("classes", [["car"], ["pedestrian", "car"]])
-def test_there_are_only_pedestrians(root: Path, classes: list[str]) -> None:
-    with pytest.raises(CardError, match="3DMOT2015 has no class 'car'"):
-        open_source(card_of("MTP-PETS-v0", classes, 7.0), root)
-
-
 def test_unknown_scene(root: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown scene 'TUD-Stadtmitte-0001'"):
         load(root, "0001")  # of the other split
-
-
-@pytest.mark.parametrize("folder", ["mot3d2015", "3DMOT2015", "."])
-def test_the_root_is_the_parent_or_the_folder_itself(root: Path, folder: str) -> None:
-    data = root if folder == "." else root.parent
-    if folder == "3DMOT2015":
-        root.rename(root.parent / folder)
-    assert open_source(mot3d_card(), data).names == (f"{SEQUENCE}-0005",)
-    assert describe(mot3d_card(), data).usable
 
 
 def test_missing_root(root: Path, tmp_path: Path) -> None:

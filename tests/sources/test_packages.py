@@ -1,43 +1,79 @@
-"""Every source that a card can name has a package of its name, which also says what it is and where it looked."""
+"""Rules that all sources share: their packages, roots, facts, and cards that do not fit."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mtp_bench._bundle import card_ids
-from mtp_bench.cards import load_card
-from mtp_bench.cards.source import SOURCES
-from mtp_bench.sources import about, describe
+from mtp_bench.cards import Card, load_card
+from mtp_bench.cards.source import SOURCES, source_class
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.sources import about, describe, open_source
 from mtp_bench.sources.base import SourcePackage
+from tests.sources import test_kitti as kitti
+from tests.sources import test_mot3d as mot3d
+from tests.sources import test_wildtrack as wildtrack
+from tests.support.nuscenes_root import nuscenes_card, write_root
+from tests.support.source_files import with_task
 
-
-@pytest.mark.parametrize("name", SOURCES)
-def test_a_section_has_a_package(name: str) -> None:
-    assert isinstance(import_module(f"mtp_bench.sources.{name}").PACKAGE, SourcePackage)
-
-
-FOLDERS = {
-    "MTP-KITTI-v0": ["kitti_tracking", ""],
-    "MTP-nuScenes-v0": ["nuscenes", ""],
-    "MTP-WILDTRACK-v0": ["wildtrack", "Wildtrack_dataset", ""],
-    "MTP-PETS-v0": ["mot3d2015", "3DMOT2015", ""],
+ROOTS: dict[str, tuple[Card, Callable[[Path], Path], tuple[str, ...], str]] = {  # card, root, folders, where to get it
+    "kitti": (kitti.kitti_card(), kitti.make_root, ("kitti_tracking",), "cvlibs.net"),
+    "mot3d": (mot3d.mot3d_card(), mot3d.make_root, ("mot3d2015", "3DMOT2015"), "motchallenge.net"),
+    "wildtrack": (
+        wildtrack.wildtrack_card(split="test"),
+        wildtrack.make_root,
+        ("wildtrack", "Wildtrack_dataset"),
+        "epfl.ch",
+    ),
+    "nuscenes": (nuscenes_card(), lambda data: write_root(data) / "nuscenes", ("nuscenes",), "nuscenes.org"),
 }
 
 
-@pytest.mark.parametrize("env_id", FOLDERS)
-def test_status_of_a_missing_root(env_id: str, tmp_path: Path) -> None:
-    status = describe(load_card(env_id), tmp_path)
-    assert status.searched == tuple(tmp_path / folder for folder in FOLDERS[env_id])
-    assert (status.root, status.usable, status.missing) == (None, False, [])
-    about = status.about
-    assert all((about.layout, about.licence, about.citation, about.how_to_get))
+@pytest.mark.parametrize("name", SOURCES)
+def test_a_registered_source_has_a_section_and_a_package(name: str) -> None:
+    assert "val" in source_class(name).splits
+    assert isinstance(import_module(f"mtp_bench.sources.{name}").PACKAGE, SourcePackage)
+
+
+@pytest.mark.parametrize("name", ROOTS)
+def test_roots(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dataset lies in a folder of the data root, or the data root is that folder."""
+    card, make_root, folders, address = ROOTS[name]
+    missing = describe(card, tmp_path / "nothing")
+    assert missing.searched == tuple(tmp_path / "nothing" / folder for folder in (*folders, ""))
+    assert (missing.root, missing.usable, missing.missing) == (None, False, [])
+    with pytest.raises(DataError, match=rf"(?s){folders[0]}.*given as data root.*{address}"):
+        open_source(card, tmp_path / "nothing")
+    root = make_root(tmp_path)
+    names = open_source(card, root).names
+    for folder in folders:
+        root = root.rename(tmp_path / folder)
+        assert open_source(card, tmp_path).names == names
+    monkeypatch.setenv("MTP_BENCH_DATA", str(tmp_path))
+    source = open_source(card)
+    assert describe(card).usable
+    with pytest.raises(UnknownNameError, match="unknown scene 'nowhere'"):
+        source.load("nowhere")
+
+
+@pytest.mark.parametrize("change", [{"classes": ("pedestrian", "cars")}, {"rate": 3.3}], ids=["class", "rate"])
+@pytest.mark.parametrize("name", ROOTS)
+def test_cards_that_do_not_fit(name: str, change: dict[str, Any], tmp_path: Path) -> None:
+    card, make_root, *_ = ROOTS[name]
+    text = "has no class 'cars'" if "classes" in change else r"task\.rate is 3\.3 Hz, but .* has"
+    with pytest.raises(CardError, match=text):
+        open_source(with_task(card, **change), make_root(tmp_path))
 
 
 @pytest.mark.parametrize("env_id", card_ids())
-def test_what_is_known_of_a_dataset_needs_no_data(env_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_facts_of_a_dataset_need_no_data(env_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
     card = load_card(env_id)
-    assert about(card) == describe(card, tmp_path / "data").about
+    facts = about(card)
+    assert facts == describe(card, tmp_path / "data").about
+    assert all((facts.name, facts.licence, facts.citation, facts.how_to_get))

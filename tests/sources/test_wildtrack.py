@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.errors import DataError, UnknownNameError
 from mtp_bench.sources import describe
 from mtp_bench.sources.people import as_places
 from mtp_bench.sources.wildtrack.files import read_detections
@@ -138,27 +138,6 @@ def test_velocities_look_back(root: Path) -> None:
     np.testing.assert_allclose(walker[[1, 2, 4]], np.tile([2.0, 0.0], (3, 1)))
     assert np.isnan(walker[[0, 3]]).all()
     np.testing.assert_allclose(truth.velocity[truth.object_id == 2][1:], 0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"classes": ("pedestrian", "car")}, "no class 'car'"),
-        ({"rate": 10.0}, r"task.rate is 10 Hz, but WILDTRACK has 2 Hz"),
-    ],
-)
-def test_cards_that_do_not_fit(root: Path, change: dict[str, Any], message: str) -> None:
-    card = wildtrack_card()
-    with pytest.raises(CardError, match=message):
-        Wildtrack(card.model_copy(update={"task": card.task.model_copy(update=change)}), root)
-
-
-@pytest.mark.parametrize("folder", ["wildtrack", "Wildtrack_dataset", ""])
-def test_folders_in_which_it_is_found(root: Path, folder: str) -> None:
-    place = root.parent / "data" / folder
-    place.parent.mkdir(exist_ok=True)
-    root.rename(place)
-    assert Wildtrack(wildtrack_card(), root.parent / "data").root == place
 
 
 def test_status(root: Path) -> None:

@@ -43,3 +43,8 @@ def with_source(env_id: str, **source: Any) -> Card:
     """A shipped card with other entries of its source, unchecked."""
     card = load_card(env_id)
     return card.model_copy(update={"source": card.source.model_copy(update=source)})
+
+
+def with_task(card: Card, **task: Any) -> Card:
+    """A card with other entries of its task, unchecked."""
+    return card.model_copy(update={"task": card.task.model_copy(update=task)})
