@@ -28,8 +28,8 @@ from mtp_bench.prediction.presence import file_of, read_model
 from mtp_bench.running.options import RunOptions
 from mtp_bench.training import Windows, windows
 from mtp_bench.training.predictors import HYPOTHESES, TrainingRequest, has_future, train_predictor, training_windows
-from mtp_bench.training.presence import fit, quality, said_by
-from mtp_bench.training.presence_rows import PresenceRecipe, Rows, training_rows
+from mtp_bench.training.presence import fit, probabilities, quality
+from mtp_bench.training.presence_rows import PresenceRecipe, PresenceRows, training_rows
 
 PRESENCE = {"megvii": ("nuscenes_megvii_raw", "nuscenes_megvii"), "pointrcnn": ("kitti_pointrcnn_raw",)}
 REAL, SIMULATED = "MTP-nuScenes-v0", ("MTP-IntersectionRaw-v0", "MTP-Roundabout-v0")
@@ -46,7 +46,7 @@ def presence(given: argparse.Namespace) -> None:
         said = {"recorded": fit(rows, recipe)[1], "recorded, all features": fit(rows, same)[1]}
         for profile in profiles:
             model, _ = read_model(file_of(profile))
-            said[profile] = said_by(model, rows)
+            said[profile] = probabilities(model, rows)
         best = max(_auc(rows, said[name], None) for name in ("recorded", "recorded, all features"))
         print(f"{detector}: {len(rows.present)} tracks in frames, {100 * rows.present.mean():.0f} % there")
         for name, values in said.items():
@@ -55,7 +55,7 @@ def presence(given: argparse.Namespace) -> None:
             print(f"  {name:28} AUC {every:.4f} ({100 * every / best:.1f} % of the best fitted here); {own}")
 
 
-def _auc(rows: Rows, said: np.ndarray, class_name: str | None) -> float:
+def _auc(rows: PresenceRows, said: np.ndarray, class_name: str | None) -> float:
     mine = np.ones(len(said), dtype=bool) if class_name is None else rows.class_name == class_name
     return float(quality(said[mine], rows.present[mine])["auc"])
 

@@ -1,4 +1,4 @@
-"""``mtp-bench train``: parameters of the baselines, fitted on training splits."""
+"""``mtp-bench train``: fits of the parameters of baselines on training splits."""
 
 from __future__ import annotations
 
@@ -61,22 +61,22 @@ def predictor(
         str | None,
         typer.Option(
             "--on",
-            help="truth: true pasts. tracklets: what a tracker makes. Default: truth; of affinity and tracking_free "
+            help="truth: true pasts. tracklets: those of a tracker. Default: truth; for affinity and tracking_free "
             "tracklets.",
             autocompletion=words("truth", "tracklets"),
         ),
     ] = None,
     also: Annotated[list[str] | None, typer.Option(help="Learn from this environment too; may be repeated.")] = None,
-    hypotheses: Annotated[int, typer.Option(min=1, help="Of the tracker whose tracklets are learnt from.")] = 20,
-    epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; else what suits the network.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of all random numbers.")] = 0,
+    hypotheses: Annotated[int, typer.Option(min=1, help="Hypotheses of the tracker of the tracklets.")] = 20,
+    epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; default: by network.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")] = 0,
     device: Annotated[
         str,
-        typer.Option(help="auto (a GPU where there is one), cpu or cuda.", autocompletion=words("auto", "cpu", "cuda")),
+        typer.Option(help="auto (a GPU if there is one), cpu or cuda.", autocompletion=words("auto", "cpu", "cuda")),
     ] = "auto",
     jobs: JobsOption = 0,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File of the weights; else where agents look for them.")
+        Path | None, typer.Option("-o", "--output", help="File of the weights; default: where agents look for them.")
     ] = None,
 ) -> None:
     """Train a predictor on the training split of an environment (or another).
@@ -101,7 +101,7 @@ def predictor(
     options, without = _learnt_from(on, jobs)
     _require_place(output, options)
     request = TrainingRequest(network, on.env, chosen, hypotheses, without, tuple(also or ()), plan, device)
-    device_of(device)  # nobody waits for scenes to hear that there is no GPU, or no such env
+    device_of(device)  # before the scenes are read
     for env in (on.env, *request.also):
         options.card(env)
     for env in (on.env, *request.also):
@@ -118,7 +118,7 @@ def predictor(
 
 
 def _require_place(output: Path | None, options: RunOptions) -> None:
-    """Refuse weights of other data than the env's training split where every run of the env would take them."""
+    """Refuse to put weights of other data than the training split where every run of the env finds them."""
     changes = {"--detections": options.detection_file, "--detector": options.detector, "--files": options.files}
     other = next((name for name, given in changes.items() if given is not None), f"--split {options.split}")
     if output is None and other != "--split train":
@@ -128,7 +128,7 @@ def _require_place(output: Path | None, options: RunOptions) -> None:
         )
 
 
-DetectorArgument = Annotated[str, typer.Argument(help="A detector whose training scenes are known.")]
+DetectorArgument = Annotated[str, typer.Argument(help="A detector with a file in mtp_bench/tracking/detectors.")]
 
 
 def presence(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:

@@ -1,7 +1,7 @@
-"""Reducing a pool of samples to k of its own that stand for it: a weighted k-median, found greedily.
+"""Greedy sampler: k samples of a pool that represent it, by a greedy weighted k-median.
 
-Made for pools of weighted samples of learned modes: few, distinct, each with a weight of its own. What is chosen keeps
-the shape that a mode had; the mean of a cluster is no future that any mode said.
+It suits pools of learned modes: few, distinct and weighted. The chosen samples keep the shape of a mode; the mean of a
+cluster would be a future that no mode has.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .pools import as_points, existing, masses, pass_on, singles
 
 @kernel("void(f8[:, ::1], i8[::1], f4[:, ::1])")
 def _turn(points: Floats, there: Ints, turned: Floats) -> None:
-    """Points [S, d] at ``there`` [n] as [d, n], relative to the first one: single precision suffices to choose."""
+    """Write points [S, d] at ``there`` [n] as [d, n], relative to the first one, in single precision."""
     for axis in range(len(turned)):
         for i in range(len(there)):
             turned[axis, i] = points[there[i], axis] - points[there[0], axis]
@@ -26,9 +26,9 @@ def _turn(points: Floats, there: Ints, turned: Floats) -> None:
 
 @kernel("void(f4[:, ::1], f4[:, ::1])", vectorize=True)
 def _distances(turned: Floats, distance: Floats) -> None:
-    """Distances [n, n] of futures [2 T, n], summed over the T positions; each pair is measured once."""
+    """Write distances [n, n] of futures [2 T, n], summed over the T positions; each pair is computed once."""
     for i in range(len(distance)):
-        row = distance[i, i:]  # from 0 on: indices that may be negative are not vectorised
+        row = distance[i, i:]  # from 0 on: only then the loop is vectorised
         for j in range(len(row)):
             row[j] = np.float32(0.0)
         for axis in range(0, len(turned), 2):
@@ -43,7 +43,7 @@ def _distances(turned: Floats, distance: Floats) -> None:
 
 @kernel("void(f4[:, ::1], f8[::1], f8[::1])", vectorize=True)
 def _expected(distance: Floats, mass: Floats, expected: Floats) -> None:
-    """The mean distance [n] of all samples, by mass, from each one."""
+    """Write the mean distance [n] of all samples, by mass, from each one."""
     for c in range(len(expected)):
         expected[c] = 0.0
     for s in range(len(mass)):
@@ -54,16 +54,16 @@ def _expected(distance: Floats, mass: Floats, expected: Floats) -> None:
 
 @kernel("void(f4[::1], f8, f4, f4, f8[::1])", vectorize=True)
 def _lower(row: Floats, mass: float, before: float, now: float, gain: Floats) -> None:
-    """Gains [n] fall as a sample with these distances [n] from all others comes nearer to the chosen ones."""
-    nothing = np.float32(0.0)
+    """Lower the gains [n] when a sample with these distances [n] from all others gets a nearer chosen one."""
+    zero = np.float32(0.0)
     for c in range(len(gain)):
         could, can = before - row[c], now - row[c]
-        gain[c] -= mass * ((could if could > nothing else nothing) - (can if can > nothing else nothing))
+        gain[c] -= mass * ((could if could > zero else zero) - (can if can > zero else zero))
 
 
 @kernel("i8(f4[:, ::1], f8[::1], f4[::1], f8[::1])")
 def _first(distance: Floats, mass: Floats, least: Floats, gain: Floats) -> int:
-    """The weighted medoid, the first of equals; distances [n] from it, and what each other would gain as the second."""
+    """The weighted medoid, the first of equals; distances [n] from it and gains [n] of a second choice are written."""
     _expected(distance, mass, gain)
     medoid = 0
     for c in range(len(gain)):
@@ -77,10 +77,10 @@ def _first(distance: Floats, mass: Floats, least: Floats, gain: Floats) -> int:
 
 @kernel("i8(f4[:, ::1], f8[::1], i8[::1], f4[::1], i8[::1], f8[::1])")
 def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest: Ints, gain: Floats) -> int:
-    """Samples of which each lowers the expected distance most, the first of equals; how many.
+    """Number of samples, each of which lowers the expected distance most, the first of equals.
 
-    ``distance`` [n, n], ``mass`` [n]; ``chosen`` [k]: their places, fewer if no other lowers it; ``least`` and
-    ``nearest`` [n]: distance and number of the nearest chosen one; ``gain`` [n]: by how much each would lower it.
+    ``distance`` [n, n], ``mass`` [n]; ``chosen`` [k]: their places; ``least`` and ``nearest`` [n]: distance and
+    number of the nearest chosen one; ``gain`` [n]: by how much each would lower the expected distance.
     """
     best = _first(distance, mass, least, gain)
     for s in range(len(mass)):
@@ -92,7 +92,7 @@ def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest
             if now < least[s]:
                 _lower(distance[s], mass[s], least[s], now, gain)
                 least[s], nearest[s] = now, j
-            if now == 0.0:  # its equals and itself, whatever rounding leaves of their gain
+            if now == 0.0:  # itself and its equals, whose gain may differ from 0 by rounding
                 gain[s] = -np.inf
         for c in range(len(gain)):
             best = c if gain[c] > gain[best] else best
@@ -103,7 +103,7 @@ def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest
 
 @kernel("void(f8[::1], i8[::1], i8, f8, f8[::1])")
 def _weigh(mass: Floats, nearest: Ints, n: int, log_total: float, log_weight: Floats) -> None:
-    """Log-weights [k] of the ``n`` samples taken: the weight of the samples that are nearest to each."""
+    """Write log-weights [k] of the ``n`` chosen samples: the weight of the samples that are nearest to each."""
     for j in range(len(log_weight)):
         log_weight[j] = 0.0
     for s in range(len(mass)):
@@ -115,9 +115,9 @@ def _weigh(mass: Floats, nearest: Ints, n: int, log_total: float, log_weight: Fl
 
 @kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1])")
 def k_medians(pool: Floats, log_weight: Floats, chosen: Floats, chosen_log_weight: Floats) -> None:
-    """Samples [O, k, d] and log-weights [O, k] chosen of pools [O, S, d] weighted [O, S], d = 2 T.
+    """Write samples [O, k, d] and log-weights [O, k] chosen from pools [O, S, d] weighted [O, S], d = 2 T.
 
-    A pool of at most k existing samples is passed on.
+    A pool of at most k existing samples is copied.
     """
     size, k = pool.shape[1], chosen.shape[1]
     there, mass, places = ints(size), floats(size), ints(k)
@@ -133,26 +133,26 @@ def k_medians(pool: Floats, log_weight: Floats, chosen: Floats, chosen_log_weigh
         distance = table[pool.shape[2] * n : pool.shape[2] * n + n * n].reshape(n, n)
         _turn(pool[o], there[:n], turned)
         _distances(turned, distance)
-        found = _choose(distance, mass[:n], places, least[:n], nearest[:n], gain[:n])
-        for j in range(found):
+        count = _choose(distance, mass[:n], places, least[:n], nearest[:n], gain[:n])
+        for j in range(count):
             places[j] = there[places[j]]
-        pass_on(pool[o], log_weight[o], places, found, chosen[o], chosen_log_weight[o])
-        _weigh(mass[:n], nearest[:n], found, log_total, chosen_log_weight[o])
+        pass_on(pool[o], log_weight[o], places, count, chosen[o], chosen_log_weight[o])
+        _weigh(mass[:n], nearest[:n], count, log_total, chosen_log_weight[o])
 
 
 class GreedySampler:
     """Samples of the pool that minimise its expected minADE, chosen one by one: a greedy weighted k-median.
 
-    The first is the weighted medoid, each next one lowers the expected distance to the nearest one most. Greedy choices
-    lower it by at least 1 - 1/e of what the best ones could, after the first (Nemhauser, Wolsey, Fisher 1978).
+    The first is the weighted medoid, each next one lowers the expected distance to the nearest one most. After the
+    first, greedy choices reach at least 1 - 1/e of the best possible reduction (Nemhauser, Wolsey, Fisher 1978).
     """
 
     def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """``k`` samples [O, k, T, 2] and log-weights [O, k] of the pool [O, S, T, 2] weighted ``log_weight`` [O, S].
 
-        A sample with log-weight -inf does not exist. A pool that has at most k samples is returned as it is. No sample
-        is chosen twice: of fewer distinct ones the rest does not exist. The log-weight of a chosen sample is that of
-        all samples that are nearest to it, so that the pool's total is kept. ``rng`` is not used.
+        A sample with log-weight -inf does not exist. A pool of at most k samples is returned as it is. No sample is
+        chosen twice: with fewer distinct samples the rest does not exist. The log-weight of a chosen sample is that of
+        all samples that are nearest to it, so the pool's total is kept. ``rng`` is not used.
         """
         objects, _, future, _ = pool.shape
         chosen, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))

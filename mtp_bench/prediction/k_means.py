@@ -1,7 +1,7 @@
-"""Reducing a pool of samples to k that stand for it, by weighted k-means (paper, "Trajectory Sampling").
+"""Sampler by weighted k-means: k samples that represent a pool (paper, "Trajectory Sampling").
 
-The clusters of all objects are found by compiled code: no distance matrix, whatever the number of samples. Samples that
-move with constant acceleration are told by six numbers each, which have the same distances as their T positions.
+Compiled code clusters the pools of all objects without a distance matrix. Samples of constant acceleration are
+clustered by six coordinates each, which have the same distances as their T positions.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints
 from .pools import as_points, existing, masses, pass_on, single_table, singles
 
-_JUST_BELOW = 1.0 - 2.0**-53  # times a number: the next one below it, or that number's half unit
+_JUST_BELOW = 1.0 - 2.0**-53  # factor to the next number below, up to half a unit
 _BLOCK = 8  # chances that are summed at once
 _DEGREES = 3  # coordinates of a quadratic polynomial
 _AT_ONCE = 6  # axes in one pass over the points
-_EXACT = 1e-12  # squared share of a pool's extent that its coordinates may miss: a millionth of it
+_EXACT = 1e-12  # squared error of the coordinates as a share of a pool's squared extent: a millionth of it
 
 
 @kernel("f4(f8[::1], i8)")
@@ -48,9 +48,9 @@ def _closer(turned: Floats, centre: Floats, j: int, distance: Floats, least: Flo
 
 @kernel("i8(f8[::1], f8[::1], f8)")
 def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
-    """The place that a uniform number draws in proportion to ``chance`` [8 B]; -1 if there is no chance at all.
+    """The place that a uniform number draws in proportion to ``chance`` [8 B]; -1 if all chances are 0.
 
-    Sums of blocks [B] do not wait for each other, and few are looked into.
+    Sums of blocks [B] are independent of each other, and few blocks are searched.
     """
     total = 0.0
     for b in range(len(block)):
@@ -90,9 +90,9 @@ def _seed(
     chance: Floats,
     block: Floats,
 ) -> None:
-    """Each next centre is a point drawn in proportion to weight x squared distance from the centres so far.
+    """Draw centres in proportion to weight x squared distance from the centres so far.
 
-    Every point is then with its nearest centre, the first of equally near ones.
+    Every point then belongs to its nearest centre, the first of equally near ones.
     """
     for s in range(len(weight)):
         least[s] = np.float32(np.inf)
@@ -112,9 +112,9 @@ def _seed(
 
 @kernel("b1(f4[:, ::1], f8[:, ::1], f4[::1], f4[::1], i4[:, ::1])", vectorize=True)
 def _assign(turned: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints) -> bool:
-    """Give every point to its nearest centre, the first of equally near ones; whether any changed.
+    """Assign every point to its nearest centre, the first of equally near ones; True if any changed.
 
-    ``nearest`` [2, S]: those of the points now, and before.
+    ``nearest`` [2, S]: centres of the points now, and before.
     """
     now, before = nearest[0], nearest[1]
     for s in range(len(distance)):
@@ -130,7 +130,7 @@ def _assign(turned: Floats, centre: Floats, distance: Floats, least: Floats, nea
 
 @kernel("void(f8[::1], i4[::1], f8[::1])")
 def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
-    """Weight of the points of each centre."""
+    """Write the weight of the points of each centre."""
     for j in range(len(share)):
         share[j] = 0.0
     for s in range(len(weight)):
@@ -139,7 +139,7 @@ def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
 
 @kernel("void(f8[:, ::1], f8[::1], i4[::1], f8[:, ::1], f8[::1])")
 def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: Floats) -> None:
-    """Move every centre to the mean of its points; one without any stays. ``share``: their weight."""
+    """Move every centre to the mean of its points; a centre without points stays. ``share``: their weight."""
     _shares(weight, nearest, share)
     for j in range(len(centre)):
         for axis in range(centre.shape[1]):
@@ -174,7 +174,7 @@ def polynomials(future: int) -> Floats:
 
 @kernel("b1(f8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1])")
 def _motions(points: Floats, there: Ints, basis: Floats, motion: Floats) -> bool:
-    """Coordinates [n, 6] of points [S, 2 T] relative to the first one; whether they tell all of them.
+    """Write coordinates [n, 6] of points [S, 2 T] relative to the first one; True if they determine the points.
 
     Position, velocity and acceleration of x and y, in turn.
     """
@@ -198,7 +198,7 @@ def _motions(points: Floats, there: Ints, basis: Floats, motion: Floats) -> bool
 
 @kernel("void(f8[:, ::1], i8[::1], f8[:, ::1])", vectorize=True)
 def _offsets(points: Floats, there: Ints, offset: Floats) -> None:
-    """Points [S, d] at ``there`` [n] relative to the first one: [n, d]."""
+    """Write points [S, d] at ``there`` [n] relative to the first one: [n, d]."""
     for i in range(len(offset)):
         for axis in range(offset.shape[1]):
             offset[i, axis] = points[there[i], axis] - points[there[0], axis]
@@ -206,7 +206,7 @@ def _offsets(points: Floats, there: Ints, offset: Floats) -> None:
 
 @kernel("void(f8[:, ::1], f4[:, ::1])")
 def _turn(points: Floats, turned: Floats) -> None:
-    """Points [n, d] as [d, n] in single precision, which halves the memory; they are relative to one of them."""
+    """Write points [n, d], relative to one of them, as [d, n] in single precision, which halves the memory."""
     for s in range(len(points)):
         for axis in range(len(turned)):
             turned[axis, s] = points[s, axis] if axis < points.shape[1] else 0.0
@@ -214,7 +214,7 @@ def _turn(points: Floats, turned: Floats) -> None:
 
 @kernel("void(f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])")
 def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) -> None:
-    """Points [k, 2 T] of coordinates [k, 6] relative to ``origin`` [2 T]."""
+    """Write points [k, 2 T] of coordinates [k, 6] relative to ``origin`` [2 T]."""
     for j in range(len(found)):
         for t in range(basis.shape[1]):
             for axis in range(2):
@@ -226,7 +226,7 @@ def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) 
 
 @kernel("void(f8[:, ::1], f8[::1], f8[::1], i8, f8[:, ::1], f8[::1])")
 def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, centre: Floats, share: Floats) -> None:
-    """Centres [k, d] and their share of the weight [k] of points [n, d] weighted [n], relative to one of them."""
+    """Write centres [k, d] and shares of the weight [k] of points [n, d] weighted [n], relative to one of them."""
     n, d = points.shape
     turned = single_table((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n)
     distance, least = singles(n), singles(n)
@@ -253,7 +253,7 @@ def _clusters_of(
     centre: Floats,
     share: Floats,
 ) -> None:
-    """Centres [k, d] and shares [k] of the points at ``there`` [n], weighted [n]; ``basis``: [3, T], or [3, 0]."""
+    """Write centres [k, d] and shares [k] of points at ``there`` [n], weighted [n]; ``basis``: [3, T] or [3, 0]."""
     origin = points[there[0]]
     motion = zeros(len(there), 2 * _DEGREES)
     if basis.shape[1] and _motions(points, there, basis, motion):
@@ -271,7 +271,7 @@ def _clusters_of(
 
 @kernel("f8[:, ::1](i8)")
 def _basis(size: int) -> Floats:
-    """The polynomials of points of ``size`` numbers, none where they would not be shorter."""
+    """The polynomials of points of ``size`` numbers; empty if the coordinates would not be fewer."""
     return polynomials(size // 2) if size > 2 * _DEGREES else zeros(_DEGREES, 0 * size)
 
 
@@ -279,10 +279,10 @@ def _basis(size: int) -> Floats:
 def k_means(
     pool: Floats, log_weight: Floats, uniform: Floats, iterations: int, centre: Floats, centre_log_weight: Floats
 ) -> None:
-    """Centres [O, k, d] and the logarithms of their shares of the weight [O, k], of pools [O, S, d] weighted [O, S].
+    """Write centres [O, k, d] and log-shares of the weight [O, k], of pools [O, S, d] weighted [O, S].
 
     Seeds of k-means++, for uniform numbers [crowded objects, k], then at most ``iterations`` of Lloyd's algorithm
-    (Arthur, Vassilvitskii 2007). A pool of at most k existing samples is passed on.
+    (Arthur, Vassilvitskii 2007). A pool of at most k existing samples is copied.
     """
     size, k, crowded = pool.shape[1], centre.shape[1], 0
     basis = _basis(pool.shape[2])
@@ -311,8 +311,8 @@ class KMeansSampler:
     def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """``k`` centres [O, k, T, 2] and log-weights [O, k] for the pool [O, S, T, 2] weighted ``log_weight`` [O, S].
 
-        A sample with log-weight -inf does not exist. A pool that has at most k samples is returned as it is. Objects
-        may come in one call or in several: the random numbers are drawn object by object.
+        A sample with log-weight -inf does not exist. A pool of at most k samples is returned as it is. Objects may come
+        in one call or in several: the random numbers are drawn object by object.
         """
         objects, _, future, _ = pool.shape
         centre, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))

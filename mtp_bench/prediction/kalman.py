@@ -1,7 +1,7 @@
 """A Kalman filter over the short past of many tracks at once, in the heading frame of each track.
 
 Along and across the heading the motion is taken as independent: a nearly constant velocity disturbed by white
-acceleration (Bar-Shalom, Li, Kirubarajan 2001, ch. 6). What it needs to know is fitted, see ``motion_noise``.
+acceleration (Bar-Shalom, Li, Kirubarajan 2001, ch. 6). Its noise is fitted, see ``motion_noise``.
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ def filter_pasts(
                 vv += q * dt
                 if not valid[i, step]:
                     continue
-                if not started:  # before its first detection a track has no state: begin there with the prior
+                if not started:  # the state begins at the first detection, with the prior
                     p, pp, pv, vv, started = position[i, step, axis], r2, 0.0, prior, True
                     continue
                 residual, gain_p, gain_v = position[i, step, axis] - p, pp / (pp + r2), pv / (pp + r2)
@@ -105,6 +105,6 @@ def filter_pasts(
                 vv -= gain_v * pv
                 pp, pv = (1 - gain_p) * pp, (1 - gain_p) * pv
             if not started and q == 0:
-                pp += r2  # else the variance is singular; a detection would have told as much of the place
+                pp += r2  # else the variance is singular
             row = state[i, axis]
             row[0], row[1], row[2], row[3], row[4] = p, v, pp, pv, vv

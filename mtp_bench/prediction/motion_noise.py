@@ -57,7 +57,7 @@ def domain(task: Task) -> str:
 
 
 def observed(task: Task) -> str:
-    """What pasts are made of and in which frame: the name of a fit in the file of its domain."""
+    """Name of the task's fit in the file of its domain: source of the pasts, and frame."""
     pasts = "truth" if task.observe == "truth" else family_of(task.detector)
     return f"{pasts}-{'world' if task.ego_motion else 'ego'}"
 
@@ -68,7 +68,7 @@ def condition(task: Task) -> str:
 
 
 def _similarity(name: str, task: Task) -> int:
-    """How well the stored condition ``name`` suits the task; 0: not at all."""
+    """Similarity of the stored condition ``name`` to the task's; 0: it cannot stand in."""
     stored_domain, pasts, frame = name.rsplit("-", 2)
     wanted, wanted_frame = observed(task).rsplit("-", 1)
     if frame != wanted_frame or (pasts == "truth") != (wanted == "truth"):

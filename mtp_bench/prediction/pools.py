@@ -1,4 +1,4 @@
-"""Pools of samples as the kernels of all samplers read them: which samples exist, and pools that need no reduction."""
+"""Pools of samples in the form of the samplers' kernels."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from ..types import Floats, Ints
 
 @kernel("f4[::1](i8)")
 def singles(n: int) -> Floats:
-    """Numbers [n] of single precision, not set."""
+    """Uninitialised numbers [n] of single precision."""
     return np.empty(n, np.float32)
 
 
 @kernel("f4[:, ::1](i8, i8)")
 def single_table(n: int, m: int) -> Floats:
-    """Numbers [n, m] of single precision, not set."""
+    """Uninitialised numbers [n, m] of single precision."""
     return np.empty((n, m), np.float32)
 
 
 @kernel("i8(f8[::1], i8[::1])")
 def existing(log_weight: Floats, there: Ints) -> int:
-    """How many samples have a finite log-weight [S]; their places are written to ``there`` [S]."""
+    """Number of samples with a finite log-weight [S]; their places are written to ``there`` [S]."""
     n = 0
     for s in range(len(log_weight)):
         if np.isfinite(log_weight[s]):
@@ -33,7 +33,7 @@ def existing(log_weight: Floats, there: Ints) -> int:
 
 @kernel("void(f8[:, ::1], f8[::1], i8[::1], i8, f8[:, ::1], f8[::1])")
 def pass_on(points: Floats, log_weight: Floats, there: Ints, n: int, chosen: Floats, chosen_log_weight: Floats) -> None:
-    """The ``n`` samples at ``there`` as they are, the first rows of ``chosen`` [k, d]; the others do not exist."""
+    """Copy the ``n`` samples at ``there`` to the first rows of ``chosen`` [k, d]; the others do not exist."""
     for j in range(len(chosen)):
         for axis in range(chosen.shape[1]):
             chosen[j, axis] = points[there[j], axis] if j < n else 0.0
@@ -42,9 +42,9 @@ def pass_on(points: Floats, log_weight: Floats, there: Ints, n: int, chosen: Flo
 
 @kernel("f8(f8[::1], i8[::1], i8, f8[::1])")
 def masses(log_weight: Floats, there: Ints, n: int, mass: Floats) -> float:
-    """Weights [n] that sum to 1 of the ``n`` samples at ``there``; the logarithm of what they summed to.
+    """Log of the total weight of the ``n`` samples at ``there``; writes their normalised weights to ``mass`` [n].
 
-    Relative to the heaviest: an object that only unlikely hypotheses hold must not vanish by underflow.
+    Weights are relative to the heaviest: an object of unlikely hypotheses alone must not vanish by underflow.
     """
     heaviest, total = -np.inf, 0.0
     for i in range(n):
@@ -58,7 +58,6 @@ def masses(log_weight: Floats, there: Ints, n: int, mass: Floats) -> float:
 
 
 def as_points(pool: Floats, log_weight: Floats) -> tuple[Floats, Floats]:
-    """The pool [O, S, T, 2] as points [O, S, 2 T] and its log-weights [O, S], as kernels take them."""
-    # Kernels take one order of arrays that may be written.
+    """The pool [O, S, T, 2] as points [O, S, 2 T] and its log-weights [O, S], contiguous and writable for kernels."""
     points = np.require(pool.reshape(*pool.shape[:2], 2 * pool.shape[2]), np.float64, ["C", "W"])
     return points, np.require(log_weight, np.float64, ["C", "W"])

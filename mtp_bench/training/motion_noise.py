@@ -1,26 +1,28 @@
-"""The fit of motion noise to windows of tracks.
+"""Fit of motion noise to windows of tracks.
 
 The criterion is the continuous ranked probability score of the forecast of each axis, averaged over the horizon: it is
-proper, needs no sampling, and a few broken tracks do not rule it as they would a likelihood (Gneiting, Raftery 2007).
+proper, needs no sampling, and a few broken tracks do not dominate it as in a likelihood (Gneiting, Raftery 2007).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from ..agent import Tracker
 from ..env.environment import OBSERVE, MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
-from ..prediction.kalman import NoiseTable, filtered
+from ..prediction.kalman import NoiseTable, filtered, heading_frame, rotation
 from ..prediction.motion_noise import noise_table, observed
 from ..running.options import DEFAULTS, Fold, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
-from ..types import Bools, Floats, Scene, Task
-from .motion_windows import collect
-from .split import open_split
+from ..tracks import Tracks
+from ..types import Bools, Floats, Ints, Scene, Task, joined, select
+from .split import observations, open_split
 
 
 def fit_env(
@@ -32,7 +34,7 @@ def fit_env(
     """TOML of the motion noise fitted on the training split of an env: tables for the file of its domain.
 
     ``options`` may name another split. ``observe``: "truth" for true pasts. ``without``: a fold whose scenes are left
-    out, see `open_split`. Raises MtpBenchError for whatever the user can mend, an empty split among it.
+    out, see `open_split`. Raises MtpBenchError if there is nothing to fit.
     """
     if observe not in OBSERVE:
         raise UnknownNameError("value of observe", observe, OBSERVE)
@@ -50,16 +52,16 @@ def fit_env(
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
     """Noise of every class of ``task`` from scenes of a training split, by class name.
 
-    The past is what the single-hypothesis tracker makes of the detections, or the true past if the task observes it.
-    A class without windows is left out.
+    Pasts are tracks of the single-hypothesis tracker, or true pasts if the task observes the truth. A class without
+    windows is left out.
     """
     tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker()
     windows = collect(scenes, task, tracker)
     rows = {}
     for class_id, name in enumerate(task.classes):
-        mine = windows.class_id == class_id
-        if mine.any():
-            rows[name] = fit_motion_noise(windows.position[mine], windows.valid[mine], windows.future[mine], task.dt)
+        own = select(windows, windows.class_id == class_id)
+        if len(own.class_id):
+            rows[name] = fit_motion_noise(own.position, own.valid, own.future, task.dt)
     return rows
 
 
@@ -88,7 +90,7 @@ def fit_motion_noise(position: Floats, valid: Bools, future: Floats, dt: float) 
     return {field: np.round(value, 4).tolist() for field, value in _row(np.exp(best.x)).items()}
 
 
-# Limits of the fit: measurement, jerkiness (2), speed (2), acceleration (2); a noise of 0 would make a filter deaf.
+# Limits of the fit: measurement, jerkiness (2), speed (2), acceleration (2). With no noise a filter ignores its input.
 _LIMITS = [(0.005, 1.0), (0.02, 10), (0.02, 10), (0.1, 30), (0.05, 10), (0.02, 10), (0.02, 10)]
 
 
@@ -112,9 +114,78 @@ def forecast_score(position: Floats, valid: Bools, future: Floats, noise: NoiseT
 
 
 def _crps(z: Floats) -> Floats:
-    """Score of a standard normal forecast where ``z`` came true."""
+    """Score of a standard normal forecast at the outcome ``z``."""
     from scipy.special import ndtr
 
     density = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
     score: Floats = z * (2 * ndtr(z) - 1) + 2 * density - 1 / math.sqrt(math.pi)
     return score
+
+
+@dataclass(frozen=True, eq=False)
+class MotionWindows:
+    """Windows of n tracks in the heading frame of their last box; the origin is its centre."""
+
+    position: Floats  # [n, P, 2]
+    valid: Bools  # [n, P]
+    future: Floats  # [n, T, 2]
+    class_id: Ints  # [n]
+
+
+def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float = 1.0) -> MotionWindows:
+    """Windows of the tracks of the first hypothesis whose true object has all T future frames.
+
+    The true object is the nearest one of the same class (BEV), at most ``gate`` metres away.
+    With ``task.observe == "truth"`` the tracker gets true boxes.
+    """
+    parts = [_empty(task), *(part for scene in scenes for part in _scene_windows(scene, task, tracker, gate))]
+    return joined(parts)
+
+
+def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> Iterable[MotionWindows]:
+    tracker.reset(task)
+    for t, observation in enumerate(observations(scene, task.observe)):
+        tracks = tracker.step(observation)
+        if t + task.future < scene.frames:
+            yield _frame_windows(scene, t, tracks, task, gate)
+
+
+def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float) -> MotionWindows:
+    truth = scene.truth
+    rows = truth.rows(t)
+    now = np.arange(rows.start, rows.stop)[truth.eligible[rows]]
+    leaf = np.flatnonzero(tracks.member[0])
+    distance = np.linalg.norm(tracks.box[leaf, None, :2] - truth.box[None, now, :2], axis=-1)
+    distance = np.where(tracks.class_id[leaf, None] == truth.class_id[None, now], distance, np.inf)
+    if distance.size == 0:
+        return _empty(task)
+    nearest = distance.argmin(axis=1)
+    near = distance[np.arange(len(leaf)), nearest] <= gate
+    future, complete = _futures(scene, t, truth.object_id[now[nearest]], task.future)
+    leaf, future = leaf[near & complete], future[near & complete]
+    heading = tracks.box[leaf, 3]
+    local = np.einsum("nti,nij->ntj", future - tracks.past[leaf, -1:, :2], rotation(heading))
+    position = heading_frame(tracks.past[leaf], heading)
+    return MotionWindows(position, tracks.past_valid[leaf], local, tracks.class_id[leaf])
+
+
+def _futures(scene: Scene, t: int, object_id: Ints, steps: int) -> tuple[Floats, Bools]:
+    """Positions [n, T, 2] of objects in the next frames, and a mask [n] of the objects with all of them."""
+    future = np.zeros((len(object_id), steps, 2))
+    complete = np.ones(len(object_id), dtype=bool)
+    for step in range(steps):
+        rows = scene.truth.rows(t + 1 + step)
+        same = object_id[:, None] == scene.truth.object_id[None, rows]
+        complete &= same.any(axis=1)
+        if same.size:
+            future[:, step] = scene.truth.box[rows, :2][same.argmax(axis=1)]
+    return future, complete
+
+
+def _empty(task: Task) -> MotionWindows:
+    return MotionWindows(
+        np.zeros((0, task.past, 2)),
+        np.zeros((0, task.past), dtype=bool),
+        np.zeros((0, task.future, 2)),
+        np.zeros(0, dtype=np.int64),
+    )

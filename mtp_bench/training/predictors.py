@@ -195,7 +195,7 @@ def _counts(data: TrainingSet) -> tuple[int, int]:
 
 
 def model_card(request: TrainingRequest, found: Windows, data: TrainingSet, end: Checkpoint) -> dict[str, Any]:
-    """How a file of weights was made."""
+    """The model card of a file of weights: data, plan and validation error of its training."""
     learnt, validated = _counts(data)
     return {
         "env": ", ".join(found.envs),

@@ -1,7 +1,7 @@
-"""The fit of presence: whether the object of a track is really there, from tracks of training scenes.
+"""Fit of presence: the probability that a track's object is really there, from tracks of training scenes.
 
-A logistic regression, fitted on all scenes; its calibration is an isotonic regression on what models that were fitted
-without a scene say of it.
+A logistic regression on all scenes, calibrated by isotonic regression on held-out probabilities: those of models that
+were fitted without the scene.
 """
 
 from __future__ import annotations
@@ -17,35 +17,35 @@ from ..errors import MtpBenchError
 from ..prediction.presence import FEATURES, PresenceModel, logistic
 from ..running.options import DEFAULTS, RunOptions
 from ..types import Bools, Floats, Scene, select
-from .presence_rows import PresenceRecipe, Rows, thinned, training_rows
+from .presence_rows import PresenceRecipe, PresenceRows, thinned, training_rows
 
 RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes
 DIGITS = 6  # of stored numbers: the same on every machine
 SCORE_RANKS = 16  # numbers of boxes at which the scores of two detectors are compared
-KNOT_BINS = 100  # of held-out rows, of equal size, that the isotonic regression sees
+KNOT_BINS = 100  # of held-out rows, of equal size, for the isotonic regression
 
 
-def fit(rows: Rows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floats]:
-    """The model of these rows, and what is said of each of them [n] without its scene.
+def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floats]:
+    """The model of these rows, and held-out probabilities [n] of the rows.
 
-    That is, by a model fitted on other scenes, calibrated by what such models said of yet other scenes.
+    The model of a held-out row was fitted on other scenes, and calibrated on held-out rows of yet other scenes.
     """
     model = fit_logistic(rows, recipe)
-    said = np.zeros(len(rows.present))
+    held_out = np.zeros(len(rows.present))
     parts = folds(rows)
     for away in parts:
-        said[away] = said_by(fit_logistic(select(rows, ~away), recipe), select(rows, away))
+        held_out[away] = probabilities(fit_logistic(select(rows, ~away), recipe), select(rows, away))
     if not recipe.calibrated:
-        return model, said
-    checked = np.zeros(len(said))
+        return model, held_out
+    calibrated = np.zeros(len(held_out))
     for away in parts:
-        checked[away] = np.interp(said[away], *isotonic_knots(said[~away], rows.present[~away]))
-    return replace(model, knots=isotonic_knots(said, rows.present)), checked
+        calibrated[away] = np.interp(held_out[away], *isotonic_knots(held_out[~away], rows.present[~away]))
+    return replace(model, knots=isotonic_knots(held_out, rows.present)), calibrated
 
 
-def fit_logistic(rows: Rows, recipe: PresenceRecipe) -> PresenceModel:
-    """The model before calibration, its numbers as they are stored."""
+def fit_logistic(rows: PresenceRows, recipe: PresenceRecipe) -> PresenceModel:
+    """The model before calibration, with its numbers as they are stored."""
     estimator, model = logistic_regression(rows, recipe)
     f, names = len(model.features), sorted(set(rows.class_name))
     shared, own = np.split(estimator.coef_[0], [-len(names) * (1 + f)])
@@ -54,8 +54,8 @@ def fit_logistic(rows: Rows, recipe: PresenceRecipe) -> PresenceModel:
     return replace(model, shared=shared, classes=dict(zip(names, own, strict=True)))
 
 
-def logistic_regression(rows: Rows, recipe: PresenceRecipe) -> tuple[Any, PresenceModel]:
-    """scikit-learn's estimator on `design`, and a model that standardises as it and has no coefficients yet."""
+def logistic_regression(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[Any, PresenceModel]:
+    """scikit-learn's estimator on `design`, and a model with its standardisation and no coefficients yet."""
     from sklearn.linear_model import LogisticRegression
 
     raw = np.stack([FEATURES[name](rows) for name in recipe.features], axis=1)
@@ -63,21 +63,21 @@ def logistic_regression(rows: Rows, recipe: PresenceRecipe) -> tuple[Any, Presen
     clipped = np.clip(raw, low, high)
     scale = clipped.std(axis=0)
     model = PresenceModel(
-        recipe.features,
-        low,
-        high,
-        _rounded(clipped.mean(axis=0)),
-        _rounded(np.where(scale > 0, scale, 1.0)),
-        np.zeros(1),
-        {},
-        np.array([[0.0, 1.0], [0.0, 1.0]]),
+        features=recipe.features,
+        low=low,
+        high=high,
+        center=_rounded(clipped.mean(axis=0)),
+        scale=_rounded(np.where(scale > 0, scale, 1.0)),
+        shared=np.zeros(1),
+        classes={},
+        knots=np.array([[0.0, 1.0], [0.0, 1.0]]),
     )
     estimator = LogisticRegression(C=RIDGE, solver="newton-cholesky", tol=1e-9, max_iter=200)
     return estimator.fit(design(model.standardised(rows), rows.class_name, recipe.products), rows.present), model
 
 
 def design(z: Floats, class_name: Any, products: bool) -> Floats:
-    """What the logit is linear in: z [n, F], its products of two where asked for, and (1, z) of each class."""
+    """Columns of the linear model: z [n, F], with ``products`` those of two z, and (1, z) of each class."""
     parts = [z]
     if products:
         first, second = np.triu_indices(z.shape[1])
@@ -87,12 +87,12 @@ def design(z: Floats, class_name: Any, products: bool) -> Floats:
     return np.concatenate(parts, axis=1)
 
 
-def folds(rows: Rows) -> list[Bools]:
-    """The rows [n] of each fold: whole scenes, by lot, the same in every run."""
+def folds(rows: PresenceRows) -> list[Bools]:
+    """Masks [n] of the rows of each fold: whole scenes in random order, the same in every run."""
     names, place = np.unique(rows.scene, return_inverse=True)
     count = min(FOLDS, len(names))
     if count < 2:
-        raise MtpBenchError("presence is calibrated and judged on held-out scenes, and there is only one scene")
+        raise MtpBenchError("got 1 scene, expected at least 2: presence is calibrated on held-out scenes")
     fold = np.random.default_rng(0).permutation(len(names)) % count
     return [fold[place] == number for number in range(count)]
 
@@ -100,8 +100,8 @@ def folds(rows: Rows) -> list[Bools]:
 def isotonic_knots(probability: Floats, present: Bools) -> Floats:
     """Calibration [2, knots]: isotonic regression, with straight lines between the centres of its steps.
 
-    Steps alone would make ties of what the model tells apart (centred isotonic regression: Oron, Flournoy 2017). The
-    ends are 0 and 1; steps at these values are left out, for they would be flat too.
+    Steps alone would make ties of different probabilities (centred isotonic regression: Oron, Flournoy 2017). The ends
+    are 0 and 1; steps at these values are left out, since they would be flat too.
     """
     from sklearn.isotonic import IsotonicRegression
 
@@ -113,30 +113,29 @@ def isotonic_knots(probability: Floats, present: Bools) -> Floats:
     value, step = np.unique(level, return_inverse=True)
     center = np.bincount(step, x * weight) / np.bincount(step, weight)
     inside = (value > 0) & (value < 1) & (center > 0) & (center < 1)
-    knots = np.stack([center[inside], value[inside]])
-    return np.concatenate([[[0.0], [0.0]], _rounded(knots), [[1.0], [1.0]]], axis=1)
+    return _between_ends(np.stack([center[inside], value[inside]]))
 
 
 def quality(probability: Floats, present: Bools) -> dict[str, Any]:
-    """How good probabilities [n] are.
+    """Brier score, AUC and reliability of probabilities [n].
 
-    Reliability is of ten equal bins of the probability: mean, share that is there, rows.
+    Reliability is of ten equal bins of the probability: mean, share that is present, rows.
     """
     from sklearn.metrics import roc_auc_score
 
     place = np.minimum((probability * 10).astype(int), 9)
     table = [
-        [round(float(probability[mine].mean()), 3), round(float(present[mine].mean()), 3), int(mine.sum())]
-        for mine in (place == b for b in range(10))
-        if mine.any()
+        [round(float(probability[part].mean()), 3), round(float(present[part].mean()), 3), int(part.sum())]
+        for part in (place == b for b in range(10))
+        if part.any()
     ]
     brier = float(np.mean((probability - present) ** 2))
     auc = float(roc_auc_score(present, probability)) if 0 < present.mean() < 1 else 0.5
     return {"rows": len(present), "brier": round(brier, 4), "auc": round(auc, 4), "reliability": table}
 
 
-def raw_score(rows: Rows) -> Floats:
-    """The mean score as a probability: as it is where scores lie in [0, 1], else as a logit."""
+def score_probability(rows: PresenceRows) -> Floats:
+    """The mean score as a probability: scores outside of [0, 1] count as logits."""
     score = rows.mean_score
     return score if score.min() >= 0 and score.max() <= 1 else logistic(score)
 
@@ -148,33 +147,32 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
         return fit_scores(detector, recipe, options)
     rows, origin = training_rows(recipe, options)
     rows = thinned(rows)
-    model, said = fit(rows, recipe)
-    held_out = {"score": quality(raw_score(rows), rows.present), "presence": quality(said, rows.present)}
-    return as_json(detector, recipe, model, origin, held_out)
+    model, held_out = fit(rows, recipe)
+    qualities = {"score": quality(score_probability(rows), rows.present), "presence": quality(held_out, rows.present)}
+    return model_text(detector, recipe, model, origin, qualities)
 
 
 def fit_scores(detector: str, recipe: PresenceRecipe, options: RunOptions = DEFAULTS) -> str:
-    """The file of a detector whose scores stand for those of another one; the truth is not read."""
+    """The file of a detector whose scores are mapped to those of another one; the truth is not read."""
     here, there = (choice.open(options) for choice in recipe.choices(detector))
     classes = here.card.task.classes
     scores = [_scores(list(split.scenes()), len(classes)) for split in (here, there)]
-    table = {name: score_table(mine, other).tolist() for name, mine, other in zip(classes, *scores, strict=True)}
+    table = {name: score_table(own, other).tolist() for name, own, other in zip(classes, *scores, strict=True)}
     content = {"detector": detector, "terms": recipe.terms, "like": recipe.like}
-    return lines_of({**content, "score_map": {name: rows for name, rows in table.items() if len(rows[0]) > 2}})
+    return _json_lines({**content, "score_map": {name: rows for name, rows in table.items() if len(rows[0]) > 2}})
 
 
 def score_table(here: Floats, there: Floats) -> Floats:
     """Scores [2, n] of equal rank, counted from the top, of two detectors on the same scenes; the ends are 0 and 1.
 
-    Ranks count boxes, not shares: the detector that keeps more weak boxes is not taken to be better for it.
+    Ranks count boxes, not shares: a detector that keeps more weak boxes does not count as better for it.
     """
     least = min(len(here), len(there))
     rank = np.unique(np.geomspace(1, max(least, 1), SCORE_RANKS).astype(int))[:least][::-1]
     pairs = np.stack([np.sort(scores)[::-1][rank - 1] for scores in (here, there)])
     inside = (pairs > 0).all(axis=0) & (pairs < 1).all(axis=0)
-    fresh = np.append(True, np.diff(pairs[0][inside]) > 0) if inside.any() else np.zeros(0, dtype=bool)
-    knots = _rounded(pairs[:, inside][:, fresh])
-    return np.concatenate([[[0.0], [0.0]], knots, [[1.0], [1.0]]], axis=1)
+    rising = np.append(True, np.diff(pairs[0][inside]) > 0) if inside.any() else np.zeros(0, dtype=bool)
+    return _between_ends(pairs[:, inside][:, rising])
 
 
 def _scores(scenes: Sequence[Scene], classes: int) -> list[Floats]:
@@ -185,7 +183,7 @@ def _scores(scenes: Sequence[Scene], classes: int) -> list[Floats]:
     return [score[class_id == number] for number in range(classes)]
 
 
-def as_json(
+def model_text(
     detector: str, recipe: PresenceRecipe, model: PresenceModel, origin: list[dict[str, Any]], held_out: dict[str, Any]
 ) -> str:
     """The text of a model's file."""
@@ -196,21 +194,26 @@ def as_json(
     content |= {key: getattr(model, key).tolist() for key in ("low", "high", "center", "scale", "shared")}
     content["classes"] = {name: row.tolist() for name, row in model.classes.items()}
     content |= {"knots": model.knots.tolist(), "held_out": held_out}
-    return lines_of(content)
+    return _json_lines(content)
 
 
-def lines_of(content: dict[str, Any]) -> str:
+def _json_lines(content: dict[str, Any]) -> str:
     """JSON with a line per key."""
     rows = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items()]
     return "{\n" + ",\n".join(rows) + "\n}\n"
 
 
-def said_by(model: PresenceModel, rows: Rows) -> Floats:
+def probabilities(model: PresenceModel, rows: PresenceRows) -> Floats:
     """Probabilities [n] of rows."""
     names, class_id = np.unique(rows.class_name, return_inverse=True)
     return model.probability(rows, class_id, names.tolist())
 
 
+def _between_ends(knots: Floats) -> Floats:
+    """Knots [2, n], rounded, between (0, 0) and (1, 1)."""
+    return np.concatenate([[[0.0], [0.0]], _rounded(knots), [[1.0], [1.0]]], axis=1)
+
+
 def _rounded(values: Floats) -> Floats:
-    """To DIGITS significant digits."""
+    """The values with DIGITS significant digits."""
     return np.array([float(f"{value:.{DIGITS}g}") for value in values.ravel()]).reshape(values.shape)

@@ -1,13 +1,14 @@
-"""Tracks of training scenes, beside whether their object is there: what presence is fitted on."""
+"""Rows to fit presence on: tracks of training scenes, and whether their object is there."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..agent import Tracker
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
@@ -18,16 +19,15 @@ from ..scoring.neutral import evaluated, neutral_places
 from ..tracking import HypothesisTracker
 from ..tracking.parameters import detector_names, read_detector
 from ..tracks import Tracks
-from ..types import Bools, Scene, Task, joined, select
-from .motion_windows import observations
-from .split import SceneChoice
+from ..types import Bools, Floats, Ints, Scene, Task, joined, select
+from .split import SceneChoice, observations
 
 MOST_ROWS = 40_000  # neighbouring frames are nearly the same: every second or third is enough
 
 
 @dataclass(frozen=True)
 class PresenceRecipe:
-    """How the presence of a detector is fitted: the table [presence] of its file."""
+    """Recipe of the presence of a detector: the table [presence] of its file."""
 
     scenes: tuple[SceneChoice, ...]
     features: tuple[str, ...] = tuple(FEATURES)
@@ -54,57 +54,72 @@ class PresenceRecipe:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(TrackHistory):
-    """Tracks of n frames and tracks in all, and whether an object was there."""
+class PresenceRows(TrackHistory):
+    """Histories of n tracks in frames, and whether their object was there."""
 
     class_name: Any  # [n] str
     present: Bools  # [n]
     scene: Any  # [n] str: rows of one scene are never on both sides of a split
 
 
-def collect(scenes: Iterable[Scene], card: Card, task: Task) -> Rows:
-    """The tracks of the single-hypothesis tracker; a track on a neutral object is neither and left out.
+class MatchedTracks(NamedTuple):
+    """All R tracks of a tracker on a scene, frame after frame, matched to the truth by the rule for forecasts."""
 
-    An object is there if the track is matched to it by the rule for forecasts: one to one, within the forecast gate.
-    """
+    by_frame: list[Tracks]
+    frame: Ints  # [R]
+    box: Floats  # [R, 7]
+    class_id: Ints  # [R]
+    track_id: Ints  # [R]
+    object_row: Ints  # [X] the track of each evaluated true box, -1: none
+    false: Bools  # [R] of no object, and not in a neutral place
+
+
+def match_tracks(scene: Scene, card: Card, task: Task, tracker: Tracker) -> MatchedTracks:
+    """The tracks of ``tracker`` on a scene, one to one with true objects, within the forecast gate."""
+    tracker.reset(task)
+    by_frame = [tracker.step(observation) for observation in observations(scene)]
+    frame = np.repeat(np.arange(len(by_frame)), [len(tracks.box) for tracks in by_frame])
+    box, class_id, track_id = (
+        np.concatenate([getattr(tracks, key) for tracks in by_frame]) for key in ("box", "class_id", "track_id")
+    )
+    truth = evaluated(scene).truth
+    matching = match_objects(truth, frame, box, class_id, card)
+    false = matching.unmatched & ~neutral_places(evaluated(scene), frame, box[:, :2], class_id)
+    row = matching.object_of_truth[~truth.neutral]
+    return MatchedTracks(by_frame, frame, box, class_id, track_id, row, false)
+
+
+def collect(scenes: Iterable[Scene], card: Card, task: Task) -> PresenceRows:
+    """Rows of the single-hypothesis tracker; tracks on neutral objects and in neutral places are left out."""
     parts = [_scene_rows(scene, card, task) for scene in scenes]
     if not any(len(part.present) for part in parts):
         raise MtpBenchError(f"{card.id}: no track in any training scene, so there is nothing to fit")
     return joined(parts)
 
 
-def _scene_rows(scene: Scene, card: Card, task: Task) -> Rows:
-    tracker = HypothesisTracker()
-    tracker.reset(task)
-    said: list[tuple[Tracks, TrackHistory]] = []
-    for t, observation in enumerate(observations(scene)):
-        tracks = tracker.step(observation)
-        said.append((tracks, history_of(tracks, {"ego_pose": scene.ego[t]}, task.dt)))
-    frame = np.repeat(np.arange(len(said)), [len(tracks.box) for tracks, _ in said])
-    box, class_id = (np.concatenate([getattr(tracks, key) for tracks, _ in said]) for key in ("box", "class_id"))
-    truth = evaluated(scene).truth
-    found = match_objects(truth, frame, box, class_id, card)
-    present = np.zeros(len(frame), dtype=bool)
-    row = found.object_of_truth[~truth.neutral]
-    present[row[row >= 0]] = True
-    kept = present | (found.unmatched & ~neutral_places(scene, frame, box[:, :2], class_id))
-    history, names = joined([one for _, one in said]), np.array(task.classes)[class_id]
-    rows = Rows(**vars(history), class_name=names, present=present, scene=np.full(len(frame), scene.name))
-    return select(rows, kept)
+def _scene_rows(scene: Scene, card: Card, task: Task) -> PresenceRows:
+    tracks = match_tracks(scene, card, task, HypothesisTracker())
+    poses = [{"ego_pose": pose} for pose in scene.ego]
+    history = joined([history_of(*pair, task.dt) for pair in zip(tracks.by_frame, poses, strict=True)])
+    present = np.zeros(len(tracks.frame), dtype=bool)
+    present[tracks.object_row[tracks.object_row >= 0]] = True
+    names, scene_name = np.array(task.classes)[tracks.class_id], np.full(len(present), scene.name)
+    rows = PresenceRows(**vars(history), class_name=names, present=present, scene=scene_name)
+    return select(rows, present | tracks.false)
 
 
-def training_rows(recipe: PresenceRecipe, options: RunOptions = DEFAULTS) -> tuple[Rows, list[dict[str, Any]]]:
-    """The rows of a recipe, and which scenes they are from."""
+def training_rows(recipe: PresenceRecipe, options: RunOptions = DEFAULTS) -> tuple[PresenceRows, list[dict[str, Any]]]:
+    """The rows of a recipe, and the scenes they are from."""
     parts, origin = [], []
-    for wanted in recipe.scenes:
-        split = wanted.open(options)
+    for choice in recipe.scenes:
+        split = choice.open(options)
         parts.append(collect(split.scenes(), split.card, MTPEnv(split.card, data=options.data).task))
-        said = {"env": wanted.env, "split": wanted.split, "detector": split.card.detector_name}
-        origin.append({**said, "scenes": list(split.names)})
+        source = {"env": choice.env, "split": choice.split, "detector": split.card.detector_name}
+        origin.append({**source, "scenes": list(split.names)})
     return joined(parts), origin
 
 
-def thinned(rows: Rows) -> Rows:
-    """Every so manieth row, such that there are at most MOST_ROWS."""
+def thinned(rows: PresenceRows) -> PresenceRows:
+    """Every n-th row, so that at most MOST_ROWS are left."""
     n = len(rows.present)
     return select(rows, np.arange(0, n, -(-n // MOST_ROWS)))

@@ -1,11 +1,15 @@
-"""The scenes that parameters are fitted to: the training split of an env, or another one."""
+"""Scenes that parameters are fitted to: of the training split of an env, or another one."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from ..agent import Observation
 from ..cards import Card
+from ..env.observation import true_detections
 from ..errors import MtpBenchError
 from ..running.options import Fold, RunOptions, held_out
 from ..sources import SceneSource, open_source
@@ -30,7 +34,7 @@ class Split:
 
 
 def open_split(env_id: str, options: RunOptions, without: Fold | None = None, away: Sequence[str] = ()) -> Split:
-    """The first scenes of the split that ``options`` names; raises MtpBenchError if there is none.
+    """The first scenes of the split that ``options`` names; raises MtpBenchError for a split without scenes.
 
     ``without``: a fold of the whole split whose scenes are left out, for another run scores them. ``away``: further
     scenes that are left out. The first scenes are taken of those that are left.
@@ -42,6 +46,21 @@ def open_split(env_id: str, options: RunOptions, without: Fold | None = None, aw
     if not names:
         raise MtpBenchError(f"{env_id} has no scene in its split {card.source.split!r}")
     return Split(card, source, names, options)
+
+
+def observations(scene: Scene, observe: str = "detections") -> Iterator[Observation]:
+    """Observations of a scene as far as trackers read them, unpadded and in the scene's own frame."""
+    shown, ids = true_detections(scene) if observe == "truth" else (scene.detections, None)
+    for t in range(scene.frames):
+        rows = shown.rows(t)
+        seen: Observation = {
+            "detection_box": shown.box[rows],
+            "detection_class": shown.class_id[rows],
+            "detection_score": shown.score[rows],
+            "detection_velocity": np.nan_to_num(shown.velocity[rows]),
+            "detection_valid": np.ones(len(shown.box[rows]), dtype=bool),
+        }
+        yield seen if ids is None else {**seen, "detection_id": ids[rows]}
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from mtp_bench.scoring import find_events, history, match
 from mtp_bench.scoring.pairs import box_pairs
 from mtp_bench.sources import open_source
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.training.motion_windows import observations
+from mtp_bench.training.split import observations
 from mtp_bench.types import Bools, Floats, Scene
 from tests.support.kitti_mot import (
     SCORE_THRESHOLD,

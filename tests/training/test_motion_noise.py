@@ -13,8 +13,8 @@ from mtp_bench.errors import UnknownNameError
 from mtp_bench.prediction import NoiseTable, motion_noise, stored_noise
 from mtp_bench.prediction.motion_noise import condition, noise_table
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
-from mtp_bench.training.motion_noise import as_toml, fit_motion_noise, fit_scenes, forecast_score
-from mtp_bench.training.motion_windows import collect, observations
+from mtp_bench.training.motion_noise import as_toml, collect, fit_motion_noise, fit_scenes, forecast_score
+from mtp_bench.training.split import observations
 from mtp_bench.types import Bools, Floats
 from tests.support.small_scenes import bare_scene, make_scene
 from tests.support.tracking_scenes import kitti_task

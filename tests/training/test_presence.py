@@ -19,7 +19,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.sources import load_scenes
 from mtp_bench.training import presence
 from mtp_bench.training.presence import design, isotonic_knots, quality
-from mtp_bench.training.presence_rows import PresenceRecipe, Rows, collect
+from mtp_bench.training.presence_rows import PresenceRecipe, PresenceRows, collect
 from mtp_bench.types import Floats
 from tests.support.command_line import CommandLine
 from tests.support.scoring_scenes import at, make_card, make_scene, with_detections
@@ -29,8 +29,8 @@ FULL = PresenceRecipe((), terms="of nobody")
 SMALL = PresenceRecipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)
 
 
-def made_up(n: int = 4000, scenes: int = 8, seed: int = 0) -> tuple[Rows, Floats]:
-    """Rows of scenes, and the true probability of each."""
+def made_up(n: int = 4000, scenes: int = 8, seed: int = 0) -> tuple[PresenceRows, Floats]:
+    """PresenceRows of scenes, and the true probability of each."""
     rng = np.random.default_rng(seed)
     hits = rng.integers(1, 9, n)
     unseen = rng.integers(0, 3, n)
@@ -39,7 +39,7 @@ def made_up(n: int = 4000, scenes: int = 8, seed: int = 0) -> tuple[Rows, Floats
     truth = logistic(4 * score + hits - 2.5 * unseen - 3.0 * (names == "bus") - 1.5)
     history = TrackHistory(score, score, hits, hits + unseen, unseen, rng.uniform(0, 50, n), rng.uniform(0, 9, n))
     scene = np.array([f"s{i}" for i in rng.integers(0, scenes, n)])
-    return Rows(**vars(history), class_name=names, present=rng.random(n) < truth, scene=scene), truth
+    return PresenceRows(**vars(history), class_name=names, present=rng.random(n) < truth, scene=scene), truth
 
 
 @pytest.mark.parametrize("recipe", [FULL, SMALL], ids=["full", "small"])
@@ -48,7 +48,7 @@ def test_evaluated_as_by_scikit_learn(recipe: PresenceRecipe, monkeypatch: pytes
     rows, _ = made_up()
     estimator, bare = presence.logistic_regression(rows, recipe)
     columns = design(bare.standardised(rows), rows.class_name, recipe.products)
-    ours = presence.said_by(presence.fit_logistic(rows, recipe), rows)
+    ours = presence.probabilities(presence.fit_logistic(rows, recipe), rows)
     np.testing.assert_allclose(ours, estimator.predict_proba(columns)[:, 1], rtol=0, atol=1e-9)
 
 
@@ -76,10 +76,10 @@ def test_a_fit_finds_the_probability_that_made_the_rows() -> None:
     rows, truth = made_up(20_000)
     model, said = presence.fit(rows, FULL)
     fresh, fresh_truth = made_up(5000, seed=1)
-    assert np.abs(presence.said_by(model, fresh) - fresh_truth).mean() < 0.02
+    assert np.abs(presence.probabilities(model, fresh) - fresh_truth).mean() < 0.02
     assert np.abs(said - truth).mean() < 0.03
-    assert quality(said, rows.present)["brier"] < quality(presence.raw_score(rows), rows.present)["brier"]
-    assert len(np.unique(presence.said_by(model, fresh))) > 4900  # no ties
+    assert quality(said, rows.present)["brier"] < quality(presence.score_probability(rows), rows.present)["brier"]
+    assert len(np.unique(presence.probabilities(model, fresh))) > 4900  # no ties
 
 
 def test_scenes_are_never_on_both_sides() -> None:
@@ -97,7 +97,7 @@ def test_the_same_rows_give_the_same_file() -> None:
     for _ in range(2):
         rows, _ = made_up()
         model, said = presence.fit(rows, FULL)
-        texts.append(presence.as_json("mine", FULL, model, [], {"presence": quality(said, rows.present)}))
+        texts.append(presence.model_text("mine", FULL, model, [], {"presence": quality(said, rows.present)}))
     assert texts[0] == texts[1]
     assert json.loads(texts[0])["terms"] == "of nobody"
 
@@ -106,10 +106,10 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     rows, _ = made_up()
     model, _ = presence.fit(rows, FULL)
     file = tmp_path / "mine.json"
-    file.write_text(presence.as_json("mine", FULL, model, [], {}))
+    file.write_text(presence.model_text("mine", FULL, model, [], {}))
     stored, scores = read_model(file)
     assert scores == {}
-    np.testing.assert_array_equal(presence.said_by(stored, rows), presence.said_by(model, rows))
+    np.testing.assert_array_equal(presence.probabilities(stored, rows), presence.probabilities(model, rows))
 
 
 def test_labels_are_those_of_the_rule_for_forecasts() -> None:

@@ -42,7 +42,7 @@ class StoredWeights:
 def find_weights(network: str, on: str, task: Task) -> Path:
     """The file for a task: of its env, else of the env whose weights serve here too.
 
-    Raises SubmissionError that says how to make it, if there is none.
+    Raises SubmissionError, with the command that makes the file, if it is missing.
     """
     for env_id in filter(None, (task.env_id, task.weights_of)):
         name = file_name(network, on, env_id)
