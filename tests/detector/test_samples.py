@@ -118,21 +118,6 @@ def test_floor_drops_the_weaker_detections_of_its_class_only() -> None:
     assert above_floor(found, CLASSES, None) is found
 
 
-def test_recall_gaps_and_odds() -> None:
-    drawn = pattern(
-        "+--+-++-",  # gaps of 2 and 1 frames; the last frame is no gap
-        "-+  +-+-",  # not there for two frames: no gap; then one of 1
-        "--------",
-    )
-    figures = detector_statistics([drawn], CLASSES, AHEAD)["car"]
-    assert figures.boxes == 22
-    assert figures.recall == pytest.approx(7 / 22)
-    assert figures.gaps == 3
-    assert figures.gap_length == pytest.approx(4 / 3)
-    # Consecutive frames: hit-hit 1, hit-none 5, none-hit 4, none-none 1 + 7; half a case more of each.
-    assert figures.undetected_odds_ratio == pytest.approx((8.5 * 1.5) / (5.5 * 4.5))
-
-
 def test_only_what_the_sensor_covers_counts() -> None:
     behind, far, seen = (-10.0, 0.0), (60.0, 0.0), (10.0, 0.0)
     figures = of_car(truth([behind, far, seen]), detections([(-20.0, 0.0), (70.0, 0.0), (20.0, 0.0), (10.0, 0.0)]))
@@ -148,26 +133,6 @@ def test_false_positives_vary() -> None:
     assert figures.score_false == 3.0
     assert figures.recall is None
     assert figures.score_true is None
-
-
-def test_error_scale_and_autocorrelation() -> None:
-    rng = np.random.default_rng(0)
-    frames, objects = 400, 8
-    latent = rng.normal(size=(frames, objects, 2))
-    for t in range(1, frames):
-        latent[t, :, 0] = 0.8 * latent[t - 1, :, 0] + 0.6 * latent[t, :, 0]
-    radial, across = 0.2 * np.sinh(latent[..., 0]), 0.1 * latent[..., 1]  # the tails do not matter to ranks
-    bearing = np.linspace(-0.7, 0.7, objects)
-    toward = np.stack([np.cos(bearing), np.sin(bearing)], axis=-1)
-    place = 30 * toward
-    off = radial[..., None] * toward + across[..., None] * toward[:, ::-1] * [-1, 1]
-    true = truth(*([tuple(xy) for xy in place] for _ in range(frames)))
-    found = detections(*([tuple(xy) for xy in place + off[t]] for t in range(frames)))
-    figures = of_car(true, found)
-    assert figures.radial_autocorrelation == pytest.approx(0.8, abs=0.03)
-    assert figures.tangential_autocorrelation == pytest.approx(0.0, abs=0.04)
-    assert figures.tangential_scale == pytest.approx(0.1, rel=0.05)
-    assert figures.radial_scale == pytest.approx(0.2 * 1.4826 * np.sinh(0.6745), rel=0.06)
 
 
 def test_flips_are_turns_by_more_than_a_right_angle() -> None:

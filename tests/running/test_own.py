@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import json
 import re
 import runpy
 from dataclasses import replace
@@ -109,13 +108,6 @@ def test_scenes_in_memory_play_run_compare_and_score(scene: Scene, logs: Path, t
     assert scored.error == mtp_bench.score(tmp_path / "files").report.rows[0].error
     compared = mtp_bench.compare(["mtp"], card, RunOptions(seeds=[0])).report.rows
     assert next(row for row in compared if row.agent == "stp").error == scored.error
-
-
-def test_the_run_keeps_its_card_and_where_its_scenes_are(logs: Path, tmp_path: Path) -> None:
-    mtp_bench.run("stp", with_files(load_card(ENV), logs), tmp_path / "run")
-    kept = json.loads((tmp_path / "run" / "run.json").read_text())["info"]["card"]
-    assert kept["source"]["folder"] == str(logs)
-    assert mtp_bench.cards.parse_card(kept).digest == with_files(load_card(ENV), logs).digest
 
 
 def test_a_simulated_detector_on_own_truth(logs: Path, cli: CommandLine, tmp_path: Path) -> None:

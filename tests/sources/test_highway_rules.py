@@ -10,13 +10,13 @@ from shapely.geometry import Polygon
 
 from mtp_bench.geometry import bev_corners
 from mtp_bench.sources.highway.conflicts import ConflictZone, Passage, find_passages
-from mtp_bench.sources.highway.driving import Leaders, braking, observe, steering_angles, swept_sides
+from mtp_bench.sources.highway.driving import Leaders, observe, steering_angles
 from mtp_bench.sources.highway.lanes import NO_LANE, route_table
 from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.right_of_way import CrossingPedestrian, RightOfWay
 from mtp_bench.sources.highway.simulate import overlapping
 from mtp_bench.sources.highway.vehicles import Driver, draw_traits
-from mtp_bench.sources.highway.walking import APART, keep_out_of_vehicles, push_apart, slow_before_others, social_force
+from mtp_bench.sources.highway.walking import keep_out_of_vehicles, slow_before_others
 from mtp_bench.sources.highway.world import ScenarioName
 from mtp_bench.types import Floats
 
@@ -97,25 +97,6 @@ def test_overlap_against_polygons() -> None:
     assert len(overlapping(box[:1])) == 0
 
 
-def test_sweep_of_a_straight_lane_and_of_a_bend() -> None:
-    length, width, base = np.array([12.0]), np.array([2.5]), np.array([6.0])
-    outer, inner = swept_sides(length, width, base, np.array([np.inf]))
-    assert outer == inner == 1.25
-    outer, inner = swept_sides(length, width, base, np.array([15.0]))
-    assert outer > 2.5
-    assert 1.25 < inner < 2.0
-
-
-def test_the_model_brakes_harder_for_who_is_nearer_or_slower() -> None:
-    temper = np.array([1.0, 40.0, 1.2, 1.0, 2.0, 2.0, 0.0])
-    speed = np.array([10.0])
-    near, far = (braking(speed, np.array([gap]), np.array([10.0]), temper) for gap in (10.0, 30.0))
-    slow = braking(speed, np.array([30.0]), np.array([2.0]), temper)
-    assert near > far
-    assert slow > far
-    assert braking(speed, np.array([np.inf]), np.array([0.0]), temper) == 0.0
-
-
 def test_first_come_first_served() -> None:
     """Two lanes that cross: who is nearer gets the right to pass, the other one stops at its line."""
     road_map = build_map("intersection", 5.0)
@@ -147,29 +128,12 @@ def test_first_come_first_served() -> None:
     assert np.isfinite(rules.update(state, ahead, [], {someone.crossing}, 0.0)[0])
 
 
-def test_people_keep_apart() -> None:
-    place: Floats = np.random.default_rng(2).uniform(-1.0, 1.0, (4, 2))
-    for _ in range(60):
-        place = push_apart(place)
-    gap = np.hypot(*(place[:, None] - place).transpose(2, 0, 1)) + 10 * np.eye(4)
-    assert gap.min() > APART - 1e-3
-
-
 def test_nobody_steps_against_a_vehicle() -> None:
     bus = np.array([[0.0, 0.0, 1.5, 0.0, 12.0, 2.5, 3.0]])
     place = np.array([[0.0, 2.0], [0.0, 5.0]])
     moved = np.array([[0.0, 1.5], [0.0, 4.5]])
     np.testing.assert_array_equal(keep_out_of_vehicles(place, moved, bus), [[0.0, 2.0], [0.0, 4.5]])
     np.testing.assert_array_equal(keep_out_of_vehicles(moved, place, bus), place)  # going away is free
-
-
-def test_who_meets_gives_way_and_who_is_alone_does_not() -> None:
-    place, velocity = np.array([[0.0, 0.0], [1.5, 0.1]]), np.array([[1.3, 0.0], [-1.3, 0.0]])
-    to_goal, pace = np.array([[10.0, 0.0], [-10.0, 0.0]]), np.array([1.3, 1.3])
-    force = social_force(place, velocity, to_goal, pace, np.array([0, 1]))
-    assert force[0, 0] < 0 < force[1, 0]
-    alone = social_force(place[:1], velocity[:1], to_goal[:1], pace[:1], np.array([0]))
-    np.testing.assert_allclose(alone, 0.0, atol=1e-12)
 
 
 def test_who_comes_can_stop_before_somebody_and_who_follows_need_not() -> None:
@@ -194,13 +158,3 @@ def test_steering_turns_no_faster_than_a_hand() -> None:
     step = np.abs(np.diff(angle, axis=0))
     assert 0.04 < step.max() < 0.0605
     assert step[-1] == 0.0
-
-
-def test_who_has_waited_long_goes_before_people_who_have_just_come() -> None:
-    road_map = build_map("intersection", 5.0)
-    every = find_passages(road_map, route_table(road_map.routes, road_map.geometry))
-    crossing = every[0].stretches[0].crossing
-    rules = RightOfWay(every, first_in_first_out=True, _claimed=[crossing])
-    assert not rules.free_to_walk(CrossingPedestrian(crossing, 0.0, 1.0, 1.2, patient=True))
-    assert rules.free_to_walk(CrossingPedestrian(crossing, 0.0, 1.0, 1.2, patient=False))
-    assert rules.free_to_walk(CrossingPedestrian((crossing + 1) % 4, 0.0, 1.0, 1.2, patient=True))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,7 +15,6 @@ from mtp_bench.errors import DataError, MtpBenchError
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.sources import load_scenes
 from mtp_bench.sources.importing import KittiText, import_scenes, import_tracks, kitti_scenes
-from mtp_bench.sources.kitti.poses import FRAME_PERIOD
 from mtp_bench.types import Rollout, Scene, StoredTracks
 from tests.support.command_line import CommandLine
 from tests.support.source_files import write
@@ -86,13 +84,6 @@ def test_without_detections_the_next_command_simulates_them(text: KittiText, tmp
     cli.ok("run", "stp", "--env", path, "--detector", "kitti_pointrcnn", "-o", tmp_path / "run", "--jobs", 1)
 
 
-def test_velocities_look_back(text: KittiText) -> None:
-    truth = only(text).truth
-    np.testing.assert_array_equal(truth.object_id, [4, 4, 5])
-    assert np.isnan(truth.velocity[[0, 2]]).all()
-    np.testing.assert_allclose(truth.velocity[1], [1 / FRAME_PERIOD, 0], atol=1e-12)
-
-
 def test_a_rate_that_the_card_has_not_is_said_before_anything_is_written(
     text: KittiText, tmp_path: Path, cli: CommandLine
 ) -> None:
@@ -137,25 +128,6 @@ def test_a_failed_import_of_tracks_leaves_nothing(text: KittiText, tmp_path: Pat
     assert list((tmp_path / "new").iterdir()) == []
 
 
-def test_a_full_disk_is_told_of_the_folder_that_was_named(
-    text: KittiText, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object, **__: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr("mtp_bench.sources.files.save.write_table", full)
-    folder = tmp_path / "new" / "own"
-    with pytest.raises(MtpBenchError, match=f"^cannot write {folder}: No space left on device, .* make room there"):
-        import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), folder)
-
-
-def test_a_file_is_no_new_folder(text: KittiText, tmp_path: Path) -> None:
-    (tmp_path / "own").write_text("mine")
-    with pytest.raises(MtpBenchError, match="own is not a folder: choose another name"):
-        import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), tmp_path / "own")
-    assert (tmp_path / "own").read_text() == "mine"
-
-
 MISTAKES = {
     "no labels": ({"labels": "none"}, "none has no labels, expected a file for each sequence, such as 0001.txt"),
     "half of GPS/IMU": ({"oxts": "oxts"}, "GPS/IMU data and its calibration belong together"),
@@ -186,45 +158,10 @@ def test_a_mistake_in_a_file_of_detections(text: KittiText, tmp_path: Path) -> N
         only(text)
 
 
-def test_a_mistake_in_the_labels(text: KittiText) -> None:
-    write(text.labels / "0003.txt", LABELS[0], LABELS[1].replace("Car", "car"))
-    with pytest.raises(DataError, match=r"0003\.txt, line 2: type 'car', expected one of Car, Van"):
-        only(text)
-
-
-def test_empty_poses(text: KittiText, tmp_path: Path) -> None:
-    write(tmp_path / "poses" / "0003.txt")
-    with pytest.raises(DataError, match=r"poses/0003\.txt is empty, expected one row per frame"):
-        only(KittiText(text.labels, text.detections, poses=tmp_path / "poses"))
-
-
 def test_labels_with_a_name_that_is_no_text(text: KittiText, tmp_path: Path, cli: CommandLine) -> None:
     write(text.labels / os.fsdecode(b"caf\xe9.txt"), *LABELS)
     said = cli("import", "kitti", "--labels", text.labels, "-o", tmp_path / "own").error
     assert said.startswith(r"the name of a scene is 'caf\udce9', expected a text of 1 to 200 characters")
-
-
-def test_a_folder_that_holds_something_is_left_alone(text: KittiText, tmp_path: Path) -> None:
-    with pytest.raises(MtpBenchError, match="labels is not empty: choose another folder"):
-        import_scenes(kitti_scenes(text, CLASSES), load_card("MTP-KITTI-v0"), text.labels)
-    assert [path.name for path in text.labels.iterdir()] == ["0003.txt"]
-
-
-def test_nobody_is_left_in_a_folder_that_is_gone(
-    text: KittiText, tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
-    error = cli("import", "kitti", "--labels", text.labels, "-o", ".").error
-    assert error.endswith("here is the working folder, which cannot be replaced: choose a folder inside it")
-
-
-def test_angles_in_degrees_are_told(text: KittiText) -> None:
-    path = text.labels / "0003.txt"
-    first, *rest = path.read_text().splitlines()
-    write(path, " ".join([*first.split()[:-1], "-90"]), *rest)
-    with pytest.raises(DataError, match=r"0003\.txt, line 1: rotation_y is -90, expected radians"):
-        only(text)
 
 
 @pytest.mark.data
