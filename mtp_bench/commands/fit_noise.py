@@ -16,13 +16,12 @@ def fit_noise(
     min_score: Annotated[
         list[str] | None, typer.Option(help="Operating point: a number, or class=number; repeatable.")
     ] = None,
-    alike: Annotated[
-        list[str] | None, typer.Option(help="bus=car: fitted together, with the same noise; repeatable.")
-    ] = None,
+    alike: Annotated[list[str] | None, typer.Option(help="bus=car: fit both classes together; repeatable.")] = None,
     name: Annotated[
-        str | None, typer.Option(help="Name of the profile; agents go by the part before its first hyphen.")
+        str | None,
+        typer.Option(help="Name of the profile; agents use the settings of its part before the first hyphen."),
     ] = None,
-    reach: Annotated[float | None, typer.Option(min=1, max=1000, help="How far the detector sees, metres.")] = None,
+    reach: Annotated[float | None, typer.Option(min=1, max=1000, help="Reach of the detector, metres.")] = None,
     field_of_view: Annotated[float | None, typer.Option(min=1, max=360, help="Degrees around the heading.")] = None,
     output: TextOption = None,
 ) -> None:

@@ -1,4 +1,4 @@
-"""``mtp-bench import``: recordings of other forms as folders of own scenes, each with a card for them."""
+"""``mtp-bench import``: other recordings as folders of own scenes, each with a card."""
 
 from __future__ import annotations
 
@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 FolderOption = Annotated[Path, typer.Option("-o", "--output", help="New folder for the scenes and their card.")]
 FORMS = ("csv", "parquet")
 RATE = "Frames per second. Default: KITTI's own, a frame each 0.1036 s."
-FormOption = Annotated[
-    str,
-    typer.Option("--form", help="csv or parquet.", autocompletion=words(*FORMS)),
-]
+FormOption = Annotated[str, typer.Option("--form", help="csv or parquet.", autocompletion=words(*FORMS))]
 
 import_ = typer.Typer(
     no_args_is_help=True,
@@ -52,7 +49,7 @@ def kitti(
     env: Annotated[str, typer.Option("--env", help="Environment whose rules the card takes.")] = "MTP-KITTI-v0",
     form: FormOption = "csv",
 ) -> None:
-    """Text in the columns of KITTI's tracking benchmark; without poses every frame is the sensor's own."""
+    """Import text in the columns of KITTI's tracking benchmark."""
     from ..cards import load_card, profile_of_stored
     from ..sources.base import require_classes
     from ..sources.importing import KittiText, kitti_scenes
@@ -79,7 +76,7 @@ def nuscenes(
     split: SplitOption = None,
     form: FormOption = "csv",
 ) -> None:
-    """The scenes of nuScenes, with the detections of a submission."""
+    """Import the scenes of nuScenes with the detections of a submission."""
     from ..running.options import RunOptions
     from ..sources import load_scenes
 
@@ -99,7 +96,7 @@ def tracks(
     scenes: ScenesOption = None,
     split: SplitOption = None,
 ) -> None:
-    """Tracks of another program as tables, one for each scene."""
+    """Import tracks of another program as tables, one for each scene."""
     from ..running.options import RunOptions
     from ..sources import open_source, with_tracks
     from ..sources.importing import import_tracks

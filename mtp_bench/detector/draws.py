@@ -46,7 +46,7 @@ class NoiseKind(IntEnum):
     TAIL = 15
 
 
-class Subject(IntEnum):
+class NoiseSubject(IntEnum):
     """Boxes that noise is drawn for: objects, false positives near them, free false positives."""
 
     OBJECTS = 0
@@ -68,7 +68,7 @@ class Draws:
     """Random numbers of one subject in a scene."""
 
     seed: int
-    subject: Subject = Subject.OBJECTS
+    subject: NoiseSubject = NoiseSubject.OBJECTS
     number: int = 0  # of the class noise, for free false positives; 0 for all others
 
     @cached_property

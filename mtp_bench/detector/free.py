@@ -8,7 +8,7 @@ import numpy as np
 
 from ..geometry import wrap_angle
 from ..types import Floats, Ints, Ragged
-from .draws import Draws, NoiseKind, Subject, decayed
+from .draws import Draws, NoiseKind, NoiseSubject, decayed
 from .false_positives import (
     DetectedRows,
     ReportedClasses,
@@ -46,7 +46,7 @@ def free_false_positives(
     parameters = noise.free
     if parameters is None or parameters.rate == 0:
         return DetectedRows.none()
-    draws = Draws(seed, Subject.FREE, number)
+    draws = Draws(seed, NoiseSubject.FREE, number)
     members = _draw_members(parameters, classes, scene, draws)
     rows = Ragged.of_counts(members.life)
     member = rows.frame_of_rows

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Truth
-from .draws import Component, Draws, NoiseKind, Subject, keys_of
+from .draws import Component, Draws, NoiseKind, NoiseSubject, keys_of
 from .false_positives import DetectedRows, SensedScene, detect_false_positives, spread_sizes
 from .grid import Grid
 from .profile import SLOTS, ClassNoise, NearFalsePositives
@@ -32,7 +32,7 @@ def near_false_positives(
     ``grid`` and ``qualities``: of the true boxes; ``similar``: see `classes_of_same_noise`. A duplicate appears only
     beside a detected object.
     """
-    draws = Draws(seed, Subject.NEAR)
+    draws = Draws(seed, NoiseSubject.NEAR)
     slots = _slots(grid)
     row = np.repeat(np.arange(len(grid.frame)), SLOTS)
     visible, rank = _visible(slots, qualities.random[row], draws)

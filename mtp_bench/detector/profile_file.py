@@ -28,7 +28,7 @@ def load_profile(name: str) -> Profile:
 
 
 def profile_for(detector: str) -> str:
-    """Name of the shipped profile that can replace a stored detector; empty if there is none."""
+    """Name of the shipped profile that can replace a stored detector, or an empty text."""
     if detector in profile_names():
         return detector
     return next((name for name in profile_names() if detector in _shipped(name).stands_for), "")

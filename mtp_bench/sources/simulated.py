@@ -1,4 +1,4 @@
-"""A simulated detector in place of stored detections, on the truth of any source."""
+"""Simulated detections in place of stored ones, for the truth of any source."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from .people import as_places, extent
 
 
 def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
-    """``scene`` with the detections of the card's simulated detector; with its own where it has stored ones.
+    """``scene`` with the detections of the card's simulated detector; unchanged if it has stored ones.
 
-    The noise depends on the scene's name and the detector's seed, or on ``seed`` alone where it is given. All profiles
-    share their random numbers: a box that is undetected with one is likely undetected with another. A detector that
-    measures velocities is told nothing of the next frame: where the source's true velocities hold some of it, the truth
-    gets backward velocities. What has an unknown one is measured as if it stood still, like a false box: else a
-    velocity that is missing would tell that the box is true, and new. Where every frame is in its own frame of
-    reference, false boxes that stand do so in the world, if the scene says where that is, else in the sensor's frame;
-    velocities are measured in the world and told in the frames.
+    The noise depends on the scene's name and the detector's seed, or on ``seed`` alone if it is given. All profiles
+    share random numbers: a box that one of them misses is likely missed by another.
+
+    Measured velocities do not contain the next frame: if true velocities do, the truth gets backward velocities. An
+    unknown velocity is measured as 0, as that of a false positive, since a missing one would show that a box is true
+    and new. If every frame has its own frame of reference, free false positives stand still in the world, or in the
+    sensor's frame if the scene has no world poses; velocities are those in the world, turned into the frames.
     """
     from ..detector.simulate import simulate
     from ..detector.visibility import Sensor, visibility_of, visible_fractions
 
     if card.detector is None or (scene.detector and not scene.simulated):
         return scene
-    section, noise = card.detector, card.detector.resolved
+    section, profile = card.detector, card.detector.resolved
     area = section.area
     if area is None and card.source.traits.bounded_by_truth:
         area = extent(scene.truth.box)
@@ -39,28 +39,30 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     truth = scene.truth
     if card.velocity and card.source.traits.velocity_ahead:
         truth = looking_back(truth, scene.time)
-    there = in_world(replace(scene, truth=truth))
+    world = in_world(replace(scene, truth=truth))
     if card.velocity:
-        moves = there.truth if scene.world is None else looking_back(there.truth, scene.time)
-        there = replace(there, truth=replace(moves, velocity=np.nan_to_num(moves.velocity)))
-    seen = simulate(
-        there.truth,
-        there.ego,
+        moving = world.truth if scene.world is None else looking_back(world.truth, scene.time)
+        world = replace(world, truth=replace(moving, velocity=np.nan_to_num(moving.velocity)))
+    detections = simulate(
+        world.truth,
+        world.ego,
         card.task.classes,
-        noise,
+        profile,
         sensor,
-        _seed(section.seed, scene.name) if seed is None else seed,
+        _noise_seed(section.seed, scene.name) if seed is None else seed,
         dt=1.0 / card.task.rate,
-        visibility=visibility_of(there.truth, there.ego, sensor, visible),
+        visibility=visibility_of(world.truth, world.ego, sensor, visible),
     )
     if scene.world is not None:
-        seen = in_frames(seen, scene.world, scene.time)
+        detections = in_frames(detections, scene.world, scene.time)
     if card.source.traits.places_only:
-        seen = as_places(seen)
-    label = f"{noise.name}, simulated detections"
-    return replace(scene, truth=truth, detections=seen, detector=label, simulated=True, skipped={}, visible=visible)
+        detections = as_places(detections)
+    label = f"{profile.name}, simulated detections"
+    return replace(
+        scene, truth=truth, detections=detections, detector=label, simulated=True, skipped={}, visible=visible
+    )
 
 
-def _seed(seed: int, name: str) -> int:
-    """The same in every process and on every machine."""
+def _noise_seed(seed: int, name: str) -> int:
+    """Seed of the noise of a scene, equal in every process and on every machine."""
     return int.from_bytes(hashlib.sha256(f"{seed}|detector|{name}".encode()).digest()[:8], "big")

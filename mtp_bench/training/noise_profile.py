@@ -1,4 +1,4 @@
-"""Fitting a noise profile to the detections of an env, as a section of a card."""
+"""Fit of a noise profile to the detections of an env, as a section of a card."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def fit_noise(
     Args:
         env_id: Id of the env or path of its card.
         options: Data, scenes, changes of the card and progress.
-        min_score: Operating point: "2.5" for all classes, or "car=2.5", each.
-        alike: "bus=car", each: a class, and the one that it is fitted together with and whose noise it has.
-        name: Of the profile; the part before its first hyphen tells agents which detector's settings suit it.
-        reach: How far the detector sees, metres; None: as in the card.
-        field_of_view: What part of the truth around the heading it covers, degrees; None: as in the card.
+        min_score: Operating points: "2.5" for all classes, or "car=2.5".
+        alike: Texts "bus=car": a class, and the class that it is fitted together with and whose noise it has.
+        name: Name of the profile; agents choose their settings by the part before its first hyphen.
+        reach: Reach of the detector in metres; None: as in the card.
+        field_of_view: Degrees around the heading that it covers; None: as in the card.
 
-    Raises MtpBenchError for whatever the user can mend.
+    Raises MtpBenchError for wrong options, incomplete truth and too few detections.
     """
     from ..detector.fit import fit_profile
     from ..detector.profile_file import profile_text
@@ -45,12 +45,11 @@ def fit_noise(
     split = open_split(env_id, options)
     card = split.card
     floor = _floor(min_score, card)
-    known = card.detector or DetectorSection(field_of_view=card.source.traits.view)
-    section = known.model_copy(
-        update={"reach": reach or known.reach, "field_of_view": field_of_view or known.field_of_view}
-    )
+    base = card.detector or DetectorSection(field_of_view=card.source.traits.view)
+    changes = {"reach": reach or base.reach, "field_of_view": field_of_view or base.field_of_view}
+    section = base.model_copy(update=changes)
     profile = fit_profile(
-        map(_complete, split.scenes()),
+        map(_complete_scene, split.scenes()),
         card.task.classes,
         1.0 / card.task.rate,
         Sensor(section.reach, float(np.deg2rad(section.field_of_view))),
@@ -65,13 +64,13 @@ def fit_noise(
     return "\n".join([*(lines if missing else []), _section_text(profile_text(profile), section)])
 
 
-def _complete(scene: Scene) -> Scene:
-    """The scene, in the world if it says where that is; MtpBenchError where not every object of it is known."""
+def _complete_scene(scene: Scene) -> Scene:
+    """The scene in the frame of the world, if it has world poses; MtpBenchError if its truth is not complete."""
     if scene.truth_complete:
-        return in_world(scene)  # what stands in the frames of a sensor that moves is not what stands
+        return in_world(scene)  # objects at rest move in the frames of a moving sensor
     raise MtpBenchError(
-        f"scene {scene.name!r}: only prediction targets are known, so detections of anything else would be fitted as "
-        "false positives; fit on an environment with complete truth"
+        f"scene {scene.name!r} has the truth of prediction targets only, so detections of other objects would be "
+        "fitted as false positives; fit on an environment with complete truth"
     )
 
 
@@ -82,7 +81,7 @@ def _section_text(profile: str, section: DetectorSection) -> str:
 
 
 def _alike(texts: Sequence[str], card: Card) -> dict[str, str]:
-    """Class and fitted class of each ``--alike`` option."""
+    """Class and fitted class of every ``--alike`` option."""
     alike: dict[str, str] = {}
     for text in texts:
         name, _, like = text.partition("=")

@@ -89,7 +89,7 @@ def _share(yes: Bools, among: Bools) -> float:
 
 
 def count_near(real: FalsePositiveSamples, near: Bools, boxes: int, dt: float) -> NearFalsePositives | None:
-    """Parameters of the false positives ``near`` true boxes, of which there are ``boxes``; None if there are none.
+    """Parameters of the false positives ``near`` true boxes, ``boxes`` in number; None without any.
 
     ``dt``: s between frames. The memory is a start value.
     """
@@ -120,7 +120,7 @@ def _same_class_shares(real: FalsePositiveSamples, near: Bools) -> tuple[float, 
 
 
 def count_free(real: FalsePositiveSamples, free: Bools, frames: int, dt: float) -> FreeFalsePositives | None:
-    """Parameters of the ``free`` false positives over ``frames`` frames of ``dt`` s; None if there are none.
+    """Parameters of the ``free`` false positives over ``frames`` frames of ``dt`` s; None without any.
 
     Chances, lives, families and memory are start values.
     """

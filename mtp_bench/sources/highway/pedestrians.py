@@ -1,4 +1,4 @@
-"""People on foot, alone or in groups, who walk along the sidewalks and cross an arm of the junction.
+"""Pedestrians, alone or in groups: they walk along the sidewalks and cross the arms of the junction.
 
 At the kerb they wait until no vehicle with the right of way comes in the time that they need. After a long wait
 vehicles have to wait for them.
@@ -124,7 +124,7 @@ class Crowd:
         return [self._walk(p) for p in self.people if p.stage == CROSSING]
 
     def claimed(self) -> set[int]:
-        """Crossings with a person who has waited long enough."""
+        """Crossings with a person at the end of its patience."""
         return {p.crossing for p in self.people if p.stage == WAITING and p.waited > p.patience}
 
     def step(self, dt: float, vehicles: Floats, free: Callable[[CrossingPedestrian], bool]) -> None:

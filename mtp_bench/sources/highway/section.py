@@ -23,14 +23,14 @@ def _current(generator: int) -> int:
     return generator
 
 
-SECRET_SEEDS = 2**40  # scenes of these and larger seeds are of seals: not even their names are anybody's
-GENERATOR = 2  # version of the simulated content: of what a seed gives
+SECRET_SEEDS = 2**40  # scenes of these and larger seeds belong to seals; even their names are secret
+GENERATOR = 2  # version of the simulated content
 Generator = Annotated[int, AfterValidator(_current)]
 SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
 
 
 class SeedRanges(Section):
-    """Seeds of the scenes of each split: the first, and the one after the last; no scene is in two splits."""
+    """Seeds of each split: the first, and the one after the last; splits have no common seed."""
 
     train: SeedRange
     val: SeedRange
@@ -49,12 +49,12 @@ class HighwaySource(SourceSection):
 
     splits = ("train", "val", "test")
 
-    generator: Generator = GENERATOR  # version of the simulated content: a change of the traffic gets a new number
+    generator: Generator = GENERATOR  # version of the simulated content
     scenario: Literal["intersection", "roundabout", "merge", "highway"]
     sensor: Literal["ego", "roadside"] = "ego"  # on a moving vehicle, or at a fixed place
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
-    vehicles: Annotated[int, Field(ge=2, le=200)]  # aimed at on the road
-    pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # aimed at; only the intersection has crossings
+    vehicles: Annotated[int, Field(ge=2, le=200)]  # number to keep on the road
+    pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # number to keep; only the intersection has crossings
     parked: Annotated[int, Field(ge=0, le=200)] = 0  # cars along the kerbs of junctions
     seeds: SeedRanges
 
@@ -74,7 +74,7 @@ class HighwaySource(SourceSection):
 
     @property
     def traits(self) -> Traits:
-        """What the source can do."""
+        """Abilities of the source."""
         return Traits(
             simulated=True,
             without_detections="simulated traffic",

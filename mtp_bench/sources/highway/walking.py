@@ -46,7 +46,7 @@ class SidewalkUse:
 
 
 def draw_sidewalk(coming: bool, rng: np.random.Generator) -> SidewalkUse:
-    """Draw one of the two sidewalks of a corner; people who come and people who go keep apart."""
+    """Draw one of the two sidewalks of a corner; arriving and leaving people keep apart."""
     kerb = STRIP + rng.uniform(*(_COMING if coming else _GOING))
     return SidewalkUse(bool(rng.uniform() < STRAIGHT_ON), float(rng.uniform(*_FAR)), float(kerb))
 
@@ -195,7 +195,7 @@ def slow_before_others(place: Floats, velocity: Floats, vehicles: Floats, dt: fl
 
 
 def push_apart(place: Floats) -> Floats:
-    """Places ``[M, 2]`` after people who are too close are moved apart."""
+    """Places ``[M, 2]`` after people closer than `APART` are moved apart."""
     for _ in range(3):
         _, gap, unit = _pairs(place, 1e-6)
         short = np.maximum(APART + 1e-3 - gap, 0.0)
@@ -206,7 +206,7 @@ def push_apart(place: Floats) -> Floats:
 
 
 def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: Floats) -> Floats:
-    """``moved`` ``[M, 2]``; people who would step against a vehicle (boxes ``[N, 7]``) stay at ``place``."""
+    """``moved`` ``[M, 2]``; people in front of a vehicle (boxes ``[N, 7]``) stay at ``place``."""
     if len(vehicles) == 0:
         return moved
     after, before = _clearance(moved, vehicles), _clearance(place, vehicles)
