@@ -27,7 +27,7 @@ DIVISIONS = ("closed", "open")
 
 
 @dataclass(frozen=True)
-class Entry:
+class EntryOptions:
     """Options of the entry on the leaderboard."""
 
     division: Annotated[str, typer.Option(help="closed or open.", autocompletion=words(*DIVISIONS))] = "closed"
@@ -97,7 +97,7 @@ class Restart:
 
 def submit(
     workers: WorkerChoice,
-    entry: Entry,
+    entry: EntryOptions,
     every: Every,
     again: Restart,
     runs: Runs,
@@ -130,7 +130,7 @@ def submit(
     _submit_one(path, env, options, output, {**more, "start": again.start(), "replace": again.force})
 
 
-def _refuse_with_all(entry: Entry, again: Restart, runs: Runs) -> None:
+def _refuse_with_all(entry: EntryOptions, again: Restart, runs: Runs) -> None:
     """Raise BadParameter for options of other conditions than those that rank."""
     asked = {
         "--division": entry.division != DIVISIONS[0], "--training-data": entry.training_data, "--commit": entry.commit,

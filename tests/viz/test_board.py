@@ -588,17 +588,13 @@ def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
     assert " ".join(row.split()) == "forest_of_maybe 1 0.744 0.690–0.797 −0.324* 1.16 1.35 47 % 22.9 scored"
 
 
-def test_the_command_shows_one_env_and_the_same_record_once(folders: tuple[Path, Path], cli: CommandLine) -> None:
+def test_the_command_reads_and_shows_one_env_and_the_same_record_once(
+    folders: tuple[Path, Path], cli: CommandLine
+) -> None:
     records, _ = folders
-    out = cli.ok(
-        "board",
-        "--records",
-        records,
-        "--env",
-        "MTP-nuScenes-mini-v0",
-        "--with",
-        records / "other/MTP-nuScenes-mini-v0.json",
-    )
+    (records / "good" / f"{MAIN}.json").write_text("broken")
+    mini = "MTP-nuScenes-mini-v0"
+    out = cli.ok("board", "--records", records, "--env", mini, "--with", records / "other" / f"{mini}.json", "--strict")
     assert "MTP-WILDTRACK-k10-v0" not in out
     assert out.count("other") == 1
     assert "added" not in out

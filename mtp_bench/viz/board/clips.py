@@ -24,7 +24,7 @@ _QUALITIES = (60, 45, 30, 20, 10)  # of WebP, until it is small enough
 
 
 def can_have_clip(path: Path, record: Record) -> bool:
-    """Whether scenes of the env may be shown, and the rollouts of the record at ``path`` are stored."""
+    """Return True if scenes of the env may be shown and the rollouts of the record at ``path`` are stored."""
     return simulated(record.env.id) and rollouts_folder(path, record.seeds[0]).is_dir()
 
 

@@ -72,7 +72,7 @@ class Entry(Found):
 
     @property
     def compared(self) -> bool:
-        """Whether it stands in the main ranking of its environment, even where that has too few recordings to rank."""
+        """True in the main ranking of its environment, even where that has too few recordings to rank."""
         return self.standing.compared
 
     @property

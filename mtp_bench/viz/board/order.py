@@ -19,7 +19,7 @@ def env_place(env_id: str) -> tuple[int, str]:
 
 @cache
 def simulated(env_id: str) -> bool:
-    """Whether the scenes of an environment are simulated; False for one that does not ship."""
+    """Return True if the scenes of an environment are simulated; False for one that does not ship."""
     return env_id in card_ids() and load_card(env_id).simulated
 
 

@@ -42,7 +42,7 @@ class MainRow:
 
     @property
     def is_from_paper(self) -> bool:
-        """Whether the numbers are the paper's."""
+        """True for numbers of the paper."""
         return self.agent == IN_PAPER
 
 
