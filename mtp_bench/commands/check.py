@@ -33,9 +33,7 @@ def check(
     """Check that a submission keeps the contract, and score up to three scenes beside STP. Status 1 for errors."""
     require_writable(json_file)
     if scenes is not None and scenes > SCENES:
-        raise typer.BadParameter(
-            f"{scenes}, expected at most {SCENES}: a check looks at no more", param_hint="--scenes"
-        )
+        raise typer.BadParameter(f"{scenes}, expected at most {SCENES}: the limit of a check", param_hint="--scenes")
     options = RunOptions(root, scenes or SCENES, track_file=absolute(tracks), workers=Workers(cores()))
     options.require_tracks_used([load_submission(path)])
     prepare(env, options)
@@ -46,17 +44,16 @@ def check(
     if checked.scores:
         show_numbers(_score_table(checked))
     if checked.errors:
-        said = counted(checked.errors, "error")
-        raise SubmissionError(f"{checked.submission} does not pass: {said}; the table says what, where and what to do")
-    show("with every forecast kept; what ranks is the error at budgets of false forecasts, which `compare` gives")
+        errors = counted(checked.errors, "error")
+        raise SubmissionError(f"{checked.submission} does not pass: {errors}, see the table")
+    show("with every forecast kept; agents are ranked by bADE, which `compare` gives")
     compare = command_line("compare", path, env=checked.env, data=root, tracks=tracks)
     show(f"{checked.submission} passes; next: `{compare}`")
 
 
 def finding_table(checked: SubmissionCheck) -> Table:
-    """The findings; what was expected, where and what to do stands below each that is not ok."""
+    """Table of the findings, with expected value, place and advice below each that is not ok."""
     from rich.markup import escape
-    from rich.table import Table
 
     table = Table(title=escape(f"{checked.submission} on {checked.env}"), title_justify="left")
     table.add_column("", no_wrap=True)

@@ -24,7 +24,7 @@ def run(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the run.")] = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier run in that folder.")] = False,
 ) -> None:
-    """Run an agent and store what it said."""
+    """Run an agent and store its rollouts."""
     options = on.options(workers, [seed])
     require_free(output, force)
     prepare(on.env, options, [agent])

@@ -51,33 +51,20 @@ def require_seed(seed: int) -> None:
 class RunOptions:
     """Options of every run, comparison, fit and check, beside the agent and the env.
 
-    Attributes:
-        data: Root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder.
-        scenes: Only the first ``scenes`` scenes of the split; None: all of them.
-        seeds: Seeds of the random draws, one run each.
-        split: Another split of the env than the card's, such as "train".
-        detector: Another detector than the card's: a profile, or the first part of the names of stored files.
-        fold: Only the scenes of a fold of the split, such as (1, 4).
-        detection_file: File of stored detections in place of the card's.
-        track_file: File or folder of stored tracks, for submissions that observe them.
-        files: Folder of scenes in place of the card's.
-        workers: Processes of this machine, or a Dask cluster.
-        progress: Callbacks for the number of tasks, and for each that is done.
-
     Raises MtpBenchError for 0 scenes, for an empty list of seeds and for a seed below 0 or above `MOST_SEED`.
     """
 
-    data: str | None = None
-    scenes: int | None = None
-    seeds: Sequence[int] = (0,)
-    split: str | None = None
-    detector: str | None = None
-    fold: Fold | None = None
-    detection_file: str | None = None
-    track_file: str | None = None
-    workers: Workers = SERIAL
-    progress: Progress = NO_PROGRESS
-    files: str | None = None
+    data: str | None = None  # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's data folder
+    scenes: int | None = None  # only the first ``scenes`` scenes of the split; None: all
+    seeds: Sequence[int] = (0,)  # of the random draws, one run each
+    split: str | None = None  # another split than the card's, such as "train"
+    detector: str | None = None  # another detector: a profile, or the first part of the names of stored files
+    fold: Fold | None = None  # only the scenes of a fold of the split, such as (1, 4)
+    detection_file: str | None = None  # stored detections in place of the card's
+    track_file: str | None = None  # file or folder of stored tracks, for submissions that observe them
+    workers: Workers = SERIAL  # processes of this machine, or a Dask cluster
+    progress: Progress = NO_PROGRESS  # callbacks for the number of tasks, and for each that is done
+    files: str | None = None  # folder of scenes in place of the card's
 
     def __post_init__(self) -> None:
         for name, value in (("scenes", self.scenes), ("seeds", len(self.seeds))):

@@ -80,15 +80,11 @@ UNUSED = "track_valid: in no hypothesis, so unused"
 CASES: dict[str, Case] = {
     "nothing broken": Case(lambda action: None),
     "NaN in a track": track(put("track_box", (1, 3), np.nan), "track_box: not finite"),
-    "infinite track": track(put("track_box", (1, 0), np.inf), "track_box: not finite"),
     "track far away": track(put("track_box", (1, 1), 1.1e5), "track_box: out of range"),
     "track without width": track(put("track_box", (1, 5), 0.0), "track_box: out of range"),
-    "negative track size": track(put("track_box", (1, 4), -1.0), "track_box: out of range"),
-    "track too large": track(put("track_box", (1, 6), 101.0), "track_box: out of range"),
     "negative id": track(put("track_id", 1, -1), "track_id: out of range"),
     "id beyond 31 bits": track(put("track_id", 1, 2**31), "track_id: out of range"),
     "class of a track unknown": track(put("track_class", 1, 2), "track_class: unknown"),
-    "class of a track below -1": track(put("track_class", 1, -2), "track_class: unknown"),
     "no class for tracks": Case(drop("track_class")),
     "id twice in one hypothesis": Case(
         put("hypothesis_member", (0, 3), 1), "track_id: twice in one hypothesis", (10, 11), counted=(2, 0, 0)
@@ -103,7 +99,6 @@ CASES: dict[str, Case] = {
     "namesake in an absent hypothesis": Case(put("hypothesis_member", (2, slice(None)), 1)),
     "track in no hypothesis": Case(put("hypothesis_member", (slice(None), 1), 0), UNUSED, (10, 12, 12)),
     "hypothesis weight NaN": hypothesis(np.nan, BROKEN, 1),
-    "hypothesis weight +inf": hypothesis(np.inf, BROKEN, 1),
     "hypothesis absent, -inf": hypothesis(-np.inf),
     "hypothesis absent, -2e30": hypothesis(-2e30),
     "no hypothesis": Case(put("hypothesis_log_weight", slice(None), -np.inf), UNUSED, (), hypotheses=0),
@@ -122,15 +117,10 @@ CASES: dict[str, Case] = {
         drop("hypothesis_log_weight"), "hypothesis_log_weight: is missing", (), 2, 0, (0, 3, 0)
     ),
     "track mask missing": no_track(drop("track_valid"), "track_valid: is missing", 5),
-    "track mask of floats": no_track(cast("track_valid", float), "track_valid: has dtype float64", 5),
     "track boxes missing": no_track(drop("track_box"), "track_box: is missing"),
     "track boxes of another shape": no_track(swap("track_box", np.ones((5, 8))), "track_box: has shape (5, 8)"),
-    "track boxes of text": no_track(swap("track_box", np.full((5, 7), "1")), "track_box: has dtype <U1"),
     "track boxes ragged": no_track(swap("track_box", [[1.0], [1.0, 2.0]]), "track_box: is not an array (ValueError"),
-    "track boxes complex": no_track(cast("track_box", complex), "track_box: has dtype complex128"),
-    "track boxes None": no_track(swap("track_box", None), "track_box: has dtype object"),
     "track ids of floats": no_track(cast("track_id", float), "track_id: has dtype float64"),
-    "track classes of floats": no_track(cast("track_class", float), "track_class: has dtype float64"),
     "double precision is taken": Case(cast("track_box", np.float64)),
     "double beyond single precision": track(
         both(cast("track_box", np.float64), put("track_box", (1, 0), 1e300)), "track_box: not finite"
@@ -138,22 +128,17 @@ CASES: dict[str, Case] = {
     "boolean masks are taken": Case(cast("track_valid", bool)),
     "lists are taken": Case(lambda action: action.__setitem__("track_box", action["track_box"].tolist())),
     "NaN in an object": thing(put("object_box", (0, 0), np.nan), "object_box: not finite"),
-    "object without height": thing(put("object_box", (0, 6), 0.0), "object_box: out of range"),
     "class of an object unknown": thing(put("object_class", 0, 2), "object_class: unknown"),
-    "class of an object not stated": thing(put("object_class", 0, -1), "object_class: unknown"),
     "NaN in a forecast": thing(put("forecast", (0, 1, 2, 0), np.nan), "forecast: not finite"),
     "NaN in an absent sample": Case(put("forecast", (0, 3), np.nan)),
     "forecast too far": thing(put("forecast", (0, 1, 2), [327.1, 0.0]), FAR),
     "forecast too far across": thing(put("forecast", (0, 1, 2), [300.0, 300.0]), FAR),
     "forecast just not too far": Case(put("forecast", (0, 1, 2), [0.0, -327.0])),
-    "forecast of 1e38 m": thing(put("forecast", (0, 1, 2), 3e38), FAR),
     "sample weight NaN": thing(put("forecast_log_weight", (0, 0), np.nan), "forecast_log_weight: NaN or +inf"),
-    "sample weight +inf": thing(put("forecast_log_weight", (0, 0), np.inf), "forecast_log_weight: NaN or +inf"),
     "one sample absent": Case(put("forecast_log_weight", (0, 0), -np.inf)),
     "all samples absent": thing(put("forecast_log_weight", 0, -2e30), "forecast_log_weight: no sample present"),
     "confidence NaN": thing(put("object_confidence", 0, np.nan), "object_confidence: not a probability"),
     "confidence above 1": thing(put("object_confidence", 0, 1.001), "object_confidence: not a probability"),
-    "confidence below 0": thing(put("object_confidence", 0, -1e-3), "object_confidence: not a probability"),
     "confidence 0 and 1": Case(put("object_confidence", slice(0, 2), [0, 1])),
     "no confidence": Case(drop("object_confidence")),
     "confidences of another shape": no_object(
@@ -209,12 +194,12 @@ def test_a_problem_shows_its_first_row() -> None:
     assert problem.expected.startswith("finite x y z yaw")
 
 
-@pytest.mark.parametrize("action", [None, 3, "forecast", [1, 2], np.zeros(3)], ids=str)
-def test_anything_but_a_dict_is_an_answer_without_a_sound_row(action: object) -> None:
-    answer = decode(action, TASK)
-    assert len(answer.track_id) == len(answer.object_box) == 0
-    assert answer.invalid.tolist() == [5, 3, 4]
-    assert examine(action, TASK).problems[0].reason == f"is a {type(action).__name__}"
+def test_anything_but_a_dict_is_an_action_without_a_sound_row() -> None:
+    actions: list[object] = [None, 3, "forecast", [1, 2], np.zeros(3)]
+    for action in actions:
+        recorded = decode(action, TASK)
+        assert len(recorded.track_id) == len(recorded.object_box) == 0
+        assert recorded.invalid.tolist() == [5, 3, 4]
 
 
 def test_a_hypothesis_may_be_empty() -> None:
@@ -225,23 +210,17 @@ def test_a_hypothesis_may_be_empty() -> None:
     assert answer.member.any(axis=0).tolist() == [False, True, False]
 
 
-def test_tracks_keep_what_was_said_of_them() -> None:
+def test_sound_rows_are_kept_as_stated() -> None:
     action = full_action(TASK)
-    answer = decode(action, TASK)
-    np.testing.assert_array_equal(answer.track_box, action["track_box"][:4])
-    np.testing.assert_array_equal(answer.member, action["hypothesis_member"][:, :4].T.astype(bool))
-    np.testing.assert_allclose(answer.hypothesis_log_weight[:2], [-np.log1p(np.exp(-1)), -1 - np.log1p(np.exp(-1))])
-
-
-def test_confidences_and_parents_are_those_said_or_1_and_none() -> None:
-    answer = decode(full_action(TASK), TASK)
-    assert answer.object_confidence.tolist() == [0.75, 0.75]
-    assert answer.hypothesis_parent.tolist() == [1, 0, -1]
-    silent = decode(
-        {k: v for k, v in full_action(TASK).items() if k not in ("object_confidence", "hypothesis_parent")}, TASK
-    )
-    assert silent.object_confidence.tolist() == [1.0, 1.0]
-    assert silent.hypothesis_parent.tolist() == [-1, -1, -1]
+    recorded = decode(action, TASK)
+    np.testing.assert_array_equal(recorded.track_box, action["track_box"][:4])
+    np.testing.assert_array_equal(recorded.member, action["hypothesis_member"][:, :4].T.astype(bool))
+    np.testing.assert_allclose(recorded.hypothesis_log_weight[:2], [-np.log1p(np.exp(-1)), -1 - np.log1p(np.exp(-1))])
+    assert (recorded.object_confidence.tolist(), recorded.hypothesis_parent.tolist()) == ([0.75, 0.75], [1, 0, -1])
+    for name in ("object_confidence", "hypothesis_parent"):
+        del action[name]
+    recorded = decode(action, TASK)
+    assert (recorded.object_confidence.tolist(), recorded.hypothesis_parent.tolist()) == ([1.0, 1.0], [-1, -1, -1])
 
 
 MALFORMED: dict[str, tuple[Break, list[int]]] = {

@@ -100,16 +100,6 @@ def test_a_spec_survives_json(env_id: str, kitti: str) -> None:
         np.testing.assert_array_equal(first[key], second[key])
 
 
-def test_the_metadata_name_the_definitions_of_the_reward(card: str, kitti: str) -> None:
-    for metadata in (MTPEnv.metadata, make_small(card, kitti).unwrapped.metadata):
-        assert metadata["definitions"] == mtp_bench.scoring.DEFINITIONS
-
-
-def test_an_env_of_a_module_prefix(kitti: str) -> None:
-    env = gym.make("mtp_bench:MTP-KITTI-v0", data=kitti)
-    assert isinstance(env.unwrapped, MTPEnv)
-
-
 @pytest.mark.parametrize("kind", ["sync", "async", "async, no shared memory"])
 def test_vector_envs(kind: str, card: str, kitti: str) -> None:
     def make() -> gym.Env[Any, Any]:

@@ -43,13 +43,6 @@ def test_a_split_that_is_not_there_names_those_that_are(cli: CommandLine, data_r
     assert cli("data", "--split", "train").status == 2
 
 
-def test_stored_and_simulated_detections_are_told_apart_in_the_report(cli: CommandLine, tmp_path: Path) -> None:
-    printed = cli.ok("compare", "stp", "--env", "MTP-WILDTRACK-v0", "--seeds", 1, "--json", tmp_path / "a.json")
-    label = "mvdet, stored detections (1 scene); wildtrack_mvdet, simulated detections (3 scenes)"
-    assert label in " ".join(printed.split())
-    assert read_json(tmp_path / "a.json")["condition"]["detections"] == label
-
-
 def test_a_file_of_detections_is_run_and_scored(
     cli: CommandLine, tmp_path: Path, data_root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -65,11 +58,6 @@ def test_a_file_of_detections_is_run_and_scored(
     assert by_name["rows"][0]["minADE"] == by_file["rows"][0]["minADE"]
     assert by_file["condition"]["detector"] == "megvii-mine"
     assert by_name["condition"]["card"] != by_file["condition"]["card"]
-
-
-def test_noise_is_not_fitted_where_only_targets_are_known(cli: CommandLine) -> None:
-    error = cli("fit-noise", "--env", "MTP-nuScenes-v0", "--split", "train", "--scenes", 1).error
-    assert "detections of anything else would be fitted as false positives" in error
 
 
 def test_simulated_people_stand_where_people_were(data_root: Path) -> None:

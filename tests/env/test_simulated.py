@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -80,19 +77,6 @@ def test_another_detector_sees_the_same_world() -> None:
     assert len(usual.scene.detections.box) != len(usual.scene.truth.box)
 
 
-def test_another_split_has_other_scenes() -> None:
-    names = [set(MTPEnv("MTP-Merge-v0", split=split).scene_names) for split in ("train", "val", "test")]
-    assert [len(part) for part in names] == [500, 150, 150]
-    assert not (names[0] & names[1] | names[1] & names[2] | names[0] & names[2])
-
-
-def test_a_simulated_detector_on_recorded_truth(card: str, kitti: str) -> None:
-    env = MTPEnv(card, data=kitti, detector="clean")
-    env.reset(options={"scene": env.scene_names[0]})
-    assert 0 < len(env.scene.detections.box) <= len(env.scene.truth.box)
-    assert env.scene.detector == "clean, simulated detections"
-
-
 def scores(env_id: str, scenes: int, agent: str = "stp", **keywords: Any) -> list[SceneScore]:
     submission = load_submission(agent)
     make = SubmissionFactory(str(submission.path), submission.parameters)
@@ -153,23 +137,6 @@ def test_every_baseline_runs(name: str, env_id: str, short: dict[str, str]) -> N
     assert score.covered.mean() > 0.5
 
 
-def digest_in_another_process(card: str, folder: Path, hash_seed: int) -> str:
-    """Digest of a run whose scene is generated there too."""
-    environment = {**os.environ, "PYTHONHASHSEED": str(hash_seed), "MTP_BENCH_CACHE": str(folder / "cache")}
-    given = ("run", "mtp", "--env", card, "--scenes", "1", "-o", str(folder / "run"))
-    command = [sys.executable, "-m", "mtp_bench.commands.app", *given]
-    subprocess.run(command, check=True, capture_output=True, env=environment)
-    (entry,) = json.loads((folder / "run" / "run.json").read_text())["scenes"]
-    return str(entry["digest"])
-
-
-def test_runs_have_the_same_digest_in_processes_with_different_hash_seeds(
-    tmp_path: Path, short: dict[str, str]
-) -> None:
-    one, other = (digest_in_another_process(short["MTP-Merge-v0"], tmp_path / str(seed), seed) for seed in (1, 2))
-    assert one == other
-
-
 def test_a_run_of_another_split_and_detector_is_scored_as_such(cli: CommandLine, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     options = ("--split", "test", "--detector", "hard", "--scenes", "1")
@@ -181,11 +148,3 @@ def test_a_run_of_another_split_and_detector_is_scored_as_such(cli: CommandLine,
     whole = next(row for row in json.loads(scored.read_text())["rows"] if row["subset"] == "all")
     (direct,) = scores("MTP-Roundabout-v0", 1, split="test", detector="hard")
     assert whole["targets"] == len(direct)
-
-
-def test_data_says_how_much_is_generated(cli: CommandLine, tmp_path: Path) -> None:
-    cli("run", "stp", "--env", "MTP-Roundabout-v0", "--scenes", "1", "-o", tmp_path / "run")
-    output = " ".join(cli("data", "--env", "MTP-Roundabout-v0").out.split())
-    assert "simulated scenes are generated when they are first used" in output
-    assert "attempts rejected" in output
-    assert "made when used" in output

@@ -8,8 +8,6 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import distributed
@@ -21,14 +19,10 @@ from mtp_bench import parallel as _cluster
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.parallel import Done, Progress, Workers, _cluster_map, _require_backend
-from mtp_bench.records import submit, submitting
 from mtp_bench.running.options import RunOptions
-from mtp_bench.running.rollout_files import load_run
 from mtp_bench.running.run import Job, run_jobs
 from mtp_bench.types import Task
 from tests.running.test_runner import make_failing
-from tests.support.command_line import CommandLine, read_json, write_submission
-from tests.support.runs import PATIENT, remembered_reference
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 NAMES = ["0006", "0001", "0008"]
@@ -97,29 +91,6 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
     assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
 
 
-def test_a_submission_loses_nothing_with_a_worker(
-    cluster: Any, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(submitting, "reference_for", remembered_reference)  # event weights of both are the same
-    folder = write_submission(tmp_path / "echo", body="__import__('time').sleep(0.02)")
-    with distributed_untyped.Client(cluster, set_as_default=False) as client:
-        client.wait_for_workers(2)
-        first = next(iter(client.run(os.getpid).values()))
-    killed: list[str] = []
-
-    def kill_once(scene: str) -> None:
-        if not killed:
-            os.kill(first, signal.SIGKILL)
-        killed.append(scene)
-
-    away = replace(on(cluster, kill_once), data=kitti, seeds=(0, 1))
-    spread = submit(folder, card, away, tmp_path / "there", "open", limits=PATIENT)
-    here = submit(folder, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / "here", "open", limits=PATIENT)
-    assert killed
-    assert (spread.status, spread.missed.crashed_scenes) == ("finished", 0)
-    assert spread.hashes == here.hashes
-
-
 def test_an_agent_that_kills_every_worker_is_given_up(
     cluster: Any, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,29 +104,6 @@ def test_an_agent_that_fails_is_named_as_in_this_process(cluster: Any, card: str
     text = "agent 'mine' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
     with pytest.raises(SubmissionError, match=text):
         run_jobs(jobs(card, kitti, make_failing)[1:2], on(cluster))
-
-
-def test_runs_and_comparisons_from_the_command_line(
-    cluster: Any, card: str, kitti: str, tmp_path: Path, cli: CommandLine
-) -> None:
-    agent = write_submission(tmp_path / "echo", tables="[parameters]\nnoise = 0.1\n")
-    spread = "--backend", "dask", "--scheduler", cluster.scheduler_address
-    common = "--env", card, "--data", kitti, "--jobs", "1"
-    cli.ok("run", agent, *common, "-o", tmp_path / "here")
-    cli.ok("run", agent, *common, "-o", tmp_path / "there", *spread)
-    here, there = (load_run(tmp_path / name) for name in ("here", "there"))
-    assert [digest(rollout) for rollout in here.rollouts] == [digest(rollout) for rollout in there.rollouts]
-    cli.ok("compare", agent, *common, "--seeds", "1", "--json", tmp_path / "here.json")
-    cli.ok("compare", agent, *common, "--seeds", "1", "--json", tmp_path / "there.json", *spread)
-    rows = [read_json(tmp_path / name)["rows"] for name in ("here.json", "there.json")]
-    for row in rows[0] + rows[1]:
-        row.pop("ms_per_frame")
-    assert rows[0] == rows[1]
-
-
-def test_a_worker_runs_one_scene_at_a_time() -> None:
-    assert not _cluster._one_at_a_time.locked()
-    assert _cluster._alone(lambda number: (_cluster._one_at_a_time.locked(), number), (7,)) == (True, 7)
 
 
 WRONG: dict[str, tuple[str, str | None, str]] = {
@@ -178,20 +126,10 @@ def test_without_dask_one_sentence_says_how_to_get_it(monkeypatch: pytest.Monkey
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_cluster, "_CONNECT", 0.2)
+    monkeypatch.setattr(_cluster, "_CONNECT_SECONDS", 0.2)
     with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
         list(_cluster_map(np.add, [(1, 2)], "tcp://127.0.0.1:9"))
     with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'nowhere'"):
         list(_cluster_map(np.add, [(1, 2)], "nowhere"))
     clients = [one for one in gc.get_objects() if type(one) is distributed_untyped.Client]
     assert not clients, "one that is half made waits for ever where the collector closes it while a cluster starts"
-
-
-def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_cluster, "_WORKERS", 0.2)
-    untyped = distributed_untyped
-    with (
-        untyped.LocalCluster(n_workers=0, processes=True, dashboard_address=":0", host="127.0.0.1") as cluster,
-        pytest.raises(MtpBenchError, match="has no workers: start some with `dask worker tcp://"),
-    ):
-        list(_cluster_map(np.add, [(1, 2)], cluster.scheduler_address))

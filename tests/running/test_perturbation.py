@@ -110,9 +110,3 @@ def test_a_run_is_the_same_whenever_it_is_made_and_differs_from_others() -> None
     assert np.array_equal(box[0], box[1])
     assert len({part[:5].tobytes() for part in (*box, other)}) == 3
     assert scene.detections.box[2, 0] == 200  # the scene itself stays
-
-
-def test_a_scene_without_detections() -> None:
-    scene = make_scene([[Thing(1, 0, 0)]] * 3)
-    noise = fit_perturbation([matched_detections(scene, CARD)], 2)
-    assert len(perturbed(scene, noise, 3).detections.box) == 0

@@ -13,7 +13,7 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
-from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.errors import CardError, DataError
 from mtp_bench.parallel import Workers
 from mtp_bench.records.running import plan_run
 from mtp_bench.running.compare import compare
@@ -34,7 +34,7 @@ from mtp_bench.scoring.weights import WEIGHED, scene_key, tracking_events
 from mtp_bench.scoring.weights_file import read_reference, write_reference
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine
-from tests.support.small_scenes import CARD, write_card, write_kitti
+from tests.support.small_scenes import CARD, write_card
 
 
 def scenes_of(env: str, data: str) -> tuple[str, ...]:
@@ -104,27 +104,6 @@ def test_workers_do_not_change_it(card: str, kitti: str) -> None:
     assert alone.digest == two.digest
 
 
-def test_progress_counts_every_piece_once(card: str, kitti: str) -> None:
-    from mtp_bench.parallel import Progress
-
-    total: list[int] = []
-    done: list[str] = []
-    scenes = scenes_of(card, kitti)
-    options = RunOptions(kitti, progress=Progress(total.append, done.append))
-    make_reference(load_card(card), scenes, options, range(RUNS))
-    assert total == [len(done)] == [len(scenes) * 5]
-
-
-def test_other_seeds_are_other_runs(card: str, kitti: str) -> None:
-    loaded, scenes = load_card(card), scenes_of(card, kitti)
-    first, second = (make_reference(loaded, scenes, RunOptions(kitti), seeds) for seeds in (range(6), range(6, 12)))
-    assert first.parameters["seeds"] == "0 to 5"
-    assert {k: v for k, v in first.parameters.items() if k != "seeds"} == {
-        k: v for k, v in second.parameters.items() if k != "seeds"
-    }
-    assert first.digest != second.digest
-
-
 def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str, tmp_path: Path, kitti: str) -> None:
     path, frozen = freeze(shipped, RunOptions(kitti))
     other = load_card(write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 3.0")))
@@ -178,22 +157,6 @@ def test_a_file_of_another_env_is_refused(shipped: str, kitti: str) -> None:
     path.write_bytes((Path(__file__).parents[2] / "envs/reference/MTP-Intersection-v0.json").read_bytes())
     with pytest.raises(DataError, match="env is 'MTP-Intersection-v0', expected 'MTP-Small-v0'"):
         frozen_reference(load_card(shipped))
-
-
-def test_only_what_ships_is_frozen(cli: CommandLine, card: str, kitti: str) -> None:
-    with pytest.raises(UnknownNameError, match="only those that ship have frozen event weights"):
-        freeze(card, RunOptions(kitti))
-    assert "only those that ship" in cli("maintain", "freeze", "--env", card, "--data", kitti).error
-
-
-def test_a_failed_freeze_leaves_the_earlier_file(cli: CommandLine, shipped: str, tmp_path: Path, kitti: str) -> None:
-    path, _ = freeze(shipped, RunOptions(kitti))
-    before = path.read_bytes()
-    broken = Path(write_kitti(tmp_path / "broken"))
-    (broken / "kitti_tracking/training/calib/0006.txt").unlink()
-    assert "calib/0006.txt" in cli("maintain", "freeze", "--env", shipped, "--data", broken, "--jobs", 1).error
-    assert path.read_bytes() == before
-    assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
 def test_a_baseline_that_cannot_track_alone_is_no_reference(tmp_path: Path, kitti: str) -> None:

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from mtp_bench.env.rollouts import ARRAYS, assemble, digest
-from mtp_bench.errors import MtpBenchError, RolloutError
+from mtp_bench.errors import RolloutError
 from mtp_bench.running.packing import packed, unpacked
-from mtp_bench.running.rollout_files import RunInfo, load_run, require_run_folder, require_storable, save_run
+from mtp_bench.running.rollout_files import RunInfo, load_run, require_storable, save_run
 from mtp_bench.types import Rollout
 from tests.support.broken_files import cut_head, flips
 from tests.support.small_scenes import decode, empty_action, full_action, task
@@ -75,23 +75,12 @@ def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_a_run_without_a_scene_is_a_run(tmp_path: Path) -> None:
-    save_run(tmp_path / "run", INFO, [])
-    assert load_run(tmp_path / "run").rollouts == ()
-
-
 def test_a_run_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
     save_run(tmp_path / "run", INFO, [make_rollout("one"), make_rollout("two")])
     save_run(tmp_path / "run", INFO, [make_rollout("three")])
     assert [rollout.scene for rollout in load_run(tmp_path / "run").rollouts] == ["three"]
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["run.json", "three.npz"]
-
-
-def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
-    (tmp_path / "run").mkdir()
-    save_run(tmp_path / "run", INFO, [make_rollout()])
-    assert len(load_run(tmp_path / "run").rollouts) == 1
 
 
 @pytest.mark.parametrize("names", [["thesis.tex"], ["run.json", "notes.txt"], ["one.npz"]], ids=str)
@@ -102,12 +91,6 @@ def test_a_folder_that_is_no_run_is_left_alone(names: list[str], tmp_path: Path)
         save_run(tmp_path, INFO, [make_rollout()])
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
     assert all((tmp_path / name).read_text() == "precious" for name in names)
-
-
-def test_a_file_is_left_alone(tmp_path: Path) -> None:
-    (tmp_path / "run").write_text("precious")
-    with pytest.raises(RolloutError, match="is a file"):
-        save_run(tmp_path / "run", INFO, [make_rollout()])
 
 
 def test_an_earlier_run_survives_when_writing_fails(tmp_path: Path) -> None:
@@ -188,11 +171,6 @@ def drop(folder: Path, name: str) -> None:
     np.savez_compressed(folder / "one.npz", allow_pickle=False, **arrays)
 
 
-def one_array(folder: Path) -> None:
-    with (folder / "one.npz").open("wb") as file:
-        np.save(file, np.zeros(3))
-
-
 def no_array(folder: Path) -> None:
     drop(folder, "forecast")
     with zipfile.ZipFile(folder / "one.npz", "a") as archive:
@@ -217,20 +195,13 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "no run.json": (lambda folder: (folder / "run.json").unlink(), "no run.json there"),
     "no scene": (lambda folder: (folder / "one.npz").unlink(), r"one\.npz is missing"),
     "run.json cut": (cut("run.json"), r"run\.json: not valid JSON"),
-    "run.json is a list": (lambda folder: (folder / "run.json").write_text("[]"), "holds list, expected a table"),
-    "run.json not text": (lambda folder: (folder / "run.json").write_bytes(b"\xff\xfe"), "not valid UTF-8"),
     "unknown key": (edit_json(lambda content: content.update(scene=1)), "unknown key 'scene': did you mean 'scenes'"),
-    "key missing": (edit_json(lambda content: content["info"].pop("seed")), r"key 'info\.seed' is missing"),
     "earlier format": (
         edit_json(lambda content: content.update(format=1)),
         "has the format 1, and this version of the library reads format 2: run the agent again",
     ),
-    "later format": (edit_json(lambda content: content.update(format=3)), "has the format 3, and this version"),
     "frames changed": (edit_json(lambda content: content["scenes"][0].update(frames=4)), "track_start has shape"),
     "scene cut": (cut("one.npz"), "truncated or not a rollout"),
-    "scene empty": (lambda folder: (folder / "one.npz").write_bytes(b""), "truncated or not a rollout"),
-    "scene is text": (lambda folder: (folder / "one.npz").write_text("hello"), "truncated or not a rollout"),
-    "scene is one array": (one_array, "truncated or not a rollout"),
     "byte flipped": (flip_byte, r"one\.npz"),
     "array missing": (drop_array, "member"),
     "no array inside": (no_array, "truncated or not a rollout .*forecast is not an array"),
@@ -238,11 +209,9 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "head cut": (lambda folder: cut_head(folder / "one.npz", "track_box"), "truncated or not a rollout"),
     "pickle inside": (pickled, "truncated or not a rollout"),
     "box changed": (edit_array("track_box", lambda array: array + np.float32(0.01)), "it was changed after the run"),
-    "forecast changed": (edit_array("forecast", lambda array: array + np.int16(1)), "it was changed after the run"),
     "dtype changed": (edit_array("track_class", lambda array: array.astype(np.int32)), "track_class has dtype int32"),
     "rows gone": (edit_array("track_id", lambda array: array[1:]), "track_box has shape"),
     "frames out of order": (edit_array("object_start", lambda array: array[::-1]), "object_start does not divide"),
-    "starts beyond": (edit_array("track_start", lambda array: array + 1), "track_start does not divide"),
 }
 
 
@@ -270,25 +239,6 @@ def test_what_is_no_text_is_an_error_before_anything_is_written(tmp_path: Path) 
     with pytest.raises(RolloutError, match=r'"scene": "\\udcff"'):
         save_run(tmp_path / "run", INFO, [make_rollout("\udcff")])
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_root_of_a_disk_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "disk").symlink_to("/")
-    with pytest.raises(MtpBenchError, match="disk is the root of a disk, which cannot be replaced"):
-        require_run_folder(tmp_path / "disk")
-
-
-@pytest.mark.parametrize("folder", [".", "..", "../inner"])
-def test_the_folder_one_works_in_is_refused(folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "inner").mkdir()
-    monkeypatch.chdir(tmp_path / "inner")
-    with pytest.raises(MtpBenchError, match="is the working folder, which cannot be replaced: choose a folder in"):
-        require_run_folder(Path(folder))
-
-
-def test_a_missing_folder_is_one_clear_error(tmp_path: Path) -> None:
-    with pytest.raises(RolloutError, match=r"no run\.json there, expected a folder written by `mtp-bench run`"):
-        load_run(tmp_path / "nowhere")
 
 
 def test_times_do_not_enter_the_digest_and_everything_else_does() -> None:

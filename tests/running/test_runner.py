@@ -67,10 +67,6 @@ def make_failing(task: Task) -> FailingAgent:
     return FailingAgent(at=2)
 
 
-def make_nothing(task: Task) -> Agent:
-    raise ImportError("no module named 'nothing'")
-
-
 def make_misspelt(task: Task) -> Agent:
     raise UnknownNameError("parameter", "nosie", ["noise"])
 
@@ -98,14 +94,6 @@ def test_results_come_in_the_order_of_the_names_whatever_the_number_of_jobs(card
     assert len({digest(rollout) for rollout in alone}) == 3
 
 
-def test_a_scene_does_not_depend_on_its_companions(card: str, kitti: str) -> None:
-    everything = run_scenes(make_noisy, card, {"data": kitti}, NAMES, seed=5)
-    one = run_scenes(make_noisy, card, {"data": kitti}, ["0001"], seed=5)
-    assert digest(one[0]) == digest(everything[1])
-    other = run_scenes(make_noisy, card, {"data": kitti}, ["0001"], seed=6)
-    assert digest(one[0]) != digest(other[0])
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_finish_sees_scene_rollout_and_card_and_progress_every_name(jobs: int, card: str, kitti: str) -> None:
     done: list[str] = []
@@ -118,11 +106,10 @@ def test_finish_sees_scene_rollout_and_card_and_progress_every_name(jobs: int, c
     assert total == [3]
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_failing_agent_is_named_with_scene_and_frame(jobs: int, card: str, kitti: str) -> None:
+def test_a_failing_agent_is_named_with_scene_and_frame(card: str, kitti: str) -> None:
     text = "agent 'mine' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
     with pytest.raises(SubmissionError, match=text):
-        run_scenes(make_failing, card, {"data": kitti}, ["0001"] * jobs, workers=jobs)
+        run_scenes(make_failing, card, {"data": kitti}, ["0001"] * 2, workers=2)
 
 
 def test_an_agent_that_fails_at_reset_is_named(card: str, kitti: str) -> None:
@@ -132,15 +119,9 @@ def test_an_agent_that_fails_at_reset_is_named(card: str, kitti: str) -> None:
     assert isinstance(caught.value.__cause__, RuntimeError)
 
 
-def test_an_agent_that_cannot_be_built_is_one_clear_error(card: str, kitti: str) -> None:
-    with pytest.raises(SubmissionError, match="agent 'mine' cannot be built: ImportError: no module named 'nothing'"):
-        run_scenes(make_nothing, card, {"data": kitti}, ["0001"])
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_misspelt_parameter_is_one_clear_error(jobs: int, card: str, kitti: str) -> None:
+def test_a_misspelt_parameter_is_one_clear_error(card: str, kitti: str) -> None:
     with pytest.raises(SubmissionError, match="cannot be built: unknown parameter 'nosie': did you mean 'noise'"):
-        run_scenes(make_misspelt, card, {"data": kitti}, ["0001", "0006"], workers=jobs)
+        run_scenes(make_misspelt, card, {"data": kitti}, ["0001"])
 
 
 @pytest.mark.data
@@ -153,11 +134,6 @@ def test_a_rigid_motion_does_not_change_what_an_honest_agent_says_of_a_real_log(
     np.testing.assert_allclose(moved.track_box[:, :3], still.track_box[:, :3], atol=1e-3)
     np.testing.assert_allclose(np.cos(moved.track_box[:, 3] - still.track_box[:, 3]), 1, atol=1e-6)
     assert np.abs(moved.forecast.astype(int) - still.forecast).max() <= 1  # cm
-
-
-def test_an_unknown_scene_is_one_clear_error(card: str, kitti: str) -> None:
-    with pytest.raises(UnknownNameError, match="did you mean '0001'"):
-        run_scene(EchoAgent(), MTPEnv(card, kitti), "001", seed=0)
 
 
 def test_the_task_says_nothing_of_the_scene(card: str, kitti: str) -> None:

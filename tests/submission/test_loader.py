@@ -17,7 +17,6 @@ import pytest
 from mtp_bench._bundle import baseline_names
 from mtp_bench.errors import SubmissionError, UnknownNameError
 from mtp_bench.submission import SubmissionFactory, load_submission
-from mtp_bench.submission.starting import new_submission
 from tests.support.small_scenes import task
 
 TASK = task(classes=("car",), detections=5, objects=5)
@@ -78,23 +77,11 @@ def test_a_submission_is_read(folder: Path) -> None:
     assert submission.compare.samples == ("equal",)
 
 
-def test_reading_does_not_run_its_code(tmp_path: Path) -> None:
-    assert load_submission(write(tmp_path / "loud", agent="raise SystemExit")).name == "silent"
-
-
 def test_a_relative_path_stays_valid_elsewhere(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder.parent)
     submission = load_submission("silent")
     monkeypatch.chdir("/")
     assert submission.build(TASK).act({}) == {}
-
-
-def test_the_compare_table(tmp_path: Path) -> None:
-    table = '[compare]\nsweep = {hypotheses = [5, 10, 20]}\nsamples = ["equal", "free"]\nhypotheses = "hypotheses"\n'
-    compare = load_submission(write(tmp_path / "sweep", MANIFEST + table)).compare
-    assert compare.sweep == {"hypotheses": (5, 10, 20)}
-    assert compare.samples == ("equal", "free")
-    assert (compare.hypotheses, compare.draws) == ("hypotheses", None)
 
 
 def test_parameters_reach_the_agent_and_overrides_win(folder: Path) -> None:
@@ -141,13 +128,6 @@ def test_the_digest_does_not_depend_on_place_or_use(tmp_path: Path, folder: Path
     assert load_submission(write(tmp_path / "copy")).digest == before
 
 
-def test_a_linked_folder_would_escape_the_digest(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "elsewhere").mkdir()
-    (folder / "weights").symlink_to(tmp_path / "elsewhere")
-    with pytest.raises(SubmissionError, match="is a link to a folder"):
-        _ = load_submission(folder).digest
-
-
 def test_compiled_code_beside_the_sources_is_neither_run_nor_written(folder: Path, tmp_path: Path) -> None:
     """No digest covers it: a file that looks up to date would run in place of the source."""
     other = tmp_path / "agent.py"
@@ -181,14 +161,6 @@ def test_a_package_of_a_submission_has_modules_too(folder: Path) -> None:
     assert not list(folder.rglob("__pycache__"))
 
 
-def test_where_the_code_is(tmp_path: Path) -> None:
-    said = 'source = "https://example.org/mine"\ncommit = "0123abc"\nlicense = "MIT OR Apache-2.0"\n'
-    submission = load_submission(write(tmp_path / "open", MANIFEST.replace("[parameters]", f"{said}[parameters]")))
-    assert (submission.source, submission.commit) == ("https://example.org/mine", "0123abc")
-    assert submission.license == "MIT OR Apache-2.0"
-    assert {load_submission("stp").source, load_submission("stp").commit} == {""}
-
-
 def test_a_factory_works_in_another_process(folder: Path) -> None:
     factory = SubmissionFactory(str(folder), {"hypotheses": 7})
     assert factory(TASK) is not factory(TASK), "agents share nothing"
@@ -209,14 +181,11 @@ WRONG_MANIFEST = {
         "unknown key 'compare.budget'",
     ),
     "missing key": (MANIFEST.replace("authors", "#"), "key 'authors' is missing"),
-    "no authors": (MANIFEST.replace('["A. Author"]', "[]"), "authors: got []"),
-    "no list of authors": (MANIFEST.replace('["A. Author"]', '"A. Author"'), "authors: got 'A. Author'"),
     "a name that is no folder name": (MANIFEST.replace('"silent"', '"../silent"'), "name: got '../silent'"),
     "the name of a folder of rollouts": (
         MANIFEST.replace('"silent"', '"mine.rollouts"'),
         "expected another ending than",
     ),
-    "an agent without function": (MANIFEST.replace("agent:build", "agent"), "agent: got 'agent'"),
     "an agent outside": (MANIFEST.replace("agent:build", "../agent:build"), "agent: got '../agent:build'"),
     "a file as agent": (
         MANIFEST.replace("agent:build", "agent.py:build"),
@@ -232,7 +201,6 @@ WRONG_MANIFEST = {
         "unknown key 'compare.hypothesis': did you mean 'hypotheses'?",
     ),
     "unknown budget": (MANIFEST + "[compare]\nsamples = ['fair']", "'equal' or 'free'"),
-    "no toml": ("name = ", "not valid TOML"),
 }
 
 
@@ -247,9 +215,7 @@ def test_a_wrong_manifest_is_one_clear_error(tmp_path: Path, manifest: str, text
 
 WRONG_CODE = {
     "syntax": ("def build(:", "importing agent.py failed: SyntaxError"),
-    "import": ("import nowhere_to_be_found", "importing agent.py failed: ModuleNotFoundError"),
     "sibling by absolute import": ("import model", "write `from .model import ...`"),
-    "exception": ("1 / 0", "importing agent.py failed: ZeroDivisionError"),
     "no agent": ("def build(task, gate):\n    return 3", "returned 'int' without reset and act"),
     "half an agent": (AGENT.replace("def act", "def akt"), "returned 'Silent' without act"),
     "no parameter": ("def build():\n    return 3", "build takes no parameters, expected the task"),
@@ -275,12 +241,6 @@ def test_an_unknown_parameter_or_function_names_the_nearest(folder: Path, tmp_pa
 def test_a_build_function_may_take_any_parameter(tmp_path: Path) -> None:
     agent = AGENT.replace("hypotheses=1", "**rest").replace("gate, hypotheses)\n", "gate, rest)\n")
     assert built(write(tmp_path / "any", agent=agent), free=1).hypotheses == {"free": 1}
-
-
-def test_a_failure_inside_build_keeps_its_own_error(tmp_path: Path) -> None:
-    folder = write(tmp_path / "wrong", agent="def build(task, gate):\n    raise FileNotFoundError('weights')")
-    with pytest.raises(FileNotFoundError, match="weights"):
-        built(folder)
 
 
 def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_path: Path) -> None:
@@ -321,22 +281,7 @@ def test_every_baseline_is_a_submission(name: str) -> None:
         agent.reset(task)
     except SubmissionError as error:
         assert "mtp-bench train predictor" in str(error)  # noqa: PT017  (a network is not trained for a made-up env)
-    ends = submission.compare.gap_references
+    pair = submission.compare.gap_references
     if submission.networks and submission.compare.observe == "detections":
-        assert isinstance(ends, dict), "its gap is between ends with its own predictor"
-        submission.require_parameters(**ends)
-
-
-@pytest.mark.parametrize(
-    ("name", "why"),
-    [
-        ("mine.part", "without .part or .rollouts at the end"),
-        ("mine.rollouts", "without .part or .rollouts at the end"),
-        ("Mine", "such as 'mine'"),
-        ("stp", "baseline"),
-    ],
-)
-def test_no_submission_begins_with_a_name_that_commands_refuse(name: str, why: str, tmp_path: Path) -> None:
-    with pytest.raises(SubmissionError, match=why):
-        new_submission(name, tmp_path)
-    assert not list(tmp_path.iterdir())
+        assert isinstance(pair, dict), "its gap is between references with its own predictor"
+        submission.require_parameters(**pair)

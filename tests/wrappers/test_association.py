@@ -9,9 +9,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from numpy.typing import NDArray
 
 from mtp_bench import ActionError, MtpBenchError
@@ -144,17 +142,6 @@ def test_a_wrong_size_is_one_clear_error(name: str, value: Any, make_env: MakeEn
         AssociationOnly(make_env(make_scene()), **keywords)
 
 
-def test_more_choices_than_tracks_are_one_clear_error(make_env: MakeEnv) -> None:
-    AssociationOnly(make_env(make_scene()), choices=64).reset()
-    with pytest.raises(MtpBenchError, match="choices is 65, expected at most 64"):
-        AssociationOnly(make_env(make_scene()), choices=65)
-
-
-def test_sizes_may_be_numbers_of_numpy(make_env: MakeEnv) -> None:
-    sizes: dict[str, Any] = {"detections": np.int64(4), "near": np.float32(10.0)}
-    assert AssociationOnly(make_env(make_scene()), **sizes).action_space.shape == (4,)
-
-
 def make_roundabout(**keywords: Any) -> AssociationOnly:
     names = MTPEnv("MTP-Roundabout-v0").scene_names[:2]
     return AssociationOnly(gym.make("MTP-Roundabout-v0", scenes=names), **keywords)
@@ -187,20 +174,6 @@ def test_a_presence_and_a_predictor_can_be_given() -> None:
     assert reward(weighed, weighed.nearest) > reward(certain, certain.nearest)
 
 
-def test_any_choice_is_a_sound_action() -> None:
-    """Tracks of wrong choices jump: what is forecast of them stays within what the env allows."""
-    env = make_roundabout(near=1000.0, choices=3)
-    choices: Any = env.action_space
-    choices.seed(0)
-    assert np.isfinite(reward(env, lambda observation: choices.sample()))
-
-
-def test_a_step_before_the_first_reset() -> None:
-    env = make_roundabout()
-    with pytest.raises(ResetNeeded, match=r"call reset\(\) first"):
-        env.step(np.zeros(env.action_space.shape or (), dtype=int))
-
-
 @pytest.mark.parametrize("wrapper", [AssociationOnly, FlattenAction])
 def test_an_env_of_another_library(wrapper: Any) -> None:
     with pytest.raises(MtpBenchError, match=rf"is a CartPoleEnv, expected one of mtp_bench.*\({wrapper.__name__}\)"):
@@ -215,21 +188,3 @@ def test_both_checkers_accept_it(card: str, kitti: str) -> None:
         check_env(env, skip_render_check=True)
         sb3 = pytest.importorskip("stable_baselines3.common.env_checker", reason="stable-baselines3 is not installed")
         sb3.check_env(env)
-
-
-@pytest.mark.parametrize("kind", ["sync", "async"])
-def test_vector_envs(kind: str, card: str, kitti: str) -> None:
-    def make() -> gym.Env[Any, Any]:
-        return AssociationOnly(make_small(card, kitti), detections=4)
-
-    envs: Any = SyncVectorEnv([make, make]) if kind == "sync" else AsyncVectorEnv([make, make], context="spawn")
-    try:
-        envs.action_space.seed(0)
-        observation, _ = envs.reset(seed=[1, 2], options={"scene": "0006"})
-        for t in range(7):
-            assert envs.observation_space.contains(observation)
-            observation, rewards, _, truncated, _ = envs.step(envs.action_space.sample())
-            assert np.isfinite(rewards).all()
-            assert truncated.tolist() == [t == 6] * 2
-    finally:
-        envs.close()

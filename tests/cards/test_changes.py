@@ -1,0 +1,175 @@
+"""Changed copies of cards: another split or detector, other detections, other scenes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from mtp_bench.cards import (
+    changed_card,
+    load_card,
+    parse_card,
+    with_detections,
+    with_detector,
+    with_files,
+    with_scenes,
+    with_split,
+)
+from mtp_bench.detector import load_profile
+from mtp_bench.detector.profile_file import profile_text
+from mtp_bench.env import MTPEnv
+from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.sources.nuscenes import NuScenesSource
+from mtp_bench.sources.wildtrack import WildtrackSource
+from mtp_bench.tracking.parameters import detector_parameters
+from tests.cards.test_cards import put, simulated_content
+
+
+@pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-nuScenes-v0"])
+def test_other_detections_are_not_those_of_a_shipped_card(env_id: str) -> None:
+    """A place is no part of the digest: with it alone the digest would be that of the card that ships."""
+    stored = load_card(env_id).stored()
+    stored["source"]["detections_file"] = "truth.json"
+    with pytest.raises(CardError, match=r"source\.detections_file needs source\.detections_sha256"):
+        parse_card(stored)
+    stored["source"]["detections_sha256"] = "0" * 64
+    assert parse_card(stored).digest != load_card(env_id).digest
+
+
+def test_a_card_is_stored_whatever_its_files_are_called(tmp_path: Path) -> None:
+    file, folder = tmp_path / "my détections.json", tmp_path / "my boxes"
+    file.write_text("{}")
+    folder.mkdir()
+    named = with_detections(load_card("MTP-nuScenes-mini-v0"), file), with_detections(load_card("MTP-KITTI-v0"), folder)
+    assert [card.detector_name for card in named] == ["megvii-my-d-tections", "pointrcnn-my-boxes"]
+    for card in (*named, with_files(named[1], folder)):
+        assert parse_card(card.stored()) == card
+
+
+def test_other_stored_detections_of_nuscenes_by_name() -> None:
+    card = load_card("MTP-nuScenes-mini-v0")
+    other = changed_card(card, "val", "centerpoint")
+    assert isinstance(other.source, NuScenesSource)
+    assert (other.source.detector, other.source.split, other.detector) == ("centerpoint", "val", None)
+    assert other.detector_name == "centerpoint"
+    assert len({card.digest, with_split(card, "val").digest, other.digest}) == 3
+
+
+def test_wrong_names_of_detectors_and_splits() -> None:
+    mini, nuscenes = load_card("MTP-nuScenes-mini-v0"), load_card("MTP-nuScenes-v0")
+    for name in ("", "../detections/megvii", "megvii*", "a b"):
+        with pytest.raises(CardError, match="expected the first part of the names of its files"):
+            with_detector(mini, name)
+    with pytest.raises(CardError, match="would see nothing but the prediction targets"):
+        with_detector(nuscenes, "clean")
+    with pytest.raises(CardError, match="'hard' is a variant of a simulated detector"):
+        with_detector(load_card("MTP-KITTI-v0"), "hard")
+    with pytest.raises(UnknownNameError, match="unknown detector profile 'kleen'"):
+        with_detector(load_card("MTP-Intersection-v0"), "kleen")
+    for card, split in ((nuscenes, "mini"), (load_card("MTP-PETS-v0"), "test")):
+        with pytest.raises(UnknownNameError, match=f"unknown split of {card.id} '{split}'"):
+            with_split(card, split)
+
+
+@pytest.mark.parametrize("profile", ["clean", "nuscenes_megvii", "nuscenes_centerpoint"])
+def test_vehicle_detectors_know_all_classes_of_mini(profile: str) -> None:
+    """Those who have only the free mini download have no detections."""
+    card = with_detector(load_card("MTP-nuScenes-mini-v0"), profile)
+    assert len(detector_parameters(card.detector_name, card.task.classes)) == 8
+    assert card.detector is not None
+    assert card.detector.field_of_view == 360.0
+
+
+def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: Path) -> None:
+    card = load_card("MTP-nuScenes-v0")
+    here, there, other = tmp_path / "mine.json", tmp_path / "sub/mine.json", tmp_path / "other/mine.json"
+    for path, text in ((here, "{}"), (there, "{}"), (other, "{ }")):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+    mine = changed_card(card, detection_file=str(here))
+    assert mine.detector_name == "megvii-mine", "tracked with the settings of the detector that it stands in for"
+    assert mine.digest == with_detections(card, there).digest != card.digest
+    assert with_detections(card, other).digest != mine.digest
+    here.write_text("{}  ")
+    assert with_detections(card, here).digest != mine.digest
+    assert str(tmp_path) not in str(mine.model_dump(mode="json"))
+
+
+def test_a_file_of_detections_that_cannot_be_used(tmp_path: Path) -> None:
+    card = load_card("MTP-nuScenes-v0")
+    with pytest.raises(DataError, match=r"detections .*none\.json: No such file"):
+        with_detections(card, tmp_path / "none.json")
+    with pytest.raises(DataError, match=r"none: No such file or directory; expected a folder of KITTI text"):
+        with_detections(load_card("MTP-KITTI-v0"), tmp_path / "none")
+    with pytest.raises(CardError, match="MTP-PETS-v0 takes no file of detections: only those of KITTI and nuScenes"):
+        with_detections(load_card("MTP-PETS-v0"), tmp_path / "none.json")
+    with pytest.raises(CardError, match="takes no file of detections"):
+        MTPEnv("MTP-Intersection-v0", detection_file="some.json")
+
+
+def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() -> None:
+    card = load_card("MTP-WILDTRACK-v0")
+    other = with_detector(card, "hard")
+    assert isinstance(other.source, WildtrackSource)
+    assert (other.source.detector, other.detector_name) == (None, "wildtrack_mvdet-hard")
+    assert parse_card(other.stored()).digest == other.digest, "a stored run of it can be opened"
+
+
+def test_own_scenes_keep_the_detector_of_a_card(tmp_path: Path) -> None:
+    recorded, simulated = load_card("MTP-KITTI-v0"), with_detector(load_card("MTP-Intersection-v0"), "hard")
+    for own in (with_files(recorded, tmp_path), with_scenes(recorded, [])):
+        assert own.detector is None
+    for own in (with_files(simulated, tmp_path), with_scenes(simulated, [])):
+        assert (own.detector, own.detector_name) == (simulated.detector, "nuscenes_megvii-hard")
+        assert parse_card(own.stored()).digest == own.digest
+
+
+def test_the_digest_covers_the_noise_behind_a_name() -> None:
+    profile = load_profile("nuscenes_megvii")
+    inline = put(simulated_content(), "detector", {"noise": profile.model_dump(exclude_none=True), "reach": 60.0})
+    changed = put(inline, "detector.noise.dt", 0.4)
+    digests = {parse_card(card).digest for card in (simulated_content(), inline, changed)}
+    assert len(digests) == 3
+
+
+def test_a_profile_without_the_class_is_an_error() -> None:
+    noise = load_profile("nuscenes_megvii").model_dump(exclude_none=True)
+    del noise["alike"]["bus"]
+    with pytest.raises(CardError, match="class of detector profile 'nuscenes_megvii' 'bus'"):
+        parse_card(put(simulated_content(), "detector", {"noise": noise}))
+
+
+def test_another_split_and_detector() -> None:
+    card = load_card("MTP-Intersection-v0")
+    assert changed_card(card) == card
+    changed = changed_card(card, "test", "clean")
+    assert (changed.source.split, changed.detector_name) == ("test", "clean")
+    assert with_detector(card, "hard").detector_name == "nuscenes_megvii-hard"
+    assert with_detector(card, "iid").detector_name == "nuscenes_megvii-iid"
+    assert with_detector(card, "clean").detector == card.detector.model_copy(update={"profile": "clean"})  # type: ignore[union-attr]
+    assert len({c.digest for c in (card, changed, with_split(card, "test"), with_detector(card, "clean"))}) == 4
+
+
+def test_a_profile_from_a_file(tmp_path: Path) -> None:
+    card = load_card("MTP-Roundabout-v0")
+    section = tmp_path / "section.toml"
+    section.write_text('[detector]\nprofile = "clean"\n')
+    with pytest.raises(CardError, match=r"section\.toml: \[detector\] has no table 'noise'"):
+        with_detector(card, str(section))
+    with pytest.raises(CardError, match=r"mine\.toml: cannot be read"):
+        with_detector(card, str(tmp_path / "mine.toml"))
+    profile = (
+        profile_text(load_profile("clean"))
+        .replace("[classes", "[detector.noise.classes")
+        .replace("[alike", "[detector.noise.alike")
+    )
+    section.write_text(
+        f'[detector]\nreach = 50.0\nfield_of_view = 200.0\nvariant = "hard"\n\n[detector.noise]\n{profile}'
+    )
+    found = with_detector(card, str(section)).detector
+    assert found is not None
+    assert (found.reach, found.field_of_view, found.variant, found.profile) == (50.0, 200.0, "hard", None)
+    section.write_text(section.read_text().replace("reach", "raech"))
+    with pytest.raises(CardError, match=r"section\.toml, \[detector\]: unknown key 'raech': did you mean 'reach'"):
+        with_detector(card, str(section))
