@@ -158,7 +158,7 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
     from mtp_bench.env.environment import MTPEnv
     from mtp_bench.running.run import agent_task, run_scene
     from mtp_bench.scoring import AgentScores, find_targets, live_frames, score_scene
-    from mtp_bench.scoring.forecasts import Forecasts, candidates, grow, match_objects
+    from mtp_bench.scoring.forecasts import Forecasts, candidates, match_by_confidence, match_objects
     from mtp_bench.scoring.table import agent_table
     from mtp_bench.submission.loader import load_submission
 
@@ -182,7 +182,9 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
             match_objects(scene.truth, f.frame, f.box, f.class_id, card)
             for (scene, _), f in zip(runs, said, strict=True)
         ],
-        "matchings at all cuts": lambda: [grow(c, f.confidence) for c, f in zip(found, said, strict=True)],
+        "matchings at all cuts": lambda: [
+            match_by_confidence(c, f.confidence) for c, f in zip(found, said, strict=True)
+        ],
         "errors at all budgets": lambda: agent_table(setting, None),
         "whole score": lambda: [
             [score_scene(scene, rollout, card) for scene, rollout in runs],

@@ -17,8 +17,8 @@ from gymnasium.error import ResetNeeded
 from ..cards import Card, changed_card, load_card, with_scenes
 from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.definitions import DEFINITIONS
-from ..scoring.error import frame_error
 from ..scoring.forecasts import Forecasts
+from ..scoring.score import frame_error
 from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task

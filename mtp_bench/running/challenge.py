@@ -14,9 +14,9 @@ from ..errors import CardError, DataError
 from ..files import require_file, whole_file
 from ..parallel import NO_PROGRESS, Progress
 from ..scoring import evaluated, find_targets, live_frames
-from ..scoring.additions import final_match
 from ..scoring.challenge import KS, challenge_errors
-from ..scoring.forecasts import Forecasts, candidates, grow
+from ..scoring.forecasts import Forecasts, candidates, match_by_confidence
+from ..scoring.incremental_matching import final_match
 from ..sources.nuscenes import NuScenesSource
 from ..sources.nuscenes.challenge import FUTURE, Prediction, read_predictions, write_predictions
 from ..sources.nuscenes.source import NuScenes
@@ -115,7 +115,7 @@ def _matched(source: NuScenes, opened: OpenedRun, rollout: Rollout) -> tuple[lis
     card, scene = opened.card, evaluated(opened.recorded(rollout.scene))
     targets, forecasts = find_targets(scene, card), Forecasts.of(rollout)
     pairs = candidates(scene, targets, forecasts, live_frames(scene, card), card)
-    matched = final_match(grow(pairs, forecasts.confidence).additions, len(scene.truth.box))[targets.row]
+    matched = final_match(match_by_confidence(pairs, forecasts.confidence).additions, len(scene.truth.box))[targets.row]
     names = _target_names(source, scene, targets.object_id.tolist(), targets.frame.tolist())
     predictions = []
     for name, row in zip(names, matched.tolist(), strict=True):

@@ -10,8 +10,6 @@ from .displacement import Displacement as Displacement
 from .displacement import displacement as displacement
 from .displacement import energy_score as energy_score
 from .displacement import k_curve as k_curve
-from .error import frame_error as frame_error
-from .error import mean_plain_error as mean_plain_error
 from .events import EventList as EventList
 from .events import Events as Events
 from .events import find_events as find_events
@@ -26,6 +24,8 @@ from .report import Ends as Ends
 from .report import Report as Report
 from .report import summarise as summarise
 from .score import SceneScore as SceneScore
+from .score import frame_error as frame_error
+from .score import mean_plain_error as mean_plain_error
 from .score import score_scene as score_scene
 from .statistics import bootstrap_interval as bootstrap_interval
 from .statistics import effective_number as effective_number

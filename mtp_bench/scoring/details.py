@@ -1,4 +1,4 @@
-"""What lies behind an agent's row: calibration, curves, bins, tracking, own events."""
+"""Diagnostics of one agent: calibration, curves, bins, tracking, own events."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..types import Bools, Floats
 from .definitions import CURVE_BUDGETS, DISTANCE_BINS, EPA_ALPHA, FORECAST_AP_GATES, PLANNING_SIGMA
 from .identity import hota, idf1
 from .rows import Bin, Clear, Details, Errors, Reliability, Tracking
-from .score import EXCUSED, FALSE, KINDS, RIGHT
+from .score import KINDS, Outcome
 from .statistics import ratio
 from .stream import StreamCounts
 from .table import AgentTable, run_errors
@@ -82,9 +82,9 @@ def _calibration(table: AgentTable) -> tuple[float | None, list[Reliability]]:
     if not table.complete:
         return None, []
     outcome = np.concatenate([score.outcome for score in table.scores])
-    counted = outcome != EXCUSED
+    counted = outcome != Outcome.NEUTRAL
     sure = np.concatenate([score.cuts.confidence for score in table.scores])[counted].astype(float)
-    there = outcome[counted] > EXCUSED
+    there = outcome[counted] > Outcome.NEUTRAL
     if not len(sure):
         return None, []
     place = np.minimum((sure * _RANGES).astype(int), _RANGES - 1)
@@ -105,7 +105,7 @@ def _accuracy(table: AgentTable, mask: Bools, false_forecasts: int) -> float | N
 
 
 def _average_precision(table: AgentTable, card: Card) -> float | None:
-    """Mean over the classes with targets, over all seeds; forecasts of objects that are no target do not count."""
+    """Mean over the classes with targets, over all seeds; forecasts of objects other than targets do not count."""
     if not table.complete:
         return None
     class_id, sure, outcome = (
@@ -113,7 +113,7 @@ def _average_precision(table: AgentTable, card: Card) -> float | None:
         for part in zip(*((s.cuts.class_id, s.cuts.confidence, s.outcome) for s in table.scores), strict=True)
     )
     near = np.concatenate([score.final_error for score in table.scores]) <= FORECAST_AP_GATES[1]
-    counted = (outcome == FALSE) | (outcome == RIGHT)
+    counted = (outcome == Outcome.FALSE_POSITIVE) | (outcome == Outcome.TARGET)
     values = []
     for c in range(len(card.task.classes)):
         mine = counted & (class_id == c)
@@ -125,7 +125,7 @@ def _average_precision(table: AgentTable, card: Card) -> float | None:
 
 
 def _false_of_class(table: AgentTable, c: int) -> int:
-    return sum(int(((s.outcome == FALSE) & (s.cuts.class_id == c)).sum()) for s in table.scores)
+    return sum(int(((s.outcome == Outcome.FALSE_POSITIVE) & (s.cuts.class_id == c)).sum()) for s in table.scores)
 
 
 def _bins(table: AgentTable, card: Card) -> list[Bin]:

@@ -1,4 +1,4 @@
-"""Forecast objects against true objects: which forecast is whose, at every cut (protocol, "Numbers per target")."""
+"""Matching of forecasts to true objects, at every cut of the confidence (protocol, "Numbers per target")."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..types import ABSENT_BELOW, Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
-from .additions import NEVER, Additions, add_in_order, final_match
-from .cuts import Cuts
 from .definitions import CURVE_KS
 from .displacement import displacement, floored, k_curve, sample_errors
+from .incremental_matching import NEVER, Additions, add_in_order, final_match
 from .matching import Matched, columns_to_rows, match
 from .neutral import neutral_places
 from .pairs import Pairs, Rows, box_pairs
+from .ranking_error import Cuts
 from .targets import Targets
 
 _CHUNK = 1 << 19  # sample points held at a time
@@ -24,15 +24,15 @@ _CHUNK = 1 << 19  # sample points held at a time
 
 @dataclass(frozen=True, eq=False)
 class ObjectMatch:
-    """Whose box is whose; rows of the truth and rows of the boxes."""
+    """A matching of true boxes and other boxes."""
 
     object_of_truth: Matched  # [R] box of each true box, -1 none
-    unmatched: Bools  # [objects] belongs to no true box at all, be it evaluated or neutral
+    unmatched: Bools  # [objects] matched neither to an evaluated nor to a neutral true box
 
 
 @dataclass(frozen=True, eq=False)
 class ForecastErrors:
-    """Errors per target with every forecast kept; those of uncovered ones are inf, ``miss`` is True there."""
+    """Errors per target with every forecast kept; for uncovered targets they are inf and ``miss`` is True."""
 
     covered: Bools  # [n] has a matched object with at least one sample, all samples finite
     min_ade: Floats  # [n] m
@@ -78,15 +78,15 @@ class Forecasts:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """All forecasts that could be some true object's, and what each would cost as the forecast of a target."""
+    """Forecasts inside the gate of a true object, with their errors as forecasts of targets."""
 
     scene: Scene
     targets: Targets
     forecasts: Forecasts
     live: Bools  # [S] in a live frame
-    pairs: Pairs  # true boxes and forecasts inside the gate, the neutral boxes too
-    target_of_row: Rows  # [R] the target that each true box is, -1 for none
-    error: Floats  # [E] m, minADE of these pairs, inf where the forecast is not usable; 0 where the box is no target
+    pairs: Pairs  # true boxes, neutral ones too, and forecasts inside the gate
+    target_of_row: Rows  # [R] index of the target, -1 for a true box that is not a target
+    error: Floats  # [E] m, minADE of these pairs, inf for an unusable forecast; 0 for a box that is not a target
 
     @cached_property
     def neutral_place(self) -> Bools:
@@ -105,14 +105,14 @@ def candidates(scene: Scene, targets: Targets, forecasts: Forecasts, live: Bools
 
 
 def centred(found: Candidates) -> Candidates:
-    """The same with every forecast moved to where its object truly is now: errors without that of the present place."""
+    """The candidates with every forecast moved to the true present position: errors without those of localisation."""
     pairs = found.pairs
     moved = found.scene.truth.box[pairs.row, :2] - found.forecasts.box[pairs.column, :2]
     return replace(found, error=_pair_errors(found, moved))
 
 
 def _pair_errors(found: Candidates, moved: Floats) -> Floats:
-    """MinADE [E] of the pairs as `Candidates.error`, of forecasts that are ``moved`` [E, 2] m."""
+    """MinADE [E] of the pairs as `Candidates.error`, with forecasts ``moved`` [E, 2] by metres."""
     targets, forecasts = found.targets, found.forecasts
     target = found.target_of_row[found.pairs.row]
     error = np.zeros(len(found.pairs))
@@ -129,19 +129,19 @@ def _pair_errors(found: Candidates, moved: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Grown:
-    """The matching of forecasts as they were added, the surest first."""
+class IncrementalMatching:
+    """The matching of forecasts as they are added by falling confidence."""
 
     order: Rows  # [A] forecasts in live frames, surest first
     additions: Additions
-    false: Bools  # [S] false when all are kept; neither at a neutral place nor a neutral object's
-    false_step: Rows  # steps at which one more is false
+    false: Bools  # [S] false if all are kept: neither at a neutral place nor matched to a neutral object
+    false_step: Rows  # steps that add a false forecast
 
 
-def grow(found: Candidates, confidence: Floats) -> Grown:
-    """Match the forecasts of live frames in the order of ``confidence`` [S]; equally sure ones in that of their place.
+def match_by_confidence(found: Candidates, confidence: Floats) -> IncrementalMatching:
+    """Match the forecasts of live frames by falling ``confidence`` [S], equal ones by position.
 
-    So the order of rows never decides: forecasts of one class at one place have the same pairs.
+    The order of rows never decides: forecasts of one class at one position have the same pairs.
     """
     live = np.flatnonzero(found.live)
     x, y = found.forecasts.box[live, :2].T
@@ -153,17 +153,17 @@ def grow(found: Candidates, confidence: Floats) -> Grown:
     left = np.where(found.neutral_place, NEVER, additions.dropped)
     excused = add_in_order(found.pairs.keep(neutral), left, confidence, np.zeros(int(neutral.sum())))
     false = excused.dropped != NEVER
-    return Grown(order, additions, false, excused.dropped[false])
+    return IncrementalMatching(order, additions, false, excused.dropped[false])
 
 
-def cuts(found: Candidates, grown: Grown, confidence: Floats, miss_error: Floats) -> Cuts:
-    """The cuts of the forecasts in the order of ``confidence`` [S]; ``miss_error`` [n] of the targets."""
-    additions, order = grown.additions, grown.order
+def cuts(found: Candidates, matching: IncrementalMatching, confidence: Floats, miss_error: Floats) -> Cuts:
+    """The cuts of the forecasts by ``confidence`` [S]; ``miss_error`` [n] of the targets."""
+    additions, order = matching.additions, matching.order
     target = found.target_of_row[additions.row]
     of_target = target >= 0
     target, error = target[of_target], _errors_of(found, additions)[of_target]
     false = np.zeros(len(order), dtype=bool)
-    false[grown.false_step] = True
+    false[matching.false_step] = True
     return Cuts(
         confidence=confidence[order],
         frame=found.forecasts.frame[order],
@@ -178,21 +178,21 @@ def cuts(found: Candidates, grown: Grown, confidence: Floats, miss_error: Floats
 
 
 def _errors_of(found: Candidates, additions: Additions) -> Floats:
-    """MinADE of the pairs that ``additions`` are of."""
+    """MinADE of the pairs of ``additions``."""
     columns = len(found.live)
     key = found.pairs.row * columns + found.pairs.column
     order = np.argsort(key)
     return found.error[order[np.searchsorted(key[order], additions.row * columns + additions.column)]]
 
 
-def final_errors(found: Candidates, grown: Grown) -> tuple[ForecastErrors, Matched]:
-    """Errors of every target when all forecasts are kept, and the forecast of each true box [R], -1 none."""
+def final_errors(found: Candidates, matching: IncrementalMatching) -> tuple[ForecastErrors, Matched]:
+    """Errors of every target with all forecasts kept, and the forecast of each true box [R], -1 for none."""
     targets, forecasts = found.targets, found.forecasts
     _, samples, horizon, _ = forecasts.offset.shape
     ks = tuple(k for k in CURVE_KS if k <= samples)
     table = np.full((len(targets), 3 + len(ks)), np.inf)  # min_ade, min_fde, energy_score, curve
     covered, miss = np.zeros(len(targets), dtype=bool), np.ones(len(targets), dtype=bool)
-    object_of_truth = final_match(grown.additions, len(found.scene.truth.box))
+    object_of_truth = final_match(matching.additions, len(found.scene.truth.box))
     column = object_of_truth[targets.row]
     matched = np.flatnonzero(column >= 0)
     size = max(1, _CHUNK // max(1, samples * horizon))
@@ -210,8 +210,8 @@ def final_errors(found: Candidates, grown: Grown) -> tuple[ForecastErrors, Match
 def match_objects(truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: Card) -> ObjectMatch:
     """Match boxes to true boxes by BEV centre distance, per frame and class, inside the forecast gate.
 
-    ``frame`` [n], ``box`` [n, 7] and ``class_id`` [n] of the boxes, sorted by frame. All evaluated true boxes take
-    part; boxes left over are then offered to the neutral ones.
+    ``frame`` [n], ``box`` [n, 7] and ``class_id`` [n] of the boxes, sorted by frame. Evaluated true boxes
+    are matched first; the boxes left over are then matched to neutral ones.
     """
     return match_neutral_last(near_truth(truth, frame, box, class_id, card), truth.neutral, len(frame))
 
@@ -223,7 +223,7 @@ def near_truth(truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: Car
 
 
 def match_neutral_last(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:
-    """Match ``objects`` boxes to evaluated truth first; what is left over may belong to neutral truth.
+    """Match ``objects`` boxes to evaluated truth first, the boxes left over to neutral truth.
 
     ``neutral`` [R] as in `Truth`; the boxes need not be forecasts.
     """
@@ -231,7 +231,7 @@ def match_neutral_last(pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatc
 
 
 def offer_neutral(matched: Matched, pairs: Pairs, neutral: Bools, objects: int) -> ObjectMatch:
-    """The matching of evaluated truth, and of what it left over with neutral truth."""
+    """A matching of evaluated truth, extended by matching the boxes left over to neutral truth."""
     free = columns_to_rows(matched, objects) < 0
     second = match(pairs.keep(neutral[pairs.row] & free[pairs.column]), len(neutral))
     matched = np.where(matched >= 0, matched, second)
@@ -239,7 +239,7 @@ def offer_neutral(matched: Matched, pairs: Pairs, neutral: Bools, objects: int) 
 
 
 def sample_weights(log_weight: Floats) -> NDArray[np.float64]:
-    """Weights [n, K] from log-weights: 0 for an absent sample, above 0 for any other, however light."""
+    """Weights [n, K] from log-weights: 0 for an absent sample, above 0 for any other."""
     logs = np.asarray(log_weight, dtype=np.float64)
     present = logs >= ABSENT_BELOW
     top = np.where(present, logs, -np.inf).max(axis=1, initial=ABSENT_BELOW, keepdims=True)

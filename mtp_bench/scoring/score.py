@@ -2,42 +2,59 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import numpy as np
 
 from ..cards import Card
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
-from .cuts import Cuts
-from .error import capped_error, fixed_error
-from .forecasts import Candidates, ForecastErrors, Forecasts, Grown, candidates, cuts, final_errors, grow
+from .forecasts import (
+    Candidates,
+    ForecastErrors,
+    Forecasts,
+    IncrementalMatching,
+    candidates,
+    cuts,
+    final_errors,
+    match_by_confidence,
+)
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
+from .ranking_error import Cuts, capped_error, fixed_error
 from .stream import StreamCounts, stream_counts
-from .targets import find_targets, live_frames
-from .units import recording_of, units
+from .targets import Targets, find_targets, live_frames, recording_of, units
 
 KINDS = ("ids", "lost", "wrong", "reacquired")
-FALSE, EXCUSED, BESIDE, RIGHT = range(4)  # outcomes of a forecast: of nothing, of a neutral object, no target, a target
+
+
+class Outcome(IntEnum):
+    """The result of matching a forecast."""
+
+    FALSE_POSITIVE = 0
+    NEUTRAL = 1  # at a neutral place or of a neutral object
+    NON_TARGET = 2  # of a true object that is not a target
+    TARGET = 3
 
 
 @dataclass(frozen=True, eq=False)
 class SceneScore(ForecastErrors):
-    """One rollout of one scene: errors of its forecasts and what else is known, in the order of `find_targets`."""
+    """Score of one rollout of one scene; arrays over targets are in the order of `find_targets`."""
 
     scene: str
-    recording: str  # that the scene is cut from; its own name where it is whole
+    recording: str  # that the scene is cut from; its own name if it is whole
     frames: int
     live: int  # number of live frames
-    hypotheses: int  # the most that were stated in a frame
+    hypotheses: int  # largest number stated in a frame
     samples: int  # K
     truth_complete: bool
-    detections: str  # what made them, in words
+    detections: str  # the detector, in words
     classes: tuple[str, ...]
-    units: int  # into which the scene is cut
-    unit: Ints  # [n] number of the target's unit in the scene
+    units: int  # of uncertainty in the scene
+    unit: Ints  # [n] index of the target's unit in the scene
     frame: Ints  # [n]
     object_id: Ints  # [n]
     class_id: Ints  # [n]
@@ -52,17 +69,17 @@ class SceneScore(ForecastErrors):
     all_h_ids: Bools  # [n] in every hypothesis
     all_h_frag: Bools  # [n]
     own_events: dict[str, int]  # on all evaluated true boxes, targets or not, by KINDS; "wrong" are among the "lost"
-    guessed_parents: int  # frames in which the lineage of own events had to be guessed, for the agent does not state it
+    guessed_parents: int  # frames whose lineage was guessed, since the agent does not state it
     cuts: Cuts  # of the forecasts in live frames, by their confidence
     score_cuts: Cuts  # the same by the score of the nearest detection
-    outcome: Ints  # [A] FALSE, EXCUSED, BESIDE or RIGHT, in the order of ``cuts``
-    final_error: Floats  # [A] m, minFDE of right forecasts, else inf
+    outcome: Ints  # [A] values of `Outcome`, in the order of ``cuts``
+    final_error: Floats  # [A] m, minFDE of forecasts of targets, else inf
     fixed_error: float  # m, at the fixed operating point, summed
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
     skipped: dict[str, int]  # rows of the scene that could not be read, by reason
-    seconds: float  # per frame, mean; the first frame, in which code is loaded, is left out of it
+    seconds: float  # per frame, mean without the first frame, in which code is loaded
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -80,30 +97,30 @@ class SceneScore(ForecastErrors):
     @property
     def false_forecasts(self) -> int:
         """False ones among them."""
-        return int((self.outcome == FALSE).sum())
+        return int((self.outcome == Outcome.FALSE_POSITIVE).sum())
 
 
 def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     """Score ``rollout`` of ``scene`` under the rules of ``card``.
 
-    Raises RolloutError where the rollout is of another scene or another number of frames or classes.
+    Raises RolloutError for a rollout of another scene, or of another number of frames or classes.
     """
     check_rollout(scene, rollout, card)
     scene = evaluated(scene)
     truth, targets, live = scene.truth, find_targets(scene, card), live_frames(scene, card)
     forecasts = Forecasts.of(rollout)
     found = candidates(scene, targets, forecasts, live, card)
-    grown = grow(found, forecasts.confidence)
-    errors, object_of_truth = final_errors(found, grown)
+    matching = match_by_confidence(found, forecasts.confidence)
+    errors, object_of_truth = final_errors(found, matching)
     miss_error = np.asarray(card.per_class(card.task.miss_error))
     of_targets = miss_error[targets.class_id]
-    by_confidence = cuts(found, grown, forecasts.confidence, of_targets)
+    by_confidence = cuts(found, matching, forecasts.confidence, of_targets)
     score = nearest_score(scene, forecasts)
     lineage = hypotheses(rollout, card)
     events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
     of_best = events.of(lineage.best[truth.frame_of_rows])
     unit = units(scene)
-    outcome, final_error = _outcomes(found, grown, object_of_truth, errors)
+    outcome, final_error = _outcomes(found, matching, object_of_truth, errors)
     return SceneScore(
         scene=scene.name,
         recording=recording_of(scene),
@@ -133,7 +150,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         own_events={kind: int(getattr(of_best, kind).sum()) for kind in KINDS},
         guessed_parents=lineage.guessed,
         cuts=by_confidence,
-        score_cuts=cuts(found, grow(found, score), score, of_targets),
+        score_cuts=cuts(found, match_by_confidence(found, score), score, of_targets),
         outcome=outcome,
         final_error=final_error,
         fixed_error=fixed_error(by_confidence, rollout.malformed * live[:, None], miss_error, scene.truth_complete),
@@ -145,17 +162,42 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     )
 
 
+def frame_error(scene: Scene, targets: Targets, card: Card, t: int, forecasts: Forecasts, malformed: Ints) -> float:
+    """The part of `fixed_error` from frame ``t``, m: over all frames the parts add up to it.
+
+    ``targets``: of the ``scene`` under ``card``; ``forecasts`` and ``malformed`` [C + 1]: those of frame ``t``.
+    """
+    live = live_frames(scene, card)
+    if not live[t]:
+        return 0.0
+    here = targets.only(t)
+    here = replace(here, row=here.row - scene.truth.start[t])
+    found = candidates(evaluated(replace(scene, truth=scene.truth.only(t))), here, forecasts, live, card)
+    miss_error = np.asarray(card.per_class(card.task.miss_error))
+    matching = match_by_confidence(found, forecasts.confidence)
+    by_confidence = cuts(found, matching, forecasts.confidence, miss_error[here.class_id])
+    broken = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
+    broken[t] = malformed
+    return fixed_error(by_confidence, broken, miss_error, scene.truth_complete)
+
+
+def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:
+    """Mean plain error over the targets of some scenes, m; None without a target."""
+    targets = sum(len(score) for score in scores)
+    return sum(float(score.capped.sum()) for score in scores) / targets if targets else None
+
+
 def _mean_seconds(seconds: Floats) -> float:
-    """Mean time per frame; without the first frame, in which agents start up, unless it is the only one."""
+    """Mean time per frame; without the first frame, in which agents start, unless it is the only one."""
     if len(seconds) > 1:
         return float(seconds[1:].mean())
     return float(seconds.sum())
 
 
 def nearest_score(scene: Scene, forecasts: Forecasts) -> Floats:
-    """Score [S] of the nearest detection of the same frame and class as each forecast, squeezed into (-1, 1); else -1.
+    """Score [S] of the nearest detection of the same frame and class as each forecast, mapped to (-1, 1); else -1.
 
-    As the confidence it tells what a presence model of an agent's own is worth (protocol, "Control column").
+    In place of the confidence it shows the worth of an agent's own presence model (protocol, "Control column").
     """
     from scipy.spatial import KDTree
 
@@ -173,21 +215,23 @@ def _places(box: Floats, frame: Ints, class_id: Ints, apart: float) -> Floats:
     return np.column_stack([box[:, :2], apart * frame, apart * class_id])
 
 
-def _outcomes(found: Candidates, grown: Grown, object_of_truth: Matched, errors: ForecastErrors) -> tuple[Ints, Floats]:
-    """What became of the forecasts in live frames [A], in the order in which they were added, and their minFDE."""
-    outcome = np.where(grown.false, FALSE, EXCUSED)
+def _outcomes(
+    found: Candidates, matching: IncrementalMatching, object_of_truth: Matched, errors: ForecastErrors
+) -> tuple[Ints, Floats]:
+    """Outcome and minFDE of the forecasts in live frames [A], in the order in which they were added."""
+    outcome = np.where(matching.false, Outcome.FALSE_POSITIVE, Outcome.NEUTRAL)
     final_error = np.full(len(outcome), np.inf)
-    outcome[object_of_truth[object_of_truth >= 0]] = BESIDE
+    outcome[object_of_truth[object_of_truth >= 0]] = Outcome.NON_TARGET
     column = object_of_truth[found.targets.row]
-    outcome[column[column >= 0]] = RIGHT
+    outcome[column[column >= 0]] = Outcome.TARGET
     final_error[column[column >= 0]] = errors.min_fde[column >= 0]
-    return outcome[grown.order], final_error[grown.order]
+    return outcome[matching.order], final_error[matching.order]
 
 
 def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
-    """Raise RolloutError where ``rollout`` is of another scene or another number of frames or classes.
+    """Raise RolloutError for a rollout of another scene, or of another number of frames or classes.
 
-    Or where it holds what no env lets through: whoever writes rollout files can write anything into them.
+    Also for values that no env records: a file of rollouts may have been edited.
     """
     if rollout.scene != scene.name:
         raise RolloutError(f"rollout is of scene {rollout.scene!r}, expected {scene.name!r}")
@@ -217,12 +261,16 @@ def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
             raise RolloutError(f"{name} box in the rollout of scene {scene.name!r} is not finite")
     confidence = rollout.object_confidence
     if not ((confidence >= 0) & (confidence <= 1)).all():
-        raise RolloutError(f"a confidence in the rollout of scene {scene.name!r} is none, expected 0 to 1")
+        row = int(np.argmax(~((confidence >= 0) & (confidence <= 1))))
+        raise RolloutError(
+            f"rollout of scene {scene.name!r}: object_confidence contains {confidence[row]} (frame "
+            f"{rollout.objects.frame_of_rows[row]}); expected values in [0, 1]"
+        )
     _check_numbers(rollout)
 
 
 def _check_numbers(rollout: Rollout) -> None:
-    """Raise RolloutError for parents, counts and times that no env makes."""
+    """Raise RolloutError for parents, counts and times that no env records."""
     hypotheses = rollout.hypothesis_parent.shape[1]
     for name, least, most, expected in (
         ("hypothesis_parent", -1, hypotheses - 1, f"-1 to {hypotheses - 1}"),

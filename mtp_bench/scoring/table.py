@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints
-from .budgets import BudgetErrors, Budgets, budgets_of, errors_at
+from .ranking_error import BudgetErrors, Budgets, budgets_of, errors_at
 from .rows import Budget
 from .score import SceneScore
 from .subsets import SUBSETS

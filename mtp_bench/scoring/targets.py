@@ -1,4 +1,4 @@
-"""Targets: the true objects whose future is known and is to be forecast (protocol, "Targets and subsets")."""
+"""Targets, live frames and units of uncertainty (protocol, "Targets, live frames and subsets" and "Uncertainty")."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from ..cards import Card
 from ..errors import DataError, ShapeError
 from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Ragged, Scene
-from .definitions import MOVING_SPEED
+from .definitions import BLOCK_SECONDS, MOVING_SPEED
 from .events import history
 from .neutral import evaluated
+
+_EXCESS = 0.05  # of BLOCK_SECONDS, by which the blocks of a scene may exceed it together, for 41 frames at 2 Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +38,8 @@ class Targets(Ragged):
 def find_targets(scene: Scene, card: Card) -> Targets:
     """Targets of ``scene``: eligible, not neutral, with P past frames (the current one included) and T future ones.
 
-    What no label of an image could confirm is neutral. The P + T frames are consecutive, and the object may be neutral
-    in all but the current one. An official list names its targets itself: they need the T future frames only.
+    Objects that no label of an image could confirm are neutral. The P + T frames are consecutive, and the object may
+    be neutral in all but the current one. Targets of an official list need the T future frames only.
     ``moving`` is measured in the world also where every frame has its own frame of reference.
     Raises DataError where an object occurs twice in a frame.
     """
@@ -94,3 +96,21 @@ def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
     first, last = slice(0, len(ids) - length + 1), slice(length - 1, len(ids))
     whole = (ids[first] == ids[last]) & (frames[last] - frames[first] == length - 1)
     return np.flatnonzero(whole)
+
+
+def units(scene: Scene) -> Ints:
+    """Index of the block [F] of each frame of ``scene``: blocks of at most 20 s are the units of uncertainty.
+
+    The blocks have equal numbers of frames, up to one, and are as few as possible. The frames must be about equally
+    spaced in time.
+    """
+    if scene.frames < 2:
+        return np.zeros(scene.frames, dtype=np.int64)
+    seconds = float(scene.time[-1] - scene.time[0]) * scene.frames / (scene.frames - 1)
+    count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))  # times are sums of rounded periods
+    return np.arange(scene.frames) * count // scene.frames
+
+
+def recording_of(scene: Scene) -> str:
+    """Name of the recording, within which objects keep their ids; the name of a scene that is not cut from one."""
+    return scene.recording or scene.name

@@ -23,8 +23,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..scoring.budgets import Budgets, at_budgets
-from ..scoring.cuts import Cuts
+from ..scoring.ranking_error import Budgets, Cuts, at_budgets
 from ..scoring.score import SceneScore
 from ..types import Bools, Floats
 from .circumstances import Circumstances

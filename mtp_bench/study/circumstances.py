@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..scoring.cuts import Cuts
 from ..scoring.events import object_history
-from ..scoring.forecasts import Forecasts, candidates, centred, cuts, grow, near_truth
+from ..scoring.forecasts import Forecasts, candidates, centred, cuts, match_by_confidence, near_truth
 from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
+from ..scoring.ranking_error import Cuts
 from ..scoring.targets import find_targets, live_frames
 from ..types import Bools, Floats, Ints, Rollout, Scene, Truth
 
@@ -57,9 +57,10 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
     best = lineage.best[truth.frame_of_rows]
     own = {kind: getattr(events.of(best), kind)[:, 0] for kind in KINDS}
     track = np.take_along_axis(matched, best[:, None], axis=1)[:, 0]
+    matching = match_by_confidence(found, forecasts.confidence)
     return Circumstances(
         scene=scene.name,
-        centred=cuts(centred(found), grow(found, forecasts.confidence), forecasts.confidence, miss_error),
+        centred=cuts(centred(found), matching, forecasts.confidence, miss_error),
         seen=_seen(scene, card)[targets.row],
         age=_ages(rollout, track)[targets.row],
         since={kind: _since(truth, rows)[targets.row] for kind, rows in own.items()},

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import UnknownNameError
-from ..scoring.error import capped_error
 from ..scoring.events import object_history
-from ..scoring.forecasts import Forecasts, candidates, final_errors, grow, match_neutral_last
+from ..scoring.forecasts import Forecasts, candidates, final_errors, match_by_confidence, match_neutral_last
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
+from ..scoring.ranking_error import capped_error
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets, live_frames
 from ..sources import CameraImage
@@ -160,7 +160,7 @@ def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.f
     """
     targets = find_targets(scene, card)
     found = candidates(scene, targets, Forecasts.of(rollout), live_frames(scene, card), card)
-    grown = grow(found, rollout.object_confidence)
+    grown = match_by_confidence(found, rollout.object_confidence)
     errors, forecast = final_errors(found, grown)
     worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
     table = np.full((len(scene.truth.box), 3), np.nan)

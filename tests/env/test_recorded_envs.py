@@ -14,7 +14,7 @@ from mtp_bench.cards import load_card, with_detector, with_split
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import score_scene
-from mtp_bench.scoring.budgets import errors_at
+from mtp_bench.scoring.ranking_error import errors_at
 from mtp_bench.sources import open_source
 from tests.support.command_line import CommandLine, read_json
 

@@ -12,7 +12,7 @@ import pytest
 
 from mtp_bench.scoring import SUBSETS, AgentScores, Ends, Reference, statistics, summarise
 from mtp_bench.scoring.table import agent_table
-from mtp_bench.scoring.units import units
+from mtp_bench.scoring.targets import units
 from mtp_bench.types import Floats, Ints, Rollout, Scene
 from tests.independent import scorer
 from tests.independent.scorer import BESIDE, Draws, Scored

@@ -15,10 +15,9 @@ from mtp_bench.records.evaluation import scorer_digest
 from mtp_bench.scoring import (
     AgentScores,
     Reference,
-    budgets,
-    error,
     find_targets,
     mean_plain_error,
+    ranking_error,
     score_scene,
     summarise,
 )
@@ -93,8 +92,10 @@ def test_the_golden_results_are_those_of_the_definitions() -> None:
 
 
 @pytest.mark.parametrize(
-    ("module", "name", "value"), [(error, "FALSE_FORECAST_SHARE", 0.5 + 1e-6), (budgets, "BUDGETS", 9)], ids=str
+    ("module", "name", "value"),
+    [(ranking_error, "FALSE_FORECAST_SHARE", 0.5 + 1e-6), (ranking_error, "BUDGETS", 9)],
+    ids=str,
 )
-def test_a_changed_number_is_seen(module: Any, name: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, name, value)
+def test_a_changed_number_is_seen(name: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ranking_error, name, value)
     assert golden_digest() != GOLDEN

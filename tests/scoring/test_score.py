@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import RolloutError
 from mtp_bench.scoring import AgentScores, SceneScore, live_frames, score_scene, summarise
-from mtp_bench.scoring.budgets import budgets_of, errors_at
-from mtp_bench.scoring.cuts import Cuts
-from mtp_bench.scoring.score import BESIDE, EXCUSED, FALSE, RIGHT
+from mtp_bench.scoring.ranking_error import Cuts, budgets_of, errors_at
+from mtp_bench.scoring.score import Outcome
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import (
@@ -226,7 +225,7 @@ def test_the_matching_of_a_cut_is_not_that_of_all() -> None:
         pytest.approx([72**0.5]),
     ]
     assert score.cuts.false.tolist() == [False, True]
-    assert (score.outcome == [FALSE, RIGHT]).all()
+    assert (score.outcome == [Outcome.FALSE_POSITIVE, Outcome.TARGET]).all()
 
 
 BUDGETS = {
@@ -285,7 +284,7 @@ def test_what_became_of_a_forecast() -> None:
     truth = [Thing(1, 0, 0), Thing(2, 20, 0, eligible=False), Thing(3, 40, 0, neutral=True)]
     said = [Thing(0, x, 0, forecast=[[[x, 1]] * 3], confidence=0.9 - x / 100) for x in (0, 20, 40, 60)]
     score = score_scene(make_scene([truth] * 5), make_rollout([[]] * 5, [said, said]), CARD)  # frame 0 is not live
-    assert score.outcome.tolist() == [RIGHT, BESIDE, EXCUSED, FALSE]
+    assert score.outcome.tolist() == [Outcome.TARGET, Outcome.NON_TARGET, Outcome.NEUTRAL, Outcome.FALSE_POSITIVE]
     assert score.final_error.tolist() == [1.0, np.inf, np.inf, np.inf]
     assert (score.forecasts, score.false_forecasts) == (4, 1)
 

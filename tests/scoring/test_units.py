@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.scoring.units import recording_of, units
+from mtp_bench.scoring.targets import recording_of, units
 from mtp_bench.sources import open_source
 from tests.support.scoring_scenes import make_scene
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mtp_bench.scoring.additions import NEVER, Additions, add_in_order, final_match
+from mtp_bench.scoring.incremental_matching import NEVER, Additions, add_in_order, final_match
 from mtp_bench.scoring.pairs import Pairs
 from tests.independent.matching import best_pairs
 
