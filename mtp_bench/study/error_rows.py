@@ -65,7 +65,7 @@ def past_rows(findings: Findings) -> Iterator[Row]:
     """Table I of the paper: ground-truth tracks against tracklets, on targets with events."""
     of_paper = findings.bench.of_paper
     for subject in findings.plan.subjects:
-        pasts = (("GT tracks", "truth_past", subject.truth), ("tracklets", "stp", subject.end))
+        pasts = (("GT tracks", "truth_past", subject.truth), ("tracklets", "stp", subject.reference))
         for subset in (*EVENT_SUBSETS, "all"):
             key = PAPER_SUBSETS.get(subset, "")
             for past, role, setting in pasts:

@@ -65,9 +65,11 @@ class Findings:
     def report(self) -> Report:
         """The report over all settings, with the reference pair of every subject."""
         own = {
-            self.of(subject.equal[count]).setting.label: Ends(self._scores(subject.end), self._scores(subject.truth))
+            self.of(subject.equal[count]).setting.label: Ends(
+                self._scores(subject.reference), self._scores(subject.truth)
+            )
             for subject in self.plan.subjects
-            if subject.own_ends
+            if subject.states_references
             for count in subject.equal
         }
         settings = [*self.plan.equal, *self.plan.free]

@@ -63,7 +63,7 @@ def relation_value(row: Any) -> str:
     share = row.unit == "share"
     value = Column(key="value", format=".1%" if share else "")
     text = cell_text(value, replace(value, key="value_interval"), row)
-    return text if share else f"{text} {row.unit}"
+    return text if share or row.value is None else f"{text} {row.unit}"
 
 
 def summary(findings: Findings) -> list[str]:
@@ -76,14 +76,16 @@ def summary(findings: Findings) -> list[str]:
 def _own_predictor(findings: Findings) -> str:
     """The cost of tracking errors with the subject's predictor; empty if the controls have the same predictor."""
     subject = findings.subject
-    if not subject.own_ends or subject.end in findings.plan.controls:
+    if not subject.states_references or subject.reference in findings.plan.controls:
         return ""
-    cost = findings.difference(subject.end, subject.truth, "all")
-    ideal, real, most = (findings.row(s, "all").error for s in (subject.truth, subject.end, subject.most))
+    cost = findings.difference(subject.reference, subject.truth, "all")
+    ideal, real, most = (findings.row(s, "all").error for s in (subject.truth, subject.reference, subject.most))
     if None in (ideal, real, most) or cost.interval is None:
         return ""
     low, high = cost.interval
-    owner = "its own predictor" if subject.end == subject.single else f"the predictor of {subject.end.label}"
+    owner = (
+        "its own predictor" if subject.reference == subject.single else f"the predictor of {subject.reference.label}"
+    )
     return (
         f"With {owner} the error over all targets is {ideal:.3f} m from ground-truth tracks and {real:.3f} m with one "
         f"hypothesis ({cost.error:+.3f} m, 95 % {low:+.3f} to {high:+.3f}); {subject.name} has {most:.3f} m with "

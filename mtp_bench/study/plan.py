@@ -28,11 +28,11 @@ class StudiedAgent:
 
     name: str
     single: Setting  # itself with one hypothesis
-    end: Setting  # start of its gap: ``single``, unless the manifest states more than one hypothesis
-    truth: Setting  # ``end`` on ground-truth tracks
+    reference: Setting  # start of its gap: ``single``, unless the manifest states more than one hypothesis
+    truth: Setting  # ``reference`` on ground-truth tracks
     equal: dict[int, Setting]  # by hypotheses, with the k samples of the env; 1 is ``single``
     free: dict[int, Setting] = field(default_factory=dict)  # by hypotheses, with the samples of all of them
-    own_ends: bool = True  # False: the manifest states no reference pair, and STP stands for it
+    states_references: bool = True  # False: the manifest states no reference pair, and STP stands for it
 
     @property
     def most(self) -> Setting:
@@ -64,7 +64,7 @@ class StudyPlan:
         """Every setting with the k samples of the env that the report ranks, each once; the controls first."""
         settings = [*self.controls, *self.retracking]
         for subject in self.subjects:
-            settings += [subject.single, subject.end, subject.truth, *subject.equal.values()]
+            settings += [subject.single, subject.reference, subject.truth, *subject.equal.values()]
         return unique(settings)
 
     @property
@@ -116,28 +116,30 @@ def make_plan(
 def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> StudiedAgent:
     """The settings of a submission."""
     whole = setting_of(submission, card)
-    end, truth, stated = _reference_pair(whole, card)
-    end = whole if key_of(end) == key_of(whole) else end  # one run has one name
+    reference, truth, stated = _reference_pair(whole, card)
+    reference = whole if key_of(reference) == key_of(whole) else reference  # one run has one name
     parameter, most = submission.compare.hypotheses, _most_hypotheses(whole)
-    control_ended = most == 1 and not whole.gap_references and end is not whole
-    if parameter is None or submission.compare.observe == "truth" or control_ended:
-        return StudiedAgent(submission.name, end, end, truth, {whole.hypotheses or 1: whole}, own_ends=stated)
+    starts_at_control = most == 1 and not whole.gap_references and reference is not whole
+    if parameter is None or submission.compare.observe == "truth" or starts_at_control:
+        return StudiedAgent(
+            submission.name, reference, reference, truth, {whole.hypotheses or 1: whole}, states_references=stated
+        )
 
     def with_hypotheses(count: int, budget: Budget = "equal") -> Setting:
         return setting_of(submission, card, {parameter: count}, budget)
 
-    single = end
-    if whole.gap_references and (one := with_hypotheses(1)).parameters != end.parameters:
+    single = reference
+    if whole.gap_references and (one := with_hypotheses(1)).parameters != reference.parameters:
         single = whole if key_of(one) == key_of(whole) else replace(one, label=f"{submission.name}, H = 1")
     counts = sorted({count for count in hypotheses if count <= most} | {most}) if most > 1 else [1]
     return StudiedAgent(
         name=submission.name,
         single=single,
-        end=end,
+        reference=reference,
         truth=truth,
         equal={count: single if count == 1 and stated else with_hypotheses(count) for count in counts},
         free={count: with_hypotheses(count, "free") for count in counts if count > 1 and count in {*free, most}},
-        own_ends=stated,
+        states_references=stated,
     )
 
 

@@ -67,12 +67,12 @@ def _costs(findings: Findings) -> Iterator[Row]:
     subject = findings.subject
     kinds: Kinds = (("paper_ids", "ids", "An identity switch"), ("paper_frag", "frag", "A fragment"))
     for subset, key, event in kinds:
-        ends = [figures_of(findings.bench.of_paper, role, "equal", 1).get(key) for role in ("truth_past", "stp")]
+        pair = [figures_of(findings.bench.of_paper, role, "equal", 1).get(key) for role in ("truth_past", "stp")]
         papers = ""
-        if ends[0] and ends[1]:
-            papers = f"minADE {ends[0][0]:.3f} m from GT tracks, {ends[1][0]:.3f} m from tracklets"
+        if pair[0] and pair[1]:
+            papers = f"minADE {pair[0][0]:.3f} m from GT tracks, {pair[1][0]:.3f} m from tracklets"
         title = f"{event} makes prediction much worse"
-        yield _difference(findings, subject.end, subject.truth, subset, +1, title, papers)
+        yield _difference(findings, subject.reference, subject.truth, subset, +1, title, papers)
 
 
 def _gains(findings: Findings) -> Iterator[Row]:
@@ -80,9 +80,9 @@ def _gains(findings: Findings) -> Iterator[Row]:
     env_id, count = findings.bench.of_paper, most.hypotheses or 1
     winner = "Hypotheses win" if count > 1 else f"{subject.name} wins"
 
-    def paper(key: str, *ends: tuple[str, str, int]) -> str:
-        known = [figures_of(env_id, *end).get(key) for end in ends]
-        return " to ".join(f"{pair[0]:.3f} m" for pair in known if pair) if all(known) else ""
+    def paper(key: str, *keys: tuple[str, str, int]) -> str:
+        known = [figures_of(env_id, *each).get(key) for each in keys]
+        return " to ".join(f"{figures[0]:.3f} m" for figures in known if figures) if all(known) else ""
 
     one, many = ("stp", "equal", 1), ("mtp", "equal", count)
     kinds: Kinds = (

@@ -45,7 +45,7 @@ def colors_of(findings: Findings) -> dict[str, str]:
     colors.setdefault(first.most.label, "vermillion")
     left = [name for name in SERIES if name not in colors.values()]
     others = [s.label for subject in plan.subjects[1:] for s in (subject.most, subject.single, subject.truth)]
-    for label in dict.fromkeys([*others, *(subject.end.label for subject in plan.subjects)]):
+    for label in dict.fromkeys([*others, *(subject.reference.label for subject in plan.subjects)]):
         if label not in colors:
             colors[label] = left.pop(0) if left else "grey"
     return colors

@@ -158,7 +158,7 @@ def test_runs_are_made_again_when_code_or_fitted_files_change() -> None:
 def test_the_command_on_an_agent_of_ones_own(
     made: Study, cli: CommandLine, tmp_path: Path, card: str, kitti: str
 ) -> None:
-    """One run has one name in every table: its end with one hypothesis is the agent itself."""
+    """One run has one name in every table: its reference with one hypothesis is the agent itself."""
     mine = write_submission(
         tmp_path / "mine", "mine", "[compare]\ngap_references = {}", body="return empty_action(self._task)"
     )
@@ -240,16 +240,16 @@ SUBJECTS = {  # agent -> labels of one hypothesis and of the start of its gap, h
 @pytest.mark.parametrize("name", SUBJECTS)
 def test_settings_of_an_agent(name: str) -> None:
     subject = subject_of(load_submission(name), load_card("MTP-Intersection-v0"), (1, 5, 20), (20,))
-    assert (subject.single.label, subject.end.label, list(subject.equal), list(subject.free)) == SUBJECTS[name]
+    assert (subject.single.label, subject.reference.label, list(subject.equal), list(subject.free)) == SUBJECTS[name]
     own = subject.truth.submission.name == name
     assert own == ("modes" in name)
     assert subject.truth.observe == "truth"
     if name == "stp_cut":  # its gap begins at a control
-        assert (subject.equal[1].label, subject.own_ends) == ("stp_cut", True)
+        assert (subject.equal[1].label, subject.states_references) == ("stp_cut", True)
     else:
         assert subject.equal[1] == subject.single
     if name == "mtp_modes_tracklets":
-        assert (subject.single.parameters["on"], subject.end.parameters["on"]) == ("tracklets", "truth")
+        assert (subject.single.parameters["on"], subject.reference.parameters["on"]) == ("tracklets", "truth")
 
 
 def test_hypotheses_that_only_the_sweep_states_are_run(tmp_path: Path, card: str) -> None:

@@ -16,7 +16,7 @@ from gymnasium.utils.passive_env_checker import env_render_passive_checker
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from mtp_bench import load_card, load_submission
+from mtp_bench import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
@@ -300,17 +300,3 @@ def test_no_mode_no_picture(make_env: MakeEnv) -> None:
         env.reset(seed=0)
         shot(env)
         env.close()
-
-
-@pytest.mark.data
-@pytest.mark.parametrize(
-    ("env_id", "scene"), [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-WILDTRACK-v0", "wildtrack-1200")]
-)
-def test_pictures_of_real_logs_show_what_there_is(env_id: str, scene: str, data_root: Path) -> None:
-    env = MTPEnv(env_id, data=str(data_root), render_mode="rgb_array", scenes=[scene])
-    agent = load_submission("stp").build(env.task)
-    agent.reset(env.task)
-    observation, _ = env.reset(seed=0)
-    for _ in range(10):
-        observation, *_ = env.step(agent.act(observation))
-    assert min(amount(shot(env), COLORS[part]) for part in ("truth", "detection", "track")) > 10

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,8 +23,8 @@ def log_judgement(log: Log, agent: ShownAgent) -> None:
     """Log events, identity lanes and counts of the best hypothesis."""
     _log_markers(log, agent.replay)
     _log_texts(log, agent.replay)
-    for lane in lanes(agent.replay):
-        _log_lane(log, agent.replay.scene, lane)
+    for object_id, lane in lanes(agent.replay).items():
+        _log_lane(log, agent.replay.scene, object_id, lane)
     for name, values in _series(agent.replay).items():
         names = f"{agent.name} {name}".strip()
         color = packed(tone(SERIES["ids" if name == "IDS" else name], agent.number))
@@ -91,52 +90,38 @@ def log_ring(recording: rr.RecordingStream, scene: Scene, at: Incident, radius: 
     Log(recording, frame_times(scene, frames)).columns("world/at", style, columns)
 
 
-@dataclass(frozen=True)
-class IdentityLane:
-    """The track that follows a true object, from each frame on at which it changes; None while it is absent."""
+def lanes(replay: Replay) -> dict[int, dict[int, int | None]]:
+    """Identity lane of each evaluated object, by its id: the track of the best hypothesis that follows it.
 
-    object_id: int
-    frame: tuple[int, ...]
-    track: tuple[int | None, ...]  # -1: untracked
-
-
-def lanes(replay: Replay) -> list[IdentityLane]:
-    """Identity lanes of the evaluated objects, by their ids: the best hypothesis of every frame."""
+    A lane has the track from each frame on at which it changes: -1 untracked, None while the object is absent.
+    """
     truth = replay.scene.truth
-    frame = truth.frame_of_rows
+    frame, evaluated = truth.frame_of_rows, ~truth.neutral
     track = np.append(replay.rollout.track_id, -1)[replay.truth_track]
-    evaluated = ~truth.neutral
-    lanes = []
+    lanes = {}
     for object_id in np.unique(truth.object_id[evaluated]).tolist():
         rows = np.flatnonzero(evaluated & (truth.object_id == object_id))
-        states = _changes(frame[rows], track[rows], replay.frames)
-        lanes.append(IdentityLane(object_id, tuple(states), tuple(states.values())))
+        lane: dict[int, int | None] = {}
+        current: int | None = None
+        following = np.append(frame[rows][1:], replay.frames)
+        for t, after, own in zip(frame[rows].tolist(), following.tolist(), track[rows].tolist(), strict=True):
+            if own != current:
+                lane[t] = current = own
+            if after > t + 1:
+                lane[t + 1] = current = None
+        lanes[object_id] = lane
     return lanes
 
 
-def _changes(frame: Ints, track: Ints, frames: int) -> dict[int, int | None]:
-    """State of one object from each frame on at which it changes; None from the frame after it was seen."""
-    states: dict[int, int | None] = {}
-    current: int | None = None
-    for t, following, i in zip(frame.tolist(), [*frame[1:].tolist(), frames], track.tolist(), strict=True):
-        if i != current:
-            states[t] = current = i
-        if following > t + 1:
-            states[t + 1] = current = None
-    return states
-
-
-def _log_lane(log: Log, scene: Scene, lane: IdentityLane) -> None:
-    """Log one lane."""
-    tracks = sorted({track for track in lane.track if track is not None})
-    colors = np.where(np.array(tracks)[:, None] < 0, UNTRACKED, track_colors(np.array(tracks)))
-    names = [_state(track) for track in tracks]
+def _log_lane(log: Log, scene: Scene, object_id: int, lane: dict[int, int | None]) -> None:
+    tracks = np.array(sorted({track for track in lane.values() if track is not None}))
+    colors = np.where(tracks[:, None] < 0, UNTRACKED, track_colors(tracks))
+    names = [_state(track) for track in tracks.tolist()]
     labels = [name.removeprefix("track ") for name in names]
     style = rr.StateConfiguration(values=names, labels=labels, colors=packed(colors))
-    columns = rr.StateChange.columns(state=[_state(track) for track in lane.track])
-    Log(log.recording, frame_times(scene, np.array(lane.frame)), log.root).columns(
-        f"identity/gt_{lane.object_id:03d}", style, columns
-    )
+    columns = rr.StateChange.columns(state=[_state(track) for track in lane.values()])
+    own = Log(log.recording, frame_times(scene, np.array(list(lane))), log.root)
+    own.columns(f"identity/gt_{object_id:03d}", style, columns)
 
 
 def _state(track: int | None) -> str:
