@@ -137,41 +137,8 @@ def test_the_total_weight_is_kept(size: int, k: int, shift: float) -> None:
     np.testing.assert_allclose(total, expected, rtol=1e-12, atol=1e-9)
 
 
-def test_absent_samples_are_never_chosen_nor_read() -> None:
-    rng = np.random.default_rng(6)
-    pool, log_weight = make_pool(rng, 40, 30), rng.normal(size=(40, 30))
-    absent = rng.random((40, 30)) < 0.5
-    absent[:, [0, -1]] = True
-    there = np.where(absent[..., None, None], 0.0, pool)
-    pool[absent], log_weight[absent] = np.nan, -np.inf
-    chosen, weight = reduce(pool, log_weight, 6)
-    other, other_weight = reduce(there, log_weight, 6)
-    assert np.isfinite(chosen).all()
-    np.testing.assert_array_equal(chosen, other)
-    np.testing.assert_array_equal(weight, other_weight)
-
-
-@pytest.mark.parametrize(("present", "k"), [([1, 1, 1], 3), ([1, 1], 5), ([0, 1, 0, 1, 1], 3), ([0, 0, 0], 2)])
-def test_a_pool_that_fits_is_passed_on(present: list[int], k: int) -> None:
-    rng = np.random.default_rng(7)
-    pool, log_weight = make_pool(rng, 1, len(present)), rng.normal(size=(1, len(present)))
-    log_weight[0, np.array(present) == 0] = -np.inf
-    chosen, weight = reduce(pool, log_weight, k)
-    rows = np.flatnonzero(present)
-    np.testing.assert_array_equal(chosen[0, : len(rows)], pool[0, rows])
-    np.testing.assert_array_equal(weight[0, : len(rows)], log_weight[0, rows])
-    assert (weight[0, len(rows) :] == -np.inf).all()
-    assert (chosen[0, len(rows) :] == 0).all()
-
-
 def test_far_from_the_origin_nothing_is_lost() -> None:
     pool = np.round(make_pool(np.random.default_rng(8), 3, 60) * 2**20) / 2**20  # the shift is without rounding
     near, far = (reduce(pool + shift, np.zeros((3, 60)), 8) for shift in (0.0, 2.0**17))
     np.testing.assert_array_equal(far[0] - 2.0**17, near[0])
     np.testing.assert_array_equal(far[1], near[1])
-
-
-def test_no_objects() -> None:
-    chosen, weight = reduce(np.zeros((0, 40, 5, 2)), np.zeros((0, 40)), 3)
-    assert chosen.shape == (0, 3, 5, 2)
-    assert weight.shape == (0, 3)

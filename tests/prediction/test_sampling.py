@@ -1,4 +1,4 @@
-"""The k-means++ sampler: scikit-learn as an oracle, and pools that are small, absent, equal or far away."""
+"""Both samplers on pools that are small or absent; k-means++ with scikit-learn as an oracle."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 from sklearn.cluster import KMeans
 
-from mtp_bench.prediction import KMeansSampler
+from mtp_bench.agent import Sampler
+from mtp_bench.prediction import GreedySampler, KMeansSampler
 from mtp_bench.prediction.k_means import k_means as k_means_kernel
 from mtp_bench.prediction.k_means import polynomials
 from mtp_bench.types import Floats
+
+SAMPLERS: list[Sampler] = [KMeansSampler(0), KMeansSampler(5), GreedySampler()]
+BOTH = pytest.mark.parametrize("sampler", SAMPLERS, ids=["seeds", "k-means", "greedy"])
 
 
 def make_pool(rng: np.random.Generator, objects: int, size: int) -> Floats:
@@ -166,32 +170,43 @@ def test_without_iterations_the_samples_are_of_the_pool() -> None:
         np.testing.assert_allclose(distance, 0, atol=1e-12)
 
 
-@pytest.mark.parametrize("iterations", [0, 5])
-def test_absent_samples_are_never_chosen(iterations: int) -> None:
+@BOTH
+def test_absent_samples_are_never_chosen_nor_read(sampler: Sampler) -> None:
     rng = np.random.default_rng(1)
     pool, log_weight = make_pool(rng, 40, 30), rng.normal(size=(40, 30))
     absent = rng.random((40, 30)) < 0.5
     absent[:, [0, -1]] = True  # the ends are where rounding would pick them
-    pool[absent] = 1e6
     log_weight[absent] = -np.inf
-    centre, weight = reduce(pool, log_weight, 6, iterations=iterations)
-    assert (np.abs(centre) < 100).all()
-    np.testing.assert_allclose(np.exp(weight).sum(axis=1), 1.0)
+    results = []
+    for filling in (np.nan, 1e6):
+        pool[absent] = filling
+        results.append(sampler.reduce(pool, log_weight, 6, np.random.default_rng(0)))
+    assert (np.abs(results[0][0]) < 100).all()
+    for one, other in zip(*results, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
+@BOTH
 @pytest.mark.parametrize(
     ("present", "k"), [([1, 1, 1], 3), ([1, 1, 1], 5), ([0, 1, 0, 1, 1], 3), ([0, 0, 1], 2), ([0, 0, 0], 2), ([1], 1)]
 )
-def test_a_pool_that_fits_is_passed_on(present: list[int], k: int) -> None:
+def test_a_pool_that_fits_is_passed_on(present: list[int], k: int, sampler: Sampler) -> None:
     rng = np.random.default_rng(2)
     pool, log_weight = make_pool(rng, 1, len(present)), rng.normal(size=(1, len(present)))
     log_weight[0, np.array(present) == 0] = -np.inf
-    centre, weight = reduce(pool, log_weight, k)
+    chosen, weight = sampler.reduce(pool, log_weight, k, rng)
     rows = np.flatnonzero(present)
-    assert centre.shape == (1, k, 5, 2)
-    np.testing.assert_array_equal(centre[0, : len(rows)], pool[0, rows])
+    assert chosen.shape == (1, k, 5, 2)
+    np.testing.assert_array_equal(chosen[0, : len(rows)], pool[0, rows])
     np.testing.assert_array_equal(weight[0, : len(rows)], log_weight[0, rows])
     assert (weight[0, len(rows) :] == -np.inf).all()
+    assert (chosen[0, len(rows) :] == 0).all()
+
+
+@BOTH
+def test_no_objects(sampler: Sampler) -> None:
+    chosen, weight = sampler.reduce(np.zeros((0, 40, 5, 2)), np.zeros((0, 40)), 3, np.random.default_rng(0))
+    assert (chosen.shape, weight.shape) == ((0, 3, 5, 2), (0, 3))
 
 
 def test_crowded_and_passed_on_objects_beside_each_other() -> None:
@@ -226,13 +241,6 @@ def test_equal_samples_are_one_cluster() -> None:
             assert np.abs(absent - distinct).max(axis=(1, 2)).min() < 1e-9
 
 
-def test_one_sample_many_times() -> None:
-    pool = np.repeat(make_pool(np.random.default_rng(6), 1, 1), 40, axis=1)
-    centre, weight = reduce(pool, np.zeros((1, 40)), 3)
-    assert np.exp(weight).sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(centre[0], np.broadcast_to(pool[0, 0], (3, 5, 2)), atol=1e-12)
-
-
 def test_weights_are_those_of_the_clusters() -> None:
     # Two groups of ten; the left one is held by a hypothesis that is three times as likely.
     pool = np.zeros((1, 20, 1, 2))
@@ -259,9 +267,3 @@ def test_far_from_the_origin_nothing_is_lost() -> None:
     near, far = (reduce(pool + shift, np.zeros((3, 100)), 8) for shift in (0.0, 1e5))
     np.testing.assert_allclose(far[0] - 1e5, near[0], atol=1e-6)
     np.testing.assert_allclose(far[1], near[1], atol=1e-9)
-
-
-def test_no_objects() -> None:
-    centre, weight = reduce(np.zeros((0, 40, 5, 2)), np.zeros((0, 40)), 3)
-    assert centre.shape == (0, 3, 5, 2)
-    assert weight.shape == (0, 3)

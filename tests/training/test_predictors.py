@@ -65,10 +65,12 @@ def test_training_lowers_the_error_and_repeats_itself(found: Windows, tmp_path: 
 
 
 class InterruptionError(Exception):
-    """As by the user."""
+    """An interruption by the user."""
 
 
-def test_an_interrupted_training_ends_as_one_that_was_not(found: Windows, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["mine.safetensors", "mine.checkpoint", "mine"])
+def test_an_interrupted_training_ends_with_the_same_weights(name: str, found: Windows, tmp_path: Path) -> None:
+    """Weights may have any name; only they stay."""
     request = TrainingRequest("modes", "small", plan=QUICK)
     whole, _ = train_predictor(found, request, tmp_path / "whole.safetensors")
 
@@ -77,45 +79,18 @@ def test_an_interrupted_training_ends_as_one_that_was_not(found: Windows, tmp_pa
             raise InterruptionError
 
     with pytest.raises(InterruptionError):
-        train_predictor(found, request, tmp_path / "part.safetensors", stop)
-    assert not (tmp_path / "part.safetensors").exists()
-    rest: list[int] = []
-    part, _ = train_predictor(found, request, tmp_path / "part.safetensors", lambda epoch, _: rest.append(epoch))
-    assert rest == [4, 5, 6]
-    assert part.read_bytes() == whole.read_bytes()
-
-
-def test_a_checkpoint_of_another_training_is_not_gone_on_with(found: Windows, tmp_path: Path) -> None:
-    def stop(*_: object) -> None:
-        raise InterruptionError
-
-    with pytest.raises(InterruptionError):
-        train_predictor(found, TrainingRequest("modes", "small", plan=QUICK), tmp_path / "a.safetensors", stop)
-    epochs: list[int] = []
-    other = TrainingRequest("modes", "small", plan=replace(QUICK, seed=1))
-    train_predictor(found, other, tmp_path / "a.safetensors", lambda epoch, _: epochs.append(epoch))
-    assert epochs[0] == 1
-    (tmp_path / "b.safetensors.checkpoint").write_bytes(b"broken")
-    train_predictor(found, other, tmp_path / "b.safetensors")
-
-
-@pytest.mark.parametrize("name", ["mine.checkpoint", "mine"])
-def test_weights_may_have_any_name(name: str, found: Windows, tmp_path: Path) -> None:
-    """What a training goes on from lies beside the weights, and only the weights stay."""
-
-    def stop(epoch: int, _: float) -> None:
-        if epoch == 3:
-            raise InterruptionError
-
-    request = TrainingRequest("modes", "small", plan=QUICK)
-    with pytest.raises(InterruptionError):
         train_predictor(found, request, tmp_path / name, stop)
     assert not (tmp_path / name).exists()
     rest: list[int] = []
-    path, _ = train_predictor(found, request, tmp_path / name, lambda epoch, _: rest.append(epoch))
+    part, _ = train_predictor(found, request, tmp_path / name, lambda epoch, _: rest.append(epoch))
     assert rest == [4, 5, 6]
-    assert list(tmp_path.glob("mine*")) == [path]
-    require_fit(read_weights(path, network_of("modes")).sizes, found.task, path)
+    assert part.read_bytes() == whole.read_bytes()
+    assert list(tmp_path.glob("mine*")) == [part]
+
+
+def test_a_broken_checkpoint_is_ignored(found: Windows, tmp_path: Path) -> None:
+    (tmp_path / "b.safetensors.checkpoint").write_bytes(b"broken")
+    train_predictor(found, TrainingRequest("modes", "small", plan=QUICK), tmp_path / "b.safetensors")
 
 
 def test_it_stops_where_nothing_gets_better(found: Windows, tmp_path: Path) -> None:
@@ -154,22 +129,14 @@ def shown_in(found: Windows, rows: Bools) -> set[tuple[str, int]]:
     return {(found.own_names[found.scene[row]], int(found.frame[row])) for row in np.flatnonzero(rows)}
 
 
-TOO_SHORT = {
-    "few scenes without a whole future": ("abc", 3, "scenes 3, windows to learn from 18, windows to validate on 0"),
-    "few scenes without a last fifth": ("abc", 5, "scenes 3, windows to learn from 18, windows to validate on 0"),
-    "many scenes without a whole future": ("abcdef", 3, "scenes 6, windows to learn from 30, windows to validate on 0"),
-}
-
-
-@pytest.mark.parametrize("name", TOO_SHORT)
-@pytest.mark.parametrize("network", ["modes", "tracking_free"])
-def test_scenes_too_short_to_validate_on_are_one_clear_error(network: str, name: str, tmp_path: Path) -> None:
-    names, frames, counts = TOO_SHORT[name]
-    request, out = TrainingRequest(network, "small", plan=QUICK), tmp_path / "new" / "w.safetensors"
-    with pytest.raises(MtpBenchError, match=f"{network} cannot be trained: {counts}") as caught:
+@pytest.mark.parametrize(
+    ("names", "frames", "learnt"), [("abc", 3, 18), ("abc", 5, 18), ("abcdef", 3, 30)],
+    ids=["without whole futures", "without a last fifth", "many scenes"],
+)  # fmt: skip
+def test_scenes_too_short_to_validate_on(names: str, frames: int, learnt: int, tmp_path: Path) -> None:
+    request, out = TrainingRequest("modes", "small", plan=QUICK), tmp_path / "new" / "w.safetensors"
+    with pytest.raises(MtpBenchError, match=f"scenes {len(names)}, windows to learn from {learnt}, .* validate on 0"):
         train_predictor(windows_of_scenes(tmp_path, names, frames), request, out)
-    assert "all 3 future frames" in str(caught.value)
-    assert "longer or more scenes" in str(caught.value)
     assert not out.parent.exists()
 
 
