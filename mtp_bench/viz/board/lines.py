@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 from typing import Any
 from urllib.parse import quote
@@ -16,7 +17,8 @@ from ...scoring.definitions import DEFINITIONS
 from ...scoring.rows import Row
 from ...scoring.subsets import SUBSETS
 from ...sources import about
-from ...tables import Column, Table, Value
+from ...tables import Column, Table, columns_of
+from ..terminal.output import number
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
 from .drawings import CurveFrame, bar_of, curve_chart, curve_of, scale_of, scene_chart, small_frame, zero_of
 from .entries import Entry, empty_error
@@ -84,25 +86,29 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
 
 def subset_table(entry: Entry) -> Table:
     """The numbers of an entry on each subset."""
-    standing = entry.standing
+    standing, row = entry.standing, {column.key: column for column in columns_of(Row)}
 
-    def paired(name: str) -> dict[str, Value]:
-        return {subset: getattr(each, name) for subset, each in standing.differences.items()}
+    def paired(column: Column, name: str) -> Column:
+        values = {subset: getattr(each, name) for subset, each in standing.differences.items()}
+        return replace(column, read=lambda row: values.get(row.subset))
 
-    differences, intervals, chances = paired("mean"), paired("interval"), paired("p")
+    def chance(row: Row) -> str | None:
+        difference = standing.differences.get(row.subset)
+        return None if difference is None else p_value(difference.p)
+
     columns = [
-        Column("subset", key="subset", read=lambda row: row.subset),
-        Column("rank", key="rank", read=lambda row: standing.places[row.subset].rank),
-        Column("bADE", better="lower", format=".3f", key="error", read=lambda row: row.error),
-        Column("95 % interval", format=".3f", key="interval", read=lambda row: row.interval),
-        Column("to stp", better="lower", format="+.3f", key="difference", read=lambda row: differences.get(row.subset)),
-        Column("95 % interval", format="+.3f", key="ends", read=lambda row: intervals.get(row.subset)),
-        Column("p", key="p", read=lambda row: None if (p := chances.get(row.subset)) is None else p_value(p)),  # type: ignore[arg-type]
-        Column("minADE", better="lower", format=".3f", key="minADE", read=lambda row: row.minADE),
-        Column("minFDE", better="lower", format=".3f", key="minFDE", read=lambda row: row.minFDE),
-        Column("covered", "share", "higher", key="coverage", read=lambda row: row.coverage),
-        Column("gap closed", "share", "higher", key="gap", read=lambda row: standing.gaps.get(row.subset)),
-        Column("same predictor", "share", "higher", key="own", read=lambda row: entry.same_predictor_gap(row.subset)),
+        row["subset"],
+        replace(row["rank"], read=lambda row: standing.places[row.subset].rank),
+        row["error"],
+        row["interval"],
+        replace(paired(COLUMN["difference"], "mean"), heading="to stp"),
+        paired(COLUMN["difference_interval"], "interval"),
+        replace(row["p"], unit="-", read=chance),
+        row["minADE"],
+        row["minFDE"],
+        row["coverage"],
+        replace(COLUMN["gap"], read=lambda row: standing.gaps.get(row.subset)),
+        replace(COLUMN["same_gap"], read=lambda row: entry.same_predictor_gap(row.subset)),
         Column("events / objects / scenes", "-", key="sizes", read=_sizes),
         *further_columns([entry]),
     ]
@@ -110,7 +116,7 @@ def subset_table(entry: Entry) -> Table:
 
 
 def _sizes(row: Row) -> str:
-    return f"{Column(format='.0f').text(row.events)} / {row.objects} / {row.scenes}"
+    return f"{number(row.events, 0)} / {row.objects} / {row.scenes}"
 
 
 def difference_text(entry: Entry) -> str:
