@@ -424,7 +424,7 @@ def test_a_home_that_cannot_be_written(card: str, kitti: str, tmp_path: Path) ->
         assert said("run", folder, *known, "-o", tmp_path / "run")[0] == 0
         status, error = said("run", folder, "--env", "MTP-Merge-v0", "--scenes", 1, "-o", tmp_path / "merge")
         assert (status, error.count("\n")) == (1, 1)
-        assert "Read-only file system; MTP_BENCH_CACHE names another folder" in error
+        assert "Read-only file system; set MTP_BENCH_CACHE to another folder" in error
         environment["MTP_BENCH_CACHE"] = str(tmp_path / "cache")
         training = write_training(tmp_path / "training", "0001", ["0000"])
         status, error = said("train", "predictor", "modes", "--epochs", "1", "--env", card, "--data", training)
