@@ -34,7 +34,6 @@ class Sensor:
 class Visibility:
     """Visibility of the R rows of a truth."""
 
-    frame: Ints  # [R] index of the row's frame
     distance: Floats  # [R] m, BEV, from the sensor to the centre of the box
     bearing: Floats  # [R] rad in [-pi, pi), relative to the sensor's heading
     occlusion: Ints  # [R] 0 none, 1 partly, 2 largely, 3 hidden
@@ -51,14 +50,13 @@ def visibility_of(truth: Truth, ego: Floats, sensor: Sensor, visible: Floats | N
 
     All boxes of a frame can hide each other in BEV; heights do not matter. ``visible``: `visible_fractions`, if known.
     """
-    frame = truth.frame_of_rows
-    pose = ego[frame]
+    pose = ego[truth.frame_of_rows]
     distance, bearing = polar(truth.box[:, :2], pose)
     _, corner_bearing = polar(bev_corners(truth.box), pose[:, None])
     truncated = np.any(np.abs(corner_bearing) > sensor.field_of_view / 2, axis=-1)
     visible = visible_fractions(truth, ego) if visible is None else visible
     occlusion = np.sum(visible[:, None] < np.array(VISIBLE), axis=-1)
-    return Visibility(frame, distance, bearing, np.asarray(occlusion), np.asarray(truncated))
+    return Visibility(distance, bearing, np.asarray(occlusion), np.asarray(truncated))
 
 
 def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.detector.fit.samples import above_floor, collect_samples, match_boxes, match_gate
+from mtp_bench.detector.fit.samples import collect_samples, match_boxes, match_gate
 from mtp_bench.detector.visibility import Sensor
 from mtp_bench.errors import DataError
 from mtp_bench.types import Detections, Floats, Scene, Truth
@@ -106,40 +106,10 @@ def test_a_second_detection_of_an_object_is_a_duplicate() -> None:
     assert matches.duplicate.tolist() == [False, True, False]
 
 
-def test_floor_drops_the_weaker_detections_of_its_class_only() -> None:
-    found = replace(
-        detections([(1, 0), (2, 0)], [], [(3, 0), (4, 0)]),
-        class_id=np.array([0, 1, 0, 0]),
-        score=np.array([0.1, 0.1, 0.1, 0.5]),
-    )
-    kept = above_floor(found, CLASSES, {"car": 0.5})
-    assert kept.start.tolist() == [0, 1, 1, 2]
-    assert kept.box[:, 0].tolist() == [2, 4]
-    assert above_floor(found, CLASSES, None) is found
-
-
 def test_only_what_the_sensor_covers_counts() -> None:
     behind, far, seen = (-10.0, 0.0), (60.0, 0.0), (10.0, 0.0)
     figures = of_car(truth([behind, far, seen]), detections([(-20.0, 0.0), (70.0, 0.0), (20.0, 0.0), (10.0, 0.0)]))
     assert (figures.boxes, figures.recall, figures.false_positives) == (1, 1.0, 1.0)
-
-
-def test_false_positives_vary() -> None:
-    stays, moves = (20.0, 0.0), [(30.0, 0.0), (32.0, 0.0), (34.0, 0.0)]
-    found = detections([stays, moves[0]], [(20.4, 0.0), moves[1]], [moves[2]], [])
-    figures = of_car(truth([], [], [], []), replace(found, score=np.array([1.0, 2.0, 3.0, 4.0, 5.0])))
-    assert figures.false_positives == 5 / 4
-    assert figures.dispersion == pytest.approx(np.var([2, 2, 1, 0]) / 1.25)
-    assert figures.score_false == 3.0
-    assert figures.recall is None
-    assert figures.score_true is None
-
-
-def test_flips_are_turns_by_more_than_a_right_angle() -> None:
-    places = [(10.0, 0.0), (20.0, 0.0), (30.0, 0.0), (40.0, 0.0)]
-    found = detections(places)
-    found.box[:, 3] = [0.3, np.pi - 0.2, -1.5, -1.7]
-    assert of_car(truth(places), found).flips == 0.5
 
 
 def test_a_perfect_detector_has_no_error_to_correlate() -> None:

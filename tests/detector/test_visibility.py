@@ -134,7 +134,6 @@ def test_distance_and_bearing_are_relative_to_the_ego_of_the_frame() -> None:
     truth = _truth([[_box(10.0, 0.0)], [], [_box(10.0, 0.0), _box(3.0, 5.0)]])
     ego = np.array([[0.0, 0.0, 1.0, 0.0], [9.0, 9.0, 9.0, 9.0], [3.0, 0.0, 1.0, np.pi / 2]])
     seen = visibility_of(truth, ego, ALL_AROUND)
-    assert seen.frame.tolist() == truth.frame_of_rows.tolist() == [0, 2, 2]
     np.testing.assert_allclose(seen.distance, [10.0, 7.0, 5.0])
     np.testing.assert_allclose(seen.bearing, [0.0, -np.pi / 2, 0.0], atol=1e-12)
 

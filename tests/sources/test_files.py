@@ -244,31 +244,10 @@ def test_the_digest_holds_what_the_files_hold_and_not_where_they_are(tmp_path: P
     assert str(tmp_path) not in str(card.model_dump(mode="json"))
 
 
-def test_the_digest_of_scenes_in_memory_holds_everything(base: Card) -> None:
-    scene = whole_scene()
-    digest = with_scenes(base, [scene]).digest
-    assert with_scenes(base, [whole_scene()]).digest == digest
-    moved = replace(scene, truth=replace(scene.truth, box=scene.truth.box + 1e-12))
-    image = scene.image
-    assert image is not None
-    others = [
-        moved,
-        replace(scene, recording="another"),
-        replace(scene, lanes=scene.lanes[:2]),
-        replace(scene, image=replace(image, size=(1, 2))),
-    ]
-    assert len({digest, *(with_scenes(base, [other]).digest for other in others)}) == 5
-    assert with_scenes(base, [scene, moved_name(scene)]).digest != with_scenes(base, [moved_name(scene), scene]).digest
-
-
 def test_an_array_of_objects_has_no_digest(base: Card) -> None:
     scene = whole_scene()
     with pytest.raises(CardError, match="a scene has an array of objects, expected numbers"):
         with_scenes(base, [replace(scene, time=scene.time.astype(object))])
-
-
-def moved_name(scene: Scene) -> Scene:
-    return replace(scene, name="two")
 
 
 # --- one sentence for every mistake ----------------------------------------------------------------------------------
@@ -380,13 +359,6 @@ def test_the_folder_of_a_scene_instead_of_the_one_above(tmp_path: Path, base: Ca
     write_tables(tmp_path)
     with pytest.raises(DataError, match=rf"it is a scene itself: name the folder above, {re.escape(str(tmp_path))}$"):
         only(base, tmp_path / "one")
-
-
-def test_two_forms_of_one_table(tmp_path: Path, base: Card) -> None:
-    write_tables(tmp_path)
-    (tmp_path / "one" / "truth.parquet").touch()
-    with pytest.raises(DataError, match=r"one has truth\.csv and truth\.parquet, expected one of them"):
-        only(base, tmp_path)
 
 
 def test_broken_files(tmp_path: Path, base: Card) -> None:

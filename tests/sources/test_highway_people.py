@@ -7,7 +7,7 @@ import pytest
 
 from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.simulate import simulate_world
-from mtp_bench.sources.highway.walking import Footway, SidewalkUse, keep_off_road, remaining_way, slow_at_kerb
+from mtp_bench.sources.highway.walking import Footway, SidewalkUse, keep_off_road, remaining_way
 from mtp_bench.sources.highway.world import CLASSES, Traffic, World
 from mtp_bench.types import Floats, Ints
 
@@ -62,15 +62,3 @@ def test_ways_on_foot_lead_along_the_sidewalks(arm: int, direction: float, aroun
             outside = np.maximum(way.pavement.corner - np.abs(xy), 0.0)
             assert np.hypot(*outside.T).max() < way.pavement.radius - 0.4  # of the kerb's bend: never on the road
             np.testing.assert_allclose(keep_off_road(xy, way.pavement, np.ones(60, dtype=bool)), xy)
-
-
-def test_people_slow_down_at_the_kerb_unless_they_cross() -> None:
-    pavement = build_map("intersection", 5.0).pavement
-    assert pavement is not None
-    place, velocity = np.array([[7.5, 30.0], [-7.5, 30.0], [7.5, 16.0]]), np.array([[-1.3, 1.0], [1.3, 1.0], [-1.3, 0]])
-    slowed = slow_at_kerb(place, velocity, pavement, np.array([True, True, False]))
-    assert -0.9 < slowed[0, 0] < -0.5
-    assert slowed[1].tolist() == [-slowed[0, 0], slowed[0, 1]] == [-slowed[0, 0], 1.0]
-    assert slowed[2].tolist() == velocity[2].tolist()
-    kept = keep_off_road(np.array([[6.9, 30.0], [-30.0, -6.9]]), pavement, np.ones(2, dtype=bool))
-    np.testing.assert_allclose(kept, [[7.35, 30.0], [-30.0, -7.35]])

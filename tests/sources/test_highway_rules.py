@@ -10,15 +10,13 @@ from shapely.geometry import Polygon
 
 from mtp_bench.geometry import bev_corners
 from mtp_bench.sources.highway.conflicts import ConflictZone, Passage, find_passages
-from mtp_bench.sources.highway.driving import Leaders, observe, steering_angles
+from mtp_bench.sources.highway.driving import Leaders, observe
 from mtp_bench.sources.highway.lanes import NO_LANE, route_table
 from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.right_of_way import CrossingPedestrian, RightOfWay
 from mtp_bench.sources.highway.simulate import overlapping
 from mtp_bench.sources.highway.vehicles import Driver, draw_traits
-from mtp_bench.sources.highway.walking import keep_out_of_vehicles, slow_before_others
 from mtp_bench.sources.highway.world import ScenarioName
-from mtp_bench.types import Floats
 
 SCENARIOS: tuple[ScenarioName, ...] = ("intersection", "roundabout", "merge", "highway")
 
@@ -126,35 +124,3 @@ def test_first_come_first_served() -> None:
     assert not rules.free_to_walk(someone)
     rules = RightOfWay(every, first_in_first_out=True)
     assert np.isfinite(rules.update(state, ahead, [], {someone.crossing}, 0.0)[0])
-
-
-def test_nobody_steps_against_a_vehicle() -> None:
-    bus = np.array([[0.0, 0.0, 1.5, 0.0, 12.0, 2.5, 3.0]])
-    place = np.array([[0.0, 2.0], [0.0, 5.0]])
-    moved = np.array([[0.0, 1.5], [0.0, 4.5]])
-    np.testing.assert_array_equal(keep_out_of_vehicles(place, moved, bus), [[0.0, 2.0], [0.0, 4.5]])
-    np.testing.assert_array_equal(keep_out_of_vehicles(moved, place, bus), place)  # going away is free
-
-
-def test_who_comes_can_stop_before_somebody_and_who_follows_need_not() -> None:
-    place, none = np.array([[0.0, 0.0], [1.0, 0.0]]), np.empty((0, 7))
-    towards = slow_before_others(place, np.array([[1.3, 0.0], [-1.3, 0.0]]), none, 0.1)
-    np.testing.assert_allclose(towards[:, 0], [0.5, -0.5])  # 1 m/s together: 0.2 m at 2.5 m/s2
-    behind = np.array([[1.3, 0.0], [1.3, 0.0]])
-    np.testing.assert_array_equal(slow_before_others(place, behind, none, 0.1), behind)
-
-
-def test_steering_turns_no_faster_than_a_hand() -> None:
-    road_map = build_map("roundabout", 5.0)
-    table = route_table(road_map.routes, road_map.geometry)
-    lane = road_map.routes[0].roads[0][0]
-    profile = draw_traits(False, np.random.default_rng(0))
-    vehicle = Driver(None, road_map.geometry.lanes[lane].position(20.0, 1.5), 0.0, 8.0, profile, 0)  # across the road
-    vehicle.route, vehicle.lane_number = 0, lane
-    state = observe([vehicle], road_map, table, np.empty((0, 2)), np.empty((0, 2)))
-    angle: list[Floats] = [np.zeros(1)]
-    for _ in range(30):
-        angle.append(steering_angles(state, road_map.geometry, table, angle[-1], 0.1))
-    step = np.abs(np.diff(angle, axis=0))
-    assert 0.04 < step.max() < 0.0605
-    assert step[-1] == 0.0

@@ -122,14 +122,6 @@ def test_a_broken_file_is_made_again(damage: Callable[[Path], object], made: lis
     assert made == [5, 5]
 
 
-def test_other_traffic_lies_elsewhere() -> None:
-    folders = {
-        WorldStore(replace(TRAFFIC, **change)).folder
-        for change in ({}, {"seconds": 5.0}, {"vehicles": 6}, {"pedestrians": 0}, {"sensor": "roadside"})
-    }
-    assert len(folders) == 5
-
-
 def test_secret_worlds_lie_apart_and_nobody_else_lists_them() -> None:
     store = WorldStore(TRAFFIC)
     store.require_writable()

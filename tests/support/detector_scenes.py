@@ -95,13 +95,8 @@ def cars(frames: int, objects: int, gap: float = SPACING) -> Truth:
 def seen_at(truth: Truth, distance: float, occlusion: int = 0, bearing: float = 0.0) -> Visibility:
     """A visibility with the same distance, bearing and occlusion for every object."""
     rows = len(truth.box)
-    return Visibility(
-        truth.frame_of_rows,
-        np.full(rows, distance),
-        np.full(rows, bearing),
-        np.full(rows, occlusion),
-        np.zeros(rows, dtype=bool),
-    )
+    visible = np.full(rows, distance), np.full(rows, bearing), np.full(rows, occlusion)
+    return Visibility(*visible, truncated=np.zeros(rows, dtype=bool))
 
 
 def on_grid(detections: Detections, gap: float, objects: int) -> tuple[Bools, Floats, Floats]:

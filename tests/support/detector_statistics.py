@@ -9,7 +9,6 @@ import numpy as np
 
 from mtp_bench.detector.fit.objects import robust_deviation
 from mtp_bench.detector.fit.samples import (
-    HEADING,
     RADIAL,
     TANGENTIAL,
     FalsePositiveSamples,
@@ -33,11 +32,8 @@ class ClassStatistics:
     tangential_scale: float | None  # m, the same across it
     radial_autocorrelation: float | None  # of the errors' normal scores in consecutive frames
     tangential_autocorrelation: float | None
-    flips: float | None  # share of headings that are turned by more than a right angle
     false_positives: float  # per frame
-    dispersion: float | None  # variance over mean of their number per frame
     score_true: float | None  # mean score of detections that belong to a true box
-    score_false: float | None  # mean score of false positives
 
 
 def detector_statistics(
@@ -54,7 +50,6 @@ def detector_statistics(
 def class_statistics(objects: ObjectSamples, false: FalsePositiveSamples) -> ClassStatistics:
     """Statistics of one class."""
     length = gap_lengths(objects)
-    turned = np.abs(objects.error[objects.hit, HEADING]) > np.pi / 2
     rate = float(false.count.mean()) if len(false.count) else 0.0
     return ClassStatistics(
         boxes=len(objects.hit),
@@ -66,11 +61,8 @@ def class_statistics(objects: ObjectSamples, false: FalsePositiveSamples) -> Cla
         tangential_scale=robust_deviation(objects.error[objects.hit, TANGENTIAL]),
         radial_autocorrelation=_autocorrelation(objects, RADIAL),
         tangential_autocorrelation=_autocorrelation(objects, TANGENTIAL),
-        flips=_mean(turned),
         false_positives=rate,
-        dispersion=float(false.count.var()) / rate if rate else None,
         score_true=_mean(objects.score[objects.hit]),
-        score_false=_mean(false.score),
     )
 
 
