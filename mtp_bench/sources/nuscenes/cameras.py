@@ -20,8 +20,7 @@ from ..base import CameraImage, DataRoot, section_of
 from ..cache import write_arrays
 from .decoding import Quaternion, Vector, by_token, find, floats, read_records, require_rotations
 from .layout import CAMERAS, DATASET, VERSIONS, NuScenesSource
-from .source import show_reading
-from .store import CachedFolder, Note, TableStore, open_tables
+from .store import CachedFolder, TableStore, open_tables
 from .tables import DataRecord, MountRecord, SensorRecord, read_poses
 
 _Pixels = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
@@ -48,10 +47,9 @@ def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage,
     root = DATASET.find(data, VERSIONS)
     if not any(root.glob(CAMERAS)):
         return ()
-    with show_reading() as note:
-        tables = open_tables(root, section_of(card, NuScenesSource).version, note)
-        fill = partial(_fill, tables, note)
-        arrays = CachedFolder.of(f"{tables.cache.path.name}-cameras", tables.cache.sources, fill).read(scene.name)
+    tables = open_tables(root, section_of(card, NuScenesSource).version)
+    cache = CachedFolder.of(f"{tables.cache.path.name}-cameras", tables.cache.sources, partial(_fill, tables))
+    arrays = cache.read(scene.name)
     rows = zip(*(arrays[name].tolist() for name in ("frame", "camera", "path", "size")), strict=True)
     return tuple(
         CameraImage(frame, camera, root / file, tuple(size), arrays["projection"][row])
@@ -60,8 +58,7 @@ def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage,
     )
 
 
-def _fill(tables: TableStore, note: Note, folder: Path) -> None:
-    note(f"the cameras of {tables.version}")
+def _fill(tables: TableStore, folder: Path) -> None:
     path = tables.cache.sources["sample_data"]
     cameras = _read_cameras(tables)
     row_of = tables.row_of_token
@@ -77,17 +74,14 @@ def _fill(tables: TableStore, note: Note, folder: Path) -> None:
                 f"{path}, record {image.token!r}: filename is {image.filename!r}, expected a file below samples/"
             )
     sample = np.array([find(row_of, image, "sample_token", path) for image in images], dtype=np.int64)
-    camera, mounts = (
-        zip(*(cameras[image.calibrated_sensor_token] for image in images), strict=True) if images else ((), ())
-    )
+    mounts = [cameras[image.calibrated_sensor_token] for image in images]
+    sizes = [(max(1, image.width), max(1, image.height)) for image in images]
     arrays = {
         "frame": sample,
-        "camera": np.array(camera, dtype=np.str_),
+        "camera": np.array([channel for channel, _ in mounts], dtype=np.str_),
         "path": np.array([image.filename for image in images], dtype=np.str_),
-        "size": np.array([(max(1, image.width), max(1, image.height)) for image in images], dtype=np.int64).reshape(
-            -1, 2
-        ),
-        "projection": _projections(tables, images, mounts),
+        "size": np.array(sizes, dtype=np.int64).reshape(-1, 2),
+        "projection": _projections(tables, images, [mount for _, mount in mounts]),
     }
     order = np.lexsort((arrays["camera"], sample))
     for name in tables.scenes:
@@ -113,7 +107,7 @@ def _read_cameras(tables: TableStore) -> dict[str, tuple[str, CameraRecord]]:
     return cameras
 
 
-def _projections(tables: TableStore, images: list[ImageRecord], mounts: tuple[CameraRecord, ...]) -> Floats:
+def _projections(tables: TableStore, images: list[ImageRecord], mounts: list[CameraRecord]) -> Floats:
     """From the global frame to the pixels of each image [n, 3, 4]."""
     sources = tables.cache.sources
     poses = [image.ego_pose_token for image in images]

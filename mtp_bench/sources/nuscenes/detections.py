@@ -15,7 +15,7 @@ from ...types import Bools, Detections, starts_of_sorted
 from ..base import class_ids
 from ..cache import Arrays, write_arrays
 from .names import CLASSES, counted
-from .store import INDEX, CachedFolder, Note, TableStore
+from .store import INDEX, CachedFolder, TableStore
 from .submission import no_match, read_submission
 
 _HEAD = 1 << 16  # bytes of a file in which its first sample is looked for
@@ -35,10 +35,8 @@ class DetectionStore:
         return self.cache.read(scene)
 
 
-def open_detections(
-    paths: Sequence[Path], tables: TableStore, names: Sequence[str], note: Note
-) -> tuple[DetectionStore, ...]:
-    """Caches of the files that the scenes ``names`` need; ``note`` is told each file that is read.
+def open_detections(paths: Sequence[Path], tables: TableStore, names: Sequence[str]) -> tuple[DetectionStore, ...]:
+    """Caches of the files that the scenes ``names`` need.
 
     These are the files that begin with a sample of one of the scenes, or whose beginning is not understood, and if they
     do not cover all scenes, as many of the others as it takes. Raises DataError for a file that is wrong, naming the
@@ -52,7 +50,7 @@ def open_detections(
     for path in sorted(paths, key=lambda path: not begins[path]):
         covered = np.any([store.covered for store in stores], axis=0)
         if begins[path] or not np.all(covered | ~wanted):
-            stores.append(_open(path, tables, note))
+            stores.append(_open(path, tables))
     if stores and not any(store.covered.any() for store in stores):
         indices = [store.cache.read(INDEX) for store in stores]
         raise DataError(
@@ -117,13 +115,12 @@ def _begins_in(path: Path, tables: TableStore, wanted: Bools) -> bool:
     return found is None or bool(wanted[tables.tokens == found.group(1)].any())
 
 
-def _open(path: Path, tables: TableStore, note: Note) -> DetectionStore:
-    cache = CachedFolder.of(tables.cache.path.name, {"detections": path}, partial(_fill, path, tables, note))
+def _open(path: Path, tables: TableStore) -> DetectionStore:
+    cache = CachedFolder.of(tables.cache.path.name, {"detections": path}, partial(_fill, path, tables))
     return DetectionStore(path, cache, cache.read(INDEX)["covered"])
 
 
-def _fill(path: Path, tables: TableStore, note: Note, folder: Path) -> None:
-    note(path.name)
+def _fill(path: Path, tables: TableStore, folder: Path) -> None:
     boxes = read_submission(path, tables.row_of_token)
     covered = np.zeros(tables.start[-1], dtype=bool)
     covered[boxes.covered] = True

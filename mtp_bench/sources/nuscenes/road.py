@@ -28,8 +28,7 @@ from ..cache import Arrays, write_arrays
 from ..text import read_json
 from .decoding import Number, Record, Vector, by_token, find, read_records
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
-from .source import show_reading
-from .store import CachedFolder, Note
+from .store import CachedFolder
 
 REACH = 100.0  # m from the way of the ego, within which the road is drawn
 STEP = 2.0  # m, between points of a middle line, at most
@@ -89,9 +88,8 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     path = root / EXPANSION / f"{location_of(root / section_of(card, NuScenesSource).version, scene.name)}.json"
     if not path.is_file():
         return ()
-    with show_reading() as note:
-        arrays = CachedFolder.of(f"map-{path.stem}", {path.name: path}, partial(_fill, path, note)).read("lanes")
-    return near(arrays, scene.ego)
+    cache = CachedFolder.of(f"map-{path.stem}", {path.name: path}, partial(_fill, path))
+    return near(cache.read("lanes"), scene.ego)
 
 
 def location_of(version: Path, scene: str) -> str:
@@ -117,8 +115,7 @@ def near(arrays: Arrays, ego: Floats) -> tuple[Lane, ...]:
     )
 
 
-def _fill(path: Path, note: Note, folder: Path) -> None:
-    note(path.name)
+def _fill(path: Path, folder: Path) -> None:
     lanes = read_lanes(path)
     points = [np.stack([lane.center, lane.left, lane.right], axis=1) for lane in lanes]
     arrays = {

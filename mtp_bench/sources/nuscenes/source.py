@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +16,7 @@ from ..motion import backward_velocity
 from .detections import open_detections, require_covered, scene_detections
 from .layout import DATASET, VERSIONS, NuScenesSource, detection_paths, require_prediction
 from .names import CLASSES, counted, splits_of
-from .store import Note, TableStore, open_tables
+from .store import TableStore, open_tables
 from .tables import SECOND
 
 RATE = 2.0  # Hz of the keyframes, nominal
@@ -31,8 +29,7 @@ class NuScenes:
     "targets"`` only the objects that the prediction challenge names in a scene are in its truth.
     """
 
-    def __init__(self, card: Card, data: DataRoot = None, note: Note | None = None) -> None:
-        """``note`` is told each file before it is read; None: a line on the terminal shows it."""
+    def __init__(self, card: Card, data: DataRoot = None) -> None:
         self.card = card
         self.section = section_of(card, NuScenesSource)
         require_classes(card, DATASET.name, CLASSES)
@@ -40,11 +37,10 @@ class NuScenes:
         self.root = DATASET.find(data, VERSIONS)
         require_prediction(self.root, card)
         paths = detection_paths(self.root, card)
-        with show_reading() if note is None else nullcontext(note) as told:
-            self.tables = open_tables(self.root, self.section.version, told)
-            splits = available_splits(self.tables, self.section.truth == "targets")
-            self.names = _names(card, self.root, splits)
-            self.detections = open_detections(paths, self.tables, self.names, told)
+        self.tables = open_tables(self.root, self.section.version)
+        splits = available_splits(self.tables, self.section.truth == "targets")
+        self.names = _names(card, self.root, splits)
+        self.detections = open_detections(paths, self.tables, self.names)
         if paths:
             require_covered(self.detections, self.tables, self.names, splits, self.section.split)
 
@@ -78,21 +74,9 @@ def prepare_nuscenes(card: Card, data: DataRoot, how: Preparation) -> None:
     """
     if how.started is not None:
         how.started(1)
-    source = NuScenes(card, data, note=lambda name: None)
+    source = NuScenes(card, data)
     if how.progress is not None:
         how.progress(source.section.version)
-
-
-@contextmanager
-def show_reading() -> Iterator[Note]:
-    """Yield a function that shows the name of a file that is read, if stderr is a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda name: None
-        return
-    from rich.console import Console
-
-    with Console(stderr=True).status("nuScenes") as status:
-        yield lambda name: status.update(f"reading {name} (once)")
 
 
 def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, ...]]:

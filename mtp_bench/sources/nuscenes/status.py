@@ -17,7 +17,7 @@ from .layout import (
     versions,
 )
 from .names import SPLITS, counted, split_scenes
-from .source import NuScenes, available_splits, show_reading
+from .source import NuScenes, available_splits
 from .store import TableStore, open_tables
 
 DOWNLOADS = "https://www.nuscenes.org/nuscenes#download"
@@ -46,8 +46,7 @@ def inspect(card: Card, found: DataStatus) -> None:
         found.notes.append(f"versions found: {', '.join(versions(found.folder))}")
         return
     try:
-        with show_reading() as note:
-            tables = open_tables(found.folder, section.version, note)
+        tables = open_tables(found.folder, section.version)
         _require_split(found, card, tables)
         if detections:
             found.notes.append(f"detections: {', '.join(detections)}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -21,8 +22,6 @@ from .objects import Annotations, read_annotations
 from .tables import Keyframes, read_keyframes
 
 FORMAT = 3  # of the arrays in the cache: a change gets a new number
-Note = Callable[[str], object]  # is told the name of a file or folder before it is read
-
 INDEX, SAMPLES = "all.index", "all.samples"  # no scene has a dot in its name
 
 
@@ -73,6 +72,9 @@ class CachedFolder:
         if _path(self.prefix, self.sources) != self.path:
             changed = ", ".join(str(path) for path in self.sources.values())
             raise DataError(f"{changed}: changed since the scenes were opened; open them again")
+        if sys.stderr.isatty():
+            names = [path.name for path in self.sources.values()]
+            print(f"reading {names[0] if len(names) == 1 else self.prefix} (once)", file=sys.stderr)
         with whole_folder(self.path) as part:
             self.fill(part)
 
@@ -124,16 +126,16 @@ class TableStore:
         return {token.decode(): row for row, token in enumerate(self.tokens.tolist())}
 
 
-def open_tables(root: Path, version: str, note: Note = lambda name: None) -> TableStore:
+def open_tables(root: Path, version: str) -> TableStore:
     """The cached tables of ``version``, which are read first if they are not in the cache.
 
-    ``note`` is told the name of the version before. Raises DataError naming the file, and the token, that is wrong.
+    Raises DataError naming the file, and the token, that is wrong.
     """
     sources = table_paths(root, version)
     prediction = prediction_path(root)
     if prediction is not None:
         sources[PREDICTION] = prediction
-    cache = CachedFolder.of(version, sources, partial(_fill, sources, version, note))
+    cache = CachedFolder.of(version, sources, partial(_fill, sources))
     index = cache.read(INDEX)
     return TableStore(
         version=version,
@@ -146,8 +148,7 @@ def open_tables(root: Path, version: str, note: Note = lambda name: None) -> Tab
     )
 
 
-def _fill(sources: dict[str, Path], version: str, note: Note, folder: Path) -> None:
-    note(version)
+def _fill(sources: dict[str, Path], folder: Path) -> None:
     paths = {name: sources[name] for name in TABLES}
     keyframes = read_keyframes(paths)
     boxes = read_annotations(paths, sources.get(PREDICTION), keyframes)
