@@ -21,11 +21,11 @@ Budget = Literal["equal", "free"]
 
 Metres = Annotated[float | None, Column(unit="m", better="lower")]
 Share = Annotated[float | None, Column(unit="share", better="higher")]
-Part = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
+ErrorPart = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 Difference = Annotated[float | None, Column(unit="m", better="lower", format="+.3f")]
-Ends = Annotated[Interval | None, Column(interval=True, help="95 % interval.")]
+IntervalColumn = Annotated[Interval | None, Column(interval=True, help="95 % interval.")]
 Score = Annotated[float | None, Column(better="higher")]
-Chance = Annotated[float | None, Column(format=".3f", help="Sign-flip test over units.")]
+PValue = Annotated[float | None, Column(format=".3f", help="Sign-flip test over units.")]
 
 
 class AgentSetting(Section):
@@ -47,23 +47,23 @@ class Row(AgentSetting):
     minADE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815  (a fixed name of the files)
     minFDE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815
     error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the rank.")]
-    interval: Ends
-    localisation: Annotated[Part, Column(help="Part of bADE from targets with a forecast.")]
-    missed: Annotated[Part, Column(help="Part of bADE from targets without a forecast.")]
-    error_by_score: Annotated[Part, Column(help="bADE with the score of the nearest detection as the confidence.")]
-    plain_error: Annotated[Part, Column(help="Error with every forecast kept.")]
+    interval: IntervalColumn
+    localisation: Annotated[ErrorPart, Column(help="ErrorPart of bADE from targets with a forecast.")]
+    missed: Annotated[ErrorPart, Column(help="ErrorPart of bADE from targets without a forecast.")]
+    error_by_score: Annotated[ErrorPart, Column(help="bADE with the score of the nearest detection as the confidence.")]
+    plain_error: Annotated[ErrorPart, Column(help="Error with every forecast kept.")]
     fixed_error: Annotated[
-        Part, Column(help="Error per target with the forecasts of confidence 0.5 or more; all only.")
+        ErrorPart, Column(help="Error per target with the forecasts of confidence 0.5 or more; all only.")
     ]
-    energy_score: Part
+    energy_score: ErrorPart
     coverage: Annotated[Share, Column(help="Targets that have a forecast.")]
     difference_to_stp: Annotated[Difference, Column(help="Difference of bADE.")]
-    difference_interval: Ends
-    p: Chance
+    difference_interval: IntervalColumn
+    p: PValue
     gap_closed: Annotated[Share, Column(help="Between stp and prediction on ground-truth tracks.")]
-    gap_interval: Ends
+    gap_interval: IntervalColumn
     gap_closed_same_predictor: Annotated[Share, Column(help="Between a reference pair with the agent's predictor.")]
-    gap_same_predictor_interval: Ends
+    gap_same_predictor_interval: IntervalColumn
     rank: Annotated[int | None, Column(better="lower", help="Missing: shown, not ranked.")]
     unranked_because: Annotated[str | None, Column()]
     targets: Annotated[Count, Column()]
@@ -84,10 +84,10 @@ class PairedRow(AgentSetting):
     other: Annotated[str, Column("less", help="The control.")]
     subset: Annotated[Subset, Column()]
     error: Annotated[Difference, Column("bADE")]
-    interval: Ends
-    p: Chance
+    interval: IntervalColumn
+    p: PValue
     minADE: Annotated[Difference, Column(help="Over targets that both cover.")]  # noqa: N815
-    minADE_interval: Ends  # noqa: N815
+    minADE_interval: IntervalColumn  # noqa: N815
     targets: Annotated[Count, Column()]
     shared: Annotated[Count, Column(help="Targets that both cover.")]
     scenes: Annotated[Count, Column()]
