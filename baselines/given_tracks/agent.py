@@ -6,5 +6,5 @@ from mtp_bench.tracking import GivenTracker
 
 
 def build(task: Task) -> Agent:
-    """What stp forecasts and how sure it is, of tracks that the env gives."""
+    """Forecasts and presence of stp, for tracks that the env gives."""
     return Pipeline(GivenTracker(), KinematicPredictor(), KMeansSampler(), presence=LearnedPresence())

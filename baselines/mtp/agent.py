@@ -16,7 +16,7 @@ def build(
 ) -> Agent:
     """``weighting``: "posterior" or "uniform" (the paper's); ``temperature``: of the hypothesis weights.
 
-    ``min_detection_score``: weaker detections are not tracked, a number or one per class.
+    ``min_detection_score``: least score of detections that are tracked, a number or one per class.
     """
     tracker = HypothesisTracker(hypotheses, temperature=temperature, min_detection_score=min_detection_score)
     return Pipeline(tracker, KinematicPredictor(), KMeansSampler(), presence=LearnedPresence(), weighting=weighting)

@@ -8,7 +8,7 @@ from mtp_bench.tracking import HypothesisTracker, ReTracker, TruthTracker, sort_
 def build(
     task: Task, hypotheses: int = 1, retracking: bool = False, on: str = "truth", weights: str | None = None
 ) -> Agent:
-    """``retracking``: forecasts are tracked in their turn (Yu, Zhou 2021); ``weights``: a file of your own."""
+    """``retracking``: forecasts are tracked too (Yu, Zhou 2021); ``weights``: your own file."""
     predictor = LearnedPredictor("social_lstm", on, weights)
     tracker: Tracker = (
         TruthTracker() if task.observe == "truth" else HypothesisTracker(hypotheses, sort_parameters(task.classes))

@@ -18,9 +18,9 @@ def build(
 ) -> Agent:
     """The pipeline of the paper; with more hypotheses it is MTP.
 
-    ``min_detection_score``: weaker detections are not tracked, a number or one per class.
-    ``assignment``: "hungarian" or "greedy". Without ``forecasts`` it says where its tracks are, and nothing else: so
-    the runs that weigh the events of an env are made (envs/reference/README.md).
+    ``min_detection_score``: least score of detections that are tracked, a number or one per class.
+    ``assignment``: "hungarian" or "greedy". Without ``forecasts`` it states its
+    tracks alone, for the runs that weigh the events of an env (envs/reference/README.md).
     """
     tracker = HypothesisTracker(hypotheses, assignment=assignment, min_detection_score=min_detection_score)
     if not forecasts:

@@ -1,4 +1,4 @@
-"""Tracking, then futures of a learned network."""
+"""Single-hypothesis tracking, then futures of a network trained on ground-truth tracks."""
 
 from collections.abc import Mapping
 
@@ -14,9 +14,9 @@ def build(
     weights: str | None = None,
     min_detection_score: float | Mapping[str, float] | None = None,
 ) -> Agent:
-    """``on``: what the network was trained on; ``weights``: a file of your own in place of the env's.
+    """``on``: what the network was trained on; ``weights``: your own file in place of the env's.
 
-    ``min_detection_score``: weaker detections are not tracked, a number or one per class.
+    ``min_detection_score``: least score of detections that are tracked, a number or one per class.
     """
     tracker = HypothesisTracker(hypotheses, min_detection_score=min_detection_score)
     return Pipeline(

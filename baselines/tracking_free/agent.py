@@ -1,4 +1,4 @@
-"""Futures from the detections around an object; tracking only says which objects there are."""
+"""Futures from the detections around an object; tracking only determines which objects exist."""
 
 from mtp_bench import Agent, Pipeline, Task
 from mtp_bench.prediction import GreedySampler, LearnedPredictor, LearnedPresence
@@ -12,9 +12,9 @@ def build(
     weights: str | None = None,
     association: str = "network",
 ) -> Agent:
-    """``network`` and what it was trained ``on``; ``weights``: a file of your own in place of the env's.
+    """``network`` and what it was trained ``on``; ``weights``: your own file in place of the env's.
 
-    ``association``: "network" sees all detections around an object, "track" only those that its track took.
+    ``association``: the network's input, "network": all detections around an object, "track": only those of its track.
     """
     tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker(1)
     predictor = LearnedPredictor(network, on, weights, association=association)

@@ -16,7 +16,7 @@ from ..types import Bools, Floats, Ints, Scene
 NO_OBJECT, UNKNOWN = -1, -2  # a track follows no true object; the object is unknown
 
 
-class Labels(NamedTuple):
+class TrackLabels(NamedTuple):
     """Truth of n tracks of a frame; positions in the frame of the observations."""
 
     object_id: Ints  # [n] NO_OBJECT, UNKNOWN
@@ -65,7 +65,7 @@ class SceneLabels:
             label[near] = np.where(truth.neutral[row], UNKNOWN, self._object[row])[near]
         return label
 
-    def of(self, t: int, windows: TrackWindows) -> Labels:
+    def of(self, t: int, windows: TrackWindows) -> TrackLabels:
         """The labels of the tracks of frame ``t``: the object of the last detection that each of them took."""
         follows = self._followed(t, windows)
         gone = np.isnan(self._place[np.maximum(follows, -1), t, 0])  # hidden, or no longer there
@@ -74,7 +74,7 @@ class SceneLabels:
         row = np.where(known, follows, -1)  # the last row is of no object
         place = self._place[row, t : t + self._future + 1]
         future = place[:, 1:]
-        return Labels(
+        return TrackLabels(
             object_id=np.where(known, np.append(self._ids, 0)[row], follows),
             present=np.nan_to_num(place[:, 0]),
             future=np.nan_to_num(future),

@@ -57,7 +57,7 @@ def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class EnvScenes:
+class TrainingScenes:
     """Training scenes of one env."""
 
     scenes: Sequence[Scene]
@@ -76,15 +76,15 @@ def best_thresholds(detector: str, options: RunOptions = DEFAULTS) -> dict[str, 
     return best
 
 
-def _open(choice: SceneChoice, options: RunOptions) -> EnvScenes:
+def _open(choice: SceneChoice, options: RunOptions) -> TrainingScenes:
     split = choice.open(options)
     scenes = list(split.scenes())
     if not all(scene.truth_complete for scene in scenes):
         raise MtpBenchError(f"{choice.env}: the truth is not complete, so false positives are unknown")
-    return EnvScenes(scenes, split.card, MTPEnv(split.card, data=options.data).task)
+    return TrainingScenes(scenes, split.card, MTPEnv(split.card, data=options.data).task)
 
 
-def try_thresholds(envs: Sequence[EnvScenes]) -> dict[str, list[Counts]]:
+def try_thresholds(envs: Sequence[TrainingScenes]) -> dict[str, list[Counts]]:
     """Counts with a threshold at each of QUANTILES, by class name; the first is without one."""
     scores: dict[str, list[Floats]] = {}
     for env in envs:
@@ -114,7 +114,7 @@ def as_toml(thresholds: dict[str, float]) -> str:
     return "\n".join(["[min_detection_score]", *(f"{name} = {score:.3g}" for name, score in thresholds.items()), ""])
 
 
-def _true_scores(env: EnvScenes) -> list[Floats]:
+def _true_scores(env: TrainingScenes) -> list[Floats]:
     """Scores of the detections of true objects, by class."""
     parts: list[list[Floats]] = [[] for _ in env.task.classes]
     for scene in map(evaluated, env.scenes):
@@ -127,7 +127,7 @@ def _true_scores(env: EnvScenes) -> list[Floats]:
     return [np.concatenate(part) for part in parts]
 
 
-def _count(scene: Scene, env: EnvScenes, tracker: HypothesisTracker) -> Ints:
+def _count(scene: Scene, env: TrainingScenes, tracker: HypothesisTracker) -> Ints:
     """True boxes, false positives, misses and switches of each class [C, 4]."""
     tracks = match_tracks(scene, env.card, env.task, tracker)
     truth = evaluated(scene).truth

@@ -27,7 +27,7 @@ from ..sources.cache import Arrays
 from ..tracking import HypothesisTracker, TruthTracker
 from ..tracks import Tracks
 from ..types import Bools, Floats, Ints, Scene, Task, starts_of
-from .labels import UNKNOWN, Labels, SceneLabels
+from .labels import UNKNOWN, SceneLabels, TrackLabels
 from .split import open_split
 from .window_cache import cached_windows
 
@@ -214,7 +214,7 @@ def scene_arrays(scene: Scene, card: Card, task: Task, tracker: Tracker) -> Arra
     return {**rows, "seen_start": feed.start, **detections}
 
 
-def _labelled(frame_windows: TrackWindows, labels: Labels, t: int) -> Arrays:
+def _labelled(frame_windows: TrackWindows, labels: TrackLabels, t: int) -> Arrays:
     """The windows of frame ``t`` whose object is known, or known to be none, with their labels."""
     known = labels.object_id != UNKNOWN
     columns = {f.name: getattr(frame_windows, f.name) for f in fields(TrackWindows)} | labels._asdict()
@@ -227,7 +227,7 @@ def _no_windows(task: Task) -> Arrays:
     no_tracks = Tracks.of_one_hypothesis(np.zeros(0, dtype=np.int64), np.zeros((0, 7)), np.zeros(0, dtype=np.int64))
     empty, _ = windows_of(Frame(0, no_tracks, ({},)), task.past)
     ids, future = np.zeros(0, dtype=np.int64), np.zeros((0, task.future, 2))
-    return _labelled(empty, Labels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0), 0)
+    return _labelled(empty, TrackLabels(ids, np.zeros((0, 2)), future, future[:, :, 0] > 0, ids > 0), 0)
 
 
 def _single_precision(values: NDArray[Any]) -> NDArray[Any]:

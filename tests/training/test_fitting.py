@@ -12,7 +12,7 @@ import pytest
 import torch
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from mtp_bench.prediction.learned.affinity import Affinity
+from mtp_bench.prediction.learned.affinity import AffinityNetwork
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.neighbours import absolute
@@ -76,7 +76,7 @@ def test_it_learns(network: Network, tmp_path: Path) -> None:
     assert min(curve) < 0.9 * curve[0]
 
 
-@pytest.mark.parametrize("network", [TrackingFree(), Affinity()], ids=lambda network: network.name)
+@pytest.mark.parametrize("network", [TrackingFree(), AffinityNetwork()], ids=lambda network: network.name)
 def test_it_learns_from_detections(network: Network, tmp_path: Path) -> None:
     data = training_set_around(network)
     curve = fit(network, SIZES, data, replace(PLAN, epochs=20), CPU, lambda *_: None, tmp_path / "checkpoint").curve

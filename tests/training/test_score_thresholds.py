@@ -18,7 +18,14 @@ from mtp_bench.sources import load_scenes
 from mtp_bench.tracking import HypothesisTracker, score_thresholds
 from mtp_bench.tracking.parameters import read_detector
 from mtp_bench.training.presence_rows import PresenceRecipe
-from mtp_bench.training.score_thresholds import QUANTILES, Counts, EnvScenes, as_toml, best_thresholds, try_thresholds
+from mtp_bench.training.score_thresholds import (
+    QUANTILES,
+    Counts,
+    TrainingScenes,
+    as_toml,
+    best_thresholds,
+    try_thresholds,
+)
 from mtp_bench.training.split import SceneChoice, Split
 from tests.support.command_line import CommandLine
 from tests.support.tracking_scenes import kitti_task
@@ -31,7 +38,7 @@ def test_mota() -> None:
 
 def test_every_threshold_is_counted_on_the_same_truth(card: str, kitti: str) -> None:
     scenes, task = list(load_scenes(card, data=kitti)), MTPEnv(card, kitti).task
-    tried = try_thresholds([EnvScenes(scenes, load_card(card), task)])
+    tried = try_thresholds([TrainingScenes(scenes, load_card(card), task)])
     assert list(tried) == list(task.classes)
     for number, counts in enumerate(tried.values()):
         truth = sum(int((scene.truth.class_id[~scene.truth.neutral] == number).sum()) for scene in scenes)

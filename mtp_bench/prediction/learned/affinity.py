@@ -28,7 +28,7 @@ DOUBT = 0.1  # weight of the expected position for the share of "none", beside t
 MODES = Modes()  # the network after the soft past
 
 
-class Affinity:
+class AffinityNetwork:
     """Network "affinity"."""
 
     name = "affinity"

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from mtp_bench.prediction.kalman import rotation
-from mtp_bench.prediction.learned.affinity import Affinity, soft_past
+from mtp_bench.prediction.learned.affinity import AffinityNetwork, soft_past
 from mtp_bench.prediction.learned.around import (
     around_inputs,
     detections_of_tracks,
@@ -355,7 +355,9 @@ def test_before_training_the_soft_past_follows_an_object_that_is_alone() -> None
     box[:, 0], box[:, 4:] = [-6, -2, 0], 2
     seen = table(box, np.zeros(3, dtype=int), np.array([1, 0, 1, 1]), np.arange(4))
     inputs = around_inputs(windows_with(np.tile(box[2], (1, 4, 1)), np.array([0])), np.array([3]), seen, SIZES)
-    weights = {name: 0 * value if name.startswith("pair.") else value for name, value in weights_of(Affinity()).items()}
+    weights = {
+        name: 0 * value if name.startswith("pair.") else value for name, value in weights_of(AffinityNetwork()).items()
+    }
     past = soft_past(weights, inputs, SIZES)
     np.testing.assert_allclose(past["position"][0, :, 0], [-6, -4, -2, 0], atol=0.3)
     assert (past["taken"][0] > [0.6, -1, 0.6, 0.6]).all()
