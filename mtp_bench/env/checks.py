@@ -156,19 +156,11 @@ def _claimed(rows: Rows, arrays: Arrays, task: Task) -> Bools:
     return ~(arrays[name] < ABSENT_BELOW) if rows == "hypotheses" else arrays[name] != 0
 
 
-def _not_finite(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray(~np.isfinite(values[name]).all(axis=1))
-
-
-def _out_of_range(values: Arrays, name: str, task: Task) -> Bools:
+def _box_out_of_range(values: Arrays, name: str, task: Task) -> Bools:
     box = values[name]
     near = (np.abs(box[:, :4]) <= COORDINATE_LIMIT).all(axis=1)
     sized = ((box[:, 4:] > 0) & (box[:, 4:] <= SIZE_LIMIT)).all(axis=1)
     return np.asarray(np.isfinite(box).all(axis=1) & ~(near & sized))
-
-
-def _id_out_of_range(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray((values[name] < 0) | (values[name] > ID_LIMIT))
 
 
 def _unknown(values: Arrays, name: str, task: Task) -> Bools:
@@ -176,17 +168,9 @@ def _unknown(values: Arrays, name: str, task: Task) -> Bools:
     return np.asarray((values[name] < known.start) | (values[name] >= known.stop))
 
 
-def _not_a_probability(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray(~((values[name] >= 0) & (values[name] <= 1)))  # also NaN
-
-
 def _not_a_log_weight(values: Arrays, name: str, task: Task) -> Bools:
     broken = np.isnan(values[name]) | np.isposinf(values[name])
-    return np.asarray(broken.any(axis=tuple(range(1, broken.ndim))))
-
-
-def _no_sample(values: Arrays, name: str, task: Task) -> Bools:
-    return np.asarray(~present(values[name]).any(axis=1))
+    return np.asarray(broken.reshape(len(broken), -1).any(axis=1))
 
 
 def _sample_not_finite(values: Arrays, name: str, task: Task) -> Bools:
@@ -204,30 +188,32 @@ def _sample_too_far(values: Arrays, name: str, task: Task) -> Bools:
 class _Check(NamedTuple):
     field: str
     reason: str
-    bad: Callable[[Arrays, str, Task], Bools]  # of the claimed rows of all fields of a kind, and the field's name
+    bad: Callable[[Arrays, str, Task], Any]  # mask of the claimed rows of all fields of a kind, and the field's name
     advice: str = _LEAVE_OUT
     expected: str = ""  # empty: as the table of fields states
     outside: bool = True  # as in `ActionProblem`
 
 
 _CHECKS = (
-    _Check("track_box", "not finite", _not_finite),
-    _Check("track_box", "out of range", _out_of_range),
-    _Check("track_id", "out of range", _id_out_of_range),
+    _Check("track_box", "not finite", lambda values, name, _: ~np.isfinite(values[name]).all(axis=1)),
+    _Check("track_box", "out of range", _box_out_of_range),
+    _Check("track_id", "out of range", lambda values, name, _: (values[name] < 0) | (values[name] > ID_LIMIT)),
     _Check("track_class", "unknown", _unknown),
     _Check("hypothesis_log_weight", "NaN or +inf", _not_a_log_weight),
     _Check("hypothesis_parent", "unknown", _unknown, "-1 for an unknown parent"),
-    _Check("object_box", "not finite", _not_finite),
-    _Check("object_box", "out of range", _out_of_range, _PADDING),
+    _Check("object_box", "not finite", lambda values, name, _: ~np.isfinite(values[name]).all(axis=1)),
+    _Check("object_box", "out of range", _box_out_of_range, _PADDING),
     _Check("object_class", "unknown", _unknown, _PADDING),
     _Check(
-        "object_confidence", "not a probability", _not_a_probability,
+        "object_confidence", "not a probability",
+        lambda values, name, _: ~((values[name] >= 0) & (values[name] <= 1)),  # also NaN
         "state how likely it is that the object is there, not the detector's score as it is",
     ),
     _Check("forecast_log_weight", "NaN or +inf", _not_a_log_weight),
     _Check(
-        "forecast_log_weight", "no sample present", _no_sample, _LEAVE_OUT, "at least one per valid object",
-        outside=False,
+        "forecast_log_weight", "no sample present",
+        lambda values, name, _: ~present(values[name]).any(axis=1),
+        _LEAVE_OUT, "at least one per valid object", outside=False,
     ),
     _Check("forecast", "not finite", _sample_not_finite),
     _Check("forecast", "too far", _sample_too_far, "subtract the centre of the box from absolute positions"),

@@ -52,11 +52,7 @@ class AtThreshold(Section):
 def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFAULTS) -> Comparison:
     """Run and score the controls and other agents on the scenes of an env.
 
-    Args:
-        names: Folders of submissions, or names of baselines.
-        env_id: Id of the env, path of its card, or a card.
-        options: Data, scenes, seeds, changes of the card, workers and progress.
-
+    ``names``: folders of submissions, or names of baselines. ``env_id``: id of the env, path of its card, or a card.
     Event weights are the frozen ones of the env, else made from these scenes. Raises MtpBenchError for errors that the
     user can mend.
     """

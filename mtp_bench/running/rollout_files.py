@@ -161,14 +161,8 @@ def _text(info: RunInfo, scenes: list[_Entry]) -> bytes:
     content = _RunFile(format=FORMAT, info=info, scenes=scenes).model_dump()
     try:
         return f"{json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)}\n".encode()
-    except UnicodeEncodeError as error:
-        line = error.object.split("\n")[error.object.count("\n", 0, error.start)].strip(" ,")
-        raise RolloutError(
-            f"the run of {info.agent!r} cannot be stored: {RUN_FILE} would contain {line!a}, which is not UTF-8: "
-            "rename the file or folder"
-        ) from None
-    except (TypeError, ValueError) as error:
-        raise RolloutError(f"the parameters of {info.agent!r} cannot be stored as JSON: {error}") from None
+    except (TypeError, ValueError) as error:  # also text that is not UTF-8, such as the name of a file
+        raise RolloutError(f"the run of {info.agent!r} cannot be stored as JSON: {error}") from None
 
 
 def _write_arrays(path: Path, arrays: dict[str, NDArray[Any]]) -> None:

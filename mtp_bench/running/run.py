@@ -74,16 +74,10 @@ def jobs_of(
     parameters: dict[str, Any] | None = None,
     label: str | None = None,
 ) -> list[Job]:
-    """Jobs of a submission on the ``scenes`` of an env in evaluation mode.
+    """Jobs of a submission on the ``scenes`` of an env (id, path of a card, or card) in evaluation mode.
 
-    Args:
-        submission: Makes the agent.
-        env: Id of the env, path of its card, or a card.
-        keywords: Keywords of `MTPEnv`; the env observes what the submission asks for unless they say otherwise.
-        scenes: Names of the scenes.
-        seed: Seed of all random draws.
-        parameters: Of the agent; None: those of the manifest.
-        label: Name of the agent in errors; None: that of the submission.
+    ``keywords``: of `MTPEnv`; without ``observe`` the env observes what the manifest states. ``parameters``: of the
+    agent, else those of the manifest. ``label``: name of the agent in errors, else that of the submission.
     """
     make = SubmissionFactory(str(submission.path), submission.parameters if parameters is None else parameters)
     keywords = {"observe": submission.compare.observe, **keywords, "evaluation": True}

@@ -103,15 +103,10 @@ class OpenedRun:
 def run(
     agent: str | Path, env_id: str | Card, folder: str | Path, options: RunOptions = DEFAULTS, replace: bool = False
 ) -> StoredRun:
-    """Run a submission on the scenes of an env and store its rollouts.
+    """Run a submission on the scenes of an env and store its rollouts in ``folder``.
 
-    Args:
-        agent: Folder of the submission, or name of a baseline.
-        env_id: Id of the env, path of its card, or a card.
-        folder: Folder of the rollouts.
-        options: Data, scenes, changes of the card, workers and progress; of the seeds, the first.
-        replace: Replace an earlier run in ``folder``, once this one is complete.
-
+    ``agent``: folder of the submission, or name of a baseline. ``env_id``: id of the env, path of its card, or a card.
+    ``options``: of the seeds, only the first counts. ``replace``: replace an earlier run, once this one is complete.
     Raises MtpBenchError for errors that the user can mend; before anything runs if ``folder`` cannot be written or
     holds a run that is not to be replaced.
     """
@@ -165,14 +160,11 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
 
 
 def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card | None = None) -> StoredScore:
-    """Report of a stored run.
+    """Report of a run that `run` stored in ``folder``.
 
-    Args:
-        folder: Folder that `run` wrote.
-        options: Data and progress; everything else is as stored with the run.
-        env_id: Id, path or card, if it is not the card stored with the run.
-
-    Raises RolloutError if the run was made for another version of the card, or contradicts its rollouts.
+    ``options``: data and progress; everything else is stored with the run. ``env_id``: id, path or card, if it is not
+    the card stored with the run. Raises RolloutError if the run was made for another version of the card, or
+    contradicts its rollouts.
     """
     opened = open_run(Path(folder), options.data, env_id)
     info, card = opened.run.info, opened.card

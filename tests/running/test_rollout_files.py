@@ -124,7 +124,7 @@ def test_a_scene_twice_is_an_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("value", [float("nan"), np.zeros(2), {1, 2}], ids=["NaN", "array", "set"])
 def test_parameters_that_are_no_json_are_an_error(value: Any, tmp_path: Path) -> None:
-    with pytest.raises(RolloutError, match="parameters of 'echo' cannot be stored as JSON"):
+    with pytest.raises(RolloutError, match="run of 'echo' cannot be stored as JSON"):
         save_run(tmp_path / "run", INFO.model_copy(update={"parameters": {"noise": value}}), [])
     assert list(tmp_path.iterdir()) == []
 
@@ -231,12 +231,11 @@ def test_one_other_byte_is_no_traceback(tmp_path: Path) -> None:
             load_run(tmp_path / "run")
 
 
-def test_what_is_no_text_is_an_error_before_anything_is_written(tmp_path: Path) -> None:
+def test_text_that_is_not_utf_8_is_an_error_before_a_file_is_written(tmp_path: Path) -> None:
     named = INFO.model_copy(update={"keywords": {"rigid_motion": False, "track_file": "/x\udcff"}})
-    said = r"""cannot be stored: run.json would contain '"track_file": "/x\\udcff"', which is not UTF-8"""
-    with pytest.raises(RolloutError, match=said):
+    with pytest.raises(RolloutError, match="run of 'echo' cannot be stored"):
         require_storable(named, ["one"])
-    with pytest.raises(RolloutError, match=r'"scene": "\\udcff"'):
+    with pytest.raises(RolloutError, match="run of 'echo' cannot be stored"):
         save_run(tmp_path / "run", INFO, [make_rollout("\udcff")])
     assert list(tmp_path.iterdir()) == []
 
