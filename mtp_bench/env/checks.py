@@ -170,7 +170,7 @@ def _unknown(values: Arrays, name: str, task: Task) -> Bools:
 
 def _not_a_log_weight(values: Arrays, name: str, task: Task) -> Bools:
     broken = np.isnan(values[name]) | np.isposinf(values[name])
-    return np.asarray(broken.reshape(len(broken), -1).any(axis=1))
+    return np.asarray(broken.any(axis=tuple(range(1, broken.ndim))))
 
 
 def _sample_not_finite(values: Arrays, name: str, task: Task) -> Bools:
