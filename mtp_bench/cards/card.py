@@ -116,7 +116,7 @@ class Card(Section):
 
     id: str
     summary: str
-    reference: str = "stp"  # baseline whose runs make the event weights
+    reference: str | None = None  # baseline whose runs make the event weights; None: the single-hypothesis control
     motion_noise: str | None = None  # where objects move like here
     weights_of: str | None = None  # id of the env whose network weights serve here too
     board: int | None = None  # place among the envs of the leaderboard; those without one come last

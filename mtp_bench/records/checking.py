@@ -11,6 +11,7 @@ from ..env.rollouts import digest
 from ..gateway import SceneRun, run_isolated_scenes
 from ..parallel import Progress
 from ..running.options import RunOptions
+from ..running.reference import reference_agent
 from ..running.run import jobs_of, run_jobs
 from ..scoring import SceneScore, mean_plain_error, score_scene
 from ..submission import SubmissionFactory, load_submission
@@ -66,9 +67,9 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> SubmissionC
     for run in runs:
         env.reset(seed=0, options={"scene": run.rollout.scene})
         own.append(score_scene(env.scene, run.rollout, env.card))
-    jobs = jobs_of(load_submission(env.card.reference), env_id, {"data": options.data}, names)
+    jobs = jobs_of(load_submission(reference_agent(env.card)), env_id, {"data": options.data}, names)
     beside = run_jobs(jobs, RunOptions(progress=Progress(done=progress.done)), score_scene)
-    reference = env.card.reference
+    reference = reference_agent(env.card)
     scores = tuple(_row(each, other, reference) for each, other in zip(own, beside, strict=True))
     return SubmissionCheck(submission.name, env_id, tuple(findings), scores, reference)
 

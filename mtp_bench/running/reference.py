@@ -25,7 +25,7 @@ from ..scoring.targets import find_targets
 from ..scoring.weights import Reference, SceneWeights, count_runs, scene_key
 from ..scoring.weights import tracking_events as events_of
 from ..scoring.weights_file import read_reference, write_reference
-from ..submission.loader import Submission, load_submission
+from ..submission.loader import Submission, controls, load_submission
 from ..types import Bools, Rollout, Scene, Task, starts_of
 from .options import DEFAULTS, RunOptions
 from .perturbation import (
@@ -42,6 +42,11 @@ from .run import run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
 _SceneFields = tuple[Bools, tuple[int, int, int], int, int]  # fields of `SceneWeights` but the counts
+
+
+def reference_agent(card: Card) -> str:
+    """Name of the baseline whose runs make the event weights of ``card``."""
+    return card.reference or controls()["single"]
 
 
 def frozen_path(env_id: str) -> Path:
@@ -104,7 +109,7 @@ def make_reference(
 
     Raises CardError unless that baseline takes the parameters ``assignment`` and ``forecasts``.
     """
-    submission = load_submission(card.reference)
+    submission = load_submission(reference_agent(card))
     parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
     progress = options.progress
     progress.started(len(scenes) * (1 + len(parts)))

@@ -22,6 +22,7 @@ Content = dict[str, Any]
 SMALL = """
 id = "MTP-small-v0"
 summary = "two classes"
+reference = "stp"
 
 [source]
 name = "kitti"

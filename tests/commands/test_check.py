@@ -113,7 +113,7 @@ def test_what_no_line_of_the_agent_led_to_points_to_no_lines(
     change(folder)
     out = cli("check", folder).out
     assert text in out
-    for empty in ("to do:", "expected: an agent", "importing.py"):
+    for empty in ("to do:", "expected: an agent", "contents.py"):
         assert empty not in out, "it would help nobody"
 
 

@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
+from mtp_bench.errors import MtpBenchError, RolloutError, UnknownNameError
 from mtp_bench.scoring import live_frames, score_scene
 from mtp_bench.types import Rollout, Scene
 from tests.env.conftest import MakeEnv
@@ -169,22 +169,6 @@ def test_observations_are_never_reused(make_env: MakeEnv) -> None:
 
 
 # ---- episodes
-
-
-def test_scenes_without_objects_or_detections_run_through(make_env: MakeEnv) -> None:
-    env = make_env(bare_scene())
-    seen, rewards = play(env, lambda observation: empty_action(env.task))
-    assert rewards == [0.0, 0.0, 0.0]
-    rollout = env.rollout()
-    assert rollout.frames == 3
-    assert rollout.forecast.shape == (0, 4, 3, 2)
-    assert len(seen) == 4
-
-
-def test_a_scene_without_frames_is_one_clear_error(make_env: MakeEnv) -> None:
-    env = make_env(bare_scene("nothing", frames=0))
-    with pytest.raises(DataError, match=r"scene 'nothing' of MTP-Small-v0 has no frames"):
-        env.reset()
 
 
 def test_only_the_last_answer_truncates_and_nothing_terminates(make_env: MakeEnv) -> None:

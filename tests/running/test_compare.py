@@ -230,24 +230,6 @@ def test_counts_that_are_none_are_refused(name: str, value: str, tmp_path: Path,
         expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), loaded)
 
 
-@pytest.mark.data
-def test_two_real_sequences(cli: CommandLine, tmp_path: Path, data_root: Path) -> None:
-    root = tmp_path / "kitti_tracking"
-    root.mkdir()
-    for name in ("training", "detections", "poses_orbslam3"):
-        (root / name).symlink_to(data_root / "kitti_tracking" / name)
-    lines = (data_root / "kitti_tracking/evaluate_tracking.seqmap.val").read_text().splitlines()
-    (root / "evaluate_tracking.seqmap.val").write_text("\n".join(x for x in lines if x[:4] in ("0012", "0014")))
-    content = written(cli, tmp_path / "a.json", "MTP-KITTI-noego-v0", str(tmp_path), "stp", "--jobs", 2)
-    rows = {(row["agent"], row["subset"]): row for row in content["rows"]}
-    assert content["skipped"] == {}
-    assert rows["stp", "all"]["scenes"] == 2
-    assert 0.5 < rows["stp", "all"]["coverage"] <= 1.0
-    assert rows["truth_past", "all"]["coverage"] == 1.0
-    assert rows["truth_past", "all"]["error"] < rows["stp", "all"]["error"]
-    assert rows["stp_same_budget", "all"]["minADE"] < rows["stp", "all"]["minADE"]
-
-
 def test_ends_that_the_agent_does_not_take_are_told_before_anything_runs(
     tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

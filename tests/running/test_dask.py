@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import os
 import signal
-import sys
 import time
 from collections.abc import Iterator
 from typing import Any
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from mtp_bench import parallel as _cluster
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError
-from mtp_bench.parallel import Done, Progress, Workers, _cluster_map, _require_backend
+from mtp_bench.parallel import Done, Progress, Workers, _cluster_map
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import Job, run_jobs
 from mtp_bench.types import Task
@@ -117,12 +116,6 @@ WRONG: dict[str, tuple[str, str | None, str]] = {
 def test_a_backend_that_cannot_work_is_refused(backend: str, scheduler: str | None, text: str) -> None:
     with pytest.raises(MtpBenchError, match=text):
         Workers(1, backend, scheduler)
-
-
-def test_without_dask_one_sentence_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(MtpBenchError, match=r"needs Dask: pip install 'dask\[distributed\]'"):
-        _require_backend("dask", "tcp://127.0.0.1:8786")
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import MTPEnv, Observation, Pipeline, Task, Tracks, load_card, load_submission
+from mtp_bench import MTPEnv, Observation, Pipeline, Task, Tracks, load_submission
 from mtp_bench.env.observation import LocalFrame
 from mtp_bench.errors import MtpBenchError, RolloutError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
@@ -18,7 +18,6 @@ from mtp_bench.records import load_record, submit
 from mtp_bench.records.eligibility import why_unranked
 from mtp_bench.records.verifying import verify
 from mtp_bench.running import stored
-from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.stored import open_run
@@ -92,15 +91,6 @@ def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str,
     run.write_text(json.dumps(content))
     with pytest.raises(RolloutError, match="does not name the stored tracks"):
         open_run(tmp_path / "run", kitti, card).scene("0001")
-
-
-def test_a_comparison_shows_them_unranked(card: str, kitti: str, tracks: str) -> None:
-    report = compare(["given_tracks"], card, RunOptions(kitti, track_file=tracks)).report
-    rows = {row["agent"]: row for row in report.to_json()["rows"] if row["subset"] == "all"}
-    assert (rows["given_tracks"]["rank"], rows["given_tracks"]["unranked_because"]) == (None, NOT_CAUSAL)
-    assert rows["truth_past"]["unranked_because"] == "saw the truth"
-    assert rows["stp"]["unranked_because"] != NOT_CAUSAL
-    assert rows["given_tracks"]["coverage"] == rows["stp"]["coverage"]
 
 
 def test_the_command_exports_what_can_be_read_back(
@@ -258,22 +248,3 @@ def test_stored_detections_of_tracks_give_the_same_numbers(
         )  # forecasts: whole centimetres
         assert found.capped.mean() == pytest.approx(direct.capped.mean(), abs=1e-4)
         assert found.fixed_error == pytest.approx(direct.fixed_error, rel=1e-3)
-
-
-@pytest.mark.data
-@pytest.mark.parametrize(("env_id", "scene"), SCENES)
-def test_the_export_of_stp_has_its_events(env_id: str, scene: str, data_root: Path, tmp_path: Path) -> None:
-    """Its events are equal. Its errors are near only: the file holds filtered boxes, and coasted ones among them."""
-    data = str(data_root)
-    env = MTPEnv(env_id, data, evaluation=True)
-    rollout = run_scene(load_submission("stp").build(agent_task(env, 0)), env, scene, 0)
-    direct = score_scene(env.scene, rollout, env.card)
-    from mtp_bench.running.track_export import track_rows
-
-    path = tmp_path / ("tracks.json" if "nuScenes" in env_id else "tracks")
-    write_tracks([(env.scene, track_rows(rollout, env.scene, env.card))], load_card(env_id), data, path)
-    given = MTPEnv(env_id, data, observe="tracks", track_file=str(path), evaluation=True)
-    found = scored(given, scene, load_submission("given_tracks").build(agent_task(given, 0)))
-    assert events_of(found) == events_of(direct)
-    np.testing.assert_array_equal(found.covered, direct.covered)
-    assert found.capped.mean() == pytest.approx(direct.capped.mean(), rel=0.2)

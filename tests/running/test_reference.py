@@ -14,7 +14,6 @@ import pytest
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError
-from mtp_bench.parallel import Workers
 from mtp_bench.records.running import plan_run
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
@@ -98,12 +97,6 @@ def test_tracks_are_recorded_as_the_env_records_them(assignment: str) -> None:
     assert events.any()
 
 
-def test_workers_do_not_change_it(card: str, kitti: str) -> None:
-    loaded, scenes = load_card(card), scenes_of(card, kitti)
-    alone, two = (make_reference(loaded, scenes, RunOptions(kitti, workers=Workers(n)), range(13)) for n in (1, 2))
-    assert alone.digest == two.digest
-
-
 def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str, tmp_path: Path, kitti: str) -> None:
     path, frozen = freeze(shipped, RunOptions(kitti))
     other = load_card(write_card(tmp_path, CARD.replace("miss_error = 2.0", "miss_error = 3.0")))
@@ -149,13 +142,6 @@ def test_a_changed_frozen_file_is_refused(shipped: str, kitti: str) -> None:
     text = path.read_text()
     path.write_text(text.replace('"runs": 48', '"runs": 47'))
     with pytest.raises(DataError, match=r"MTP-Small-v0\.json: hash is "):
-        frozen_reference(load_card(shipped))
-
-
-def test_a_file_of_another_env_is_refused(shipped: str, kitti: str) -> None:
-    path, _ = freeze(shipped, RunOptions(kitti))
-    path.write_bytes((Path(__file__).parents[2] / "envs/reference/MTP-Intersection-v0.json").read_bytes())
-    with pytest.raises(DataError, match="env is 'MTP-Intersection-v0', expected 'MTP-Small-v0'"):
         frozen_reference(load_card(shipped))
 
 

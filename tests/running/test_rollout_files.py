@@ -106,16 +106,6 @@ def test_an_earlier_run_survives_when_writing_fails(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
-def test_an_interrupted_first_run_leaves_nothing(tmp_path: Path) -> None:
-    def interrupted() -> Any:
-        yield make_rollout("two")
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        save_run(tmp_path / "run", INFO, interrupted())
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_scene_twice_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(RolloutError, match="'one' occurs twice"):
         save_run(tmp_path / "run", INFO, [make_rollout(), make_rollout()])

@@ -244,10 +244,6 @@ def test_a_card_that_is_sound(card: str, kitti: str) -> None:
     ]  # fmt: skip
 
 
-def test_a_shipped_card_by_its_id() -> None:
-    assert faults(check_card("MTP-Intersection-v0")) == []
-
-
 CARDS: dict[str, tuple[str, str, str, str]] = {
     "misspelt": ("samples = 4", "smaples = 4", "error", "unknown key 'task.smaples'"),
     "too few rows": ("detections = 6", "detections = 2", "warning", "3 detections in a frame"),
