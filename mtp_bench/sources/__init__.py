@@ -78,7 +78,7 @@ def camera_images(
 ) -> tuple[CameraImage, ...]:
     """The images of the cameras of a recording whose files are there, in the order of frames.
 
-    There are none if a table that describes them is broken, with a message to ``note``.
+    A broken table is a message to ``note``, and there are no images.
     """
     try:
         return tuple(_package(card).images(card, data, scene))

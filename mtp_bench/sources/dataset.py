@@ -84,7 +84,7 @@ class Dataset:
         )
 
     def status(self, data: str | Path | None, holds: str) -> DataStatus:
-        """Status of the folder that holds ``holds``, to be completed; its root is None without that folder."""
+        """Status of the folder that has a folder ``holds``, still to be completed; without it the root is unknown."""
         try:
             root = self.find(data, holds)
         except DataError:

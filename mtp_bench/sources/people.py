@@ -13,7 +13,7 @@ PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for every
 
 
 def person_boxes(place: Floats) -> Floats:
-    """Boxes ``[R, 7]`` of people who stand at places ``[R, 2]``, heading along x."""
+    """Boxes ``[R, 7]`` of people at places ``[R, 2]``, heading along x."""
     box = np.zeros((len(place), 7))
     box[:, :2] = place
     box[:, 2] = PERSON[2] / 2

@@ -28,7 +28,7 @@ Content = TypeVar("Content")
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class TextTable:
     """Rows of numbers of a text file."""
 
     path: Path
@@ -41,9 +41,9 @@ class Table:
         """The numbers [R] of a column."""
         return self.value[:, self.columns.index(column)]
 
-    def select(self, rows: Bools) -> Table:
+    def select(self, rows: Bools) -> TextTable:
         """The table of some of the rows [R]."""
-        return Table(self.path, self.columns, self.line[rows], self.value[rows], self.text[rows])
+        return TextTable(self.path, self.columns, self.line[rows], self.value[rows], self.text[rows])
 
     def refuse(self, bad: Bools, what: str | Callable[[int], str]) -> None:
         """Raise DataError for the first row of ``bad`` [R]; ``what``: the message, or a function of the row."""
@@ -110,7 +110,7 @@ def numbered_lines(path: Path) -> tuple[Ints, list[str]]:
     return np.array(kept, dtype=np.int64), [lines[number - 1] for number in kept]
 
 
-def read_table(path: Path, columns: str, delimiter: str | None = None, text: str = "") -> Table:
+def read_table(path: Path, columns: str, delimiter: str | None = None, text: str = "") -> TextTable:
     """Numbers in the named ``columns`` of a file; an empty file gives no rows.
 
     ``columns``: their names, blanks between them. ``delimiter`` of the file: None for blanks. ``text``: the column that
@@ -121,7 +121,7 @@ def read_table(path: Path, columns: str, delimiter: str | None = None, text: str
     kinds: list[Any] = [(name, "U16" if name == text else "f8") for name in names]
     no_text = np.empty(0, dtype="U16")
     if not lines:
-        return Table(path, names, number, np.empty((0, len(names))), no_text)
+        return TextTable(path, names, number, np.empty((0, len(names))), no_text)
     try:
         rows = np.loadtxt(lines, dtype=kinds, delimiter=delimiter, comments=None, ndmin=1)
     except ValueError as error:
@@ -129,7 +129,7 @@ def read_table(path: Path, columns: str, delimiter: str | None = None, text: str
         where, what = problem if problem is not None else (0, str(error))
         raise DataError(f"{path}, line {number[where]}{what}") from None
     value = np.column_stack([np.zeros(len(rows)) if name == text else rows[name] for name in names])
-    return Table(path, names, number, value, rows[text] if text else no_text)
+    return TextTable(path, names, number, value, rows[text] if text else no_text)
 
 
 def _first_problem(

@@ -12,7 +12,7 @@ import pytest
 
 from mtp_bench.errors import DataError
 from mtp_bench.sources import open_source
-from mtp_bench.sources.nuscenes.decoding import Record, read_records, yaw_of
+from mtp_bench.sources.nuscenes.decoding import TableRecord, read_records, yaw_of
 from mtp_bench.sources.nuscenes.names import SPLITS, official_scenes, split_scenes
 from mtp_bench.sources.text import decode
 from tests.support.nuscenes_root import (
@@ -183,15 +183,15 @@ def test_texts_that_are_not_json(tmp_path: Path, text: str | bytes) -> None:
     path = tmp_path / "table.json"
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     with pytest.raises(DataError, match=r"table\.json"):
-        read_records(path, Record)
+        read_records(path, TableRecord)
 
 
 def test_nan_is_null_outside_of_texts(tmp_path: Path) -> None:
     path = tmp_path / "table.json"
     path.write_text('[{"token": "NaN", "x": NaN, "y": [NaN,NaN]}, {"token": "aNaN"}]')
-    assert [each.token for each in read_records(path, Record)] == ["NaN", "aNaN"]
+    assert [each.token for each in read_records(path, TableRecord)] == ["NaN", "aNaN"]
     with pytest.raises(DataError, match="somewhere"):
-        decode(b"NaN", list[Record], "somewhere")
+        decode(b"NaN", list[TableRecord], "somewhere")
 
 
 def test_a_byte_order_mark_is_not_read(data: Path) -> None:

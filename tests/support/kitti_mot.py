@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from mtp_bench.geometry import iou_3d
-from mtp_bench.sources.kitti.files import Labels, read_detections, read_labels
+from mtp_bench.sources.kitti.files import LabelRows, read_detections, read_labels
 from mtp_bench.sources.kitti.layout import TYPES
 from mtp_bench.sources.kitti.source import NEIGHBOURS, read_poses
 from mtp_bench.types import Bools, Floats, Ints, Scene
@@ -53,9 +53,9 @@ class TrackRows:
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """Labels of a scene in its frame of reference."""
+    """LabelRows of a scene in its frame of reference."""
 
-    labels: Labels
+    labels: LabelRows
     box: Floats  # [R, 7]; NaN for DontCare
 
     def ignored(self, class_name: str) -> Bools:
@@ -64,7 +64,7 @@ class Annotations:
         return beside | hidden_in_image(self.labels)
 
 
-def hidden_in_image(labels: Labels) -> Bools:
+def hidden_in_image(labels: LabelRows) -> Bools:
     """Rows that AB3DMOT's evaluation ignores: cut off at the border of the image, or occluded."""
     return np.asarray((labels.table.whole("truncated") > 0) | (labels.table.whole("occluded") > MAX_OCCLUSION))
 
@@ -88,7 +88,7 @@ class Counts:
 
 
 def read_annotations(root: Path, scene: Scene, ego_motion: bool) -> Annotations:
-    """Labels of ``scene``, whose boxes are in the world if ``ego_motion``, else in each frame's own sensor frame."""
+    """LabelRows of ``scene``, whose boxes are in the world if ``ego_motion``, else in each frame's own sensor frame."""
     labels = read_labels(root / f"training/label_02/{scene.name}.txt")
     box = labels.box
     if ego_motion:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...errors import DataError
 from ...geometry import wrap_angle
 from ...types import Bools, Floats, Ints
-from ..text import Table, numbered_lines, read_table
+from ..text import TextTable, numbered_lines, read_table
 
 _BOX = "height width length x y z rotation_y"  # in camera axes
 LABEL = f"frame id type truncated occluded alpha left top right bottom {_BOX}"
@@ -32,10 +32,10 @@ SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.
 
 
 @dataclass(frozen=True, eq=False)
-class Labels:
+class LabelRows:
     """Rows of ``label_02/%04d.txt`` in the order of the file, all types included."""
 
-    table: Table  # columns `LABEL`
+    table: TextTable  # columns `LABEL`
     frame: Ints  # [R]
     object_id: Ints  # [R] -1 for DontCare
     type: NDArray[np.str_]  # [R] one of `KINDS`
@@ -47,7 +47,7 @@ class Labels:
 class StoredDetections:
     """Detections of one class in the order of the file."""
 
-    table: Table  # columns `DETECTION`, or `RESULT`
+    table: TextTable  # columns `DETECTION`, or `RESULT`
     frame: Ints  # [R]
     score: Floats  # [R] raw logit
     box: Floats  # [R, 7] sensor frame; may hold NaN or sizes that are not positive
@@ -62,8 +62,8 @@ class Oxts:
     velocity: Floats  # [F, 3] m/s east, north, up
 
 
-def read_labels(path: Path) -> Labels:
-    """Labels of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
+def read_labels(path: Path) -> LabelRows:
+    """LabelRows of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
     table = read_table(path, LABEL, text="type")
     require_kinds(table)
     boxed = table.text != "DontCare"
@@ -74,7 +74,7 @@ def read_labels(path: Path) -> Labels:
     table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
     box = sensor_boxes(table.value[:, 10:17])
     box[~boxed] = np.nan
-    return Labels(table, frame, object_id, table.text, table.value[:, 6:10], box)
+    return LabelRows(table, frame, object_id, table.text, table.value[:, 6:10], box)
 
 
 def read_detections(path: Path, kind: str, code: int) -> StoredDetections:
@@ -103,13 +103,13 @@ def read_results(path: Path, kind: str) -> StoredDetections:
     return StoredDetections(chosen, chosen.whole("frame"), chosen["score"], sensor_boxes(chosen.value[:, 10:17]))
 
 
-def require_kinds(table: Table) -> None:
+def require_kinds(table: TextTable) -> None:
     """Raise DataError for the first row with a type that KITTI does not have."""
     unknown = ~np.isin(table.text, KINDS)
     table.refuse(unknown, lambda row: f"type {str(table.text[row])!r}, expected one of {', '.join(KINDS)}")
 
 
-def refuse_flat(table: Table, rows: Bools) -> None:
+def refuse_flat(table: TextTable, rows: Bools) -> None:
     """Raise DataError for a box, among these ``rows``, with a side that is not above 0."""
     sides = np.column_stack([table[name] for name in ("height", "width", "length")])
     table.refuse(rows & (sides <= 0).any(axis=1), "a box with a size that is not above 0")
@@ -134,7 +134,7 @@ def read_odometry(path: Path) -> Floats:
     return pose
 
 
-def _rows_of_frames(path: Path, columns: str) -> Table:
+def _rows_of_frames(path: Path, columns: str) -> TextTable:
     table = read_table(path, columns)
     if not len(table.value):
         raise DataError(f"{path} is empty, expected one row per frame")

@@ -14,7 +14,7 @@ from ...errors import DataError
 from ...types import Ints
 from ..base import own_detections, section_of
 from ..dataset import Dataset, DataStatus
-from .files import Labels, read_labels, read_oxts, read_sequence_map
+from .files import LabelRows, read_labels, read_oxts, read_sequence_map
 
 SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
 # The paper's validation sequences (AB3DMOT's split), for a root without the sequence map.
@@ -109,7 +109,7 @@ def inspect(card: Card, found: DataStatus) -> None:
 
 def _count(found: DataStatus, validation: tuple[str, ...]) -> None:
     """Counts over all sequences that are there and over those of the validation split."""
-    labels: dict[str, Labels] = {}
+    labels: dict[str, LabelRows] = {}
     frames: dict[str, int] = {}
     for name in SEQUENCES:
         rows = found.attempt(read_labels, f"{LABELS}/{name}.txt")

@@ -13,7 +13,7 @@ from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_so
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity
 from .files import (
-    Labels,
+    LabelRows,
     StoredDetections,
     read_detections,
     read_imu_to_camera,
@@ -123,7 +123,7 @@ class Frames:
         """First row of each frame of the scene, and the number of rows."""
         return starts_of_sorted(frame // self.stride, -(-self.length // self.stride))
 
-    def regions(self, labels: Labels) -> tuple[Floats, Ints]:
+    def regions(self, labels: LabelRows) -> tuple[Floats, Ints]:
         """DontCare regions of the image ``[G, 4]`` in frames of the scene, and the first of each frame."""
         row = self.select(labels.frame, labels.type == "DontCare")
         return labels.image_box[row], self.starts(labels.frame[row])
@@ -132,13 +132,13 @@ class Frames:
         """Boxes in the frame of reference of the scene."""
         return self.poses.to_world(box, frame) if self.poses else box
 
-    def check(self, rows: Labels | StoredDetections) -> None:
+    def check(self, rows: LabelRows | StoredDetections) -> None:
         """Raise DataError for a row outside of the sequence."""
         outside = (rows.frame < 0) | (rows.frame >= self.length)
         rows.table.refuse(outside, lambda at: f"frame {rows.frame[at]}, but the sequence has {self.length} frames")
 
 
-def truth_of(labels: Labels, classes: tuple[str, ...], frames: Frames) -> Truth:
+def truth_of(labels: LabelRows, classes: tuple[str, ...], frames: Frames) -> Truth:
     """The truth of a sequence: boxes of ``classes``, and as neutral those of `NEIGHBOURS`."""
     class_id = np.full(len(labels.frame), -1)
     neutral = np.zeros(len(labels.frame), dtype=bool)

@@ -72,8 +72,7 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
         path = folder / f"{scene.name}.txt"
         if not path.is_file():
             raise DataError(
-                f"no file {path}, expected the tracks of each sequence that is run, an empty file if there are none; "
-                f"{FEWER}"
+                f"no file {path}, expected the tracks of each sequence that is run, or an empty file; {FEWER}"
             )
         return read_result(path, scene, card.task.classes, stride, poses_of(card, data, scene.name))
 

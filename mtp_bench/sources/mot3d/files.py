@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Ints
-from ..text import Table, read_table, read_text
+from ..text import TextTable, read_table, read_text
 
 SEQINFO, TRUTH, DETECTIONS = "seqinfo.ini", "gt/gt.txt", "det/det.txt"  # inside train/<sequence>
 COLUMNS = "frame id left top width height confidence X Y Z"
@@ -33,7 +33,7 @@ KNOWN = {"PETS09-S2L1": SequenceInfo(7.0, 795), "TUD-Stadtmitte": SequenceInfo(2
 class Rows:
     """Rows of ``gt.txt`` or ``det.txt`` in the order of the file."""
 
-    table: Table
+    table: TextTable
     frame: Ints  # [R] from 1
     object_id: Ints  # [R] -1 for detections
     confidence: Floats  # [R] detections: score; truth: 0 = not to be evaluated

@@ -29,13 +29,13 @@ Size = tuple[_Side, _Side, _Side]  # width, length, height
 Content = TypeVar("Content")
 
 
-class Record(msgspec.Struct, gc=False):
+class TableRecord(msgspec.Struct, gc=False):
     """A record of a table; keys that are not declared are skipped."""
 
     token: str
 
 
-RecordT = TypeVar("RecordT", bound=Record)
+RecordT = TypeVar("RecordT", bound=TableRecord)
 
 
 def read_records(path: Path, kind: type[RecordT]) -> list[RecordT]:
@@ -53,7 +53,7 @@ def by_token(path: Path, kind: type[RecordT]) -> dict[str, RecordT]:
     return table
 
 
-def find(table: dict[str, Content], record: Record, key: str, path: Path) -> Content:
+def find(table: dict[str, Content], record: TableRecord, key: str, path: Path) -> Content:
     """Entry of ``table`` that the token ``key`` of a record of ``path`` names; raises DataError if it is missing."""
     token = getattr(record, key)
     if token not in table:

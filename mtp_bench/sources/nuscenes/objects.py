@@ -13,8 +13,8 @@ from ...types import Bools, Floats, Ints
 from ..text import read_json, refuse, repeated
 from .decoding import (
     Quaternion,
-    Record,
     Size,
+    TableRecord,
     Vector,
     by_token,
     find,
@@ -26,19 +26,19 @@ from .names import NEUTRAL_OF, class_index
 from .tables import Keyframes
 
 
-class CategoryRecord(Record):
+class CategoryRecord(TableRecord):
     """A record of ``category.json``."""
 
     name: str
 
 
-class InstanceRecord(Record):
+class InstanceRecord(TableRecord):
     """A record of ``instance.json``."""
 
     category_token: str
 
 
-class BoxRecord(Record):
+class BoxRecord(TableRecord):
     """A record of ``sample_annotation.json``; tables of other makers may not count points."""
 
     sample_token: str
@@ -51,7 +51,7 @@ class BoxRecord(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class Annotations:
+class TrueBoxes:
     """Boxes of the classes of the detection task, neutral ones included, sorted by sample and place in the table."""
 
     sample: Ints  # [R] row of the keyframe
@@ -64,7 +64,7 @@ class Annotations:
     boxes: int  # of all categories
 
 
-def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes) -> Annotations:
+def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes) -> TrueBoxes:
     """Read all boxes; ``prediction``: the list of targets, if any. DataError names the file and token that is wrong."""
     instances, categories = by_token(paths["instance"], InstanceRecord), by_token(paths["category"], CategoryRecord)
     names = [find(categories, each, "category_token", paths["instance"]).name for each in instances.values()]
@@ -91,7 +91,7 @@ def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyfram
     neutral |= np.array([record.num_lidar_pts == record.num_radar_pts == 0 for record in records], dtype=bool)
     used = np.flatnonzero(class_of[instance] >= 0)
     order = used[np.argsort(sample[used], kind="stable")]
-    return Annotations(
+    return TrueBoxes(
         sample=sample[order],
         instance=instance[order],
         box=box[order],

@@ -26,7 +26,7 @@ from ...types import Floats, Lane, Scene, starts_of
 from ..base import DataRoot, section_of
 from ..cache import Arrays, write_arrays
 from ..text import read_json
-from .decoding import Number, Record, Vector, by_token, find, read_records
+from .decoding import Number, TableRecord, Vector, by_token, find, read_records
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
 from .store import CachedFolder
 
@@ -38,24 +38,24 @@ _TURN = {"L": 1.0, "S": 0.0, "R": -1.0}  # sign of the curvature
 _Length = Annotated[float, msgspec.Meta(ge=0, le=LONGEST)]
 
 
-class _Log(Record):
+class _Log(TableRecord):
     location: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
-class _Scene(Record):
+class _Scene(TableRecord):
     name: str
     log_token: str
 
 
-class _LaneRecord(Record):
+class _LaneRecord(TableRecord):
     polygon_token: str
 
 
-class _Polygon(Record):
+class _Polygon(TableRecord):
     exterior_node_tokens: list[str]
 
 
-class _Node(Record):
+class _Node(TableRecord):
     x: Number
     y: Number
 
@@ -71,7 +71,7 @@ class _Path(msgspec.Struct):
 
 class _Map(msgspec.Struct):
     lane: list[_LaneRecord] = []
-    lane_connector: list[Record] = []
+    lane_connector: list[TableRecord] = []
     arcline_path_3: dict[str, list[_Path]] = {}
     polygon: list[_Polygon] = []
     node: list[_Node] = []
@@ -191,7 +191,7 @@ def borders(center: Floats, ring: Floats) -> tuple[Floats, Floats]:
 
 
 def _beside(center: Floats, place: Floats, ring: Floats) -> tuple[Floats, Floats]:
-    """How far along the middle line each corner of the polygon is [m], and how far to its left [m]; metres."""
+    """Distance of each corner of the polygon along the middle line [m], and to its left [m]; metres."""
     start, way = center[:-1], np.diff(center, axis=0)
     length = np.linalg.norm(way, axis=1)
     gap = ring[:, None] - start  # [m, n - 1, 2]

@@ -18,7 +18,7 @@ from ...files import whole_folder
 from ...types import Ints
 from ..cache import VARIABLE, Arrays, cache_root, read_arrays, write_arrays
 from .layout import PREDICTION, TABLES, prediction_path, table_paths
-from .objects import Annotations, read_annotations
+from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
 
 FORMAT = 3  # of the arrays in the cache: a change gets a new number
@@ -165,7 +165,7 @@ def _fill(sources: dict[str, Path], folder: Path) -> None:
     write_arrays(folder / f"{INDEX}.npz", index_arrays)
 
 
-def _scene_arrays(index: int, keyframes: Keyframes, boxes: Annotations) -> Arrays:
+def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
     """Arrays of a scene with F frames, R boxes and O objects.
 
     Objects are numbered in the order of their tokens, which depends on the objects alone.

@@ -14,39 +14,39 @@ import numpy as np
 from ...errors import DataError
 from ...types import Floats, Ints, starts_of
 from ..text import refuse
-from .decoding import Quaternion, Record, Vector, by_token, find, floats, read_records, require_rotations, yaw_of
+from .decoding import Quaternion, TableRecord, Vector, by_token, find, floats, read_records, require_rotations, yaw_of
 
 SECOND = 1e6  # microseconds
 STEPS = 0.25, 1.0  # s, between samples: nominally 0.5
 LIDAR = "LIDAR_TOP"  # its keyframes carry the ego pose of a sample, as in the official development kit
 
 
-class SceneRecord(Record):
+class SceneRecord(TableRecord):
     """A record of ``scene.json``; the name becomes that of a file."""
 
     name: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
-class SampleRecord(Record):
+class SampleRecord(TableRecord):
     """A record of ``sample.json``."""
 
     scene_token: str
     timestamp: Annotated[float, msgspec.Meta(ge=0, le=2.0**53)]  # microseconds; a float holds each of them exactly
 
 
-class SensorRecord(Record):
+class SensorRecord(TableRecord):
     """A record of ``sensor.json``."""
 
     channel: str
 
 
-class MountRecord(Record):
+class MountRecord(TableRecord):
     """A record of ``calibrated_sensor.json``."""
 
     sensor_token: str
 
 
-class DataRecord(Record):
+class DataRecord(TableRecord):
     """A record of ``sample_data.json``."""
 
     sample_token: str
@@ -55,7 +55,7 @@ class DataRecord(Record):
     is_key_frame: bool
 
 
-class PoseRecord(Record):
+class PoseRecord(TableRecord):
     """A record of ``ego_pose.json``."""
 
     translation: Vector

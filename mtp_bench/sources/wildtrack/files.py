@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Floats, Ints
-from ..text import Table, read_json, read_table
+from ..text import TextTable, read_json, read_table
 
 GRID = 480, 1440  # cells of the annotated area along x and y
 CELL = 0.025  # m
@@ -24,34 +24,26 @@ class _Person(msgspec.Struct):
 
 
 @dataclass(frozen=True, eq=False)
-class Annotations:
-    """People of one frame, in the order of the file."""
-
-    person: Ints  # [M]
-    place: Floats  # [M, 2] m on the ground plane
-
-
-@dataclass(frozen=True, eq=False)
-class StoredDetections:
+class GroundDetections:
     """Rows of a file ``frame gx gy``."""
 
-    table: Table
+    table: TextTable
     frame: Ints  # [R] the number of the annotation file
     place: Floats  # [R, 2] m on the ground plane
 
 
-def read_annotations(path: Path) -> Annotations:
-    """People of one frame; DataError names the file and the person that is wrong."""
+def read_annotations(path: Path) -> tuple[Ints, Floats]:
+    """Ids [M] of the people of one frame and their places [M, 2] on the ground, m; DataError names the wrong person."""
     people = read_json(path, list[_Person])
     person = np.array([each.id for each in people], dtype=np.int64)
     known, count = np.unique(person, return_counts=True)
     if (count > 1).any():
         raise DataError(f"{path}: person {known[np.argmax(count > 1)]} is there twice, expected once per frame")
     cell = np.array([each.position for each in people], dtype=np.int64)
-    return Annotations(person, metres(np.column_stack([cell % GRID[0], cell // GRID[0]])))
+    return person, metres(np.column_stack([cell % GRID[0], cell // GRID[0]]))
 
 
-def read_detections(path: Path) -> StoredDetections:
+def read_detections(path: Path) -> GroundDetections:
     """Detections, rows ``frame gx gy`` on the grid of the annotations; DataError names the line that is wrong."""
     table = read_table(path, "frame gx gy")
     frame, cell = table.whole("frame"), table.value[:, 1:]
@@ -63,7 +55,7 @@ def read_detections(path: Path) -> StoredDetections:
         original < np.arange(len(original)),
         lambda row: f"a second detection at the place of line {table.line[original[row]]}",
     )
-    return StoredDetections(table, frame, metres(cell))
+    return GroundDetections(table, frame, metres(cell))
 
 
 def metres(cell: Floats | Ints) -> Floats:

@@ -107,7 +107,7 @@ def inspect(card: Card, found: DataStatus) -> None:
         found.notes.append(f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones")
     names = sorted(path.name for path in (found.folder / ANNOTATIONS).glob("*.json"))
     frames = [found.attempt(read_annotations, f"{ANNOTATIONS}/{name}") for name in names]
-    people = np.concatenate([np.zeros(0, dtype=np.int64), *(frame.person for frame in frames if frame is not None)])
+    people = np.concatenate([np.zeros(0, dtype=np.int64), *(frame[0] for frame in frames if frame is not None)])
     detections = found.attempt(read_detections, DETECTIONS)
     counts = {"frames": len(names), "annotations": len(people), "people": len(np.unique(people))}
     counts["detections"] = 0 if detections is None else len(detections.frame)
@@ -116,8 +116,8 @@ def inspect(card: Card, found: DataStatus) -> None:
 
 def _truth(folder: Path, numbers: Ints) -> Truth:
     frames = [read_annotations(folder / f"{number:08d}.json") for number in numbers]
-    rows = Ragged.of_counts([len(frame.person) for frame in frames])
-    place, person = (np.concatenate([getattr(frame, name) for frame in frames]) for name in ("place", "person"))
+    rows = Ragged.of_counts([len(person) for person, _ in frames])
+    person, place = (np.concatenate(parts) for parts in zip(*frames, strict=True))
     return people_truth(rows.frame_of_rows, place, person, np.arange(len(frames)) / RATE)
 
 
