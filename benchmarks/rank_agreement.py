@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import kendalltau
 
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.errors import MtpBenchError
@@ -28,7 +29,6 @@ from mtp_bench.running.reference import reference_for
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.running.settings import setting_of
 from mtp_bench.scoring import AgentScores, Reference, score_scene
-from mtp_bench.scoring.statistics import kendall_tau
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.submission.loader import load_submission
 
@@ -41,6 +41,12 @@ MOVING = ", moving"  # these of a subset alone: targets of nuScenes' prediction 
 MEASURES = ("E", "plain")
 RESAMPLES = 2000
 Sums = dict[str, np.ndarray]  # per subset [units]
+
+
+def kendall_tau(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Kendall's tau-b [B] over the agents of each column of ``first`` and ``second`` [A, B]; 0 for constant columns."""
+    found = [kendalltau(a, b).statistic for a, b in zip(first.T, second.T, strict=True)]
+    return np.nan_to_num(np.array(found))
 
 
 def measure(env_id: str, agent: str, options: RunOptions, reference: Reference) -> dict[str, Sums]:

@@ -30,9 +30,9 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
     """Studentised bootstrap interval (95 %) of sum(numerator) / sum(denominator) over resampled units.
 
     The error of each resample's mean is taken in units of that resample's own standard error, so that the interval is
-    wide enough where units are few and unequal; the percentile interval is not (Efron and Tibshirani 1993, ch. 12).
-    Units without weight (denominator 0) are left out; None with fewer than three others: resamples of two know nothing
-    of their error. The resamples depend on the number of units only, so agents are compared on the same ones.
+    wide enough for few and unequal units; the percentile interval is not (Efron and Tibshirani 1993, ch. 12). Units
+    without weight (denominator 0) are left out; None with fewer than three others, since resamples of two units do
+    not estimate an error. The resamples depend on the number of units only, so agents are compared on the same ones.
     """
     top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
     require_shape("numerator", top, bottom.shape)
@@ -41,7 +41,7 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
     return _interval(top[bottom > 0].tobytes(), bottom[bottom > 0].tobytes())
 
 
-@lru_cache(maxsize=8192)  # a leaderboard asks for the difference of the same two ends with every agent
+@lru_cache(maxsize=8192)  # a leaderboard needs the difference of the same reference pair with every agent
 def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | None:
     top, bottom = np.frombuffer(numerator), np.frombuffer(denominator)
     if len(bottom) < LEAST_UNITS:
@@ -59,10 +59,10 @@ def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | Non
 
 @lru_cache(maxsize=64)
 def _widest(units: int) -> float:
-    """Standard errors beyond which no interval reaches: with few units resamples hardly know their own error."""
-    from scipy.stats import t
+    """Largest half-width of an interval in standard errors, which resamples of few units estimate badly."""
+    from scipy.special import stdtrit  # scipy.stats takes seconds to import
 
-    return float(t.ppf(0.995, units - 1))
+    return float(stdtrit(units - 1, 0.995))
 
 
 def _mean_and_error(counts: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats]:
@@ -76,7 +76,7 @@ def _mean_and_error(counts: Floats, top: Floats, bottom: Floats) -> tuple[Floats
 
 
 def effective_number(weight: ArrayLike) -> float:
-    """How many equal weights are as uneven as these: (sum w)^2 / sum w^2; 0 without any."""
+    """Effective sample size (Kish 1965) of weights: (sum w)^2 / sum w^2; 0 without any."""
     array = np.asarray(weight, dtype=np.float64)
     square = float((array**2).sum())
     return float(array.sum()) ** 2 / square if square > 0 else 0.0
@@ -106,9 +106,9 @@ def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> Pai
 
 
 def beyond_rounding(a: ArrayLike, b: ArrayLike) -> Floats:
-    """Differences a - b [U], 0 where they are no more than the rounding of equal numbers.
+    """Differences a - b [U], 0 within rounding.
 
-    Sums of the same terms in another order, or means of other numbers of equal seeds, are no difference.
+    Sums of the same terms in another order, or means of other numbers of equal seeds, differ by rounding alone.
     """
     one, other = as_sums("a", a), as_sums("b", b)
     gap = one - other
@@ -123,11 +123,11 @@ def ratio(top: float, bottom: float) -> float | None:
 def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | None:
     """Percentile interval (95 %) of sum(part) / sum(whole) over resampled units, [U] each and of either sign.
 
-    None with fewer than two units, or where the whole is not above 0 in nearly all resamples.
+    None with fewer than three units, or if the whole is not above 0 in nearly all resamples.
     """
     top, bottom = as_sums("part", part), as_sums("whole", whole)
     require_shape("whole", bottom, top.shape)
-    if len(bottom) < 2:
+    if len(bottom) < LEAST_UNITS:
         return None
     counts = _resamples(len(bottom))
     total = counts @ bottom
@@ -139,16 +139,16 @@ def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | N
 
 
 def sign_flip_test(difference: ArrayLike) -> float:
-    """Two-sided p of the summed difference [U] per unit, if its sign were a matter of chance in every unit.
+    """Two-sided p of the summed difference [U] per unit, under random signs of the units.
 
     All 2^U signs up to EXACT_UNITS units; else FLIPS random ones and the observed one. Units without a difference do
-    not matter. 1.0 without any.
+    not matter. 1.0 without any other unit.
     """
     gap = as_sums("difference", difference)
     return _p(gap[gap != 0].tobytes())
 
 
-@lru_cache(maxsize=8192)  # a leaderboard asks for two agents where it ranks them, and where it shows how they differ
+@lru_cache(maxsize=8192)  # a leaderboard needs a pair of agents for ranks and for differences
 def _p(difference: bytes) -> float:
     gap = np.frombuffer(difference)
     count = len(gap)
@@ -176,14 +176,14 @@ def _all_signs(units: int) -> Floats:
     return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1)
 
 
-@lru_cache(maxsize=64)  # a comparison of many agents asks for the same ones again and again
+@lru_cache(maxsize=64)  # a comparison of many agents uses the same signs again and again
 def _signs(units: int) -> NDArray[np.int8]:
-    """Random signs [FLIPS, U], in bytes: they are kept."""
+    """Random signs [FLIPS, U], as bytes since they are cached."""
     return np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
 def _resamples(units: int) -> Floats:
-    """How often each unit occurs in each resample [RESAMPLES, U]; of few units they are kept."""
+    """Number of times each unit occurs in each resample [RESAMPLES, U]; cached for few units."""
     return _kept(units) if units <= _KEPT else _drawn(units)
 
 
@@ -199,15 +199,16 @@ _kept = lru_cache(maxsize=64)(_drawn)
 class Gap(NamedTuple):
     """Share of the gap that is closed."""
 
-    closed: float  # 0: as STP, 1: as on true pasts
+    closed: float  # 0: as STP, 1: as from ground-truth tracks
     interval: tuple[float, float] | None  # 95 %, over resampled units
 
 
 def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> Gap | None:
-    """(E_STP - E) / (E_STP - E_truth) from what ranks, summed over the targets of each unit [U].
+    """Share (E_STP - E) / (E_STP - E_GT) from ranking errors summed over the targets of each unit [U].
 
-    ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on true pasts, all with the same k; ``weight`` [U] of
-    the targets. None unless STP is significantly worse than true pasts: the interval of the difference lies above 0.
+    ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on ground-truth tracks, all with the same k;
+    ``weight`` [U] of the targets. None unless STP is significantly worse than ground-truth tracks: the interval of the
+    difference lies above 0.
     """
     high: Floats = as_sums("stp", stp)
     low = as_sums("truth", truth)
@@ -216,50 +217,3 @@ def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: Array
         return None
     closed, whole = high - as_sums("error", error), high - low
     return Gap(float(closed.sum() / whole.sum()), share_interval(closed, whole))
-
-
-class Agreement(NamedTuple):
-    """How far two worlds order the same agents alike."""
-
-    tau: float  # Kendall's tau-b: 1 the same order, -1 the reverse
-    interval: tuple[float, float]  # 95 %, over resampled units of both
-
-
-def order_agreement(
-    error: ArrayLike, weight: ArrayLike, other_error: ArrayLike, other_weight: ArrayLike
-) -> Agreement | None:
-    """Kendall's tau of the orders of A agents by their mean errors in two worlds.
-
-    ``error`` [A, U] summed over the targets of each unit of the first world, ``weight`` [U] of the targets;
-    ``other_error`` [A, V] and ``other_weight`` [V] of the second, the agents in the same order. Percentile interval.
-    None with fewer than two agents or a world without weight. Raises ShapeError for other shapes and for NaN.
-    """
-    first, second = np.asarray(error, dtype=np.float64), np.asarray(other_error, dtype=np.float64)
-    here, there = as_sums("weight", weight), as_sums("other_weight", other_weight)
-    require_shape("error", first, (None, len(here)))
-    require_shape("other_error", second, (len(first), len(there)))
-    require_finite("error", first)
-    require_finite("other_error", second)
-    if len(first) < 2 or here.sum() <= 0 or there.sum() <= 0:
-        return None
-    drawn = _means(_resamples(len(here)), first, here)
-    # the resamples of as many units are the same ones: those of the second world are shifted by one
-    other_drawn = _means(np.roll(_resamples(len(there)), 1, axis=0), second, there)
-    found = kendall_tau(drawn, other_drawn)
-    low, high = np.quantile(found[~np.isnan(found)], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    whole = kendall_tau(first.sum(1)[:, None] / here.sum(), second.sum(1)[:, None] / there.sum())
-    return Agreement(float(whole[0]), (float(low), float(high)))
-
-
-def kendall_tau(first: Floats, second: Floats) -> Floats:
-    """Kendall's tau-b [B] over the agents of each column of ``first`` and ``second`` [A, B]; NaN where one is NaN."""
-    one, other = np.triu_indices(len(first), 1)
-    x, y = np.sign(first[one] - first[other]), np.sign(second[one] - second[other])
-    pairs = np.sqrt((x != 0).sum(0) * (y != 0).sum(0))
-    return np.asarray((x * y).sum(0) / np.maximum(pairs, 1))
-
-
-def _means(counts: Floats, error: Floats, weight: Floats) -> Floats:
-    """Mean errors [A, B] of agents over resamples that hold each unit ``counts`` [B, U] times; NaN without weight."""
-    total = counts @ weight
-    return np.asarray((counts @ error.T).T / np.where(total > 0, total, np.nan))

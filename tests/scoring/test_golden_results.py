@@ -91,11 +91,7 @@ def test_the_golden_results_are_those_of_the_definitions() -> None:
     assert len(scorer_digest()) == 64
 
 
-@pytest.mark.parametrize(
-    ("module", "name", "value"),
-    [(ranking_error, "FALSE_FORECAST_SHARE", 0.5 + 1e-6), (ranking_error, "BUDGETS", 9)],
-    ids=str,
-)
+@pytest.mark.parametrize(("name", "value"), [("FALSE_FORECAST_SHARE", 0.5 + 1e-6), ("BUDGETS", 9)])
 def test_a_changed_number_is_seen(name: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ranking_error, name, value)
     assert golden_digest() != GOLDEN

@@ -544,7 +544,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "no place": ((make_scene([[]]), make_rollout([[]], [[Thing(1, np.nan, 0)]])), "object box .* is not finite"),
     "no probability": (
         (make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, confidence=np.nan)]])),
-        "a confidence .* is none, expected 0 to 1",
+        r"object_confidence contains nan .*expected values in \[0, 1\]",
     ),
     "a parent that is no hypothesis": (
         wrong(hypothesis_parent=np.full((12, 3), 3)),

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import kendalltau
 
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import bootstrap_interval, effective_number, paired_difference, paired_interval, sign_flip_test
-from mtp_bench.scoring.statistics import _mean_and_error, gap_closed, kendall_tau, order_agreement, share_interval
+from mtp_bench.scoring.statistics import _mean_and_error, gap_closed, share_interval
 
 steady = settings(derandomize=True, deadline=None, max_examples=50)
 
@@ -200,44 +199,3 @@ def test_wrong_input_is_an_error() -> None:
         bootstrap_interval([1.0, 1.0], [1, -1])
     with pytest.raises(ShapeError, match=r"difference\[0\] is inf"):
         sign_flip_test([np.inf])
-
-
-def test_kendalls_tau_is_scipys() -> None:
-    rng = np.random.default_rng(0)
-    first, second = rng.integers(0, 5, (2, 8, 30)).astype(float)  # with ties
-    expected = [np.asarray(kendalltau(a, b))[0] for a, b in zip(first.T, second.T, strict=True)]
-    assert kendall_tau(first, second) == pytest.approx(np.nan_to_num(expected))
-
-
-def test_worlds_agree_on_an_order_as_far_as_their_units_do() -> None:
-    rng = np.random.default_rng(0)
-    weight = rng.integers(1, 9, 40).astype(float)
-    means = np.arange(1.0, 7.0)[:, None]
-    sure = weight * (means + 0.01 * rng.normal(size=(6, 40)))
-    assert order_agreement(sure, weight, 3 * sure, weight) == (1.0, (1.0, 1.0))
-    assert order_agreement(sure, weight, -sure, weight) == (-1.0, (-1.0, -1.0))
-    noisy = weight * (means + 9.0 * rng.normal(size=(6, 40)))
-    found = order_agreement(sure, weight, noisy, weight)
-    assert found is not None
-    assert found.interval[0] < found.tau < found.interval[1] <= 1.0
-    assert found == order_agreement(sure, weight, noisy, weight)
-
-
-def test_a_world_without_weight_and_one_agent_have_no_order() -> None:
-    error = np.ones((2, 3))
-    assert order_agreement(error, np.zeros(3), error, np.ones(3)) is None
-    assert order_agreement(error[:1], np.ones(3), error[:1], np.ones(3)) is None
-    with pytest.raises(ShapeError, match="other_error"):
-        order_agreement(error, np.ones(3), error, np.ones(4))
-    with pytest.raises(ShapeError, match="is nan"):
-        order_agreement(error * np.nan, np.ones(3), error, np.ones(3))
-
-
-def test_units_of_the_same_number_are_drawn_apart() -> None:
-    """Else the noise of two worlds would move together, and they would seem to agree."""
-    rng = np.random.default_rng(1)
-    weight, error = np.ones(30), rng.normal(size=(6, 30))
-    found = order_agreement(error, weight, error, weight)
-    assert found is not None
-    assert found.tau == 1.0
-    assert found.interval[0] < 0.9
