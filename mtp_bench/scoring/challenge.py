@@ -1,7 +1,7 @@
 """The metrics of the nuScenes prediction challenge, as its devkit defines them (``compute_metrics``).
 
-Forecasts of known objects from perfect pasts: nothing was tracked, nobody could be missed. The numbers stand beside
-those of the challenge, not beside those of this benchmark. OffRoadRate needs the map and is left out.
+Forecasts of known objects from ground-truth tracks: no object is tracked or missed. The numbers are comparable with
+those of the challenge, not with those of this benchmark. OffRoadRate needs the map and is left out.
 """
 
 from __future__ import annotations

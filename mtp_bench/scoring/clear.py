@@ -133,7 +133,9 @@ def _points(frame: Frame, given: Any, count: int, name: str) -> NDArray[np.float
     try:
         xy = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ShapeError(f"{name} xy of {_where(frame)} is no array of numbers, expected {(count, 2)} metres") from None
+        raise ShapeError(
+            f"{name} xy of {_where(frame)} is not an array of numbers, expected {(count, 2)} metres"
+        ) from None
     if xy.shape != (count, 2) and not (count == 0 and xy.size == 0):
         raise ShapeError(f"{name} xy of {_where(frame)} has shape {xy.shape}, expected {(count, 2)}: one per id")
     return xy

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from ..errors import ShapeError
 from ..types import Bools, Ints, Truth
 from .matching import Matched
-
-FragAt = Literal["current", "previous"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +37,7 @@ class Events:
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Rows of a ragged table in the order of identity, then frame, and who comes before whom."""
+    """Rows of a ragged table by identity, then frame, with their predecessors."""
 
     order: NDArray[np.intp]  # [R]
     identity: Ints  # [R] in that order
@@ -71,23 +69,18 @@ def history(frame: Ints, identity: Ints) -> History:
 
 
 def object_history(truth: Truth) -> History:
-    """History of the true boxes [R] where a neutral one counts as absent: it is an object of its own."""
+    """History of the true boxes [R]; a neutral box counts as absent, as an object of its own."""
     identity = np.asarray(truth.object_id, dtype=np.int64)
     alone = identity.max(initial=0) + 1 + np.arange(len(identity))
     return history(truth.frame_of_rows, np.where(truth.neutral, alone, identity))
 
 
-def find_events(
-    objects: History, matched: Matched, tracks: History, track_id: Ints, frag_at: FragAt = "current"
-) -> Events:
+def find_events(objects: History, matched: Matched, tracks: History, track_id: Ints) -> Events:
     """Events of one stream of tracks.
 
     ``objects`` and ``tracks`` are the histories of the true boxes [R] and the tracks; ``matched`` [R] the row of the
     track of each true box, -1 none; ``track_id`` the ids by row. No event is found across frames without the object.
-    ``frag_at="previous"`` records a loss at the frame before, where the track still exists (protocol, "Events").
     """
-    if frag_at not in ("current", "previous"):
-        raise ShapeError(f"frag_at is {frag_at!r}, expected 'current' or 'previous'")
     column = matched[objects.order]
     held = column >= 0
     before = np.roll(column, 1)
@@ -98,11 +91,10 @@ def find_events(
     back = np.flatnonzero(_matched_again(objects.consecutive, held))
     went_on = np.zeros(len(tracks.order), dtype=bool)  # tracks that are output in the next frame too
     went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
-    recorded = lost - int(frag_at == "previous")
     return Events(
         ids=_list(objects, switch),
-        lost=_list(objects, recorded),
-        wrong=_sorted(went_on[before[lost]], objects, recorded),
+        lost=_list(objects, lost),
+        wrong=_sorted(went_on[before[lost]], objects, lost),
         reacquired=_list(objects, back),
     )
 
@@ -117,9 +109,9 @@ def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[
 
 
 def _matched_again(follows: Bools, held: Bools) -> Bools:
-    """Which rows are matched (``held``) after an unmatched one that came after a matched one.
+    """True for rows that are matched (``held``) after a gap that followed a match.
 
-    ``follows`` [R]: the row goes on the run of rows before it; runs are looked at one by one.
+    ``follows`` [R]: the row continues the run of rows before it; runs are independent.
     """
     count = np.cumsum(held)
     at_start = np.maximum.accumulate(np.where(follows, 0, count - held))

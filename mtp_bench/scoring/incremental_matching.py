@@ -1,7 +1,7 @@
-"""Matching while forecasts are added one by one: what a cut keeps is what was added until then.
+"""Incremental matching: forecasts are added one by one, and a cut keeps those added so far.
 
-Taking forecasts away changes which of the others are matched, so a cut needs a matching of its own. Adding them in
-order of confidence gives the matchings of all cuts in one pass: each addition changes the matching along one path.
+Removing forecasts changes the matching of the others, so each cut needs a matching of its own. Adding them by falling
+confidence gives the matchings of all cuts in one pass: each addition changes the matching along one path.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from ..types import Floats, Ints
 from .matching import Matched, component_labels
 from .pairs import Pairs, Rows
 
-NEVER = np.iinfo(np.intp).max  # a step that does not come
-_MICRO = 1e6  # costs are whole micrometres: sums of the same terms in another order are equal
-_SURE = 2.0**60  # confidences count in as many steps: in single precision those from 1e-11 on are told apart
+NEVER = np.iinfo(np.intp).max  # the step of a column that is not added
+_MICRO = 1e6  # costs are integers in micrometres, so that the order of a sum does not matter
+_SURE = 2.0**60  # steps of confidence: single precision values from 1e-11 on differ
 _CONFIDENCE_BITS, _TIE_BITS = 70, 40
 _UNMATCHED = 1 << 150  # outweighs every sum of costs
 
 
 @dataclass(frozen=True, eq=False)
 class Additions:
-    """How a matching grows: at ``step`` [E], in ascending order, ``row`` [E] is matched to ``column`` [E] from then on.
+    """Changes of a growing matching: at ``step`` [E], ascending, ``row`` [E] is matched to ``column`` [E] from then on.
 
-    A row that is matched stays so, to other columns perhaps; a column that is left unmatched stays unmatched.
+    A matched row stays matched, possibly to other columns; a column that becomes unmatched stays unmatched.
     """
 
     step: Rows
@@ -37,10 +37,10 @@ class Additions:
 
 
 def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> Additions:
-    """Grow the matching of maximum cardinality, then least cost, as columns come at their ``step`` [columns].
+    """Extend the matching of maximum cardinality, then least cost, by each column at its ``step`` [columns].
 
     At equal cost the higher ``confidence`` [columns] is matched, then the larger ``tie`` [E] of the pairs, m. Steps are
-    distinct; a column whose step is NEVER does not come. Costs count in whole micrometres.
+    distinct; a column with step NEVER is not added. Costs are rounded to micrometres.
     """
     come = step[pairs.column] != NEVER
     pairs, tie = pairs.keep(come), tie[come]
@@ -61,7 +61,7 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
 
 
 def _components_by_step(pairs: Pairs, step: Rows) -> list[NDArray[np.intp]]:
-    """Places of the pairs of each connected component, those of the column that comes first first."""
+    """Indices of the pairs of each connected component, by the step of their column."""
     row_of = np.unique(pairs.row, return_inverse=True)[1]
     column_of = np.unique(pairs.column, return_inverse=True)[1]
     label = component_labels(row_of, column_of)[0][row_of]
@@ -70,7 +70,7 @@ def _components_by_step(pairs: Pairs, step: Rows) -> list[NDArray[np.intp]]:
 
 
 def final_match(additions: Additions, rows: int) -> Matched:
-    """Column matched to each row [rows] when all have come, -1 for none."""
+    """Column matched to each row [rows] with all columns added, -1 for none."""
     matched = np.full(rows, -1, dtype=np.intp)
     last = last_of(additions.row)
     matched[additions.row[last]] = additions.column[last]
@@ -78,12 +78,16 @@ def final_match(additions: Additions, rows: int) -> Matched:
 
 
 def last_of(values: Ints) -> NDArray[np.intp]:
-    """Place of the last occurrence of each distinct value."""
+    """Index of the last occurrence of each distinct value."""
     return len(values) - 1 - np.unique(values[::-1], return_index=True)[1]
 
 
 def _whole_costs(cost: Floats, confidence: Floats, tie: Floats) -> list[int]:
-    """One whole number per pair whose order is that of cost, then confidence, then tie: sums of them are exact."""
+    """One integer per pair that orders by cost, then confidence, then tie; sums are exact.
+
+    The three are packed into bits of one integer: exact for components of up to about 1 000 matched pairs, beyond
+    which a sum of confidences or ties may carry over into the bits above.
+    """
     main = np.rint(cost * _MICRO).astype(np.int64).tolist()
     sure = np.rint(confidence.astype(np.float64) * _SURE).astype(np.int64).tolist()
     far = np.rint(np.minimum(np.where(np.isfinite(tie), tie, 1e3), 1e3) * _MICRO).astype(np.int64).tolist()
@@ -98,10 +102,10 @@ def _grow(
     changes: list[tuple[int, int, int]],
     dropped: Rows,
 ) -> None:
-    """Add the columns of one component; appends (step, row, column) to ``changes`` and fills in ``dropped``.
+    """Add the columns of one component: append (step, row, column) to ``changes`` and fill in ``dropped``.
 
     The Hungarian method with one shortest path per column (Jonker and Volgenant 1987). Every column may also stay
-    unmatched, at a cost above all others. ``part``: places of the component's pairs, sorted by step.
+    unmatched, at a cost above all others. ``part``: indices of the component's pairs, sorted by step.
     """
     edges: dict[int, list[tuple[int, int]]] = {}
     for place, row, column in zip(part.tolist(), pairs.row[part].tolist(), pairs.column[part].tolist(), strict=True):
@@ -115,7 +119,7 @@ def _grow(
 
 
 class _Matching:
-    """The optimal matching of the columns that were added to one component, with potentials that prove it."""
+    """The optimal matching of the columns added to one component, with the dual potentials."""
 
     def __init__(self, edges: dict[int, list[tuple[int, int]]]) -> None:
         self._edges = edges  # column -> rows inside the gate and their costs
@@ -125,7 +129,7 @@ class _Matching:
         self._of_row = {row: 0 for near in edges.values() for row, _ in near}
 
     def add(self, new: int) -> tuple[list[tuple[int, int]], int]:
-        """Rows and the columns that take them now, and the column that is left out now, -1 for none."""
+        """Changed rows with their new columns, and the column that becomes unmatched, -1 for none."""
         self._of_column[new] = min(cost - self._of_row[row] for row, cost in self._edges[new])
         done, before, end, left_out, total = self._shortest_path(new)
         self._of_column[new] += total
@@ -145,11 +149,11 @@ class _Matching:
         return path, left_out
 
     def _shortest_path(self, new: int) -> tuple[dict[int, int], dict[int, int], int, int, int]:
-        """Distances of the rows that were reached, who reaches each, the free row at the end or -1, who is left out."""
+        """Distances and preceding columns of reached rows, the free row at the end or -1, the unmatched column, its cost."""
         distance: dict[int, int] = {}
         before: dict[int, int] = {}
         done: dict[int, int] = {}
-        waiting: list[tuple[int, int]] = []  # a heap of distances and rows; a row may have come again, nearer
+        waiting: list[tuple[int, int]] = []  # a heap of distances and rows; a row may be in it twice
         column, base, left_out, least = new, 0, new, _UNMATCHED - self._of_column[new]
         while True:
             for row, cost in self._edges[column]:

@@ -1,7 +1,7 @@
-"""Lineages of hypotheses: which hypothesis of the frame before a hypothesis descends from, and its events.
+"""Lineages of hypotheses: the parent of each hypothesis in the frame before, and the events along the lineage.
 
-An agent states it (``hypothesis_parent``). Where it does not, the parent is guessed, often wrongly: the hypothesis
-whose tracks had to move least. Identities are followed along that lineage, never by rank (protocol, "Events").
+An agent states the parent (``hypothesis_parent``). Else it is guessed, often wrongly, as the hypothesis whose tracks
+moved least. Identities are followed along the lineage, never by rank (protocol, "Events").
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ class Hypotheses:
     member: Bools  # [R, H] tracks of alive hypotheses
     best: Ints  # [F] heaviest; the lowest index among equals
     parent: Ints  # [F, H] hypothesis of the frame before; 0 in frame 0
-    stated: Bools  # [F, H] whether the agent stated it, or nothing at all; else it is guessed where there is a choice
+    stated: Bools  # [F, H] True if the parent is stated or there is no choice; else it is guessed
 
     @property
     def guessed(self) -> int:
-        """Number of frames in which the parent of a hypothesis had to be guessed among several."""
+        """Number of frames in which the parent of a hypothesis was guessed among several."""
         choice = self.alive[:-1].sum(axis=1) > 1
         return int(((self.alive & ~self.stated)[1:].any(axis=1) & choice).sum())
 
@@ -53,7 +53,7 @@ class LineageEvents:
     lost: Bools  # [R, H]
     wrong: Bools  # [R, H] a loss whose old id is still output
     reacquired: Bools  # [R, H]
-    old: Rows  # [R, H] track that matched the object last, before this frame and since it is there; -1 none
+    old: Rows  # [R, H] track of the last match before this frame, without a gap in the truth; -1 none
 
     @property
     def frag(self) -> Bools:
@@ -69,7 +69,7 @@ class LineageEvents:
 
 
 def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
-    """Which hypotheses exist, which is best, and from which each descends."""
+    """The hypotheses of a rollout: existence, the best one and the parents."""
     weight = np.asarray(rollout.hypothesis_log_weight, dtype=np.float64)
     alive = np.isfinite(weight)
     if alive.shape[1] == 0:
@@ -82,7 +82,7 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
     alive = alive.copy()
     alive[silent, 0] = True
     parent, stated = _stated_parents(rollout, alive)
-    # who says nothing can state no parent; a guess would take the one with the fewest tracks, which loses the least
+    # an empty frame states no parent; a guess would take the hypothesis with the fewest tracks, which loses the least
     later = 1 + np.flatnonzero(silent[1:])
     parent[later, 0], stated[later, 0] = best[later - 1], True
     if alive.shape[1] > 1:
@@ -96,7 +96,7 @@ def hypotheses(rollout: Rollout, card: Card) -> Hypotheses:
 
 
 def _stated_parents(rollout: Rollout, alive: Bools) -> tuple[Rows, Bools]:
-    """Parents [F, H] as the agent stated them, 0 where it did not, and whether it did: of one that existed."""
+    """Stated parents [F, H], 0 if not stated; and True for stated parents that existed."""
     parent = np.zeros(alive.shape, dtype=np.intp)
     stated = np.zeros(alive.shape, dtype=bool)
     said = np.asarray(rollout.hypothesis_parent)
@@ -160,10 +160,10 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
         if lost[rows].any():
             wrong[rows] = lost[rows] & _still_output(rollout, lineage.member, t, track_id[old])
         matches = np.where(held, now, last[who])
-        before, last = np.full_like(before, -1), np.full_like(last, -1)  # of who is absent nothing is remembered
+        before, last = np.full_like(before, -1), np.full_like(last, -1)  # forget objects that are absent in this frame
         before[who], last[who] = now, matches
     alive = lineage.alive[truth.frame_of_rows]
-    return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # an absent hypothesis has lost nothing
+    return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # absent hypotheses have no events
 
 
 def in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) -> Bools:
@@ -173,7 +173,7 @@ def in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) 
 
 
 def _still_output(rollout: Rollout, member: Bools, t: int, old_id: Ints) -> Bools:
-    """Whether hypothesis h of frame ``t`` holds a track of ``old_id[:, h]``."""
+    """True if hypothesis h of frame ``t`` has a track of ``old_id[:, h]``."""
     rows = rollout.tracks.rows(t)
     same = rollout.track_id[rows][:, None, None] == old_id
     return np.asarray((same & member[rows][:, None]).any(axis=0))

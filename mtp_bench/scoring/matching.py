@@ -55,7 +55,7 @@ def match(pairs: Pairs, rows: int) -> Matched:
 
 
 def match_best(pairs: Pairs, rows: int) -> Matched:
-    """Column matched to each row [rows], -1 for none: of least total cost, whatever the number of pairs.
+    """Column matched to each row [rows], -1 for none: the matching of least total cost, of any cardinality.
 
     All costs are below 0, so no pair is left out that could be added.
     """
@@ -63,7 +63,7 @@ def match_best(pairs: Pairs, rows: int) -> Matched:
 
 
 def _match(pairs: Pairs, rows: int, assign: Callable[[Rows, Rows, Floats], Rows], squares: bool) -> Matched:
-    """Column matched to each row [rows]; ``assign`` settles large components, ``squares``: 2 x 2 is none of these."""
+    """Column matched to each row [rows]; ``assign`` solves large components, with ``squares`` not those of 2 x 2."""
     matched = np.full(rows, -1, dtype=np.intp)
     rest = _settle_single(pairs, matched)
     if len(rest):
@@ -142,7 +142,7 @@ def component_labels(row_of: Ints, column_of: Ints) -> tuple[Ints, Ints]:
 
 
 def _components(pairs: Pairs) -> _Contested:
-    """Connected components of the pairs, which are not none."""
+    """Connected components of the pairs, at least one pair."""
     _, row_of = np.unique(pairs.row, return_inverse=True)
     _, column_of = np.unique(pairs.column, return_inverse=True)
     label_of_row, label_of_column = component_labels(row_of, column_of)

@@ -1,7 +1,7 @@
-"""What no label could confirm: objects that are neither right nor wrong (protocol, "Targets, live frames and subsets").
+"""Neutral objects, which no label could confirm or refute (protocol, "Targets, live frames and subsets").
 
-On KITTI people labelled what they saw in an image. An object is placed into it from its x and y alone: nothing else of
-a forecast decides, for an agent could choose it freely.
+KITTI is labelled in images. An object is placed into the image from its x and y alone, since an agent could choose
+the other numbers of a forecast freely.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _ENDS = np.concatenate([_EDGE, _EDGE[::-1]], axis=1)  # [2, 24] every edge from 
 
 
 def evaluated(scene: Scene) -> Scene:
-    """``scene`` as it is evaluated: a true box that no label of its image could confirm is neutral, and no target."""
+    """``scene`` as it is evaluated: true boxes that no label of its image could confirm are neutral, never targets."""
     truth, image = scene.truth, scene.image
     if image is None:
         return scene
@@ -29,14 +29,14 @@ def evaluated(scene: Scene) -> Scene:
 
 
 def neutral_places(scene: Scene, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
-    """Which objects at ``xy`` [n, 2] m no label of the scene could confirm [n]; none without an image."""
+    """True for objects at ``xy`` [n, 2] m that no label of the scene could confirm [n]; False without an image."""
     if scene.image is None:
         return np.zeros(len(xy), dtype=bool)
     return unconfirmable(scene.image, frame, xy, class_id)
 
 
 def unconfirmable(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
-    """Which objects at ``xy`` [n, 2] m, scene's frame of reference, no label of the image could confirm [n].
+    """True for objects at ``xy`` [n, 2] m, scene's frame of reference, that no label of the image could confirm [n].
 
     An object of ``class_id`` [n] in ``frame`` [n] is seen as an upright box of the size that stands for its class, with
     the heading of the platform and its bottom 1.65 m below the camera. In the image it is the least rectangle around

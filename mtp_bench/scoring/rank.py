@@ -1,4 +1,4 @@
-"""Who is ranked, on what, and in which order (protocol, "Uncertainty"): the same rules for comparisons and records."""
+"""Rules of rank (protocol, "Uncertainty"), the same for comparisons and records."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _DIGITS = 1e-9  # share of a weight or a number of objects by which the digits i
 
 @dataclass(frozen=True)
 class Entrant:
-    """What decides whether an agent is ranked at all."""
+    """Properties of a run that decide whether its agent is ranked."""
 
     budget: Budget
     samples: int  # per object
     saw_truth: bool
-    unfinished: str = ""  # in a few words why not all of it was run; empty: all was
-    stored_tracks: bool = False  # its tracks were made before, by a program that may have seen the future
+    unfinished: str = ""  # short reason why not all of it was run; empty if all was
+    stored_tracks: bool = False  # its tracks are from a program that may have seen the future
 
 
 def why_unranked(entrant: Entrant) -> str | None:
-    """Why an agent is shown, never ranked, in a few words; None where it is ranked."""
+    """Short reason why an agent is shown but not ranked; None if it is ranked."""
     if entrant.unfinished:
         return entrant.unfinished
     if entrant.saw_truth:
@@ -43,7 +43,7 @@ def why_unranked(entrant: Entrant) -> str | None:
 
 
 def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | None:
-    """Why nobody is ranked on a subset, in a few words; None where agents are.
+    """Short reason why agents are not ranked on a subset; None if they are.
 
     ``objects``: their effective number; ``unit_weight`` [U]: the weight of the targets of each unit.
     """
@@ -61,9 +61,9 @@ def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | Non
 
 
 def guard(error_of_all: float | None, stp: float | None, own: float | None = None) -> str | None:
-    """Why an agent is not ranked on event subsets: over all targets it is worse than STP.
+    """Reason why an agent is not ranked on event subsets: over all targets it is worse than STP; None if it is not.
 
-    ``stp``: the error of STP over all targets; ``own``: of STP with the agent's own predictor; None: not known.
+    ``stp``: the error of STP over all targets; ``own``: of STP with the agent's own predictor; None if unknown.
     """
     for limit, whose in ((stp, "stp"), (own, "stp with its own predictor")):
         if error_of_all is not None and limit is not None and error_of_all > limit * (1.0 + ROUNDING):
@@ -75,7 +75,7 @@ def ranks_by_test(sums: ArrayLike) -> list[int]:
     """Rank of each agent: 1 + the number of agents that are significantly better.
 
     ``sums`` [A, U]: weighted errors of each agent, summed over the targets of each unit, which are the same for all.
-    Better: the sum of the differences is below 0 and a sign-flip test over units has p below .05.
+    Better: the sum of the differences is below 0 and the sign-flip test over units has p < .05.
     """
     errors = np.asarray(sums, dtype=np.float64)
     require_shape("sums", errors, (None, None))
@@ -89,7 +89,7 @@ def ranks_by_test(sums: ArrayLike) -> list[int]:
 
 
 def ranks_among(sums: Sequence[ArrayLike], why: Sequence[str | None]) -> list[int | None]:
-    """Ranks as of `ranks_by_test` among the agents that nothing keeps from one, see ``why``; None for the others."""
+    """Ranks as of `ranks_by_test` among the agents without a reason in ``why``; None for the others."""
     ranked = [i for i, reason in enumerate(why) if reason is None]
     ranks = ranks_by_test(np.asarray([sums[i] for i in ranked])) if ranked else []
     rank = dict(zip(ranked, ranks, strict=True))

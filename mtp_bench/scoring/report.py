@@ -22,7 +22,7 @@ from .weights import Reference
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Everything that a comparison shows; None stands for undefined."""
+    """The content of a comparison; None stands for undefined."""
 
     env: str
     definitions: str
@@ -30,7 +30,7 @@ class Report:
     paired: list[PairedRow]  # differences to the controls
     details: list[Details]  # per agent
     condition: dict[str, str] = field(default_factory=dict)  # source, split, detector, card, detections, truth, weights
-    tables: Sequence[AgentTable] = ()  # what the rows are made of, per agent
+    tables: Sequence[AgentTable] = ()  # sources of the rows, per agent
 
     def to_json(self, *further: str) -> dict[str, Any]:
         """The content of ``compare --json``: env, definitions, rows, and the ``further`` fields that are named."""
@@ -42,7 +42,7 @@ class Report:
 
 
 class Ends(NamedTuple):
-    """The agents between which a gap is measured: the single-hypothesis pipeline, and the same on true pasts."""
+    """Reference pair of a gap: the single-hypothesis pipeline, and the same on ground-truth tracks."""
 
     stp: AgentScores
     truth: AgentScores
@@ -66,9 +66,9 @@ def summarise(
 
     ``reference``: event weights, and the false forecasts of STP that set budgets; without it only "all" has targets.
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
-    given; all of them with equal budget, and left out where absent. ``own_ends``: by agent, the two ends with its own
-    predictor and presence model; None where those are ``stp`` and ``truth``, absent where they are not known.
-    One agent alone has no rank. Raises RolloutError where agents differ in scenes or targets.
+    given; all of them with equal k, and left out if absent. ``own_ends``: by agent, the reference pair with its own
+    predictor and presence model; None if that is ``stp`` and ``truth``, missing if unknown.
+    One agent alone has no rank. Raises RolloutError if agents differ in scenes or targets.
     """
     tables = [agent_table(setting, reference) for setting in agents]
     for setting in agents[1:]:
@@ -102,7 +102,7 @@ def summarise(
 
 
 def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | None) -> dict[str, str]:
-    """What the numbers hold for: card, what made the detections, what is known as truth, what weighs the subsets."""
+    """Conditions of the numbers: card, detector, completeness of the truth, event weights."""
     scenes = tables[0].setting.seeds[0] if tables else ()
     made = Counter(score.detections for score in scenes)
     complete = all(table.complete for table in tables)
@@ -118,7 +118,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
 
 
 def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRow:
-    """Differences table - other: of what ranks, and of minADE where both cover a target."""
+    """Differences table - other: of the ranking error, and of minADE over targets that both cover."""
     setting, weight = table.setting, table.weight[subset]
     whole = table.unit_weight(weight)
     error = paired_difference(table.errors(subset), other.errors(subset), whole)
@@ -144,7 +144,7 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
 
 
 def _row(table: AgentTable, subset: Subset, ends: _EndTables, own: _EndTables | None) -> Row:
-    setting, weight, ranked = table.setting, table.weight[subset], table.ranked(subset)
+    setting, weight, ranked = table.setting, table.weight[subset], table.ranking_error(subset)
     total, some = float(weight.sum()), weight > 0
     covered = float((weight * table.covered).sum())
     unit_weight = table.unit_weight(weight)
@@ -210,7 +210,7 @@ def _effective_objects(table: AgentTable, subset: Subset) -> float:
 
 
 def _gap(table: AgentTable, subset: Subset, ends: _EndTables | None) -> Gap | None:
-    """What an agent closes of the gap; None at another k than the ends have, or without them."""
+    """Share of the gap that an agent closes; None without a reference pair of its k."""
     stp, truth = ends or (None, None)
     if stp is None or truth is None or len({each.setting.samples for each in (table, stp, truth)}) > 1:
         return None
@@ -221,7 +221,7 @@ def _gap(table: AgentTable, subset: Subset, ends: _EndTables | None) -> Gap | No
 def _with_ranks(
     rows: list[Row], tables: Sequence[AgentTable], ends: _EndTables, own: Mapping[str, _EndTables]
 ) -> list[Row]:
-    """The rows, by agent and then by subset, with their ranks or the reason for none."""
+    """The rows, by agent and then by subset, with their ranks or the reason why they have none."""
     total = [_mean_error(table) for table in tables]
     done = list(rows)
     for place, subset in enumerate(SUBSETS):
@@ -235,7 +235,7 @@ def _with_ranks(
             if subset != "all" and reason is None:
                 limits = [None if each is None else each.stp for each in (ends, own.get(setting.agent))]
                 reason = guard(of_all, *(None if limit is None else _mean_error(limit) for limit in limits))
-            # beside nobody even silence would be the first
+            # alone, even an agent that predicts nothing would be the first
             why.append(ALONE if reason is None and len(tables) == 1 else reason)
         ranks = ranks_among([table.errors(subset) for table in tables], why)
         for i, (rank, because) in enumerate(zip(ranks, why, strict=True)):
@@ -255,5 +255,5 @@ def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | 
 
 
 def _mean_over_seeds(table: AgentTable) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """MinADE [n] of each target over the seeds that cover it, 0 where none does."""
+    """MinADE [n] of each target over the seeds that cover it, 0 without any."""
     return np.divide(table.min_ade, table.covered, out=np.zeros_like(table.min_ade), where=table.covered > 0)

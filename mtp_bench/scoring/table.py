@@ -33,11 +33,11 @@ class AgentScores:
 
 
 @dataclass(frozen=True, eq=False)
-class Ranked:
-    """The number that ranks, per target [n], mean over seeds; m."""
+class RankingError:
+    """Ranking error per target [n], mean over seeds; m."""
 
     error: Floats
-    missed: Floats  # the part of targets without a forecast
+    missed: Floats  # the part from targets without a forecast
     by_score: Floats  # the error with the score of the nearest detection as the confidence
 
 
@@ -50,7 +50,7 @@ class AgentTable:
     scene: Ints  # [n] index of the scene
     unit: Ints  # [n] index of the unit
     units: int  # U
-    person: Ints  # [n] index of the object in its recording: the same in all scenes that are cut from it
+    person: Ints  # [n] index of the object, the same in all scenes cut from one recording
     class_id: Ints  # [n]
     distance: Floats  # [n] m
     approach: Floats  # [n] m
@@ -63,13 +63,13 @@ class AgentTable:
     hit: Floats  # [n] seeds with a final point within 2 m
     miss_error: Floats  # [n] m, c
     capped: Floats  # [n] m, mean over seeds of min(minADE, c), c where not covered; every forecast is kept
-    of_all: Ranked  # at the budgets of "all"
-    of_subsets: Ranked  # at the budget of the subsets
+    of_all: RankingError  # at the budgets of "all"
+    of_subsets: RankingError  # at the budget of the subsets
     weight: dict[str, Floats]  # [n] per subset
     events: dict[str, float | None]  # per subset: expected number in a run of the reference
 
-    def ranked(self, subset: str) -> Ranked:
-        """What ranks on a subset."""
+    def ranking_error(self, subset: str) -> RankingError:
+        """Ranking error on a subset."""
         return self.of_all if subset == "all" else self.of_subsets
 
     @property
@@ -79,7 +79,7 @@ class AgentTable:
 
     @property
     def complete(self) -> bool:
-        """Whether the truth of every scene is complete, so that a false forecast is known to be one."""
+        """True if the truth of every scene is complete, so that false forecasts are known."""
         return all(score.truth_complete for score in self.scores)
 
     @cached_property
@@ -96,20 +96,20 @@ class AgentTable:
         return self.per_unit(np.ones(len(weight)), weight)
 
     def errors(self, subset: str) -> Floats:
-        """What ranks, times the weight of the subset, summed over the targets of each unit [U], m."""
-        return self.per_unit(self.ranked(subset).error, self.weight[subset])
+        """Weighted ranking error per unit [U], metres: sums over its targets."""
+        return self.per_unit(self.ranking_error(subset).error, self.weight[subset])
 
 
 def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
-    """The most hypotheses that an agent stated in a frame of any scene."""
+    """Largest number of hypotheses that an agent stated in a frame."""
     return max((score.hypotheses for run in seeds for score in run), default=0)
 
 
 def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable:
-    """Table of one agent; without ``reference`` only the subset "all" has weight, and STP sets no limit to budgets.
+    """Table of one agent; without ``reference`` only the subset "all" has weight, and STP does not limit budgets.
 
-    Raises RolloutError without a scene, where one has another number of samples, or where seeds differ in scenes or
-    targets, and DataError where the reference does not know a scene.
+    Raises RolloutError without a scene, for scenes with another number of samples, and for seeds that differ in scenes
+    or targets; DataError for a scene without event weights.
     """
     if not setting.seeds or not setting.seeds[0]:
         raise RolloutError(f"agent {setting.agent!r} has no scored scene, expected at least one")
@@ -125,7 +125,7 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
     scene = np.repeat(np.arange(len(first)), [len(score) for score in first])
     units_before = np.concatenate([[0], np.cumsum([score.units for score in first])])
     budgets = run_budgets(first, reference)
-    of_all, of_subsets = _ranked(setting.seeds, budgets)
+    of_all, of_subsets = _ranking_errors(setting.seeds, budgets)
     columns: dict[str, Any] = {
         **{name: _join(first, name) for name in ("class_id", "distance", "approach", "moving", "miss_error")},
         **{name: _over_seeds(setting, name) for name in ("covered", "min_ade", "min_fde", "energy_score", "curve")},
@@ -160,13 +160,16 @@ def run_budgets(run: Sequence[SceneScore], reference: Reference | None) -> Budge
 
 
 def run_errors(run: Sequence[SceneScore], budgets: Sequence[float] | Floats, known: bool, which: str) -> BudgetErrors:
-    """Errors of one run at each of the ``budgets``; ``known``: of false forecasts; ``which`` cuts of a score."""
+    """Errors of one run at each of the ``budgets``.
+
+    ``known``: budgets are of false forecasts; ``which``: the field of a score with the cuts.
+    """
     live = None if known else sum(score.live for score in run)
     return errors_at([getattr(score, which) for score in run], budgets, live)
 
 
-def _ranked(seeds: Sequence[Sequence[SceneScore]], budgets: Budgets) -> tuple[Ranked, Ranked]:
-    """What ranks at the budgets of "all", and at that of the subsets."""
+def _ranking_errors(seeds: Sequence[Sequence[SceneScore]], budgets: Budgets) -> tuple[RankingError, RankingError]:
+    """Ranking errors at the budgets of "all", and at that of the subsets."""
     allowed = [*budgets.all, budgets.subsets]
     own = [run_errors(run, allowed, budgets.false_known, "cuts") for run in seeds]
     score = [run_errors(run, allowed, budgets.false_known, "score_cuts") for run in seeds]
@@ -175,7 +178,7 @@ def _ranked(seeds: Sequence[Sequence[SceneScore]], budgets: Budgets) -> tuple[Ra
         for parts in ([run.error for run in own], [run.missed for run in own], [run.error for run in score])
     )
     parts = (error, missed, by_score)
-    return Ranked(*(part[:-1].mean(axis=0) for part in parts)), Ranked(*(part[-1] for part in parts))
+    return RankingError(*(part[:-1].mean(axis=0) for part in parts)), RankingError(*(part[-1] for part in parts))
 
 
 def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: str) -> None:
@@ -188,7 +191,7 @@ def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: 
 
 
 def _join(run: Sequence[SceneScore], name: str) -> NDArray[Any]:
-    """Array ``name`` of all scenes."""
+    """Array ``name`` of all scenes, end to end."""
     return np.concatenate([getattr(score, name) for score in run])
 
 
@@ -203,7 +206,7 @@ def _over_seeds(setting: AgentScores, name: str) -> Floats:
 
 
 def _people(run: Sequence[SceneScore], scene: Ints) -> Ints:
-    """A number for each object of each recording, of every target [n]."""
+    """Index of the object of every target [n], distinct over recordings."""
     recording = np.unique([score.recording for score in run], return_inverse=True)[1]
     pairs = np.stack([recording[scene], _join(run, "object_id")], axis=1)
     return np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1)
@@ -219,7 +222,7 @@ def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str
 
 
 def _of_targets(weight: Floats, score: SceneScore) -> Floats:
-    """The weights, which must be those of the targets of the scene."""
+    """``weight``; raises RolloutError unless it has one entry per target of the scene."""
     if len(weight) != len(score):
         raise RolloutError(
             f"the event weights of scene {score.scene!r} are of {len(weight)} targets, the scene has {len(score)}: "
@@ -229,7 +232,7 @@ def _of_targets(weight: Floats, score: SceneScore) -> Floats:
 
 
 def _events(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, float | None]:
-    """Expected events of a run of the reference on targets; of the paper's subsets those of plain STP, on all boxes."""
+    """Expected events of a reference run on targets; for the paper's subsets those of plain STP, on all boxes."""
     if reference is None:
         return dict.fromkeys(SUBSETS)
     counts: dict[str, float | None] = {

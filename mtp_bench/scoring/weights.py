@@ -1,7 +1,7 @@
-"""Event weights: how often the reference tracker errs at a target, frozen per env (protocol, "Event weights").
+"""Event weights: rates of errors of the reference tracker at each target, frozen per env (protocol, "Event weights").
 
-A scene is named by the first 16 hex digits of sha256("env/scene"): weights of a dataset can be published without its
-content.
+A scene is keyed by the first 16 hex digits of sha256("env/scene"), so that weights can be published without the content
+of a dataset.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ class Reference:
     definitions: str
     agent: str  # the baseline that was run
     runs: int
-    parameters: dict[str, Any]  # how the runs differ, as in the file
+    parameters: dict[str, Any]  # differences of the runs, as in the file
     scenes: dict[str, SceneWeights]  # by `scene_key`
-    frozen: bool = field(default=False, kw_only=True)  # read from the file of a shipped env; no part of the content
+    frozen: bool = field(default=False, kw_only=True)  # read from the file of a shipped env; not part of the content
 
     @cached_property
     def digest(self) -> str:
@@ -72,7 +72,7 @@ class Reference:
 
     @property
     def totals(self) -> dict[str, Any]:
-        """What a reader of the file wants to know first."""
+        """Totals over the scenes, shown at the head of the file."""
         scenes = list(self.scenes.values())
         events = np.array([scene.stp_events for scene in scenes], dtype=np.int64).reshape(-1, len(EVENTS)).sum(axis=0)
         counts = sum((scene.counts.sum(axis=0, dtype=np.int64) for scene in scenes), np.zeros(len(COUNTED), np.int64))
@@ -92,11 +92,11 @@ class Reference:
         return f"{text} on these scenes (hash {self.digest[:12]}), not the frozen ones of a ranking"
 
     def holds(self, scenes: Iterable[str]) -> bool:
-        """Whether all scenes of these names are known."""
+        """True if all scenes of these names have weights."""
         return all(scene_key(self.env, name) in self.scenes for name in scenes)
 
     def of(self, scene: str) -> SceneWeights:
-        """What is known of the scene of this name; raises DataError where it is none of this reference."""
+        """Weights of the scene of this name; raises DataError for a scene without weights."""
         key = scene_key(self.env, scene)
         if key not in self.scenes:
             raise DataError(f"no event weights of scene {scene!r} of {self.env} (key {key}): make them from this scene")
@@ -105,7 +105,7 @@ class Reference:
     def weight(self, scene: str, subset: str) -> NDArray[np.float64]:
         """Weights [n] from 0 to 1 of the targets of a scene, one of WEIGHED; those of the paper are 0 or 1.
 
-        Raises UnknownNameError for another subset and DataError for a scene that is none of this reference.
+        Raises UnknownNameError for another subset and DataError for a scene without weights.
         """
         if subset not in WEIGHED:
             raise UnknownNameError("weighted subset", subset, WEIGHED)
@@ -122,7 +122,7 @@ class Reference:
 
 
 def scene_key(env: str, scene: str) -> str:
-    """What stands for the name of a scene."""
+    """Key of a scene in a file of weights."""
     return hashlib.sha256(f"{env}/{scene}".encode()).hexdigest()[:_DIGITS]
 
 
@@ -145,6 +145,6 @@ def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:
 
 
 def header_of(reference: Reference) -> dict[str, Any]:
-    """What is said of all scenes of a reference, as in its file."""
+    """Fields of a reference for all its scenes, as in its file."""
     names = (*TEXTS, "runs", "parameters")
     return {name: getattr(reference, name) for name in names}

@@ -50,7 +50,7 @@ def frames_of(stream: str) -> list[Any]:
     return frames
 
 
-def events_of(stream: str, frag_at: Any = "current") -> Any:
+def events_of(stream: str) -> Any:
     code = {c: i for i, c in enumerate(sorted(set(stream)))}
     frame = np.array([t for t, c in enumerate(stream) if c != "."], dtype=int)
     matched, track_frame, track_id, last = [], [], [], "a"
@@ -64,7 +64,7 @@ def events_of(stream: str, frag_at: Any = "current") -> Any:
     ids = np.array(track_id, dtype=int)
     objects = history(frame, np.full(len(frame), 7))
     tracks = history(np.array(track_frame, dtype=int), ids)
-    return find_events(objects, np.array(matched, dtype=int), tracks, ids, frag_at)
+    return find_events(objects, np.array(matched, dtype=int), tracks, ids)
 
 
 @pytest.mark.parametrize(("stream", "want"), EVENTS.items(), ids=EVENTS.keys())
@@ -82,23 +82,13 @@ def test_events_name_object_and_frame() -> None:
         assert (*events.object_id, *events.frame) == want
 
 
-def test_a_loss_can_be_recorded_where_the_track_still_exists() -> None:
-    found = events_of("ab-b!", "previous")
-    assert found.lost.frame.tolist() == [1, 3]
-    assert found.wrong.tolist() == [False, True]
-    assert found.reacquired.frame.tolist() == [3]
-    with pytest.raises(ShapeError, match="frag_at is 'before', expected 'current' or 'previous'"):
-        events_of("a", "before")
-
-
-@pytest.mark.parametrize("frag_at", ["current", "previous"])
 @pytest.mark.parametrize("later", [(1, 2), (2, 1)])
-def test_a_wrong_loss_is_that_of_its_object_in_any_order_of_rows(later: tuple[int, int], frag_at: Any) -> None:
+def test_a_wrong_loss_is_that_of_its_object_in_any_order_of_rows(later: tuple[int, int]) -> None:
     # objects 1 and 2 are matched to tracks 11 and 12, then both are lost: 11 is still output, 12 is not
     objects = history(np.array([0, 0, 1, 1]), np.array([1, 2, *later]))
     ids = np.array([11, 12, 11])
     tracks = history(np.array([0, 0, 1]), ids)
-    found = find_events(objects, np.array([0, 1, -1, -1]), tracks, ids, frag_at)
+    found = find_events(objects, np.array([0, 1, -1, -1]), tracks, ids)
     assert dict(zip(found.lost.object_id.tolist(), found.wrong.tolist(), strict=True)) == {1: True, 2: False}
 
 
