@@ -25,7 +25,7 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
     integers or strings; lists or arrays, which may be empty; scenes may be interleaved. ``gate`` is inclusive. All
     numbers come from the matching of ``mode``: "frame" has no memory, "sticky" keeps the pairs of the previous frame.
     ``IDS`` and ``FRAG`` are CLEAR's, ``ids``, ``lost`` and ``reacquired`` the protocol's events; MOTP is the mean
-    distance of matched pairs, metres. MOTA is missing (None) without truth, MOTP without a match. Raises ShapeError for a
+    distance of matched pairs, metres. Undefined numbers are None. Raises ShapeError for a
     negative gate, an unknown mode, ids or positions of another shape or type, a time or a position that is not finite,
     and an id or a frame that occurs twice.
     """

@@ -149,7 +149,7 @@ class _Matching:
         return path, left_out
 
     def _shortest_path(self, new: int) -> tuple[dict[int, int], dict[int, int], int, int, int]:
-        """Distances and preceding columns of reached rows, the free row reached or -1, the unmatched column, the cost."""
+        """Distances and preceding columns of reached rows, the free row or -1, the unmatched column, the cost."""
         distance: dict[int, int] = {}
         before: dict[int, int] = {}
         done: dict[int, int] = {}
