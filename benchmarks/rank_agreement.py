@@ -46,7 +46,7 @@ Sums = dict[str, np.ndarray]  # per subset [units]
 def kendall_tau(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Kendall's tau-b [B] over the agents of each column of ``first`` and ``second`` [A, B]; 0 for constant columns."""
     found = [kendalltau(a, b).statistic for a, b in zip(first.T, second.T, strict=True)]
-    return np.nan_to_num(np.array(found))
+    return np.asarray(np.nan_to_num(np.array(found)))
 
 
 def measure(env_id: str, agent: str, options: RunOptions, reference: Reference) -> dict[str, Sums]:
