@@ -19,8 +19,7 @@ from ..running.rollout_files import load_run
 from ..running.stored import open_run
 from ..sources import open_source
 from ..types import Floats, Rollout
-from ..viz.case import Case, ObjectForecast
-from ..viz.counterpart import counterpart
+from ..viz.case import Case, ObjectForecast, counterpart
 from ..viz.drawing.report import report
 from ..viz.focus import Focus
 from ..viz.replay import Incident, Replay, replay

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..tables import Column, Table
-from . import error_rows, event_rows, part_rows
+from . import error_rows, part_rows
 from .findings import Findings
 from .relations import relation_rows
 
@@ -15,12 +15,12 @@ PAPER = "the paper's"  # group of the columns with figures of the paper
 TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 ROWS = {
     "pasts": error_rows.past_rows,
-    "frequency": event_rows.frequency_rows,
-    "distance": event_rows.distance_rows,
+    "frequency": part_rows.frequency_rows,
+    "distance": part_rows.distance_rows,
     "targeted": error_rows.targeted_rows,
     "global": error_rows.global_rows,
-    "shared": event_rows.shared_rows,
-    "frames": event_rows.frame_rows,
+    "shared": part_rows.shared_rows,
+    "frames": part_rows.frame_rows,
     "speed": error_rows.speed_rows,
     "surface": error_rows.surface_rows,
     "k_curve": error_rows.k_rows,

@@ -14,8 +14,7 @@ import numpy as np
 
 from ..geometry import rotate
 from ..types import Floats, Ints
-from .case import Case, ObjectForecast
-from .counterpart import counterpart
+from .case import Case, ObjectForecast, counterpart
 from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
 from .replay import NO_EVENT, Incident, Replay
 from .sentence import sentence

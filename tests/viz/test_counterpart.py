@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtp_bench.viz.counterpart import counterpart
+from mtp_bench.viz.case import counterpart
 from mtp_bench.viz.drawing.report import SIZE, report, stacked
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.replay import NO_EVENT, Replay, replay
