@@ -49,7 +49,7 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
     scene = evaluated(scene)
     truth, targets = scene.truth, find_targets(scene, card)
     forecasts = Forecasts.of(rollout)
-    found = candidates(scene, targets, forecasts, live_frames(scene, card), card)
+    pairs = candidates(scene, targets, forecasts, live_frames(scene, card), card)
     miss_error = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(truth, rollout, lineage.member, card)
@@ -57,10 +57,10 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
     best = lineage.best[truth.frame_of_rows]
     own = {kind: getattr(events.of(best), kind)[:, 0] for kind in KINDS}
     track = np.take_along_axis(matched, best[:, None], axis=1)[:, 0]
-    matching = match_by_confidence(found, forecasts.confidence)
+    matching = match_by_confidence(pairs, forecasts.confidence)
     return Circumstances(
         scene=scene.name,
-        centred=cuts(centred(found), matching, forecasts.confidence, miss_error),
+        centred=cuts(centred(pairs), matching, forecasts.confidence, miss_error),
         seen=_seen(scene, card)[targets.row],
         age=_ages(rollout, track)[targets.row],
         since={kind: _since(truth, rows)[targets.row] for kind, rows in own.items()},

@@ -185,8 +185,8 @@ class Case:
         if self.at.kind == "spurious" and own < 0:  # a forecast without a track stands alone
             return self.at.row if t == self.at.frame else -1
         objects = self.replay.rollout.objects.rows(t)
-        found = np.flatnonzero((self.replay.answers.object_track_id[objects] == own) & (own >= 0))
-        return objects.start + int(found[0]) if len(found) else -1
+        rows = np.flatnonzero((self.replay.answers.object_track_id[objects] == own) & (own >= 0))
+        return objects.start + int(rows[0]) if len(rows) else -1
 
 
 def _nearest(path: Floats, weight: Floats, future: Floats) -> int:

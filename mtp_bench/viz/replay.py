@@ -159,22 +159,22 @@ def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.f
     minADE of one that is not covered.
     """
     targets = find_targets(scene, card)
-    found = candidates(scene, targets, Forecasts.of(rollout), live_frames(scene, card), card)
-    grown = match_by_confidence(found, rollout.object_confidence)
-    errors, forecast = final_errors(found, grown)
+    pairs = candidates(scene, targets, Forecasts.of(rollout), live_frames(scene, card), card)
+    matching = match_by_confidence(pairs, rollout.object_confidence)
+    errors, forecast = final_errors(pairs, matching)
     worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
     table = np.full((len(scene.truth.box), 3), np.nan)
     table[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
     table[targets.row, 1] = capped_error(errors.min_ade, worst)
     table[:, 2] = np.append(rollout.object_confidence, np.nan)[forecast]
-    return table, forecast, grown.false
+    return table, forecast, matching.false
 
 
 def _identity_incidents(run: Replay) -> list[Incident]:
     """Switches, losses and re-acquisitions."""
-    truth, rollout, found, worth = run.scene.truth, run.rollout, run.answers.hypotheses, run.worth
+    truth, rollout, hypotheses, worth = run.scene.truth, run.rollout, run.answers.hypotheses, run.worth
     frame = truth.frame_of_rows
-    events = lineage_events(truth, rollout, found, run.matched).of(found.best[frame])
+    events = lineage_events(truth, rollout, hypotheses, run.matched).of(hypotheses.best[frame])
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
     error_before = np.append(worth[:, 1], np.nan)[object_history(truth).previous()]
     return [
@@ -205,19 +205,19 @@ def _runs(run: Replay) -> list[Incident]:
     frame, track_id = rollout.objects.frame_of_rows, run.answers.object_track_id
     row = np.flatnonzero(run.forecast_false)
     row = row[np.lexsort((frame[row], track_id[row], rollout.object_class[row]))]
-    kind, who, when = rollout.object_class[row], track_id[row], frame[row]
-    goes_on = (np.diff(kind) == 0) & (np.diff(who) == 0) & (np.diff(when) == 1) & (who[1:] >= 0)
-    first = np.flatnonzero(np.append(True, ~goes_on)[: len(row)])
+    classes, tracks, frames = rollout.object_class[row], track_id[row], frame[row]
+    continues = (np.diff(classes) == 0) & (np.diff(tracks) == 0) & (np.diff(frames) == 1) & (tracks[1:] >= 0)
+    first = np.flatnonzero(np.append(True, ~continues)[: len(row)])
     last = np.append(first[1:], len(row))[: len(first)] - 1
     return [
         Incident(
             kind="spurious",
-            frame=int(when[i]),
-            until=int(when[j]),
+            frame=int(frames[i]),
+            until=int(frames[j]),
             row=int(row[i]),
-            class_id=int(kind[i]),
+            class_id=int(classes[i]),
             position=_position(rollout.object_box[row[i]]),
-            new_id=int(who[i]),
+            new_id=int(tracks[i]),
             confidence=float(rollout.object_confidence[row[i : j + 1]].max()),
         )
         for i, j in zip(first, last, strict=True)

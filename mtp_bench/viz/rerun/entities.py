@@ -124,9 +124,9 @@ def log_scene(log: Log, scene: Scene, card: Card, false: Bools | None = None, tr
         log.boxes("world/gt", truth.start, truth.box, colors, ids, radius=2 * EDGE)
         start, point = true_futures(truth, card.task.future)
         log.strips("world/gt_future", start, point, _all(TRUTH, len(point)), FUTURE)
-    found = scene.detections
-    false = np.zeros(len(found.box), dtype=bool) if false is None else false
-    log.boxes("world/det", found.start, found.box, _either(false, FALSE, DETECTION))
+    detections = scene.detections
+    false = np.zeros(len(detections.box), dtype=bool) if false is None else false
+    log.boxes("world/det", detections.start, detections.box, _either(false, FALSE, DETECTION))
 
 
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:

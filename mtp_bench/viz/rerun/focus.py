@@ -151,12 +151,12 @@ def log_camera(recording: rr.RecordingStream, focus: Focus) -> None:
     frames = _frames(focus)
     photos = [None if t is None else photo_of(focus, t) for t in frames]
     blobs = [None if photo is None else _jpeg(photo) for photo in photos]
-    found = [blob for blob in blobs if blob is not None]
-    if not found:
+    readable = [blob for blob in blobs if blob is not None]
+    if not readable:
         return
     log = _log_at(recording, focus, frames)
     count = [int(blob is not None) for blob in blobs]
-    images = rr.EncodedImage.columns(blob=found, media_type=["image/jpeg"] * len(found)).partition(count)
+    images = rr.EncodedImage.columns(blob=readable, media_type=["image/jpeg"] * len(readable)).partition(count)
     log.columns("focus/camera", rr.EncodedImage.from_fields(draw_order=-1.0), images)
     rows = [
         [(role, line) for role, edges in ([] if photo is None else photo.edges) for line in edges] for photo in photos

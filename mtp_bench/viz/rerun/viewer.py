@@ -61,7 +61,7 @@ def open_viewer(otherwise: str = OTHERWISE) -> str:
     """
     require_display(otherwise)
     port = free_port()
-    start_viewer(port, ["--expect-data-soon", "--hide-welcome-screen"], apart=True)
+    start_viewer(port, ["--expect-data-soon", "--hide-welcome-screen"], detached=True)
     return address_of(port)
 
 
@@ -92,11 +92,11 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def start_viewer(port: int, options: Sequence[str], apart: bool = False) -> subprocess.Popen[bytes]:
-    """A viewer that listens; ``apart``: it stays when this process ends. Raises MtpBenchError if none starts."""
+def start_viewer(port: int, options: Sequence[str], detached: bool = False) -> subprocess.Popen[bytes]:
+    """A viewer that listens; ``detached``: it stays when this process ends. Raises MtpBenchError if none starts."""
     quiet = subprocess.DEVNULL
     command = [viewer_program(), "--bind", LOCAL, "--port", str(port), *options]
-    viewer = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=apart)
+    viewer = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=detached)
 
     def listens() -> None:
         if viewer.poll() is not None:
