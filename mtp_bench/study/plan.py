@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,6 +10,7 @@ from .._bundle import baseline_names
 from ..cards import Card
 from ..errors import MtpBenchError
 from ..networks import network_files
+from ..records.canonical import digest_of
 from ..running.compare import PARAMETER, control_names, threshold_agents
 from ..running.settings import Setting, all_settings, setting_of
 from ..scoring.rows import Budget
@@ -80,13 +79,7 @@ class StudyPlan:
 
 def key_of(setting: Setting) -> str:
     """Digest of what a setting runs: settings with equal keys are the same run."""
-    content = {
-        "submission": setting.submission.digest,
-        "parameters": setting.parameters,
-        "samples": setting.samples,
-        "observe": setting.observe,
-    }
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+    return digest_of([setting.submission.digest, setting.parameters, setting.samples, setting.observe])
 
 
 def unique(settings: Iterable[Setting]) -> list[Setting]:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..agent import Agent
 from ..cards import Card
+from ..cards.own import scenes_digest
 from ..env.environment import MTPEnv
 from ..errors import RolloutError
 from ..files import file_digest
 from ..networks import network_files
 from ..parallel import Progress, parallel_map
+from ..records.canonical import digest_of
 from ..running.options import RunOptions
 from ..running.perturbation import MatchedDetections, matched_detections
 from ..running.reference import ranked_scenes
@@ -77,24 +76,13 @@ def open_bench(env_id: str | Card, folder: Path, options: RunOptions) -> Bench:
     scenes = options.chosen(ranked_scenes(env.card, env.scene_names))
     calls = [(env.card, options.data, name) for name in scenes]
     read = parallel_map(_read, calls, options.workers, lambda i: options.progress.done(scenes[i]))
-    content = hashlib.sha256("\n".join([env.card.digest, *(digest for digest, _ in read)]).encode()).hexdigest()
+    content = digest_of([env.card.digest, *(digest for digest, _ in read)])
     return Bench(env_id, env.card, scenes, content, tuple(matched for _, matched in read), folder, options)
 
 
 def _read(card: Card, data: str | None, name: str) -> tuple[str, MatchedDetections]:
     scene = open_source(card, data).load(name)
-    return scene_digest(scene), matched_detections(scene, card)
-
-
-def scene_digest(scene: Scene) -> str:
-    """Hex sha256 of the name, detections, ego poses, times and truth of a scene."""
-    sha = hashlib.sha256(scene.name.encode())
-    for table in (scene, scene.truth, scene.detections):
-        for name, value in sorted(vars(table).items()):
-            if isinstance(value, np.ndarray):
-                sha.update(f"|{name}{value.shape}{value.dtype}".encode())
-                sha.update(np.ascontiguousarray(value).tobytes())
-    return sha.hexdigest()
+    return scenes_digest([scene]), matched_detections(scene, card)
 
 
 def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable[[str], object]) -> Measured:
@@ -161,7 +149,7 @@ def _folder_name(bench: Bench, setting: Setting, seed: int) -> str:
     files = network_files(setting.submission.networks, bench.card.id, bench.card.weights_of)
     files = [*files, *(_track_files(bench.options) if setting.observe == "tracks" else [])]
     parts = [bench.content, key_of(setting), str(seed), *map(file_digest, files), library_digest()]
-    digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]
+    digest = digest_of(parts)[:12]
     shown = "-truth" if setting.ideal else f"-H{setting.hypotheses}" if setting.hypotheses else ""
     return f"{setting.submission.name}{shown}-k{setting.samples}-seed{seed}-{digest}"
 
@@ -175,10 +163,7 @@ def _track_files(options: RunOptions) -> list[Path]:
 @cache
 def library_digest() -> str:
     """Hex sha256 of the code and fitted files of this library that decide what agents see and answer."""
-    sha = hashlib.sha256()
-    for name in library_files():
-        sha.update(f"{name}|{file_digest(_LIBRARY / name)}\n".encode())
-    return sha.hexdigest()
+    return digest_of({name: file_digest(_LIBRARY / name) for name in library_files()})
 
 
 def library_files() -> list[str]:
