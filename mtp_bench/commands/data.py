@@ -32,7 +32,7 @@ def data(
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
     cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
     statuses = {}
-    with progress_bar("look at") as progress:
+    with progress_bar("check data") as progress:
         progress.started(len(cards))
         for card in cards:
             statuses[card.id] = read_status(card, root)
@@ -41,4 +41,4 @@ def data(
     show(data_report(statuses))
     lacking = [env_id for env_id, status in statuses.items() if status.problems or (env and not status.usable)]
     if lacking:
-        raise MtpBenchError(f"data is missing or broken for {', '.join(lacking)}: the listing says what and why")
+        raise MtpBenchError(f"data is missing or broken for {', '.join(lacking)}; see the listing above")
