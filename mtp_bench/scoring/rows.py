@@ -48,8 +48,8 @@ class Row(AgentSetting):
     minFDE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815
     error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the rank.")]
     interval: IntervalColumn
-    localisation: Annotated[ErrorPart, Column(help="ErrorPart of bADE from targets with a forecast.")]
-    missed: Annotated[ErrorPart, Column(help="ErrorPart of bADE from targets without a forecast.")]
+    localisation: Annotated[ErrorPart, Column(help="Part of bADE from targets with a forecast.")]
+    missed: Annotated[ErrorPart, Column(help="Part of bADE from targets without a forecast.")]
     error_by_score: Annotated[ErrorPart, Column(help="bADE with the score of the nearest detection as the confidence.")]
     plain_error: Annotated[ErrorPart, Column(help="Error with every forecast kept.")]
     fixed_error: Annotated[

@@ -172,23 +172,17 @@ _COLUMNS = (
 
 def _record(row: EventRow) -> dict[str, Any]:
     event = row.incident
+    same = ("frame", "until", "kind", "wrong", "minADE", "error", "error_before", "confidence")
     return {
         "scene": row.scene,
-        "frame": event.frame,
-        "until": event.until,
         "time": row.seconds,
         "event": event.name,
-        "kind": event.kind,
-        "object": _known(event.object_id),
         "class": row.class_name,
+        "object": _known(event.object_id),
         "old_id": _known(event.old_id),
         "new_id": _known(event.new_id),
         "position": list(event.position),
-        "wrong": event.wrong,
-        "minADE": event.minADE,
-        "error": event.error,
-        "error_before": event.error_before,
-        "confidence": event.confidence,
+        **{name: getattr(event, name) for name in same},
         "view": row.view,
     }
 

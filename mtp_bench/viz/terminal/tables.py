@@ -47,7 +47,6 @@ class MainRow:
 
 
 IN_PAPER = "  in the paper"
-_main_row: Callable[..., MainRow] = MainRow
 
 
 @dataclass(frozen=True)
@@ -65,16 +64,16 @@ class AgentLine:
 
 def main_table(report: Report) -> Table:
     """Errors as in the paper, and bADE with ranks; the paper's numbers below those that they are comparable with."""
-    env = shipped_env(report)
-    blocks = blocks_of(report)
+    env, blocks = shipped_env(report), blocks_of(report)
     rows = []
     for block in [each for each in blocks if each["all"].budget == "equal"] or blocks:
         first, ids = block["all"], block["ids"]
-        displacements = [f"{short(block[subset].minADE)}/{short(block[subset].minFDE)}" for subset in PAPER_SUBSETS]
+        of_all, of_ids, of_frag = (_displacements(block[subset]) for subset in PAPER_SUBSETS)
         ranked = first.coverage, first.error, first.rank, ids.error, ids.rank
-        rows.append(_main_row(first.agent, first.hypotheses, *displacements, *ranked))
+        rows.append(MainRow(first.agent, first.hypotheses, of_all, of_ids, of_frag, *ranked))
         if figures := paper_figures(env, first):
-            rows.append(_main_row(IN_PAPER, None, *(_of_paper(figures, name) for name in PAPER_SUBSETS.values())))
+            of_all, of_ids, of_frag = (_of_paper(figures, name) for name in PAPER_SUBSETS.values())
+            rows.append(MainRow(IN_PAPER, None, of_all, of_ids, of_frag))
     title = f"{report.env}{'' if env else ', changed'}: m, less is better"
     return Table("main", title, "", rows, columns_of(MainRow))
 
@@ -102,7 +101,7 @@ def full_tables(report: Report) -> Iterator[Table]:
         for part in (_on(known["error"], subset, subset), _on(known["interval"], subset))
     ]
     yield _lines_table("Error on events (bADE in m; below: 95 % interval)", lines, ends)
-    pairs = [_text(subset, _displacements(subset)) for subset in _EVENTS]
+    pairs = [Column(subset, "m", key=subset, read=_displacements_on(subset)) for subset in _EVENTS]
     yield _lines_table("minADE/minFDE on events (m, of targets with a forecast)", lines, pairs)
     if report.paired:
         shown = [row for row in report.paired if row.error is not None and row.subset in ("all", *RANKED_SUBSETS)]
@@ -221,12 +220,12 @@ def _number(heading: str, read: Callable[[AgentLine], Value]) -> Column:
     return Column(heading, key=heading.replace("\n", " "), read=read)
 
 
-def _text(heading: str, read: Callable[[AgentLine], str]) -> Column:
-    return Column(heading, "m", key=heading, read=read)
+def _displacements(row: Row) -> str | None:
+    return f"{short(row.minADE)}/{short(row.minFDE)}"
 
 
-def _displacements(subset: Subset) -> Callable[[AgentLine], str]:
-    return lambda line: f"{short(line.rows[subset].minADE)}/{short(line.rows[subset].minFDE)}"
+def _displacements_on(subset: Subset) -> Callable[[AgentLine], str | None]:
+    return lambda line: _displacements(line.rows[subset])
 
 
 def _tracking_columns() -> list[Column]:
