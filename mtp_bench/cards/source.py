@@ -72,7 +72,7 @@ class SourceSection(Section):
 
 
 class FilesSource(SourceSection):
-    """Own scenes: a folder of NPZ files and of tables in sub-folders (``docs/data/own.md``), or `Scene` objects."""
+    """Own scenes: tables in sub-folders of a folder (``docs/data/own.md``), or `Scene` objects."""
 
     splits = ("all", "train", "val", "test")
 

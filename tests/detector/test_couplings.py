@@ -87,7 +87,7 @@ def test_errors_have_tails_that_last() -> None:
     assert np.quantile(change, 0.95) / np.median(change) > 3.5  # 2.9 of normal numbers
 
 
-def test_the_floor_drops_only_what_is_skewed_cdf() -> None:
+def test_the_floor_drops_lower_scores_alone() -> None:
     truth = cars(60, 30, 5.0)
     parts = {"quality": LASTING, "radial": {**ERROR, **LASTING}, "free": FREE, "near": NEAR}
     raw = detect(truth, profile_of(**parts))

@@ -112,14 +112,6 @@ def test_only_what_the_sensor_covers_counts() -> None:
     assert (figures.boxes, figures.recall, figures.false_positives) == (1, 1.0, 1.0)
 
 
-def test_a_perfect_detector_has_no_error_to_correlate() -> None:
-    places: list[ROW] = [(10.0, 0.0), (20.0, 5.0)]
-    figures = of_car(truth(*[places] * 5), detections(*[places] * 5))
-    assert (figures.recall, figures.gaps, figures.gap_length) == (1.0, 0, None)
-    assert figures.radial_autocorrelation is None
-    assert figures.radial_scale == 0.0
-
-
 def test_objects_of_different_scenes_are_different_ones() -> None:
     first, second = pattern("+--"), pattern("--+")
     figures = detector_statistics([first, second], CLASSES, AHEAD)["car"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -156,12 +155,6 @@ def test_a_mistake_in_a_file_of_detections(text: KittiText, tmp_path: Path) -> N
     write(tmp_path / "det" / "0003.txt", RESULTS[0].replace("0 4", "99999999 4", 1))
     with pytest.raises(DataError, match="the last frame of 0003 is 99999999, expected 0 to 999999"):
         only(text)
-
-
-def test_labels_with_a_name_that_is_no_text(text: KittiText, tmp_path: Path, cli: CommandLine) -> None:
-    write(text.labels / os.fsdecode(b"caf\xe9.txt"), *LABELS)
-    said = cli("import", "kitti", "--labels", text.labels, "-o", tmp_path / "own").error
-    assert said.startswith(r"the name of a scene is 'caf\udce9', expected a text of 1 to 200 characters")
 
 
 @pytest.mark.data

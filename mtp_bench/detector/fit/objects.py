@@ -136,7 +136,7 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
     """Shares of the variance over up to 16 frames; all white without enough pairs.
 
     The tail factors last, so an object's errors are normal with a scale of its own: the median change over the median
-    error is ``sqrt(2 - 2 correlation)``, whatever the scales.
+    error is ``sqrt(2 - 2 correlation)`` for all scales.
     """
     lags, correlation, weight = [], [], []
     for lag in _LAGS:

@@ -131,10 +131,9 @@ def pack(world: World) -> Arrays:
     arrays |= {"time": world.time, "ego": world.ego, "visible": world.visible}
     arrays["rejected"] = np.array(world.rejected, dtype=np.str_)
     for name in _BORDERS:
-        parts = [getattr(lane, name) for lane in world.lanes]
-        arrays[f"lane_{name}"], arrays[f"lane_{name}_start"] = _joined(parts, (0, 2))
+        arrays[f"lane_{name}"], arrays[f"lane_{name}_start"] = _joined([getattr(lane, name) for lane in world.lanes])
     following = [np.array(lane.following, dtype=np.int64) for lane in world.lanes]
-    arrays["lane_following"], arrays["lane_following_start"] = _joined(following, (0,))
+    arrays["lane_following"], arrays["lane_following_start"] = _joined(following)
     return arrays
 
 
@@ -155,10 +154,9 @@ def unpack(arrays: Arrays) -> World:
     )
 
 
-def _joined(parts: list[Any], empty: tuple[int, ...]) -> tuple[NDArray[Any], Ints]:
+def _joined(parts: list[Any]) -> tuple[NDArray[Any], Ints]:
     """All parts in one array, and the start of each."""
-    start = np.cumsum([0, *(len(part) for part in parts)])
-    return np.concatenate(parts) if parts else np.zeros(empty), start
+    return np.concatenate(parts), np.cumsum([0, *(len(part) for part in parts)])
 
 
 def _parts(joined: NDArray[Any], start: Ints) -> list[Floats]:
