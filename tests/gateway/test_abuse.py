@@ -8,6 +8,7 @@ import py_compile
 import re
 import tempfile
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +22,16 @@ from mtp_bench.parallel import Progress, Workers
 from tests.support.hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
 
 pytestmark = pytest.mark.usefixtures("light_fork_servers")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def agents(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Folder of the unsandboxed processes of these tests; it is in the environment of all, by which they are found."""
+    folder = tmp_path_factory.mktemp("agents")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tempfile, "tempdir", str(folder))
+        patch.setenv("LD_LIBRARY_PATH", str(folder))
+        yield folder
 
 
 def at_frame_two(what: str) -> str:
@@ -74,12 +85,12 @@ REACHES = {"its group": "os.kill(0, 9)", "everybody": "os.kill(-1 if os.getpid()
 
 
 @pytest.mark.parametrize("what", REACHES.values(), ids=REACHES)
-def test_an_agent_that_kills_reaches_at_most_itself(court: Court, what: str) -> None:
+def test_an_agent_that_kills_reaches_at_most_itself(court: Court, agents: Path, what: str) -> None:
     undying = "ctypes.CDLL(None).prctl(1, 0, 0, 0, 0)"
     run = court.run(at_frame_two(f"{undying}; {what}"))
     assert run.status in ("finished", "crashed")
     assert court.error(run.rollout) >= court.error(court.honest())
-    assert left_over(str(court.folder)) == []
+    assert left_over(agents) == []
 
 
 FORKS = {
@@ -90,11 +101,11 @@ FORKS = {
 
 
 @pytest.mark.parametrize("what", FORKS.values(), ids=FORKS)
-def test_processes_that_an_agent_starts_end_with_it(court: Court, what: str) -> None:
+def test_processes_that_an_agent_starts_end_with_it(court: Court, agents: Path, what: str) -> None:
     run = court.run(at_frame_two(what))
     assert run.status == "rejected"
     assert re.search("other processes|processes held", run.reason), run.reason  # many forks map much, too
-    assert left_over(str(court.folder)) == []
+    assert left_over(agents) == []
 
 
 HOARDS = {  # on a busy machine the memory of the processes that start is seen before their number
@@ -107,19 +118,21 @@ HOARDS = {  # on a busy machine the memory of the processes that start is seen b
 
 
 @pytest.mark.parametrize(("what", "text"), HOARDS.values(), ids=HOARDS)
-def test_processes_that_take_the_machine_end_before_the_answer_is_due(court: Court, what: str, text: str) -> None:
+def test_processes_that_take_the_machine_end_before_the_answer_is_due(
+    court: Court, agents: Path, what: str, text: str
+) -> None:
     run = court.run(at_frame_two(f"{what}; time.sleep(4711)"), replace(QUICK, frame=50.0, memory=2 << 30))
     assert (run.status, run.late) == ("rejected", 0)
     assert re.search(text, run.reason), run.reason
-    assert left_over(str(court.folder)) == []
+    assert left_over(agents) == []
 
 
-def left_over(folder: str) -> list[str]:
-    """Processes of agents of this court that are still there: they are told its folder as one of libraries."""
+def left_over(agents: Path) -> list[str]:
+    """Processes of agents that are still running: the folder is in their environment."""
     found = []
     for entry in Path("/proc").iterdir():
         try:
-            if entry.name.isdigit() and f"{folder}/agents".encode() in (entry / "environ").read_bytes():
+            if entry.name.isdigit() and bytes(agents) in (entry / "environ").read_bytes():
                 found.append(entry.name)
         except OSError:
             continue
@@ -133,10 +146,10 @@ def server_processes() -> list[int]:
     return [pid for outer in started for pid in (outer, *children(outer))]
 
 
-def test_processes_of_agents_can_be_found(court: Court) -> None:
+def test_processes_of_agents_can_be_found(court: Court, agents: Path) -> None:
     """Else there would never be any left over."""
     seen: list[str] = []
-    watcher = threading.Timer(0.3, lambda: seen.extend(left_over(str(court.folder))))
+    watcher = threading.Timer(0.3, lambda: seen.extend(left_over(agents)))
     watcher.start()
     court.run(at_frame_two("time.sleep(1)"))
     watcher.join()
@@ -164,16 +177,6 @@ def act(self, observation):
     assert written <= self.given["disk"], f"wrote {written} bytes"
     return self.honest(observation)
 """
-
-
-@pytest.fixture(autouse=True)
-def agents(court: Court, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the processes of this test have their folders."""
-    folder = court.folder / "agents"
-    folder.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(folder))
-    monkeypatch.setenv("LD_LIBRARY_PATH", str(folder))
-    return folder
 
 
 def test_the_disk_does_not_fill(court: Court, agents: Path) -> None:
