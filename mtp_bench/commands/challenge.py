@@ -16,8 +16,8 @@ from .options import DataOption, JsonOption, ScenesOption, SplitOption
 from .output import prepare, require_writable, working, write_json
 
 MEANING = (
-    "mean over the targets in the file, as the devkit has it; where the file is of true pasts, these numbers do not "
-    "compare with errors of `mtp-bench score`. OffRoadRate needs the map and is left out"
+    "mean over the targets in the file, as in the devkit. Numbers from ground-truth tracks are not comparable with errors "
+    "of `mtp-bench score`. OffRoadRate needs the map and is left out"
 )
 
 
@@ -43,7 +43,7 @@ def challenge(
     missing = score.targets - score.predicted
     show(
         f"{score.predicted} of {counted(score.targets, 'target')} predicted, {missing} missing; "
-        f"{counted(score.elsewhere, 'prediction')} of none of them"
+        f"{counted(score.elsewhere, 'prediction')} of other objects"
     )
     show(MEANING)
 

@@ -19,13 +19,13 @@ def seal(
         typer.Option("-o", "--output", help="File of the secret, beside its commitment. With --retire: folder."),
     ] = None,
     retire: Annotated[
-        Path | None, typer.Option(help="Publish this secret in the folder of seals: it ranks nobody new any more.")
+        Path | None, typer.Option(help="Publish this secret in the folder of seals: it ranks no further submission.")
     ] = None,
 ) -> None:
     """Draw secret scenes of a simulated environment and commit to them, or publish a secret (maintainers)."""
     if retire is not None:
         if env is not None or scenes is not None:
-            raise typer.BadParameter("publishes what was drawn: no --env, no --count", param_hint="--retire")
+            raise typer.BadParameter("publishes a secret: leave --env and --count out", param_hint="--retire")
         _retire(retire, output)
         return
     if env is None or scenes is None or output is None:
@@ -45,7 +45,7 @@ def _draw(env: str, scenes: int, output: Path) -> None:
         f"leaderboard/seals, sha256 {promise.commitment}"
     )
     if scenes < LEAST_HIDDEN:
-        show(f"for trials alone: {counted(scenes, 'scene')} rank nobody, ranks need {LEAST_HIDDEN}")
+        show(f"for trials alone: {counted(scenes, 'scene')} are too few to rank, ranks need {LEAST_HIDDEN}")
     show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {shlex.quote(str(output))}` runs them")
 
 

@@ -162,7 +162,7 @@ def _submit_all(
     show_numbers(summary_table(lines))
     show(last_line(lines))
     if all(line.outcome == "not here" for line in lines):
-        raise RecordError(f"none of them can be made here, the first: {lines[0].note}")
+        raise RecordError(f"no record can be made here, the first: {lines[0].note}")
     failed = [
         f"{line.piece.submission.name} on {line.piece.env}: {line.note}" for line in lines if line.outcome == "failed"
     ]

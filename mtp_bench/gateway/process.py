@@ -92,7 +92,10 @@ class AgentProcess:
         else:
             try:
                 self._fork(server, undo)
-            except (ForkServerError, OSError):  # once: the server may have been ended with its machine's memory
+            except (
+                ForkServerError,
+                OSError,
+            ):  # once more: the system may have ended the server, such as for lack of memory
                 self._fork(server_for(self._spec.layout), undo)
         self._channel = Channel(self._orders, self._answers, self._log, self._most_bytes)
 

@@ -51,7 +51,7 @@ class _Entrant(Checked):
 
     @cached_property  # it reads the submission of that name
     def baseline(self) -> str:
-        """Its name if it is what it is named; empty for another submission under the name of a baseline."""
+        """Name of the submission; empty for another submission under the name of a baseline."""
         return "" if why_not_genuine(self.record) else self.record.submission.name
 
 

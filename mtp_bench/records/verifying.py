@@ -271,7 +271,9 @@ def _run_again(
     now = isolation(runs)
     late = unanswered(runs).late
     if late and plan.options.workers.count > 1:
-        raise RecordError(f"{path}: {late} of its answers came late here, so nothing is shown: check it with --jobs 1")
+        raise RecordError(
+            f"{path}: {late} of its answers came late here, so the run confirms nothing: check it with --jobs 1"
+        )
     changed = tuple(_differences_on_rerun(record, plan, runs, limits))
     if changed:
         return Verification(path, record, "scored", changed, isolation=now)

@@ -115,7 +115,7 @@ def test_a_submission_on_hidden_scenes(
     secret = tmp_path / "s.json"
     said = cli.ok("maintain", "seal", "--env", short, "--count", SCENES, "-o", secret)
     assert f"publish this commitment to {SCENES} hidden scenes of MTP-Merge-v0 in leaderboard/seals, sha256 " in said
-    assert f"for trials alone: {SCENES} scenes rank nobody, ranks need 50" in said
+    assert f"for trials alone: {SCENES} scenes are too few to rank, ranks need 50" in said
     shutil.copy(tmp_path / "s.commitment.json", leaderboard / "seals")
     made = submit("stp", short, RunOptions(seeds=(0,)), tmp_path / "stp")
     if not made.isolation.sandboxed:
