@@ -16,8 +16,8 @@ from .options import DataOption, JsonOption, ScenesOption, SplitOption
 from .output import prepare, require_writable, working, write_json
 
 MEANING = (
-    "mean over the targets in the file, as in the devkit. Numbers from ground-truth tracks are not comparable with errors "
-    "of `mtp-bench score`. OffRoadRate needs the map and is left out"
+    "mean over the targets in the file, as in the devkit. Numbers from ground-truth tracks are not comparable with "
+    "errors of `mtp-bench score`. OffRoadRate needs the map and is left out"
 )
 
 
