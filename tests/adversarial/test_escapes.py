@@ -290,6 +290,93 @@ TRICKS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
+MEMORY = """
+kinds = {"Scene", "Truth", "MTPEnv", "_Episode", "Targets"}
+found = [type(thing).__name__ for thing in gc.get_objects() if type(thing).__name__ in kinds]
+frame = sys._getframe()
+while frame:
+    found += [name for name, value in frame.f_locals.items() if type(value).__name__ in kinds]
+    frame = frame.f_back
+assert not found, f"read the truth: {found}"
+"""
+JUDGE = """
+judge = f"/proc/{self.given['judge']}"
+for read in (lambda: open(judge + "/mem", "rb"), lambda: open(judge + "/environ", "rb").read(1),
+             lambda: os.readlink(judge + "/cwd"), lambda: os.readlink(judge + "/fd/0"),
+             lambda: open(judge + "/maps").read(1)):
+    try:
+        read()
+    except OSError:
+        continue
+    raise AssertionError("read the judge's memory")
+libc = ctypes.CDLL(None, use_errno=True)
+assert libc.ptrace(16, self.given["judge"], None, None) != 0, "traces the judge"
+"""
+ENVIRONMENT = """
+words = [*os.environ, *os.environ.values(), *sys.argv, os.getcwd(), *os.listdir()]
+words = [word for word in words if word != "MTP_BENCH_WEIGHTS"]  # of networks: they may be read
+known = [word for word in words if "MTP_BENCH" in word or self.given["data"] in word or word == "PATH"]
+assert not known, f"knows {known}"
+for name in os.listdir("/proc/self/fd"):
+    try:
+        target = os.readlink(f"/proc/self/fd/{name}")
+    except FileNotFoundError:
+        continue
+    assert target.startswith(("pipe:", "/dev/null", "/proc/")), f"holds {target}"
+"""
+FILES = """
+data = Path(self.given["data"])
+assert not data.exists() or not any(data.rglob("*")), "read the data"
+assert Path.cwd() == Path("/scratch"), Path.cwd()
+given = self.given["submission"], self.given["cache"]
+for folder in (data, *given, "/", "/submission", "/networks", "/dev", "/usr"):
+    try:
+        Path(folder, "left").write_text("by an agent")
+    except OSError:
+        continue
+    raise AssertionError(f"wrote into {folder}")
+Path("mine").write_text("allowed")
+for call in ("umount", "umount2"):
+    assert getattr(ctypes.CDLL(None), call)(os.fsencode(data), 0) != 0, "uncovered the data"
+"""
+SIGNALS = """
+try:
+    os.kill(self.given["judge"], 0)
+except OSError:
+    pass
+else:
+    raise AssertionError("reaches the judge")
+"""
+INTERNET = """
+try:
+    socket.create_connection(("127.0.0.1", self.given["port"]))
+except OSError:
+    pass
+else:
+    raise AssertionError("reached the network")
+"""
+READS = {
+    "its own memory": MEMORY, "the judge's memory": JUDGE, "its environment": ENVIRONMENT, "files": FILES,
+    "signals": SIGNALS,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", READS)
+def test_it_finds_no_truth(
+    sandboxed: None, court: Court, name: str, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MTP_BENCH_DATA", court.data)
+    (cache / "kernels-kept").mkdir(exist_ok=True)
+    given = {"judge": os.getpid(), "data": court.data, "submission": str(court.shared)}
+    expect_no_gain(court, court.run(act(READS[name]), cache=str(cache / "kernels-kept"), **given))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root reads all memory")
+def test_the_judges_memory_is_closed_without_a_sandbox(loose: None, court: Court) -> None:
+    found = court.run(act(JUDGE), judge=os.getpid())
+    assert (found.status, found.reason) == ("finished", "")
+
+
 @pytest.mark.parametrize("name", TRICKS)
 def test_it_gets_nowhere(sandboxed: None, court: Court, name: str) -> None:
     code, given = TRICKS[name]
@@ -332,6 +419,8 @@ def test_no_socket_and_no_fifo_leads_out(sandboxed: None, court: Court) -> None:
             listener.listen()
         expect_no_gain(court, court.run(act(SOCKETS), sockets=[place, abstract]))
         expect_no_gain(court, court.run(act(FIFO), fifo=fifo))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        expect_no_gain(court, court.run(act(INTERNET), port=server.getsockname()[1]))
     os.close(reader)
 
 
