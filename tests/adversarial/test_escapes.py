@@ -367,7 +367,7 @@ def test_it_finds_no_truth(
 ) -> None:
     monkeypatch.setenv("MTP_BENCH_DATA", court.data)
     (cache / "kernels-kept").mkdir(exist_ok=True)
-    given = {"judge": os.getpid(), "data": court.data, "submission": str(court.shared)}
+    given: dict[str, Any] = {"judge": os.getpid(), "data": court.data, "submission": str(court.shared)}
     expect_no_gain(court, court.run(act(READS[name]), cache=str(cache / "kernels-kept"), **given))
 
 
