@@ -26,7 +26,10 @@ ON_SCORED = "trained on scored scenes"  # ends the notes of `Submission.note_on`
 
 
 class Submission(Manifest):
-    """The manifest of a submission and its folder; the code is imported when an agent is built."""
+    """A submission: its folder and its manifest, whose keys are fields such as ``name`` and ``parameters``.
+
+    ``baselines/README.md`` explains the keys. The code is imported when an agent is built.
+    """
 
     path: Path  # absolute
 

@@ -75,6 +75,11 @@ def no_object(change: Break, said: str, counted: int = 2) -> Case:
     return Case(change, said, objects=0, counted=(0, 0, counted))
 
 
+def no_hypothesis(change: Break, said: str, counted: int) -> Case:
+    return Case(change, said, (), hypotheses=0, counted=(0, counted, 0))
+
+
+TURNED = np.ones((5, 3), dtype=bool)
 FAR, BROKEN = "forecast: too far", "hypothesis_log_weight: NaN or +inf"
 UNUSED = "track_valid: in no hypothesis, so unused"
 CASES: dict[str, Case] = {
@@ -102,20 +107,9 @@ CASES: dict[str, Case] = {
     "hypothesis absent, -inf": hypothesis(-np.inf),
     "hypothesis absent, -2e30": hypothesis(-2e30),
     "no hypothesis": Case(put("hypothesis_log_weight", slice(None), -np.inf), UNUSED, (), hypotheses=0),
-    "members missing": Case(
-        drop("hypothesis_member"), "hypothesis_member: is missing", (), hypotheses=0, counted=(0, 2, 0)
-    ),
-    "members of another shape and type": Case(
-        swap("hypothesis_member", np.ones((5, 3), dtype=bool)),
-        "hypothesis_member: has shape (5, 3)",
-        (),
-        2,
-        0,
-        (0, 2, 0),
-    ),
-    "hypothesis weights missing": Case(
-        drop("hypothesis_log_weight"), "hypothesis_log_weight: is missing", (), 2, 0, (0, 3, 0)
-    ),
+    "members missing": no_hypothesis(drop("hypothesis_member"), "hypothesis_member: is missing", 2),
+    "members of another shape": no_hypothesis(swap("hypothesis_member", TURNED), "hypothesis_member: has shape", 2),
+    "hypothesis weights missing": no_hypothesis(drop("hypothesis_log_weight"), "hypothesis_log_weight: is missing", 3),
     "track mask missing": no_track(drop("track_valid"), "track_valid: is missing", 5),
     "track boxes missing": no_track(drop("track_box"), "track_box: is missing"),
     "track boxes of another shape": no_track(swap("track_box", np.ones((5, 8))), "track_box: has shape (5, 8)"),
@@ -141,13 +135,9 @@ CASES: dict[str, Case] = {
     "confidence above 1": thing(put("object_confidence", 0, 1.001), "object_confidence: not a probability"),
     "confidence 0 and 1": Case(put("object_confidence", slice(0, 2), [0, 1])),
     "no confidence": Case(drop("object_confidence")),
-    "confidences of another shape": no_object(
-        swap("object_confidence", np.ones(5)), "object_confidence: has shape (5,)"
-    ),
+    "confidences of another shape": no_object(swap("object_confidence", np.ones(5)), "object_confidence: has shape"),
     "no parents": Case(drop("hypothesis_parent")),
-    "parents of floats": Case(
-        cast("hypothesis_parent", float), "hypothesis_parent: has dtype float64", (), hypotheses=0, counted=(0, 2, 0)
-    ),
+    "parents of floats": no_hypothesis(cast("hypothesis_parent", float), "hypothesis_parent: has dtype float64", 2),
     "an unknown parent": Case(
         put("hypothesis_parent", 0, 3), "hypothesis_parent: unknown", (10, 11, 12), 2, 1, (0, 1, 0)
     ),

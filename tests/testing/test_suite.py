@@ -113,6 +113,10 @@ def writing(agent: Broken, action: Action, observation: Observation) -> None:
     observation["detection_box"][:, 2] = 0.0
 
 
+def chatty(agent: Broken, action: Action, observation: Observation) -> Action:
+    return {**action, "debug": np.zeros(1)}
+
+
 class Keeping(EchoAgent):
     """Keeps a reference to the last observation."""
 
@@ -143,18 +147,10 @@ BROKEN: dict[str, tuple[Change | type[EchoAgent], list[tuple[str, str]], str]] =
     "fixed sizes": (FixedSize, [("error", "sizes")] * 2, "tracks 3, objects 2, hypotheses 1, samples 1"),
     "no detections": (needing_detections, [("error", "extremes")], "frame 0 (no detections)"),
     "located": (located, [("error", "rigid motion")], "scene 0006, scene 0001"),
-    "not a number": (
-        put("track_box", (0, 0), np.nan),
-        [("error", "contract")],
-        "scene 0006, frame 0, track_box[0] = [nan",
-    ),
+    "not a number": (put("track_box", (0, 0), np.nan), [("error", "contract")], "frame 0, track_box[0] = [nan"),
     "other shape": (swap("forecast", lambda array: array[:, :2]), [("error", "contract")], "scene 0006, frame 0"),
     "silent": (put("object_valid", ..., 0), [("warning", "contract")], "scene 0006, scene 0001"),
-    "chatty": (
-        lambda agent, action, observation: {**action, "debug": np.zeros(1)},
-        [("warning", "contract")],
-        "scene 0006, frame 0, debug",
-    ),
+    "chatty": (chatty, [("warning", "contract")], "scene 0006, frame 0, debug"),
     "loose": (put("hypothesis_member", ..., 0), [("warning", "contract")] * 2, "scene 0006, frame 0, track_valid[0]"),
 }
 
