@@ -52,10 +52,10 @@ def main() -> None:
     gc.disable()
     child = _module_beside("child")
     child.prepare(setup)
-    for name, kernels in setup["modules"].items():
-        module = importlib.import_module(name)
-        for kernel in kernels:
-            getattr(module, kernel).compiled()
+    for name in setup["modules"]:
+        importlib.import_module(name)
+    for kernel in importlib.import_module("mtp_bench.tracking.kernels.compile").KERNELS:
+        kernel.compile()
     _require_no_shared_memory()
     gc.freeze()  # forks share these objects: collecting would copy their pages
     gc.enable()

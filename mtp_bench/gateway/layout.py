@@ -38,22 +38,8 @@ _MASKED = (
 MASKED = tuple(f"/proc/{name}" for name in _MASKED)
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
 _SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")  # shared libraries
-_KERNELS = {  # that baselines use
-    "tracking.kernels.association": ("search",),
-    "tracking.kernels.affinity_kernels": ("sparse_pairs",),
-    "tracking.kernels.tree_kernels": ("grow", "distinct_rows", "descend", "histories", "write_boxes"),
-    "tracking.kernels.motion_kernels": ("predict", "update_pairs"),
-    "prediction.kalman": ("filter_pasts",),
-    "prediction.kinematic": ("expand",),
-    "prediction.greedy": ("k_medians",),
-    "prediction.k_means": ("k_means",),
-}
-LOADED = {  # modules that a fork server imports, and the kernels that it loads
-    "mtp_bench.submission.loader": (),
-    "mtp_bench.tracking": (),
-    "mtp_bench.prediction": (),
-    **{f"mtp_bench.{module}": names for module, names in _KERNELS.items()},
-}
+_PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")  # packages whose import registers all kernels
+LOADED = ("mtp_bench.submission.loader", *_PLAYERS)  # modules that a fork server imports
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 _PASSED = ("LD_LIBRARY_PATH", "NUMBA_DISABLE_JIT", *_THREADS)
 
@@ -113,7 +99,11 @@ def environment(isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS)
 
     ``isolated``: it is sandboxed; else ``work`` is its temporary folder and ``networks`` the folder of its weights.
     """
-    kernels = f"{work}/kernels" if isolated else str(_players("tracking.kernels.compile").cache_folder())
+    kernels = (
+        f"{work}/kernels"
+        if isolated
+        else str(importlib.import_module("mtp_bench.tracking.kernels.cache").cache_folder())
+    )
     own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", WEIGHTS: networks}
     own |= {"NUMBA_CACHE_DIR": kernels, "PYTHONHASHSEED": "0"}  # else the order of a set differs between judges
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
@@ -146,27 +136,22 @@ def packages() -> tuple[str, ...]:
 def compile_kernels() -> None:
     """Fill the user's cache of compiled kernels, which every agent reads; kernels that an agent compiles are lost."""
     for kernel in _kernels():
-        kernel.compiled()
+        kernel.compile()
 
 
 def compiled_kernels() -> list[Path]:
     """Existing folders of the compiled kernels of this version."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return []
-    return [folder for kernel in _kernels() if (folder := kernel.folder).is_dir()]
+    return [kernel.folder for kernel in _kernels() if kernel.folder.is_dir()]
 
 
 def _kernels() -> list[Any]:
-    kernels = []
-    for module, names in _KERNELS.items():
-        loaded = _players(module)
-        kernels += [getattr(loaded, name) for name in names]
+    """All kernels; imported here, since the judge does not import players."""
+    for package in _PLAYERS:
+        importlib.import_module(package)
+    kernels: list[Any] = importlib.import_module("mtp_bench.tracking.kernels.compile").KERNELS
     return kernels
-
-
-def _players(module: str) -> Any:
-    """A module of the players' parts, loaded when it is needed, since the judge does not import them."""
-    return importlib.import_module(f"mtp_bench.{module}")
 
 
 def _system_libraries() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:

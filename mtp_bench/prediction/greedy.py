@@ -10,13 +10,12 @@ import math
 
 import numpy as np
 
-from ..tracking.kernels.arrays import floats, ints
-from ..tracking.kernels.compile import kernel
+from ..tracking.kernels.compile import kernel, part
 from ..types import Floats, Ints
-from .pools import as_points, existing, masses, pass_on, singles
+from .pools import as_points, existing, masses, pass_on
 
 
-@kernel("void(f8[:, ::1], i8[::1], f4[:, ::1])")
+@part
 def _turn(points: Floats, there: Ints, turned: Floats) -> None:
     """Write points [S, d] at ``there`` [n] as [d, n], relative to the first one, in single precision."""
     for axis in range(len(turned)):
@@ -24,7 +23,7 @@ def _turn(points: Floats, there: Ints, turned: Floats) -> None:
             turned[axis, i] = points[there[i], axis] - points[there[0], axis]
 
 
-@kernel("void(f4[:, ::1], f4[:, ::1])", vectorize=True)
+@part
 def _distances(turned: Floats, distance: Floats) -> None:
     """Write distances [n, n] of futures [2 T, n], summed over the T positions; each pair is computed once."""
     for i in range(len(distance)):
@@ -41,7 +40,7 @@ def _distances(turned: Floats, distance: Floats) -> None:
             distance[i, j] = distance[j, i]
 
 
-@kernel("void(f4[:, ::1], f8[::1], f8[::1])", vectorize=True)
+@part
 def _expected(distance: Floats, mass: Floats, expected: Floats) -> None:
     """Write the mean distance [n] of all samples, by mass, from each one."""
     for c in range(len(expected)):
@@ -52,7 +51,7 @@ def _expected(distance: Floats, mass: Floats, expected: Floats) -> None:
             expected[c] += weight * row[c]
 
 
-@kernel("void(f4[::1], f8, f4, f4, f8[::1])", vectorize=True)
+@part
 def _lower(row: Floats, mass: float, before: float, now: float, gain: Floats) -> None:
     """Lower the gains [n] when a sample with these distances [n] from all others gets a nearer chosen one."""
     zero = np.float32(0.0)
@@ -61,7 +60,7 @@ def _lower(row: Floats, mass: float, before: float, now: float, gain: Floats) ->
         gain[c] -= mass * ((could if could > zero else zero) - (can if can > zero else zero))
 
 
-@kernel("i8(f4[:, ::1], f8[::1], f4[::1], f8[::1])")
+@part
 def _first(distance: Floats, mass: Floats, least: Floats, gain: Floats) -> int:
     """The weighted medoid, the first of equals; distances [n] from it and gains [n] of a second choice are written."""
     _expected(distance, mass, gain)
@@ -75,7 +74,7 @@ def _first(distance: Floats, mass: Floats, least: Floats, gain: Floats) -> int:
     return medoid
 
 
-@kernel("i8(f4[:, ::1], f8[::1], i8[::1], f4[::1], i8[::1], f8[::1])")
+@part
 def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest: Ints, gain: Floats) -> int:
     """Number of samples, each of which lowers the expected distance most, the first of equals.
 
@@ -101,7 +100,7 @@ def _choose(distance: Floats, mass: Floats, chosen: Ints, least: Floats, nearest
     return len(chosen)
 
 
-@kernel("void(f8[::1], i8[::1], i8, f8, f8[::1])")
+@part
 def _weigh(mass: Floats, nearest: Ints, n: int, log_total: float, log_weight: Floats) -> None:
     """Write log-weights [k] of the ``n`` chosen samples: the weight of the samples that are nearest to each."""
     for j in range(len(log_weight)):
@@ -120,9 +119,9 @@ def k_medians(pool: Floats, log_weight: Floats, chosen: Floats, chosen_log_weigh
     A pool of at most k existing samples is copied.
     """
     size, k = pool.shape[1], chosen.shape[1]
-    there, mass, places = ints(size), floats(size), ints(k)
-    least, nearest, gain = singles(size), ints(size), floats(size)
-    table = singles(size * max(size, pool.shape[2]) * 2)
+    there, mass, places = np.empty(size, np.int64), np.empty(size), np.empty(k, np.int64)
+    least, nearest, gain = np.empty(size, np.float32), np.empty(size, np.int64), np.empty(size)
+    table = np.empty(size * max(size, pool.shape[2]) * 2, np.float32)
     for o in range(len(pool)):
         n = existing(log_weight[o], there)
         if n <= k:

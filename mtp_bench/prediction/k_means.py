@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..tracking.kernels.arrays import floats, floats_of, ints, zeros
-from ..tracking.kernels.compile import kernel
+from ..tracking.kernels.compile import kernel, part
 from ..types import Floats, Ints
-from .pools import as_points, existing, masses, pass_on, single_table, singles
+from .pools import as_points, existing, masses, pass_on
 
 _JUST_BELOW = 1.0 - 2.0**-53  # factor to the next number below, up to half a unit
 _BLOCK = 8  # chances that are summed at once
@@ -20,12 +19,12 @@ _AT_ONCE = 6  # axes in one pass over the points
 _EXACT = 1e-12  # squared error of the coordinates as a share of a pool's squared extent: a millionth of it
 
 
-@kernel("f4(f8[::1], i8)")
+@part
 def _axis(point: Floats, axis: int) -> float:
     return np.float32(point[axis] if axis < len(point) else 0.0)  # type: ignore[return-value]
 
 
-@kernel("void(f4[:, ::1], f8[::1], i4, f4[::1], f4[::1], i4[::1])", vectorize=True)
+@part
 def _closer(turned: Floats, centre: Floats, j: int, distance: Floats, least: Floats, nearest: Ints) -> None:
     """Give centre ``j`` [d] the points [D, S] that are nearer to it than the squared distances ``least`` [S].
 
@@ -46,7 +45,7 @@ def _closer(turned: Floats, centre: Floats, j: int, distance: Floats, least: Flo
         nearest[s] = j if nearer else nearest[s]
 
 
-@kernel("i8(f8[::1], f8[::1], f8)")
+@part
 def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
     """The place that a uniform number draws in proportion to ``chance`` [8 B]; -1 if all chances are 0.
 
@@ -74,10 +73,7 @@ def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
     return chosen
 
 
-@kernel(
-    "void(f8[:, ::1], f4[:, ::1], f8[::1], f8[::1], f8[:, ::1], f4[::1], f4[::1], i4[::1], f8[::1], f8[::1])",
-    vectorize=True,
-)
+@part
 def _seed(
     points: Floats,
     turned: Floats,
@@ -105,12 +101,12 @@ def _seed(
             chosen = _drawn(chance, block, uniform[j])
         for axis in range(points.shape[1]):
             centre[j, axis] = points[chosen, axis]
-        _closer(turned, centre[j], j, distance, least, nearest)
+        _closer(turned, centre[j], np.int32(j), distance, least, nearest)
         for s in range(len(weight)):
             chance[s] = weight[s] * least[s]
 
 
-@kernel("b1(f4[:, ::1], f8[:, ::1], f4[::1], f4[::1], i4[:, ::1])", vectorize=True)
+@part
 def _assign(turned: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints) -> bool:
     """Assign every point to its nearest centre, the first of equally near ones; True if any changed.
 
@@ -121,14 +117,14 @@ def _assign(turned: Floats, centre: Floats, distance: Floats, least: Floats, nea
         before[s] = now[s]
         least[s] = np.float32(np.inf)
     for j in range(len(centre)):
-        _closer(turned, centre[j], j, distance, least, now)
+        _closer(turned, centre[j], np.int32(j), distance, least, now)
     changed = 0
     for s in range(len(distance)):
         changed |= now[s] ^ before[s]
     return changed != 0
 
 
-@kernel("void(f8[::1], i4[::1], f8[::1])")
+@part
 def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
     """Write the weight of the points of each centre."""
     for j in range(len(share)):
@@ -137,7 +133,7 @@ def _shares(weight: Floats, nearest: Ints, share: Floats) -> None:
         share[nearest[s]] += weight[s]
 
 
-@kernel("void(f8[:, ::1], f8[::1], i4[::1], f8[:, ::1], f8[::1])")
+@part
 def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: Floats) -> None:
     """Move every centre to the mean of its points; a centre without points stays. ``share``: their weight."""
     _shares(weight, nearest, share)
@@ -146,15 +142,15 @@ def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: 
             centre[j, axis] = 0.0 if share[j] > 0.0 else centre[j, axis]
     for s in range(len(weight)):
         if weight[s] > 0.0:
-            part = weight[s] / share[nearest[s]]
+            portion = weight[s] / share[nearest[s]]
             for axis in range(centre.shape[1]):
-                centre[nearest[s], axis] += part * points[s, axis]
+                centre[nearest[s], axis] += portion * points[s, axis]
 
 
-@kernel("f8[:, ::1](i8)")
+@part
 def polynomials(future: int) -> Floats:
     """Orthonormal polynomials [3, T] of degree 0, 1 and 2 over T equally spaced times; at least 3 times."""
-    basis = zeros(_DEGREES, future)
+    basis = np.zeros((_DEGREES, future))
     for degree in range(_DEGREES):
         for t in range(future):
             basis[degree, t] = (t - 0.5 * (future - 1)) ** degree
@@ -172,7 +168,7 @@ def polynomials(future: int) -> Floats:
     return basis
 
 
-@kernel("b1(f8[:, ::1], i8[::1], f8[:, ::1], f8[:, ::1])")
+@part
 def _motions(points: Floats, there: Ints, basis: Floats, motion: Floats) -> bool:
     """Write coordinates [n, 6] of points [S, 2 T] relative to the first one; True if they determine the points.
 
@@ -196,7 +192,7 @@ def _motions(points: Floats, there: Ints, basis: Floats, motion: Floats) -> bool
     return worst <= _EXACT * extent
 
 
-@kernel("void(f8[:, ::1], i8[::1], f8[:, ::1])", vectorize=True)
+@part
 def _offsets(points: Floats, there: Ints, offset: Floats) -> None:
     """Write points [S, d] at ``there`` [n] relative to the first one: [n, d]."""
     for i in range(len(offset)):
@@ -204,7 +200,7 @@ def _offsets(points: Floats, there: Ints, offset: Floats) -> None:
             offset[i, axis] = points[there[i], axis] - points[there[0], axis]
 
 
-@kernel("void(f8[:, ::1], f4[:, ::1])")
+@part
 def _turn(points: Floats, turned: Floats) -> None:
     """Write points [n, d], relative to one of them, as [d, n] in single precision, which halves the memory."""
     for s in range(len(points)):
@@ -212,7 +208,7 @@ def _turn(points: Floats, turned: Floats) -> None:
             turned[axis, s] = points[s, axis] if axis < points.shape[1] else 0.0
 
 
-@kernel("void(f8[:, ::1], f8[:, ::1], f8[::1], f8[:, ::1])")
+@part
 def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) -> None:
     """Write points [k, 2 T] of coordinates [k, 6] relative to ``origin`` [2 T]."""
     for j in range(len(found)):
@@ -224,15 +220,15 @@ def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) 
                 found[j, 2 * t + axis] = there
 
 
-@kernel("void(f8[:, ::1], f8[::1], f8[::1], i8, f8[:, ::1], f8[::1])")
+@part
 def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, centre: Floats, share: Floats) -> None:
     """Write centres [k, d] and shares of the weight [k] of points [n, d] weighted [n], relative to one of them."""
     n, d = points.shape
-    turned = single_table((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n)
-    distance, least = singles(n), singles(n)
+    turned = np.empty(((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n), np.float32)
+    distance, least = np.empty(n, np.float32), np.empty(n, np.float32)
     nearest = np.zeros((2, n), np.int32)
     blocks = (n + _BLOCK - 1) // _BLOCK
-    chance, block = floats_of(_BLOCK * blocks, 0.0), floats(blocks)
+    chance, block = np.zeros(_BLOCK * blocks), np.empty(blocks)
     _turn(points, turned)
     _seed(points, turned, weight, uniform, centre, distance, least, nearest[0], chance, block)
     for _ in range(iterations):
@@ -242,7 +238,7 @@ def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, 
     _shares(weight, nearest[0], share)
 
 
-@kernel("void(f8[:, ::1], i8[::1], f8[::1], f8[::1], i8, f8[:, ::1], f8[:, ::1], f8[::1])")
+@part
 def _clusters_of(
     points: Floats,
     there: Ints,
@@ -255,13 +251,13 @@ def _clusters_of(
 ) -> None:
     """Write centres [k, d] and shares [k] of points at ``there`` [n], weighted [n]; ``basis``: [3, T] or [3, 0]."""
     origin = points[there[0]]
-    motion = zeros(len(there), 2 * _DEGREES)
+    motion = np.zeros((len(there), 2 * _DEGREES))
     if basis.shape[1] and _motions(points, there, basis, motion):
-        found = zeros(len(centre), 2 * _DEGREES)
+        found = np.zeros((len(centre), 2 * _DEGREES))
         _clusters(motion, weight, uniform, iterations, found, share)
         _from_motions(found, basis, origin, centre)
         return
-    offset = zeros(len(there), len(origin))
+    offset = np.zeros((len(there), len(origin)))
     _offsets(points, there, offset)
     _clusters(offset, weight, uniform, iterations, centre, share)
     for j in range(len(centre)):
@@ -269,10 +265,10 @@ def _clusters_of(
             centre[j, axis] += origin[axis]
 
 
-@kernel("f8[:, ::1](i8)")
+@part
 def _basis(size: int) -> Floats:
     """The polynomials of points of ``size`` numbers; empty if the coordinates would not be fewer."""
-    return polynomials(size // 2) if size > 2 * _DEGREES else zeros(_DEGREES, 0 * size)
+    return polynomials(size // 2) if size > 2 * _DEGREES else np.zeros((_DEGREES, 0))
 
 
 @kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, f8[:, :, ::1], f8[:, ::1])")
@@ -286,7 +282,7 @@ def k_means(
     """
     size, k, crowded = pool.shape[1], centre.shape[1], 0
     basis = _basis(pool.shape[2])
-    there, mass, share = ints(size), floats(size), floats(k)
+    there, mass, share = np.empty(size, np.int64), np.empty(size), np.empty(k)
     for o in range(len(pool)):
         n = existing(log_weight[o], there)
         if n <= k:

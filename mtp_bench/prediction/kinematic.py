@@ -128,7 +128,7 @@ class HedgedPredictor:
         return Forecasts(np.concatenate(parts, axis=1), row=row)
 
 
-@kernel("void(f8[:, ::1], i8[::1], i8[::1], f8[:, :, ::1], f8[::1], f8[:, :, :, ::1])", vectorize=True)
+@kernel("void(f8[:, ::1], i8[::1], i8[::1], f8[:, :, ::1], f8[::1], f8[:, :, :, ::1])")
 def expand(table: Floats, track: Ints, draw: Ints, normal: Floats, tau: Floats, future: Floats) -> None:
     """Positions [Q, S, T, 2] at the times ``tau`` [T] of motions with constant acceleration, drawn by ``normal``.
 

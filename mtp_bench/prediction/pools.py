@@ -4,23 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..tracking.kernels.compile import kernel
+from ..tracking.kernels.compile import part
 from ..types import Floats, Ints
 
 
-@kernel("f4[::1](i8)")
-def singles(n: int) -> Floats:
-    """Uninitialised numbers [n] of single precision."""
-    return np.empty(n, np.float32)
-
-
-@kernel("f4[:, ::1](i8, i8)")
-def single_table(n: int, m: int) -> Floats:
-    """Uninitialised numbers [n, m] of single precision."""
-    return np.empty((n, m), np.float32)
-
-
-@kernel("i8(f8[::1], i8[::1])")
+@part
 def existing(log_weight: Floats, there: Ints) -> int:
     """Number of samples with a finite log-weight [S]; their places are written to ``there`` [S]."""
     n = 0
@@ -31,7 +19,7 @@ def existing(log_weight: Floats, there: Ints) -> int:
     return n
 
 
-@kernel("void(f8[:, ::1], f8[::1], i8[::1], i8, f8[:, ::1], f8[::1])")
+@part
 def pass_on(points: Floats, log_weight: Floats, there: Ints, n: int, chosen: Floats, chosen_log_weight: Floats) -> None:
     """Copy the ``n`` samples at ``there`` to the first rows of ``chosen`` [k, d]; the others do not exist."""
     for j in range(len(chosen)):
@@ -40,7 +28,7 @@ def pass_on(points: Floats, log_weight: Floats, there: Ints, n: int, chosen: Flo
         chosen_log_weight[j] = log_weight[there[j]] if j < n else -np.inf
 
 
-@kernel("f8(f8[::1], i8[::1], i8, f8[::1])")
+@part
 def masses(log_weight: Floats, there: Ints, n: int, mass: Floats) -> float:
     """Log of the total weight of the ``n`` samples at ``there``; writes their normalised weights to ``mass`` [n].
 

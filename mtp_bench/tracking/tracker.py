@@ -17,8 +17,9 @@ from ..agent import Observation, Tracks
 from ..errors import ShapeError, UnknownNameError
 from ..tracks import Affinity
 from ..types import Floats, Ints, Task
-from .joint import joint_k_best, k_best
+from .joint import k_best
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
+from .kernels.association import joint_k_best
 from .parameters import Assignment, ClassParameters, recommended_parameters
 from .tree import HypothesisTree, Seen
 

@@ -68,7 +68,7 @@ class Output:
 
 
 # Said by whoever comes first on a new machine.
-COMPILING = "mtp_bench: compiling the tracking kernels, once per machine: about 20 s\n"
+COMPILING = "mtp_bench: compiling the kernels of trackers and samplers, once per machine: up to a minute\n"
 
 
 class CommandLine:

@@ -185,10 +185,12 @@ def test_plain_python_gives_the_same() -> None:
     chosen: Any = (("giou_3d", -0.5), ("iou_3d", 0.05), ("center_distance", 2.0))
     rules = rules_of([replace(PARAMETERS[0], affinity=name, gate=gate) for name, gate in chosen])
     given = (a, rng.integers(0, 3, 25), b, rng.integers(0, 3, 20), *rules)
-    compiled, plain = sparse_pairs(*given), sparse_pairs.python(*given)
+    compiled, plain = sparse_pairs(*given), sparse_pairs.function(*given)
     for value, other in zip(compiled, plain, strict=True):
         np.testing.assert_allclose(value, other, rtol=0, atol=1e-13)
-    assert hull_area(3.0, 0.0, 1.0, 0.0, 2.0, 1.0, 2.0, 1.0) == hull_area.python(3.0, 0.0, 1.0, 0.0, 2.0, 1.0, 2.0, 1.0)
+    assert hull_area(3.0, 0.0, 1.0, 0.0, 2.0, 1.0, 2.0, 1.0) == hull_area.function(
+        3.0, 0.0, 1.0, 0.0, 2.0, 1.0, 2.0, 1.0
+    )
 
 
 def test_an_unknown_affinity_is_an_error() -> None:

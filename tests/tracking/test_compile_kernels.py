@@ -1,4 +1,4 @@
-"""When and where kernels are compiled, each case in a process of its own."""
+"""When and where kernels are compiled, and that damaged ones are not loaded; each case in a process of its own."""
 
 from __future__ import annotations
 
@@ -8,40 +8,50 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import pytest
 
-from mtp_bench.tracking.kernels.compile import Kernel, kernel
-from mtp_bench.tracking.kernels.heap import sorted_numbers
-from mtp_bench.types import Ints
+from mtp_bench.tracking.kernels import cache
+from mtp_bench.tracking.kernels.compile import part
 
 PROGRAM = """
-import sys
 import numpy as np
-from mtp_bench.tracking.kernels.heap import sorted_numbers
-assert "numba" not in sys.modules
-keys = np.array([3.0, 1.0, 2.0])
-print(sorted_numbers(keys), sorted_numbers.python(keys), "numba" in sys.modules)
+from mtp_bench.tracking.kernels.tree_kernels import distinct_rows
+member, name = np.array([[True], [True], [False]]), np.array([1, 1, 2])
+print(distinct_rows(member, name), distinct_rows.function(member, name))
 """
+PRINTED = "[0 2] [0 2]\n"
 
 
-PRINTED = "[1 2 0] [1 2 0] True"
+def start(folder: Path, **more: str) -> subprocess.Popen[str]:
+    """A process that calls one kernel."""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder), **more}
+    command = [sys.executable, "-W", "error", "-c", PROGRAM]
+    return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def run(cache: Path, **more: str) -> tuple[str, str]:
-    """What a process that calls one kernel prints, and says on stderr."""
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), **more}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
-    )
-    return done.stdout.strip(), done.stderr
+def run(folder: Path, **more: str) -> tuple[str, str]:
+    """What such a process prints and writes to stderr."""
+    return start(folder, **more).communicate()
 
 
-def test_compiled_once_per_machine_and_said_so(tmp_path: Path) -> None:
+def test_compiled_once_whatever_the_processes(tmp_path: Path) -> None:
+    processes = [start(tmp_path) for _ in range(3)]
+    outputs = [process.communicate() for process in processes]
+    assert [printed for printed, _ in outputs] == [PRINTED] * 3
+    assert sorted(said.count("once per machine") for _, said in outputs) == [0, 0, 1]
+    assert run(tmp_path) == (PRINTED, "")
+
+
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_a_flipped_bit_is_noticed_and_the_kernel_compiled_again(ending: str, tmp_path: Path) -> None:
+    run(tmp_path)
+    (file,) = tmp_path.rglob(f"*.{ending}")
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 1
+    file.write_bytes(content)
     printed, said = run(tmp_path)
     assert printed == PRINTED
-    assert said == "mtp_bench: compiling the tracking kernels, once per machine: about 20 s\n"
-    assert list(tmp_path.rglob("*.nbi"))
+    assert "is damaged and compiled again" in said
     assert run(tmp_path) == (PRINTED, "")
 
 
@@ -50,7 +60,7 @@ def test_works_where_nothing_can_be_written(tmp_path: Path) -> None:
     nowhere.parent.write_text("a file, not a folder", encoding="utf-8")
     printed, said = run(nowhere)
     assert printed == PRINTED
-    assert "in every process (set NUMBA_CACHE_DIR" in said
+    assert "set NUMBA_CACHE_DIR" in said
 
 
 def test_runs_in_plain_python_without_numba_s_compiler(tmp_path: Path) -> None:
@@ -58,52 +68,33 @@ def test_runs_in_plain_python_without_numba_s_compiler(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@kernel
-def twice(x: int) -> int:
-    """One kernel."""
-    return 2 * x
-
-
-@kernel("i8(i8)")
-def more(x: int) -> int:
-    """Another that calls it."""
-    return twice(x + 0 * x) + LITTLE
-
-
-LITTLE = 1
-
-
-def test_the_cache_knows_callees_and_constants(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = more._digest("1")
-    monkeypatch.setitem(more.function.__globals__, "LITTLE", 2)
-    changed = more._digest("1")
-    monkeypatch.setitem(more.function.__globals__, "twice", Kernel(sorted_numbers.function))
-    assert len({before, changed, more._digest("1"), more._digest("2")}) == 4
-
-
 class Pair(NamedTuple):
-    """A record; where it is defined counts like the code that uses it."""
+    """A record; the file that defines it counts as the code that uses it does."""
 
     first: int
     second: int
 
 
-@kernel
-def summed(pair: Pair) -> int:
-    """A kernel that makes no record itself but knows one."""
-    return Pair(*pair).first + pair.second
+LITTLE = 1
 
 
-def test_the_cache_knows_the_files_of_records(monkeypatch: pytest.MonkeyPatch) -> None:
-    before = summed._digest("1")
-    monkeypatch.setattr(Pair, "__module__", Kernel.__module__.replace("compile", "tables"))
-    assert summed._digest("1") != before
+@part
+def twice(x: int) -> int:
+    """A part."""
+    return 2 * x
 
 
-def test_plain_python_calls_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    def compiled(_: Ints) -> None:
-        raise AssertionError("compiled code was asked for")
+def more(x: int) -> int:
+    """A function that calls it."""
+    return twice(x) + Pair(x, LITTLE).second
 
-    monkeypatch.setattr(Kernel, "compiled", compiled)
-    assert more.python(3) == 7
-    assert sorted_numbers.python(np.array([2.0, 1.0])).tolist() == [1, 0]
+
+def test_the_folder_depends_on_callees_constants_records_and_signature(monkeypatch: pytest.MonkeyPatch) -> None:
+    folders = [cache.folder_of(more, "i8(i8)"), cache.folder_of(more, "f8(f8)")]
+    monkeypatch.setitem(more.__globals__, "LITTLE", 2)
+    folders.append(cache.folder_of(more, "i8(i8)"))
+    monkeypatch.setitem(more.__globals__, "twice", cache.cache_folder)
+    folders.append(cache.folder_of(more, "i8(i8)"))
+    monkeypatch.setattr(Pair, "__module__", cache.__name__)
+    folders.append(cache.folder_of(more, "i8(i8)"))
+    assert len(set(folders)) == 5

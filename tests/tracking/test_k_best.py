@@ -79,6 +79,10 @@ def test_case(case: str) -> None:
 
 ERRORS: dict[str, tuple[Any, int, Any, Any, str]] = {
     "NaN": ([[0.0, np.nan]], 1, None, None, r"cost\[0, 1\] is nan"),
+    "-inf": ([[-INF, 1.0]], 1, None, None, r"cost\[0, 0\] is -inf"),
+    "costs that overflow": ([[1.5e308, 1.5e308]], 1, None, None, "too large to be summed"),
+    "base NaN": ([[0.0]], 1, [[0]], [np.nan], "base_cost has nan"),
+    "negative k": ([[0.0]], -1, None, None, "k is -1"),
     "one dimension": ([1.0, 2.0], 1, None, None, r"shape \(2,\)"),
     "base_cost too long": ([[0.0]], 1, [[0]], [0.0, 1.0], r"base_cost has shape \(2,\), expected \(1,\)"),
     "base_cost a single number": ([[0.0]], 1, [[0]], 3.0, r"base_cost has shape \(\)"),

@@ -149,5 +149,5 @@ def test_plain_python_gives_the_same() -> None:
     box, velocity = random_detections(rng)
     leaf, detection = np.array([0, 4, -1, 2, 2]), np.array([3, -1, 1, 7, 8])
     compiled = taken(state, leaf, detection, box, velocity, 0.5)
-    assert_same(taken(state, leaf, detection, box, velocity, 0.5, update_pairs.python), compiled)
-    assert_same(moved(state, predict.python), moved(state))
+    assert_same(taken(state, leaf, detection, box, velocity, 0.5, update_pairs.function), compiled)
+    assert_same(moved(state, predict.function), moved(state))

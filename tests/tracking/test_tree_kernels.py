@@ -41,7 +41,7 @@ def expected(case: Case) -> tuple[list[tuple[int, int]], list[set[tuple[int, int
 def test_growth(seed: int) -> None:
     case = random_case(seed)
     every, held = expected(case)
-    for run in (grow, grow.python):
+    for run in (grow, grow.function):
         leaf, detection, member, name = run(*case)
         leaves = list(zip(leaf.tolist(), detection.tolist(), strict=True))
         assert leaves == every
@@ -56,7 +56,7 @@ def test_distinct_rows(seed: int, named: bool) -> None:
     _, _, member, name = grow(*random_case(seed))
     name = name if named else np.zeros_like(name)  # names only save time
     _, first = np.unique(member, axis=0, return_index=True)
-    for run in (distinct_rows, distinct_rows.python):
+    for run in (distinct_rows, distinct_rows.function):
         np.testing.assert_array_equal(run(member, name), np.sort(first))
 
 
@@ -65,7 +65,7 @@ def test_histories_walk_up_the_tree() -> None:
     measured = np.arange(3 * 2 * 7, dtype=np.float64).reshape(3, 2, 7)
     detection = np.array([[-1, 4], [0, 0], [7, 7]])
     parent = np.array([[0, 0], [9, 9], [-1, -1]])
-    for run in (histories, histories.python):
+    for run in (histories, histories.function):
         past, taken = run(np.array([1, 0]), measured, detection, parent, 0, 2)
         np.testing.assert_array_equal(past[0], [np.zeros(7), measured[2, 0], measured[0, 1]])
         np.testing.assert_array_equal(past[1], [np.zeros(7), measured[2, 0], measured[0, 0]])

@@ -11,8 +11,7 @@ import math
 import numpy as np
 
 from ...types import Floats, Ints
-from .arrays import first_floats, first_ints, floats, ints, ints_of, zeros
-from .compile import kernel
+from .compile import kernel, part
 
 CENTER_DISTANCE, IOU_3D, GIOU_3D = range(3)
 
@@ -23,7 +22,7 @@ _X, _Y, _Z, _YAW, _L, _W, _H, _COS, _SIN, _RADIUS, _AREA, _SIDE = range(12)  # c
 _COLUMNS = 12
 
 
-@kernel("f8(f8, f8, f8, f8, f8, f8)")
+@part
 def _share(x: float, y: float, end_x: float, end_y: float, half_l: float, half_w: float) -> float:
     """Share of the edge from x, y to end_x, end_y that is inside the rectangle around 0."""
     dx, dy = end_x - x, end_y - y
@@ -36,7 +35,7 @@ def _share(x: float, y: float, end_x: float, end_y: float, half_l: float, half_w
     return max(upper - lower, 0.0)
 
 
-@kernel("UniTuple(f8, 4)(f8, f8, f8, f8, f8, f8, f8, f8)")
+@part
 def _edge_shares(
     x: float, y: float, cos: float, sin: float, l: float, w: float, half_l: float, half_w: float
 ) -> tuple[float, float, float, float]:
@@ -52,7 +51,7 @@ def _edge_shares(
     )
 
 
-@kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
+@part
 def intersection_area(
     x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float
 ) -> float:
@@ -73,12 +72,12 @@ def intersection_area(
     return max(0.0, min(area, smaller))
 
 
-@kernel("f8(f8, f8, f8, f8)")
+@part
 def _moment(x: float, y: float, u_x: float, u_y: float) -> float:
     return (x * u_x + y * u_y) * (y * u_x - x * u_y)
 
 
-@kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
+@part
 def _sector(a_x: float, a_y: float, b_x: float, b_y: float, u_x: float, u_y: float, v_x: float, v_y: float) -> float:
     """Twice the hull's area between the directions u and v, a and b the farthest corners; see geometry.py."""
     d_x, d_y = a_x - b_x, a_y - b_y
@@ -93,7 +92,7 @@ def _sector(a_x: float, a_y: float, b_x: float, b_y: float, u_x: float, u_y: flo
     return area - _moment(q_x, q_y, v_x, v_y) + change / max(d_x * d_x + d_y * d_y, _TINY)
 
 
-@kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
+@part
 def hull_area(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> float:
     """Area of the convex hull of box a, around 0 along the x axis, and box b at x, y.
 
@@ -116,7 +115,7 @@ def hull_area(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float
     return area * 0.5
 
 
-@kernel("void(f8[:, :], i8, i8, f8[:, ::1], i8)")
+@part
 def _describe(box: Floats, row: int, kind: int, described: Floats, at: int) -> None:
     """Write what is needed of a box; a box with a NaN has no place, so that nothing is near it."""
     total = 0.0
@@ -132,7 +131,7 @@ def _describe(box: Floats, row: int, kind: int, described: Floats, at: int) -> N
             described[at, _X] = np.nan
 
 
-@kernel("b1(f8, f8, f8, f8, f8, f8, f8, f8)")
+@part
 def _apart(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> bool:
     """Whether an axis of box a or of box b separates them; arguments as for `intersection_area`."""
     cos_, sin_ = abs(cos), abs(sin)
@@ -142,7 +141,7 @@ def _apart(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l
     return 2.0 * along > l_b + l_a * cos_ + w_a * sin_ or 2.0 * across > w_b + l_a * sin_ + w_a * cos_
 
 
-@kernel("f8(f8, f8, f8, f8, f8, f8, f8, f8)")
+@part
 def _hull_bound(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> float:
     """A cheap lower bound of `hull_area`.
 
@@ -156,13 +155,13 @@ def _hull_bound(x: float, y: float, cos: float, sin: float, l_a: float, w_a: flo
     return (l_a * w_a + l_b * w_b + chord_a + chord_b) * (0.5 / _MORE)
 
 
-@kernel("f8(f8)")
+@part
 def _slack(gate: float) -> float:
     """Largest share of both areas that the hull may have beside the half of them that it has anyway."""
     return max(1.0 / max(1.0 + gate, 1e-9) - 0.5, 0.0) * _MORE
 
 
-@kernel("f8(f8[:, ::1], i8, f8[:, ::1], i8, f8, i8, f8)")
+@part
 def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int, gate: float) -> float:
     """How far the IoU or GIoU of two described boxes is above the gate; ``square``: of their distance in BEV."""
     touch = a[i, _RADIUS] + b[j, _RADIUS]
@@ -193,7 +192,7 @@ def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int
     return float(iou - (hull - union) / max(hull, _TINY) - gate)
 
 
-@kernel("f8(f8[:, ::1], i8, i8, f8, f8, f8[::1])")
+@part
 def _farthest(a: Floats, i: int, kind: int, gate: float, slack: float, extreme: Floats) -> float:
     """Square of the distance in BEV beyond which no detection of the class can match box ``i``.
 
@@ -208,7 +207,7 @@ def _farthest(a: Floats, i: int, kind: int, gate: float, slack: float, extreme: 
     return float(max(bound, touch) ** 2 * _MORE)
 
 
-@kernel("i8(f8[:, ::1], i8, f8[:, ::1], i8, i8, f8, i8, f8, i8[::1])")
+@part
 def _near(a: Floats, i: int, b: Floats, first: int, last: int, far: float, kind: int, slack: float, into: Ints) -> int:
     """Number of boxes from ``first`` to ``last`` that may match box ``i``, written into ``into``.
 
@@ -232,7 +231,7 @@ def _near(a: Floats, i: int, b: Floats, first: int, last: int, far: float, kind:
     return found
 
 
-@kernel("f8(f8[:, ::1], i8, f8[:, ::1], i8, i8, f8)")
+@part
 def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float) -> float:
     """Gain of a pair; negative or NaN if it may not match."""
     square = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
@@ -242,11 +241,11 @@ def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float) -> float
     return gate - math.sqrt(square)
 
 
-@kernel("Tuple((i8[::1], i8[::1], f8[:, ::1], f8[:, ::1]))(f8[:, :], i8[::1], i8[::1])")
+@part
 def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints, Floats, Floats]:
     """Start of each class [C + 1], detections by class [D], their descriptions in that order, extremes [C, 3]."""
-    classes, start = len(kind), ints_of(len(kind) + 2, 0)
-    extreme = zeros(classes, 3)
+    classes, start = len(kind), np.zeros(len(kind) + 2, np.int64)
+    extreme = np.zeros((classes, 3))
     for c in range(classes):
         extreme[c, 1] = np.inf
     for c in class_id:
@@ -254,7 +253,7 @@ def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints
             start[c + 2] += 1
     for c in range(classes):
         start[c + 2] += start[c + 1]
-    order, described = ints(start[classes + 1]), zeros(start[classes + 1], _COLUMNS)
+    order, described = np.empty(start[classes + 1], np.int64), np.zeros((start[classes + 1], _COLUMNS))
     for j in range(len(class_id)):
         c = class_id[j]
         if 0 <= c < classes:
@@ -266,7 +265,7 @@ def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints
                 extreme[c, 0] = max(extreme[c, 0], described[at, _AREA])
                 extreme[c, 1] = min(extreme[c, 1], described[at, _SIDE])
                 extreme[c, 2] = max(extreme[c, 2], described[at, _RADIUS])
-    return first_ints(start, classes + 1), order, described, extreme
+    return start[: classes + 1], order, described, extreme
 
 
 @kernel("Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[:, :], i8[::1], i8[::1], f8[::1])")
@@ -284,8 +283,8 @@ def sparse_pairs(
     for c in track_class:
         if 0 <= c < len(kind):
             capacity += start[c + 1] - start[c]
-    indptr, column, gain = ints_of(n + 1, 0), ints(capacity), floats(capacity)
-    a, e, candidate = zeros(1, _COLUMNS), 0, ints(len(order) + 1)
+    indptr, column, gain = np.zeros(n + 1, np.int64), np.empty(capacity, np.int64), np.empty(capacity)
+    a, e, candidate = np.zeros((1, _COLUMNS)), 0, np.empty(len(order) + 1, np.int64)
     for i in range(n):
         c = track_class[i]
         if 0 <= c < len(kind):
@@ -300,4 +299,4 @@ def sparse_pairs(
                     column[e], gain[e] = order[j], value
                     e += 1
         indptr[i + 1] = e
-    return indptr, first_ints(column, e), first_floats(gain, e)
+    return indptr, column[:e].copy(), gain[:e].copy()

@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from ...types import Floats, Ints
-from .arrays import first_floats, first_ints, floats, ints, ints_of
-from .bounds import cheapest
-from .compile import kernel
-from .heap import pop, push, sorted_numbers
+from .compile import inlined, part
+from .heap import pop, push
 from .tables import Pieces, Solutions, States
 
 
@@ -26,21 +26,18 @@ class Queue(NamedTuple):
     size: Ints  # [2] of the queue; number of states
 
 
-@kernel
+@part
 def by_first_gap(begin: Ints, count: Ints, gap: Floats, spare: float) -> Ints:
     """Pieces with a second solution that is dearer by at most ``spare``, by that gap."""
-    names, first, size = ints(len(begin)), floats(len(begin)), 0
+    numbers, first, size = np.empty(len(begin), np.int64), np.empty(len(begin)), 0
     for q in range(len(begin)):
         if count[q] > 1 and gap[begin[q] + 1] <= spare:
-            names[size], first[size] = q, gap[begin[q] + 1]
+            numbers[size], first[size] = q, gap[begin[q] + 1]
             size += 1
-    order = sorted_numbers(first_floats(first, size))
-    for i in range(size):
-        order[i] = names[order[i]]
-    return order
+    return numbers[np.argsort(first[:size], kind="mergesort")]
 
 
-@kernel
+@inlined
 def pieces_in_order(p: int, ordered: Ints, pieces: Pieces, changeable: Ints, used: int) -> int:
     """Write the pieces of parent ``p``, in their order, into ``changeable`` from number ``used`` on; where they end."""
     for q in ordered:
@@ -50,7 +47,7 @@ def pieces_in_order(p: int, ordered: Ints, pieces: Pieces, changeable: Ints, use
     return used
 
 
-@kernel(inline=True)
+@inlined
 def push_successors(
     s: int, key: float, limit: float, stop: int, changeable: Ints, solutions: Solutions, states: States, queue: Queue
 ) -> None:
@@ -81,7 +78,7 @@ def push_successors(
         queue.size[1] = new + 1
 
 
-@kernel
+@part
 def expand(
     pieces: Pieces, solutions: Solutions, total: Floats, limit: float, ordered: Ints, changeable: Ints, stop: Ints,
     states: States, queue: Queue, out: Ints,
@@ -115,18 +112,17 @@ def expand(
     return found
 
 
-@kernel
+@part
 def merge(pieces: Pieces, solutions: Solutions, total: Floats, limit: float, k: int) -> tuple[Ints, States]:
     """The at most k cheapest solutions over all parents, best first, as states [k'], and all states.
 
     ``total`` [P]: cost of the cheapest solution of each parent. What costs more than ``limit`` may be left out.
     """
-    P, best = len(total), cheapest(total)
-    if k == 1:
-        return ints_of(1, 0), States(ints_of(1, best), ints_of(1, -1), ints_of(1, 0), ints_of(1, -1))
-    ordered = by_first_gap(solutions.begin, solutions.size, solutions.gap, limit - total[best])
-    most, changeable = P + 3 * k, ints(P * min(len(ordered), pieces.of_parent.shape[1]))
-    states = States(ints(most), ints(most), ints(most), ints(most))
-    queue, out = Queue(floats(most), ints(most), ints_of(2, 0)), ints(k)
-    found = expand(pieces, solutions, total, limit, ordered, changeable, ints(P), states, queue, out)
-    return first_ints(out, found), states
+    P = len(total)
+    ordered = by_first_gap(solutions.begin, solutions.size, solutions.gap, limit - total.min())
+    most, changeable = P + 3 * k, np.empty(P * min(len(ordered), pieces.of_parent.shape[1]), np.int64)
+    numbers = np.empty((5, most), np.int64)
+    states = States(numbers[0], numbers[1], numbers[2], numbers[3])
+    queue, out = Queue(np.empty(most), numbers[4], np.zeros(2, np.int64)), np.empty(k, np.int64)
+    found = expand(pieces, solutions, total, limit, ordered, changeable, np.empty(P, np.int64), states, queue, out)
+    return out[:found], states

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from ...types import Floats, Ints
-from .compile import kernel
+from .compile import kernel, part
 
 MEASUREMENT_VARIANCE = 1.0
 VELOCITY_DEVIATION = 0.5  # m/s, of a measured velocity
@@ -24,7 +24,7 @@ _PP, _PV, _VP, _VV, _SHAPE = range(10, STATE)
 _PI, _TWO_PI, _RIGHT = math.pi, 2 * math.pi, math.pi / 2
 
 
-@kernel("f8(f8)")
+@part
 def wrap(angle: float) -> float:
     """``angle`` in radians, brought into [-pi, pi): `geometry.wrap_angle` to the bit."""
     turned = angle + _PI
@@ -47,7 +47,7 @@ def predict(state: Floats) -> None:
         state[i, _SHAPE] += POSITION_NOISE
 
 
-@kernel("void(f8[:, ::1], i8, f8[:, ::1], i8)")
+@part
 def _take_box(state: Floats, at: int, box: Floats, detection: int) -> None:
     """Update state ``at`` with a detected box, in place. A detection that faces the other way is turned by pi."""
     pp, pv, vp, vv = state[at, _PP], state[at, _PV], state[at, _VP], state[at, _VV]
@@ -70,7 +70,7 @@ def _take_box(state: Floats, at: int, box: Floats, detection: int) -> None:
     state[at, _SHAPE] = (1 - shape_gain) * state[at, _SHAPE]
 
 
-@kernel("void(f8[:, ::1], i8, f8[:, ::1], i8, f8)")
+@part
 def _take_velocity(state: Floats, at: int, velocity: Floats, detection: int, dt: float) -> None:
     """Update state ``at`` with a measured velocity in m/s, in place; exactly 0, 0 means not measured."""
     pp, pv, vp, vv = state[at, _PP], state[at, _PV], state[at, _VP], state[at, _VV]
@@ -89,7 +89,7 @@ def _take_velocity(state: Floats, at: int, velocity: Floats, detection: int, dt:
     state[at, _VV] = vv - velocity_gain * vv
 
 
-@kernel("void(f8[:, ::1], i8, f8[:, ::1], i8)")
+@part
 def _bear(state: Floats, at: int, box: Floats, detection: int) -> None:
     """Let state ``at`` be that of a new track at a detected box."""
     for k in range(STATE):

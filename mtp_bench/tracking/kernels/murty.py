@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...types import Bools, Floats, Ints
-from .arrays import float_table, floats, int_table, ints
-from .bounds import note
-from .compile import kernel
+from .compile import part
+from .enumeration import limit_of, note
 from .heap import pop, push
 from .shortest_path import HUB, change_potentials, cost_of, find_path, flip_path, forget_path
 from .tables import Bound, Kept, Matching, Path, Piece
@@ -46,7 +45,7 @@ class Slacks(NamedTuple):
     enter: Floats  # [m] that a row enters a column
 
 
-@kernel
+@part
 def twice_as_long(array: Any) -> Any:
     """A longer copy."""
     longer = np.empty((2 * array.shape[0], array.shape[1]), array.dtype)
@@ -56,7 +55,7 @@ def twice_as_long(array: Any) -> Any:
     return longer
 
 
-@kernel
+@part
 def ban(nodes: Ints, q: int, t: int, n: int, banned: Bools, on: bool) -> bool:
     """Forbid what child ``t`` of node ``q`` may not take, or undo that; whether staying unmatched is forbidden."""
     row = nodes[q, n + t]
@@ -73,7 +72,7 @@ def ban(nodes: Ints, q: int, t: int, n: int, banned: Bools, on: bool) -> bool:
         q = origin
 
 
-@kernel
+@part
 def lower_bounds(q: int, piece: Piece, hub_banned: bool, nodes: Nodes, slacks: Slacks) -> None:
     """What it costs at least that a row of node ``q`` leaves its choice.
 
@@ -101,7 +100,7 @@ def lower_bounds(q: int, piece: Piece, hub_banned: bool, nodes: Nodes, slacks: S
             slacks.leave[x] += max(enter[pair_local[table[q, x]]], 0.0)
 
 
-@kernel
+@part
 def sort_rows(q: int, n: int, nodes: Ints, out: Floats, spare: float) -> int:
     """Order the open rows of node ``q`` by descending slack, its own first; the first t whose child can matter.
 
@@ -127,7 +126,7 @@ def sort_rows(q: int, n: int, nodes: Ints, out: Floats, spare: float) -> int:
     return int(split)
 
 
-@kernel
+@part
 def load_child(q: int, t: int, piece: Piece, nodes: Nodes, matching: Matching) -> None:
     """Solution and potentials of node ``q``, with its first ``t`` rows and their columns out."""
     match, owner, u, v, row_out, column_out = matching
@@ -145,7 +144,7 @@ def load_child(q: int, t: int, piece: Piece, nodes: Nodes, matching: Matching) -
             column_out[pair_local[match[x]]] = True
 
 
-@kernel
+@part
 def save_child(q: int, t: int, new: int, piece: Piece, nodes: Nodes, matching: Matching, cost: float) -> None:
     """Write child ``t`` of node ``q`` as node ``new``; its rows after number ``t`` in any order."""
     n, m, table, potentials = piece.n, piece.m, nodes.table, nodes.potentials
@@ -156,29 +155,18 @@ def save_child(q: int, t: int, new: int, piece: Piece, nodes: Nodes, matching: M
     table[new, 2 * n], table[new, 2 * n + 1], potentials[new, n + m] = t, q, cost
 
 
-@kernel
-def save_root(root_cost: float, piece: Piece, nodes: Nodes, matching: Matching) -> None:
-    """Write the cheapest solution as node 0, with all its rows open."""
-    n = piece.n
-    zero = 0 * n  # no literals, see compile.py
-    save_child(zero, zero, zero, piece, nodes, matching, root_cost)
-    for x in range(n):
-        nodes.table[0, n + x] = x
-    nodes.table[0, 2 * n + 1] = -1
-
-
-@kernel
+@part
 def split_node(
     q: int, piece: Piece, nodes: Nodes, slacks: Slacks, spare: float, key: float, queue: Queue, entries: int, size: int
 ) -> tuple[int, int]:
     """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of entries and keys."""
     n, table = piece.n, nodes.table
-    depth, is_root, hub_banned = table[q, 2 * n], table[q, 2 * n + 1] < 0, n < 0
+    depth, is_root, hub_banned = table[q, 2 * n], table[q, 2 * n + 1] < 0, False
     if not is_root:
-        hub_banned = ban(table, q, depth, n, piece.banned, not is_root)
+        hub_banned = ban(table, q, depth, n, piece.banned, True)
     lower_bounds(q, piece, hub_banned, nodes, slacks)
     if not is_root:
-        ban(table, q, depth, n, piece.banned, is_root)
+        ban(table, q, depth, n, piece.banned, False)
     split = sort_rows(q, n, table, slacks.leave, spare)
     for t in range(depth, n):
         lower = slacks.leave[table[q, n + t]]
@@ -189,18 +177,18 @@ def split_node(
     return entries, size
 
 
-@kernel
+@part
 def solve_child(q: int, t: int, spare: float, piece: Piece, nodes: Nodes, matching: Matching, path: Path) -> bool:
     """Whether child ``t`` of node ``q`` has a solution dearer by at most ``spare``; the matching then is that one."""
     n, pair_local = piece.n, piece.column
     load_child(q, t, piece, nodes, matching)
-    source, target = nodes.table[q, n + t], HUB + 0 * n
+    source, target = nodes.table[q, n + t], HUB
     if matching.match[source] >= 0:
         target = pair_local[matching.match[source]]
         matching.owner[target] = HUB
-    hub_banned = ban(nodes.table, q, t, n, piece.banned, n > 0)
+    hub_banned = ban(nodes.table, q, t, n, piece.banned, True)
     length, far = find_path(source, target, spare, hub_banned, piece, matching, path)
-    ban(nodes.table, q, t, n, piece.banned, n < 0)
+    ban(nodes.table, q, t, n, piece.banned, False)
     if length < np.inf:
         change_potentials(source, length, far, piece, matching, path)
         flip_path(source, target, pair_local, matching, path)
@@ -208,41 +196,32 @@ def solve_child(q: int, t: int, spare: float, piece: Piece, nodes: Nodes, matchi
     return bool(length < np.inf)
 
 
-@kernel
-def all_in(piece: Piece, matching: Matching) -> None:
-    """Let all rows and columns take part again."""
-    for x in range(piece.n):
-        matching.row_out[x] = False
-    for y in range(piece.m):
-        matching.column_out[y] = False
-
-
-@kernel(inline=True)
-def best_solutions(piece: Piece, root_cost: float, bound: Bound, matching: Matching, path: Path, kept: Kept) -> int:
-    """As `small.enumerate_solutions`, for pieces of any size; ``matching`` holds the root."""
-    n, m, k = piece.n, piece.m, kept.k
-    nodes, slacks = Nodes(int_table(16, 2 * n + 2), float_table(16, n + m + 1)), Slacks(floats(n), floats(m))
-    most = 2 * k * n + 2
-    queue = Queue(floats(most), ints(most), ints(most), ints(most))
-    save_root(root_cost, piece, nodes, matching)
+@part
+def search_solutions(piece: Piece, root_cost: float, bound: Bound, matching: Matching, path: Path, kept: Kept) -> int:
+    """As `enumeration.enumerate_solutions`, for pieces of any size; ``matching``: the cheapest solution."""
+    n, m, k = piece.n, piece.m, len(kept.order)
+    nodes = Nodes(np.empty((16, 2 * n + 2), np.int64), np.empty((16, n + m + 1)))
+    slacks, most = Slacks(np.empty(n), np.empty(m)), 2 * k * n + 2
+    queue = Queue(np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64))
+    nodes.table[0, n : 2 * n] = np.arange(n)
+    save_child(0, 0, 0, piece, nodes, matching, root_cost)
+    nodes.table[0, 2 * n + 1] = -1
     queue.node[0], queue.child[0], queue.keys[0], queue.names[0] = 0, -1, root_cost, 0
-    used, entries, size, found = 0 * n + 1, 0 * n + 1, 0 * n + 1, 0  # no literals, see compile.py
-    while size > 0:
+    used, entries, size, count = 1, 1, 1, 0
+    while size > 0 and count < k:
         size = pop(queue.keys, queue.names, size)
-        key, entry = queue.keys[size], queue.names[size]
+        key, entry, limit = queue.keys[size], queue.names[size], limit_of(bound)
         q, t = queue.node[entry], queue.child[entry]
-        limit = bound.best[k - 1] - bound.roots[bound.low] + bound.slack
         spare = limit - (key - root_cost)
         if spare < 0.0:
             break
         if t < 0:
-            kept.order[found], kept.cost[found] = found, nodes.potentials[q, n + m]
+            kept.order[count], kept.cost[count] = count, nodes.potentials[q, n + m]
             for x in range(n):
-                kept.pairs[kept.at + found * n + x] = nodes.table[q, x]
-            found += 1
-            if found == k:
-                break
-            entries, size = split_node(q, piece, nodes, slacks, spare, key, queue, entries, size)
+                kept.pairs[kept.at + count * n + x] = nodes.table[q, x]
+            count += 1
+            if count < k:
+                entries, size = split_node(q, piece, nodes, slacks, spare, key, queue, entries, size)
             continue
         if not solve_child(q, t, limit - (nodes.potentials[q, n + m] - root_cost), piece, nodes, matching, path):
             continue
@@ -250,10 +229,13 @@ def best_solutions(piece: Piece, root_cost: float, bound: Bound, matching: Match
             nodes = Nodes(twice_as_long(nodes.table), twice_as_long(nodes.potentials))
         cost = cost_of(matching.match, piece.cost, n)
         save_child(q, t, used, piece, nodes, matching, cost)
-        note(bound.best, bound.roots, bound.low, bound.high, cost - root_cost)
+        note(bound.best, bound.totals, bound.size, cost - root_cost)
         queue.node[entries], queue.child[entries] = used, -1
         size = push(queue.keys, queue.names, size, max(cost, key), entries)
         used += 1
         entries += 1
-    all_in(piece, matching)
-    return found
+    for x in range(n):
+        matching.row_out[x] = False
+    for y in range(m):
+        matching.column_out[y] = False
+    return count

@@ -1,242 +1,290 @@
-"""The solutions of all pieces: roots first, then, under a bound that falls, whatever can matter."""
+"""The solutions of all pieces: all those of small pieces first, then those of the others below a falling bound."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ...types import Floats, Ints
-from .arrays import floats, floats_of, ints, ints_of, up_to
-from .bounds import cheapest, least_of, note, totals_of, totals_of_pieces
-from .compile import kernel
-from .heap import sorted_numbers
-from .murty import best_solutions
-from .shortest_path import cost_of, finish_root, greedy_start
-from .small import choices, enumerate_all, enumerate_solutions, single_row_root
-from .space import (
-    Roots,
-    Space,
-    choices_in,
-    largest,
-    load_root,
-    matching_in,
-    new_roots,
-    new_space,
-    path_in,
-    piece_in,
-)
-from .tables import Bound, Kept, Pieces, Problem, Solutions
+from ...types import Bools, Floats, Ints
+from .compile import inlined, part
+from .enumeration import enumerate_solutions, note
+from .murty import search_solutions
+from .shortest_path import cost_of, solve_root
+from .tables import Bound, Choices, Kept, Matching, Path, Piece, Pieces, Problem, Solutions
 
 AT_ONCE = 40  # choices of a piece: up to here all its solutions are found, before a bound is known
-SURELY = 900  # choices of a piece: up to here it is enumerated in any case
-PATIENCE = 100  # partial choices to look at per solution asked for; Murty's search costs about as much
+MOST_CHOICES = 10**7  # of a piece that is enumerated as long as patience lasts
+PATIENCE = 3600  # partial choices to look at, and
+PATIENCE_PER_SOLUTION = 100  # more per solution asked for; Murty's search costs about as much
 
 
-@kernel
-def record(n: int, count: int, order: Ints, cost: Floats, sols: int, used: int, gap: Floats, pair_at: Ints) -> None:
-    """Enter the ``count`` solutions of a piece as number ``sols`` and after: their gaps and where their pairs begin."""
-    rise = 0.0
-    for r in range(count):
-        rise = max(rise, cost[order[r]] - cost[order[0]])
-        gap[sols + r], pair_at[sols + r] = rise, used + order[r] * n
+class Room(NamedTuple):
+    """Arrays for one piece at a time."""
+
+    first: Ints
+    last: Ints
+    banned: Bools
+    matching: Matching
+    path: Path
+    choice: Choices
+    order: Ints  # [k]
+    cost: Floats  # [k]
 
 
-@kernel
-def products_of(problem: Problem, pieces: Pieces, k: int, most_choices: int, product: Floats) -> int:
-    """Choices of every piece; 0 for those small enough to find all solutions at once, and room for these."""
-    room, at_once = 0, min(AT_ONCE, most_choices)
-    for q in range(len(product)):
-        n = pieces.begin[q + 1] - pieces.begin[q]
-        size = choices(q, pieces.begin, pieces.places, problem.pair_start, most_choices)
-        product[q] = size
-        if size <= at_once or n == 1:
-            product[q] = 0.0
-            room += (k if n == 1 else min(size, k)) * n
+class Roots(NamedTuple):
+    """The cheapest solution of every piece."""
+
+    pair: Ints  # of each row, in the order of `Pieces.places`
+    u: Floats  # potential of each row, in that order
+    v: Floats  # potentials of the columns of each piece
+    v_start: Ints  # [Q + 1] where those begin
+    cost: Floats  # [Q]
+
+
+@part
+def new_room(problem: Problem, pieces: Pieces, k: int) -> Room:
+    """Room for the largest piece; few arrays, since each takes time to make."""
+    n, m = 1, 1
+    for q in range(len(pieces.component)):
+        n, m = max(n, pieces.begin[q + 1] - pieces.begin[q]), max(m, problem.width[pieces.component[q]])
+    rows, columns = np.empty((4, n), np.int64), np.empty((4, m), np.int64)
+    row_sums, column_sums = np.zeros((3, n + 1)), np.zeros((2, m))
+    for y in range(m):
+        column_sums[1, y] = np.inf
+    row_out, column_out = np.zeros(n, np.bool_), np.zeros(m, np.bool_)
+    return Room(
+        rows[0],
+        rows[1],
+        np.zeros(len(problem.cost), np.bool_),
+        Matching(rows[2], columns[0], row_sums[0], column_sums[0], row_out, column_out),
+        Path(column_sums[1], columns[1], columns[2], columns[3], np.zeros(3, np.int64)),
+        Choices(column_out, rows[3], row_sums[1], row_sums[2]),
+        np.empty(k, np.int64),
+        np.empty(k),
+    )
+
+
+@part
+def new_roots(problem: Problem, pieces: Pieces) -> Roots:
+    """Room for the cheapest solution of every piece."""
+    Q, rows = len(pieces.component), len(pieces.places)
+    v_start = np.zeros(Q + 1, np.int64)
+    for q in range(Q):
+        v_start[q + 1] = v_start[q] + problem.width[pieces.component[q]]
+    return Roots(np.empty(rows, np.int64), np.empty(rows), np.empty(v_start[Q]), v_start, np.empty(Q))
+
+
+@inlined
+def load_piece(q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints, banned: Bools) -> Piece:
+    """Piece ``q``, with its rows and columns numbered from 0."""
+    low, high = pieces.begin[q], pieces.begin[q + 1]
+    for i in range(low, high):
+        place = pieces.places[i]
+        first[i - low], last[i - low] = problem.first[place], problem.first[place + 1]
+    return Piece(high - low, problem.width[pieces.component[q]], first, last, problem.column, problem.cost, banned)
+
+
+@part
+def count_choices(problem: Problem, pieces: Pieces, choices: Floats) -> int:
+    """Write the choices of every piece, 0 for those small enough to find all solutions at once; pairs of the latter."""
+    room = 0
+    for q in range(len(choices)):
+        low, high, product = pieces.begin[q], pieces.begin[q + 1], 1
+        for place in pieces.places[low:high]:
+            product *= problem.first[place + 1] - problem.first[place] + 1
+            if product > MOST_CHOICES:
+                product = MOST_CHOICES + 1
+        choices[q] = product
+        if product <= AT_ONCE or high - low == 1:
+            choices[q] = 0.0
+            room += product * (high - low)
     return room
 
 
-@kernel
+@inlined
+def record(q: int, n: int, count: int, kept: Kept, next_solution: int, solutions: Solutions) -> None:
+    """Enter the ``count`` solutions kept of piece ``q``, of ``n`` rows."""
+    rise, cost, order = 0.0, kept.cost, kept.order
+    solutions.begin[q], solutions.size[q] = next_solution, count
+    for r in range(count):
+        rise = max(rise, cost[order[r]] - cost[order[0]])
+        solutions.gap[next_solution + r] = rise
+        solutions.pair_at[next_solution + r] = kept.at + order[r] * n
+
+
+@inlined
+def rank_row(first: int, last: int, pair_cost: Floats, k: int, cost: Floats, pair: Ints) -> int:
+    """Write the at most k best choices of a single row, cheapest first, with their costs; how many."""
+    count = 0
+    for e in range(first, last + 1):
+        price = pair_cost[e] if e < last else 0.0
+        i = count
+        while i > 0 and cost[i - 1] > price:
+            if i < k:
+                cost[i], pair[i] = cost[i - 1], pair[i - 1]
+            i -= 1
+        if i < k:
+            cost[i], pair[i] = price, e if e < last else -1
+            count += 1 if count < k else 0
+    return count
+
+
+@part
 def solve_small(
-    k: int, problem: Problem, pieces: Pieces, space: Space, product: Floats, solutions: Solutions
+    problem: Problem, pieces: Pieces, choices: Floats, room: Room, root_cost: Floats, solutions: Solutions
 ) -> tuple[int, int]:
-    """All solutions, at most the k best, of the pieces without a product; how many, and how many pairs they have."""
-    choice, order, cost = choices_in(space), space.order, space.cost
-    sols, used = 0, 0
-    for q in range(len(product)):
-        if product[q] > 0.0:
+    """Solutions, at most the k best, of the pieces without choices; how many, and how many pairs they have."""
+    no_bound = Bound(np.full(len(room.order), np.inf), np.zeros(1), 0, 0.0)
+    first, last, banned, matching, choice = room.first, room.last, room.banned, room.matching, room.choice
+    order, kept_cost, pairs, next_solution, used = room.order, room.cost, solutions.pairs, 0, 0
+    for q in range(len(choices)):
+        if choices[q] > 0.0:
             continue
-        piece, kept = piece_in(space, q, problem, pieces), Kept(k, order, cost, solutions.pairs, used)
-        count = enumerate_all(piece, choice, kept)
-        record(piece.n, count, order, cost, sols, used, solutions.gap, solutions.pair_at)
-        solutions.least[q] = cost[order[0]]
-        solutions.begin[q], solutions.size[q] = sols, count
-        sols += count
+        begin = pieces.begin[q]
+        if pieces.begin[q + 1] - begin == 1:  # most pieces
+            low, high = problem.first[pieces.places[begin]], problem.first[pieces.places[begin] + 1]
+            cost, pair = solutions.gap[next_solution:], pairs[used:]
+            count = rank_row(low, high, problem.cost, len(order), cost, pair)
+            root_cost[q], solutions.begin[q], solutions.size[q] = cost[0], next_solution, count
+            for r in range(count):
+                solutions.gap[next_solution + r] -= root_cost[q]
+                solutions.pair_at[next_solution + r] = used + r
+            next_solution += count
+            used += count
+            continue
+        piece, kept = load_piece(q, problem, pieces, first, last, banned), Kept(order, kept_cost, pairs, used)
+        count = enumerate_solutions(piece, matching, 0.0, no_bound, choice, kept, PATIENCE)
+        record(q, piece.n, count, kept, next_solution, solutions)
+        root_cost[q] = kept_cost[order[0]]
+        next_solution += count
         used += count * piece.n
-    return sols, used
+    return next_solution, used
 
 
-@kernel
-def solve_roots(problem: Problem, pieces: Pieces, space: Space, product: Floats, roots: Roots) -> None:
-    """The cheapest solution of every piece with a product: its pairs, its potentials and its cost."""
-    matching, path = matching_in(space), path_in(space)
-    for q in range(len(product)):
-        if product[q] == 0.0:
+@part
+def solve_roots(problem: Problem, pieces: Pieces, choices: Floats, room: Room, roots: Roots) -> None:
+    """The cheapest solution of every piece with choices: its pairs, its potentials and its cost."""
+    first, last, banned, matching, path = room.first, room.last, room.banned, room.matching, room.path
+    for q in range(len(choices)):
+        if choices[q] == 0.0:
             continue
-        i = pieces.begin[q]
-        if pieces.begin[q + 1] - i == 1:  # only where k is 1, and without potentials
-            place = pieces.places[i]
-            chosen = single_row_root(problem.pair_start[place], problem.pair_start[place + 1], problem.pair_cost)
-            roots.pair[i], roots.cost[q] = chosen, problem.pair_cost[chosen] if chosen >= 0 else 0.0
+        begin = pieces.begin[q]
+        if pieces.begin[q + 1] - begin == 1:  # only where k is 1, and without potentials
+            place = pieces.places[begin]
+            roots.cost[q], roots.pair[begin] = 0.0, -1
+            for e in range(problem.first[place], problem.first[place + 1]):
+                if problem.cost[e] < roots.cost[q]:
+                    roots.cost[q], roots.pair[begin] = problem.cost[e], e
             continue
-        piece = piece_in(space, q, problem, pieces)
-        if greedy_start(piece, matching) > 0:
-            finish_root(piece, matching, path)
+        piece = load_piece(q, problem, pieces, first, last, banned)
+        solve_root(piece, matching, path)
         roots.cost[q] = cost_of(matching.match, piece.cost, piece.n)
         for x in range(piece.n):
-            roots.pair[i + x], roots.u[i + x] = matching.match[x], matching.u[x]
+            roots.pair[begin + x], roots.u[begin + x] = matching.match[x], matching.u[x]
         for y in range(piece.m):
             roots.v[roots.v_start[q] + y] = matching.v[y]
 
 
-@kernel
-def in_order(product: Floats, most_choices: int, roots: Floats, roots_start: Ints) -> tuple[Ints, int, int]:
-    """All pieces: solved ones, small ones by their size, large ones of the cheapest parents.
-
-    So the bound has fallen when the costly ones come. Also how many of the first kind there are, and of the first two.
-    """
-    Q, solved, small, key = len(product), 0, 0, floats(len(product))
-    for q in range(Q):
-        solved += product[q] == 0.0
-        small += product[q] <= most_choices
-        key[q] = product[q] if product[q] <= most_choices else np.inf
-    ordered = sorted_numbers(key)
-    for i in range(small + 1, Q):  # few
-        q, j = ordered[i], i
-        while j > small and roots[roots_start[ordered[j - 1]]] > roots[roots_start[q]]:
-            ordered[j] = ordered[j - 1]
-            j -= 1
-        ordered[j] = q
-    return ordered, solved, small
-
-
-@kernel
-def note_solved(
-    ordered: Ints, solved: int, roots: Floats, roots_start: Ints, solutions: Solutions, slack: float, bound: Floats
-) -> None:
-    """Lower the bound by the solutions of the pieces solved at once, and forget those that cannot matter."""
-    last = len(bound) - 1
-    for i in range(solved):
-        q = ordered[i]
-        low, high = roots_start[q], roots_start[q + 1]
-        for r in range(1, solutions.size[q]):
-            rise = solutions.gap[solutions.begin[q] + r]
-            if roots[low] + rise > bound[last] + slack:
-                solutions.size[q] = r
-                break
-            note(bound, roots, low, high, rise)
-
-
-@kernel
-def with_room(pairs: Ints, used: int, more: int) -> Ints:
-    """The array, or a longer copy if there is no room for ``more`` after the first ``used``."""
-    if used + more <= len(pairs):
-        return pairs
-    longer = ints(2 * (used + more))
-    for i in range(used):
-        longer[i] = pairs[i]
-    return longer
-
-
-@kernel
-def patience_for(product: float, k: int) -> int:
-    """How many partial choices of a piece to look at before Murty's search takes over."""
-    return 4 * SURELY if product <= SURELY else 4 * SURELY + PATIENCE * k
-
-
-@kernel
-def forget_others(totals: Floats, low: int, best: Floats) -> None:
-    """Let the root of a piece be all that is known, at cost 0: each piece is solved for itself."""
-    for j in range(len(best)):
-        best[j] = np.inf
-    best[0], totals[low] = 0.0, 0.0
-
-
-@kernel
-def try_enumeration(
-    q: int, product: float, problem: Problem, pieces: Pieces, space: Space, roots: Roots, bound: Bound, saved: Floats,
-    pairs: Ints, used: int,
-) -> int:  # fmt: skip
-    """Solutions of piece ``q`` by enumeration; -1, and the bound is left as it was, if patience ends."""
-    k = len(saved)
-    for j in range(k):
-        saved[j] = bound.best[j]
-    piece, matching, choice = piece_in(space, q, problem, pieces), matching_in(space), choices_in(space)
-    load_root(q, piece, pieces.begin[q], roots, matching)
-    kept = Kept(k, space.order, space.cost, pairs, used)
-    count = enumerate_solutions(piece, matching, roots.cost[q], bound, choice, kept, patience_for(product, k))
-    for j in range(k if count < 0 else 0):
-        bound.best[j] = saved[j]
-    return count
-
-
-@kernel
-def search_piece(
-    q: int, problem: Problem, pieces: Pieces, space: Space, roots: Roots, bound: Bound, pairs: Ints, used: int
+@part
+def solve_large(
+    q: int, choices: float, problem: Problem, pieces: Pieces, room: Room, roots: Roots, bound: Bound, kept: Kept
 ) -> int:
-    """Solutions of piece ``q`` by Murty's search."""
-    piece, matching, path = piece_in(space, q, problem, pieces), matching_in(space), path_in(space)
-    load_root(q, piece, pieces.begin[q], roots, matching)
-    kept = Kept(len(bound.best), space.order, space.cost, pairs, used)
-    return best_solutions(piece, roots.cost[q], bound, matching, path, kept)
+    """Number of solutions kept of piece ``q``: by enumeration or, if that takes too long, by Murty's search."""
+    matching, begin, k = room.matching, pieces.begin[q], len(kept.order)
+    piece = load_piece(q, problem, pieces, room.first, room.last, room.banned)
+    for x in range(piece.n):
+        matching.match[x], matching.u[x] = roots.pair[begin + x], roots.u[begin + x]
+    for y in range(piece.m):
+        matching.v[y] = roots.v[roots.v_start[q] + y]
+    if choices <= MOST_CHOICES:
+        saved, patience = bound.best.copy(), PATIENCE + PATIENCE_PER_SOLUTION * k
+        count = enumerate_solutions(piece, matching, roots.cost[q], bound, room.choice, kept, patience)
+        if count >= 0:
+            return count
+        for j in range(k):
+            bound.best[j] = saved[j]
+    return search_solutions(piece, roots.cost[q], bound, matching, room.path, kept)
 
 
-@kernel(inline=True)
-def solve_pieces(
-    k: int, problem: Problem, pieces: Pieces, base: Floats, scale: float, joint: bool, most_choices: int
-) -> tuple[Solutions, Floats, float]:
-    """The solutions of every piece that can be among the k best of all; all k best of each if not ``joint``.
+@part
+def totals_of(of_parent: Ints, base: Floats, root_cost: Floats) -> Floats:
+    """Cost of the cheapest solution of each parent, [P]."""
+    total = base.copy()
+    for p in range(of_parent.shape[0]):
+        for c in range(of_parent.shape[1]):
+            if of_parent[p, c] >= 0:
+                total[p] += root_cost[of_parent[p, c]]
+    return total
+
+
+@inlined
+def write_totals(q: int, component: int, of_parent: Ints, ranked: Ints, total: Floats, totals: Floats) -> int:
+    """Write the totals of the parents of piece ``q``, increasing, into ``totals``; how many there are."""
+    size = 0
+    for p in ranked:
+        if of_parent[p, component] == q:
+            totals[size] = total[p]
+            size += 1
+    return size
+
+
+@inlined
+def note_small(gap: Floats, begin: int, size: int, best: Floats, totals: Floats, parents: int, slack: float) -> int:
+    """Lower the bound by the solutions of a piece solved at once; how many of them can matter."""
+    mattering = 1
+    while mattering < size and totals[0] + gap[begin + mattering] <= best[-1] + slack:
+        note(best, totals, parents, gap[begin + mattering])
+        mattering += 1
+    return mattering
+
+
+@part
+def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tuple[Solutions, Floats, float]:
+    """The solutions of every piece that can be among the k best of all.
 
     Returns with them the cost of each parent's cheapest solution [P], and a limit that the k-th best does not exceed.
-    ``base`` [P]: cost of the parents; ``scale``: what no total exceeds; a piece of at most ``most_choices`` choices is
-    enumerated.
+    ``base`` [P]: cost of the parents.
     """
-    component, begin, of_parent = pieces.component, pieces.begin, pieces.of_parent
-    Q, most_choices, slack = len(component), max(most_choices, 1), 1e-12 * scale
-    n, m = largest(pieces, problem.width)
-    space = new_space(n, m, k, len(problem.pair_cost))
-    roots = new_roots(component, len(pieces.places), problem.width)
-    product = floats_of(Q, 1.0)
+    component, begin, of_parent, Q = pieces.component, pieces.begin, pieces.of_parent, len(pieces.component)
+    slack = 1e-12 * (np.abs(problem.cost).sum() + np.abs(base).max())  # of what no total exceeds
+    room, roots, choices = new_room(problem, pieces, k), new_roots(problem, pieces), np.ones(Q)
     if k == 1:
-        solve_roots(problem, pieces, space, product, roots)
+        solve_roots(problem, pieces, choices, room, roots)
         total = totals_of(of_parent, base, roots.cost)
-        limit = total[cheapest(total)] + slack
-        return Solutions(up_to(Q), ints_of(Q, 1), roots.cost, floats_of(Q, 0.0), begin, roots.pair), total, limit
-    room = products_of(problem, pieces, k, most_choices, product)
-    sol_begin, sol_count, gap, pair_at, pairs = ints(Q), ints(Q), floats(Q * k), ints(Q * k), ints(room)
-    solutions = Solutions(sol_begin, sol_count, roots.cost, gap, pair_at, pairs)
-    sols, used = solve_small(k, problem, pieces, space, product, solutions)
-    solve_roots(problem, pieces, space, product, roots)
+        return Solutions(np.arange(Q), np.ones(Q, np.int64), np.zeros(Q), begin, roots.pair), total, total.min() + slack
+    pairs = np.empty(count_choices(problem, pieces, choices), np.int64)
+    numbers, gap, pair_at = np.empty((2, Q), np.int64), np.empty(Q * k), np.empty(Q * k, np.int64)
+    solutions = Solutions(numbers[0], numbers[1], gap, pair_at, pairs)
+    next_solution, used = solve_small(problem, pieces, choices, room, roots.cost, solutions)
+    solve_roots(problem, pieces, choices, room, roots)
     total = totals_of(of_parent, base, roots.cost)
-    ranked = sorted_numbers(total)
-    best, saved, order, cost = least_of(total, ranked, k), floats(k), space.order, space.cost
-    totals, totals_start = totals_of_pieces(of_parent, total, ranked, Q)
-    ordered, solved, small = in_order(product, most_choices, totals, totals_start)
-    if joint:
-        note_solved(ordered, solved, totals, totals_start, solutions, slack, best)
-    for i in range(solved, Q):
-        q = ordered[i]
-        low, high, n = totals_start[q], totals_start[q + 1], begin[q + 1] - begin[q]
-        if not joint:
-            forget_others(totals, low, best)
-            high = low + 1
-        pairs = with_room(pairs, used, k * n)
-        bound = Bound(best, totals, low, high, slack)  # pyright: ignore[reportArgumentType]
-        count = -1 + 0 * k  # no literal, see compile.py
-        if i < small:
-            count = try_enumeration(q, product[q], problem, pieces, space, roots, bound, saved, pairs, used)
-        if count < 0:
-            count = search_piece(q, problem, pieces, space, roots, bound, pairs, used)
-        record(n, count, order, cost, sols, used, gap, pair_at)
-        sol_begin[q], sol_count[q] = sols, count
-        sols += count
+    ranked, best, totals = np.argsort(total, kind="mergesort"), np.full(k, np.inf), np.empty(len(base))
+    for i in range(min(k, len(total))):
+        best[i] = total[ranked[i]]
+    for q in range(Q):
+        if choices[q] == 0.0:
+            parents = write_totals(q, component[q], of_parent, ranked, total, totals)
+            numbers[1, q] = note_small(gap, numbers[0, q], numbers[1, q], best, totals, parents, slack)
+    large = np.nonzero(choices)[0]
+    for q in large[np.argsort(choices[large], kind="mergesort")]:  # the bound has fallen when the costly ones come
+        parents = write_totals(q, component[q], of_parent, ranked, total, totals)
+        n = begin[q + 1] - begin[q]
+        if used + k * n > len(pairs):
+            pairs = longer(pairs, 2 * (used + k * n))
+        kept = Kept(room.order, room.cost, pairs, used)
+        bound = Bound(best, totals, parents, slack)
+        count = solve_large(q, choices[q], problem, pieces, room, roots, bound, kept)
+        record(q, n, count, kept, next_solution, solutions)
+        next_solution += count
         used += count * n
-    return Solutions(sol_begin, sol_count, roots.cost, gap, pair_at, pairs), total, best[k - 1] + slack
+    return Solutions(numbers[0], numbers[1], gap, pair_at, pairs), total, best[k - 1] + slack
+
+
+@part
+def longer(array: Ints, size: int) -> Ints:
+    """A copy of this size, with nothing set after what the array holds."""
+    copy = np.empty(size, np.int64)
+    for i in range(len(array)):
+        copy[i] = array[i]
+    return copy

@@ -16,13 +16,13 @@ from __future__ import annotations
 import numpy as np
 
 from ...types import Floats, Ints
-from .compile import kernel
+from .compile import part
 from .tables import Matching, Path, Piece
 
 HUB = -1  # as a source or target, and what an unmatched row or column has
 
 
-@kernel
+@part
 def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no call per row or column
     source: int, target: int, limit: float, hub_banned: bool, piece: Piece, matching: Matching, path: Path
 ) -> tuple[float, float]:
@@ -98,14 +98,14 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
         low, high = 0, piece.n
 
 
-@kernel
+@part
 def forget_path(path: Path) -> None:
     """Make the distances infinite again."""
     for i in range(path.hub[2]):
         path.dist[path.seen[i]] = np.inf
 
 
-@kernel
+@part
 def change_potentials(source: int, length: float, far: float, piece: Piece, matching: Matching, path: Path) -> None:
     """Potentials that fit the matching after the path has been flipped; to be called before it is."""
     match, owner, u, v, row_out, column_out = matching
@@ -127,7 +127,7 @@ def change_potentials(source: int, length: float, far: float, piece: Piece, matc
         u[source] += length
 
 
-@kernel
+@part
 def flip_path(source: int, target: int, column: Ints, matching: Matching, path: Path) -> None:
     """Match along the path found; ``column``: that of each pair."""
     y = target
@@ -153,9 +153,9 @@ def flip_path(source: int, target: int, column: Ints, matching: Matching, path: 
         y = column[old] if old >= 0 else HUB
 
 
-@kernel
-def greedy_start(piece: Piece, matching: Matching) -> int:
-    """Give every row its cheapest choice; those whose column is taken stay out, how many is returned."""
+@part
+def start_greedily(piece: Piece, matching: Matching) -> int:
+    """Give every row its cheapest choice; rows whose column is taken stay out, how many is returned."""
     match, owner, u, v, row_out, _ = matching
     waiting = 0
     for y in range(piece.m):
@@ -176,10 +176,11 @@ def greedy_start(piece: Piece, matching: Matching) -> int:
     return waiting
 
 
-@kernel
-def finish_root(piece: Piece, matching: Matching, path: Path) -> None:
-    """Let the rows that are out in, one shortest path each."""
-    hub_node, banned = HUB + 0 * piece.n, piece.n < 0  # no literals, see compile.py
+@part
+def solve_root(piece: Piece, matching: Matching, path: Path) -> None:
+    """The cheapest solution and its potentials: a greedy start, then a shortest path for each row that is left out."""
+    if start_greedily(piece, matching) == 0:
+        return
     for x in range(piece.n):
         if not matching.row_out[x]:
             continue
@@ -188,13 +189,13 @@ def finish_root(piece: Piece, matching: Matching, path: Path) -> None:
         for e in range(piece.first[x], piece.last[x]):
             least = min(least, piece.cost[e] - matching.v[piece.column[e]])
         matching.u[x] = least
-        length, far = find_path(x, hub_node, np.inf, banned, piece, matching, path)
+        length, far = find_path(x, HUB, np.inf, False, piece, matching, path)
         change_potentials(x, length, far, piece, matching, path)
-        flip_path(x, hub_node, piece.column, matching, path)
+        flip_path(x, HUB, piece.column, matching, path)
         forget_path(path)
 
 
-@kernel
+@part
 def cost_of(match: Ints, pair_cost: Floats, n: int) -> float:
     """Cost of a matching, summed in the order of the rows."""
     total = 0.0

@@ -1,8 +1,4 @@
-"""The records of arrays that the kernels of the association hand to each other.
-
-A record is passed to compiled code as its arrays, one by one: hand a kernel the record that it reads, not a larger one.
-Arrays are indexed by the numbers that README.md explains: rows and columns of the caller, components, pieces, pairs.
-"""
+"""Records of arrays that the kernels of the association hand to each other; README.md explains the words."""
 
 from __future__ import annotations
 
@@ -14,13 +10,13 @@ from ...types import Bools, Floats, Ints
 class Problem(NamedTuple):
     """The allowed pairs, component by component; every component numbers its columns from 0."""
 
-    rows: Ints  # [A] the caller's rows, those of one component after those of the other
-    start: Ints  # [C + 1] where those of each component begin
+    rows: Ints  # [A] the caller's rows that have a pair
+    start: Ints  # [C + 1] where the rows of each component begin
     width: Ints  # [C] columns of each component
-    pair_start: Ints  # [A + 1] where the pairs of each row begin
-    pair_local: Ints  # [E] column of each pair in its component
-    pair_cost: Floats  # [E]
-    pair_column: Ints  # [E] the caller's column
+    first: Ints  # [A + 1] where the pairs of each row begin
+    column: Ints  # [E] column of each pair in its component
+    cost: Floats  # [E]
+    column_of_caller: Ints  # [E]
 
 
 class Pieces(NamedTuple):
@@ -37,7 +33,6 @@ class Solutions(NamedTuple):
 
     begin: Ints  # [Q] number of the first solution of each piece
     size: Ints  # [Q] how many it has
-    least: Floats  # [Q] cost of the first
     gap: Floats  # by solution: how much dearer than the first of its piece
     pair_at: Ints  # by solution: where its pairs begin in ``pairs``
     pairs: Ints  # the pair of each row of the piece, -1: unmatched
@@ -52,7 +47,7 @@ class Piece(NamedTuple):
     last: Ints  # [n] the one after its last
     column: Ints  # [E] of each pair
     cost: Floats  # [E]
-    banned: Bools  # [E] pairs that Murty's search has forbidden for now
+    banned: Bools  # [E] pairs that Murty's search forbids at the moment
 
 
 class Matching(NamedTuple):
@@ -73,14 +68,14 @@ class Path(NamedTuple):
     through: Ints  # [m] the pair by which a column was reached, -1: from the hub
     by: Ints  # [m] the row, -1: the hub
     seen: Ints  # [m] the columns reached, those that are closed first
-    hub: Ints  # [3] row and column that the hub was reached from, -1: none; how many columns were seen
+    hub: Ints  # [3] row and column that the hub was reached from, -1: none; number of columns seen
 
 
 class Choices(NamedTuple):
     """The partial choice of an enumeration."""
 
     taken: Bools  # [m] columns
-    option: Ints  # [n] pair of each row so far; `Piece.last` stands for none
+    option: Ints  # [n] pair of each row so far; `Piece.last` stands for unmatched
     lower: Floats  # [n + 1] lower bound of the rise over the cheapest solution, after each row
     total: Floats  # [n + 1] cost so far
 
@@ -88,7 +83,6 @@ class Choices(NamedTuple):
 class Kept(NamedTuple):
     """The at most k best solutions of a piece so far."""
 
-    k: int
     order: Ints  # [k] their numbers, cheapest first
     cost: Floats  # [k] by number
     pairs: Ints  # n pairs of each, the first from number ``at`` on
@@ -96,12 +90,11 @@ class Kept(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """What is known of the k cheapest solutions of the whole problem, as a search of one piece needs it."""
+    """The k least totals known of the whole problem: a dearer solution of a piece cannot matter."""
 
-    best: Floats  # [k] increasing: nothing dearer than the last can matter
-    roots: Floats  # cost of the cheapest solution of each parent of each piece, increasing in each piece
-    low: int  # the parents of this piece are roots[low:high]
-    high: int
+    best: Floats  # [k] increasing
+    totals: Floats  # total of the cheapest solution of each parent of the piece, increasing
+    size: int  # how many those are
     slack: float  # for rounding
 
 

@@ -11,21 +11,20 @@ import numpy as np
 
 from ...tracks import UNBORN
 from ...types import Bools, Floats, Ints
-from .arrays import first_ints, flag_table, int_table, ints, ints_of
-from .compile import kernel
+from .compile import kernel, part
 
 CLASS, ID, HITS, AGE = range(4)  # rows of a memory: class, identity, detections taken, frames since the last one
 _UNSEEN, _SEEN = -1, -2
 
 
-@kernel("i8(i8)")
+@part
 def _mixed(leaf: int) -> int:
     """A number for a leaf, such that sums of the numbers of different leaves hardly ever agree."""
     mixed = (leaf + 1) * 40503 % 65537
     return mixed * mixed * mixed % 4294967291  # never beyond 64 bits, so that plain Python agrees
 
 
-@kernel("void(i8[::1], i8)")
+@part
 def _sort(values: Ints, n: int) -> None:
     """Sort the first ``n`` values, a handful, in place."""
     for i in range(1, n):
@@ -54,13 +53,13 @@ class _Leaves(NamedTuple):
     start: Ints  # [N + 1]
 
 
-@kernel
+@part
 def _spread(column: Ints, parent: Ints, member: Bools, age: Ints, max_age: Ints, taken: _Taken, new: _Leaves) -> int:
     """Write what is taken, and the new leaves of each old one: a leaf per choice; how many. Arguments as for `grow`."""
     choice, by_any, takers = taken
     leaf, detection, start = new
-    place = ints_of(len(takers) + 1, _UNSEEN)  # whether the present old leaf has had a choice before
-    choices, count = ints(len(parent)), 0
+    place = np.full(len(takers) + 1, _UNSEEN)  # whether the present old leaf has had a choice before
+    choices, count = np.empty(len(parent), np.int64), 0
     for i in range(len(age)):
         n, start[i] = 0, count
         for h in range(len(parent)):
@@ -86,13 +85,13 @@ def _spread(column: Ints, parent: Ints, member: Bools, age: Ints, max_age: Ints,
     return count
 
 
-@kernel
+@part
 def _hold(taken: _Taken, new: _Leaves, member: Bools, name: Ints) -> None:
     """Let each hypothesis hold its leaves, and name it by the sum of their numbers."""
     choice, by_any, takers = taken
     _, detection, start = new
     leaves, count = len(choice), member.shape[1]
-    place, number = ints_of(len(takers) + 1, _UNSEEN), ints(count)
+    place, number = np.full(len(takers) + 1, _UNSEEN), np.empty(count, np.int64)
     for e in range(count):
         number[e] = _mixed(e)
     for i in range(leaves):
@@ -129,22 +128,26 @@ def grow(
     """
     hypotheses, leaves = column.shape
     most = min(hypotheses, detections + 1) * leaves + detections
-    taken = _Taken(int_table(leaves, hypotheses), flag_table(hypotheses, detections), ints_of(detections, 0))
-    new = _Leaves(ints(most), ints(most), ints(leaves + 1))
+    taken = _Taken(
+        np.empty((leaves, hypotheses), np.int64),
+        np.zeros((hypotheses, detections), np.bool_),
+        np.zeros(detections, np.int64),
+    )
+    new = _Leaves(np.empty(most, np.int64), np.empty(most, np.int64), np.empty(leaves + 1, np.int64))
     count = _spread(column, parent, member, age, max_age, taken, new)
     for d in range(detections):
         if taken.takers[d] < hypotheses:
             new.leaf[count], new.detection[count] = -1, d
             count += 1
-    now, name = flag_table(hypotheses, count), ints_of(hypotheses, 0)
+    now, name = np.zeros((hypotheses, count), np.bool_), np.zeros(hypotheses, np.int64)
     _hold(taken, new, now, name)
-    return first_ints(new.leaf, count), first_ints(new.detection, count), now, name
+    return new.leaf[:count].copy(), new.detection[:count].copy(), now, name
 
 
 @kernel("i8[::1](b1[:, ::1], i8[::1])")
 def distinct_rows(member: Bools, name: Ints) -> Ints:
     """Rows [H'] of a membership [H, N] that are not equal to an earlier one; equal rows have equal names [H]."""
-    kept, count = ints(len(name)), 0
+    kept, count = np.empty(len(name), np.int64), 0
     for h in range(len(name)):
         fresh = True
         for j in range(count):
@@ -157,7 +160,7 @@ def distinct_rows(member: Bools, name: Ints) -> Ints:
         if fresh:
             kept[count] = h
             count += 1
-    return first_ints(kept, count)
+    return kept[:count].copy()
 
 
 @kernel("i8(i8[::1], i8[::1], i8[:, ::1], f8[::1], i8[::1], f8[::1], i8, i8[:, ::1], f8[::1])")
@@ -211,7 +214,7 @@ def histories(
     """
     layers = len(measured)
     past = np.empty((len(leaf), layers, 7))
-    taken = int_table(len(leaf), layers)
+    taken = np.empty((len(leaf), layers), np.int64)
     for n in range(len(leaf)):
         at, layer = leaf[n], last + 1
         for back in range(layers):

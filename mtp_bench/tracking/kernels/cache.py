@@ -1,0 +1,105 @@
+"""Cache of compiled kernels: one folder per kernel, with a SHA-256 sum beside each file.
+
+The folder's name holds a digest of what the compiled code depends on: Numba itself looks at the kernel's own file
+alone, not at the files of the functions that it calls. Numba does not notice a flipped bit in a file either and then
+crashes, so that sums are compared before it loads anything.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FunctionType
+
+import llvmlite.binding
+import numba
+
+_PACKAGE = __name__.partition(".")[0]
+_SUM = ".sha256"
+
+
+def cache_folder() -> Path:
+    """Folder of all compiled kernels: the one in NUMBA_CACHE_DIR, else the user's cache folder."""
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given:
+        return Path(given).absolute()  # an agent's process works in another folder
+    from platformdirs import user_cache_path
+
+    return user_cache_path("mtp_bench", appauthor=False)
+
+
+def folder_of(function: FunctionType, signature: str) -> Path:
+    """Folder of a kernel, named by a digest of its sources and constants, Python, Numba and the processor."""
+    versions = sys.version, numba.__version__, llvmlite.__version__, llvmlite.binding.get_host_cpu_name()
+    options = _sum_of(Path(__file__).with_name("compile.py"))
+    digest = hashlib.sha256(repr((*versions, options, signature, sorted(_sources(function)))).encode())
+    return cache_folder() / f"kernels-{function.__name__}-{digest.hexdigest()[:16]}"
+
+
+def _sources(function: FunctionType) -> set[str]:
+    """Digests of the files, and values of the constants, that the code of a function depends on."""
+    sources = {_sum_of(Path(function.__code__.co_filename))}
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
+        value = getattr(value, "py_func", value)
+        if isinstance(value, bool | int | float | str | tuple):
+            sources.add(f"{name} = {value!r}")
+        elif isinstance(value, FunctionType) and value.__module__.startswith(_PACKAGE):
+            sources |= _sources(value)
+        elif isinstance(value, type) and value.__module__.startswith(_PACKAGE):
+            sources.add(_sum_of(Path(sys.modules[value.__module__].__file__ or "")))
+    return sources
+
+
+def is_sound(folder: Path, source: str) -> bool:
+    """Whether the folder holds compiled files that all agree with their sums and are newer than the source file."""
+    files = _files(folder)
+    newest = Path(source).stat().st_mtime
+    return bool(files) and all(_agrees(file) and file.stat().st_mtime >= newest for file in files)
+
+
+def seal(folder: Path) -> None:
+    """Write the sum of each file beside it."""
+    for file in _files(folder):
+        partial = file.with_name(f"{file.name}{_SUM}.tmp")
+        partial.write_text(_sum_of(file), encoding="ascii")
+        partial.replace(f"{file}{_SUM}")
+
+
+def clear(folder: Path) -> bool:
+    """Delete the compiled files; whether one of them did not agree with its sum."""
+    files = _files(folder)
+    damaged = any(Path(f"{file}{_SUM}").exists() and not _agrees(file) for file in files)
+    for file in files:
+        file.unlink()
+    return damaged
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Let one process at a time write to the folder."""
+    from filelock import FileLock
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with FileLock(folder / "lock"):
+        yield
+
+
+def _files(folder: Path) -> list[Path]:
+    """What Numba wrote: an index (.nbi) and the code of each signature (.nbc)."""
+    return sorted(folder.glob("*/*.nb[ci]"))
+
+
+def _agrees(file: Path) -> bool:
+    try:
+        return Path(f"{file}{_SUM}").read_text(encoding="ascii") == _sum_of(file)
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _sum_of(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()

@@ -1,0 +1,110 @@
+"""The cheapest solutions of a small piece, by depth-first search with reduced costs as lower bounds."""
+
+from __future__ import annotations
+
+from ...types import Floats, Ints
+from .compile import inlined
+from .tables import Bound, Choices, Kept, Matching, Piece
+
+
+@inlined
+def limit_of(bound: Bound) -> float:
+    """How much dearer than its cheapest solution a solution of the piece may be to matter."""
+    return float(bound.best[-1] - bound.totals[0] + bound.slack)
+
+
+@inlined
+def note(best: Floats, totals: Floats, size: int, gap: float) -> None:
+    """Enter the totals of all parents of a piece with a solution dearer by ``gap`` among the least known, ``best`` [k].
+
+    ``totals``: of the parents' cheapest solutions, increasing; ``size``: how many those are.
+    """
+    for i in range(size):
+        total = totals[i] + gap
+        j = len(best) - 1
+        if total >= best[j]:
+            break
+        while j > 0 and best[j - 1] > total:
+            best[j] = best[j - 1]
+            j -= 1
+        best[j] = total
+
+
+@inlined
+def keep(total: float, count: int, piece: Piece, option: Ints, kept: Kept) -> int:
+    """Enter the present choice, which costs ``total``, as a new solution or for the dearest; how many there are."""
+    order, cost, k = kept.order, kept.cost, len(kept.order)
+    place = order[k - 1] if count == k else count
+    count += 1 if count < k else 0
+    cost[place] = total
+    for a in range(piece.n):
+        kept.pairs[kept.at + place * piece.n + a] = option[a] if option[a] < piece.last[a] else -1
+    i = count - 1
+    while i > 0 and cost[order[i - 1]] > total:
+        order[i] = order[i - 1]
+        i -= 1
+    order[i] = place
+    return count
+
+
+@inlined
+def is_matching(piece: Piece, option: Ints, match: Ints) -> bool:
+    """Whether the present choice is this matching."""
+    same = True
+    for a in range(piece.n):
+        same &= match[a] == (option[a] if option[a] < piece.last[a] else -1)
+    return same
+
+
+@inlined
+def enumerate_solutions(
+    piece: Piece, matching: Matching, root_cost: float, bound: Bound, choice: Choices, kept: Kept, patience: int
+) -> int:
+    """How many solutions of a piece were kept, at most k: all that can be among the k cheapest of the whole problem.
+
+    -1, with ``bound.best`` spoilt, if more than ``patience`` partial choices would have to be looked at.
+    ``matching``: the cheapest solution, which costs ``root_cost``, and its potentials; zeros if it is not known.
+    """
+    first, last, column, cost = piece.first, piece.last, piece.column, piece.cost
+    u, v = matching.u, matching.v
+    taken, option, lower, total = choice
+    n, k, count, x = piece.n, len(kept.order), 0, 0
+    lower[0], total[0] = 0.0, 0.0
+    option[0] = first[0] - 1
+    limit = limit_of(bound)
+    while x >= 0:
+        e = option[x]
+        if first[x] <= e < last[x]:
+            taken[column[e]] = False
+        e += 1
+        while e < last[x] and (taken[column[e]] or lower[x] + cost[e] - u[x] - v[column[e]] > limit):
+            e += 1
+        option[x] = e
+        if e > last[x] or (e == last[x] and lower[x] - u[x] > limit):
+            x -= 1
+            continue
+        if e < last[x]:
+            taken[column[e]] = True
+            lower[x + 1] = lower[x] + cost[e] - u[x] - v[column[e]]
+            total[x + 1] = total[x] + cost[e]
+        else:
+            lower[x + 1], total[x + 1] = lower[x] - u[x], total[x]
+        patience -= 1
+        if patience < 0:
+            for y in range(piece.m):
+                taken[y] = False
+            count = -1
+            break
+        x += 1
+        if x < n:
+            option[x] = first[x] - 1
+            continue
+        x -= 1
+        gap = total[n] - root_cost
+        if gap > limit or (count == k and total[n] >= kept.cost[kept.order[k - 1]]):
+            continue
+        count = keep(total[n], count, piece, option, kept)
+        if bound.size > 0 and not is_matching(piece, option, matching.match):
+            note(bound.best, bound.totals, bound.size, gap)
+            limit = limit_of(bound)
+    return count
