@@ -2,8 +2,7 @@
 
     python benchmarks/compile.py [--repeats 3] [--json FILE]
 
-Every measurement is a process of its own; cold ones start with an empty cache. The first group includes the import of
-numba.
+Every measurement is a process of its own; cold ones start with an empty cache.
 """
 
 from __future__ import annotations
@@ -18,27 +17,19 @@ import time
 from importlib import import_module
 from pathlib import Path
 
-KERNELS = {
-    "association": ("mtp_bench.tracking.kernels.association", ("search",)),
-    "affinity": ("mtp_bench.tracking.kernels.affinity_kernels", ("sparse_pairs",)),
-    "tree": ("mtp_bench.tracking.kernels.tree_kernels", ("grow", "distinct_rows", "descend", "histories")),
-    "motion": ("mtp_bench.tracking.kernels.motion_kernels", ("predict", "update_pairs")),
-    "filter": ("mtp_bench.prediction.kalman", ("filter_pasts",)),
-    "kinematic": ("mtp_bench.prediction.kinematic", ("expand",)),
-    "greedy": ("mtp_bench.prediction.greedy", ("k_medians",)),
-    "k-means": ("mtp_bench.prediction.k_means", ("k_means",)),
-}
+PACKAGES = ("mtp_bench.tracking", "mtp_bench.prediction")
 
 
 def here() -> dict[str, float]:
-    """CPU seconds of each group of kernels, in this process."""
-    seconds = {}
-    for name, (module, kernels) in KERNELS.items():
-        loaded = import_module(module)
+    """CPU seconds of the imports and of each kernel, in this process."""
+    start = time.process_time()
+    for package in PACKAGES:
+        import_module(package)
+    seconds = {"imports": time.process_time() - start}
+    for kernel in import_module("mtp_bench.tracking.kernels.compile").KERNELS:
         start = time.process_time()
-        for kernel in kernels:
-            getattr(loaded, kernel).compiled()
-        seconds[name] = time.process_time() - start
+        kernel.compile()
+        seconds[kernel.function.__name__] = time.process_time() - start
     return {**seconds, "all": sum(seconds.values())}
 
 

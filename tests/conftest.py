@@ -205,4 +205,4 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def light_fork_servers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fork servers load what every agent needs without the trackers: half a second less for each submission."""
-    monkeypatch.setattr("mtp_bench.gateway.fork_server.LOADED", {"mtp_bench.submission.loader": ()})
+    monkeypatch.setattr("mtp_bench.gateway.fork_server.LOADED", ("mtp_bench.submission.loader",))

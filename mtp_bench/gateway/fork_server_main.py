@@ -54,7 +54,8 @@ def main() -> None:
     child.prepare(setup)
     for name in setup["modules"]:
         importlib.import_module(name)
-    for kernel in importlib.import_module("mtp_bench.tracking.kernels.compile").KERNELS:
+    compiler = sys.modules.get("mtp_bench.tracking.kernels.compile")
+    for kernel in compiler.KERNELS if compiler else ():
         kernel.compile()
     _require_no_shared_memory()
     gc.freeze()  # forks share these objects: collecting would copy their pages

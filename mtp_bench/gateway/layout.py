@@ -99,11 +99,8 @@ def environment(isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS)
 
     ``isolated``: it is sandboxed; else ``work`` is its temporary folder and ``networks`` the folder of its weights.
     """
-    kernels = (
-        f"{work}/kernels"
-        if isolated
-        else str(importlib.import_module("mtp_bench.tracking.kernels.cache").cache_folder())
-    )
+    cache = importlib.import_module("mtp_bench.tracking.kernels.cache")
+    kernels = f"{work}/kernels" if isolated else str(cache.cache_folder())
     own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", WEIGHTS: networks}
     own |= {"NUMBA_CACHE_DIR": kernels, "PYTHONHASHSEED": "0"}  # else the order of a set differs between judges
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own

@@ -70,7 +70,7 @@ def _first(distance: Floats, mass: Floats, least: Floats, gain: Floats) -> int:
     for c in range(len(gain)):
         gain[c], least[c] = 0.0, distance[medoid, c]
     for s in range(len(mass)):
-        _lower(distance[s], -mass[s], least[s], np.float32(0.0), gain)
+        _lower(distance[s], -mass[s], least[s], np.float32(0.0), gain)  # type: ignore[arg-type]  # single precision
     return medoid
 
 

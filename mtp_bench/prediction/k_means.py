@@ -39,10 +39,11 @@ def _closer(turned: Floats, centre: Floats, j: int, distance: Floats, least: Flo
             d0, d1, d2 = turned[axis, s] - c0, turned[axis + 1, s] - c1, turned[axis + 2, s] - c2
             d3, d4, d5 = turned[axis + 3, s] - c3, turned[axis + 4, s] - c4, turned[axis + 5, s] - c5
             distance[s] += (d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3) + (d4 * d4 + d5 * d5)
+    number = np.int32(j)  # as wide as the distances, for vector units
     for s in range(len(distance)):
         nearer = distance[s] < least[s]
         least[s] = distance[s] if nearer else least[s]
-        nearest[s] = j if nearer else nearest[s]
+        nearest[s] = number if nearer else nearest[s]
 
 
 @part
@@ -101,7 +102,7 @@ def _seed(
             chosen = _drawn(chance, block, uniform[j])
         for axis in range(points.shape[1]):
             centre[j, axis] = points[chosen, axis]
-        _closer(turned, centre[j], np.int32(j), distance, least, nearest)
+        _closer(turned, centre[j], j, distance, least, nearest)
         for s in range(len(weight)):
             chance[s] = weight[s] * least[s]
 
@@ -117,7 +118,7 @@ def _assign(turned: Floats, centre: Floats, distance: Floats, least: Floats, nea
         before[s] = now[s]
         least[s] = np.float32(np.inf)
     for j in range(len(centre)):
-        _closer(turned, centre[j], np.int32(j), distance, least, now)
+        _closer(turned, centre[j], j, distance, least, now)
     changed = 0
     for s in range(len(distance)):
         changed |= now[s] ^ before[s]

@@ -43,7 +43,7 @@ def k_best(
     base = np.zeros(len(member)) if base_cost is None else np.array(base_cost, dtype=np.float64)
     if base.shape != (len(member),):
         raise ShapeError(f"base_cost has shape {base.shape}, expected ({len(member)},), one per parent")
-    row, column = np.nonzero(matrix != np.inf)
+    row, column = np.ascontiguousarray(np.nonzero(matrix != np.inf))
     pair_cost = matrix[row, column]
     _require_finite(pair_cost, row, column, base)
     cheapest = np.argsort(base, kind="stable")

@@ -45,7 +45,7 @@ import os, pickle
 from pathlib import Path
 from mtp_bench.gateway import fork_server, layout
 from mtp_bench.records import submitting
-fork_server.LOADED = {"mtp_bench.submission.loader": ()}
+fork_server.LOADED = ("mtp_bench.submission.loader",)
 layout._KERNELS.clear()  # else their compiler is loaded, and no agent here tracks
 submitting.reference_for = lambda *_: pickle.loads(Path(os.environ["{weights}"]).read_bytes())
 from mtp_bench.commands.app import main

@@ -7,23 +7,20 @@ import subprocess
 import sys
 from importlib.util import cache_from_source, source_from_cache
 from pathlib import Path
-from typing import Any
 
 import pyseccomp
 import pytest
 
 from mtp_bench.cards import card_text, load_card, with_files
-from mtp_bench.env import MTPEnv
 from mtp_bench.errors import SubmissionError
 from mtp_bench.gateway import filter, run_isolated, sandbox
 from mtp_bench.gateway.cgroup import Group, _places, make_group
 from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import LIBRARY, LOADED, environment, layout_for, library, python
+from mtp_bench.gateway.layout import LIBRARY, environment, layout_for, library, python
 from mtp_bench.networks import VARIABLE, file_name
-from mtp_bench.running.run import agent_task
 from mtp_bench.submission import load_submission
 from mtp_bench.submission.contents import files_of
-from mtp_bench.tracking.kernels.compile import Kernel, cache_folder
+from mtp_bench.tracking.kernels.cache import cache_folder
 from tests.support.hostile import MANIFEST, QUICK, SCENE, submission
 from tests.support.own_scenes import write_long_log
 
@@ -67,27 +64,6 @@ def test_bytecode_is_that_of_shown_modules_alone(tmp_path: Path) -> None:
     compiled = [here for here in places if here.endswith(".pyc")]
     assert sys.dont_write_bytecode or cache_from_source(str(library() / "mtp_bench" / "files.py")) in compiled
     assert {source_from_cache(here) for here in compiled} <= places
-
-
-@pytest.mark.parametrize("name", ["ab3dmot", "mtp", "mtp_modes", "mtp_ptp", "affinity", "tracking_free"])
-def test_kernels_that_a_baseline_calls_are_loaded_before(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One that was not would be compiled anew in every process of an agent, which takes longer than its scene."""
-    called = set[tuple[str, str]]()
-    call = Kernel.__call__
-
-    def noted(kernel: Kernel[..., Any], *args: Any, **kwargs: Any) -> Any:
-        called.add((kernel.function.__module__, kernel.function.__name__))
-        return call(kernel, *args, **kwargs)
-
-    monkeypatch.setattr(Kernel, "__call__", noted)
-    env = MTPEnv("MTP-Intersection-v0", evaluation=True)
-    agent = load_submission(name).build(agent_task(env, 0))
-    agent.reset(agent_task(env, 0))
-    observation, _ = env.reset(seed=0)
-    for _ in range(12):
-        observation, *_ = env.step(agent.act(observation))
-    assert called
-    assert called <= {(module, kernel) for module, kernels in LOADED.items() for kernel in kernels}
 
 
 def test_kernels_in_the_users_cache_are_no_secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

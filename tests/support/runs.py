@@ -15,7 +15,7 @@ from mtp_bench.running.options import DEFAULTS, RunOptions
 from mtp_bench.running.reference import reference_for
 from mtp_bench.running.run import Finish, Job, MakeAgent, run_jobs
 from mtp_bench.scoring import Reference
-from mtp_bench.tracking.kernels.compile import cache_folder
+from mtp_bench.tracking.kernels.cache import cache_folder
 
 PATIENT = Limits(start=600.0, reset=600.0, first_frame=600.0, frame=600.0)  # no agent is late on a busy machine
 

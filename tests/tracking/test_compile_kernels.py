@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import FunctionType
 from typing import NamedTuple
 
 import pytest
@@ -89,12 +90,17 @@ def more(x: int) -> int:
     return twice(x) + Pair(x, LITTLE).second
 
 
+def folder_of(signature: str) -> Path:
+    assert isinstance(more, FunctionType)
+    return cache.folder_of(more, signature)
+
+
 def test_the_folder_depends_on_callees_constants_records_and_signature(monkeypatch: pytest.MonkeyPatch) -> None:
-    folders = [cache.folder_of(more, "i8(i8)"), cache.folder_of(more, "f8(f8)")]
+    folders = [folder_of("i8(i8)"), folder_of("f8(f8)")]
     monkeypatch.setitem(more.__globals__, "LITTLE", 2)
-    folders.append(cache.folder_of(more, "i8(i8)"))
+    folders.append(folder_of("i8(i8)"))
     monkeypatch.setitem(more.__globals__, "twice", cache.cache_folder)
-    folders.append(cache.folder_of(more, "i8(i8)"))
-    monkeypatch.setattr(Pair, "__module__", cache.__name__)
-    folders.append(cache.folder_of(more, "i8(i8)"))
+    folders.append(folder_of("i8(i8)"))
+    monkeypatch.setattr(Pair, "__module__", "mtp_bench.errors")
+    folders.append(folder_of("i8(i8)"))
     assert len(set(folders)) == 5

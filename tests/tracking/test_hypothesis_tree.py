@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracking.joint import joint_k_best
+from mtp_bench.tracking.kernels.association import joint_k_best
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Bools, Floats, Ints
 from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, random_frames, run

@@ -50,7 +50,7 @@ MAKERS = [
     "geometry.py", "similar.py", "tracks.py", "types.py",
     "env/action.py", "env/observation.py", "env/spaces.py", "prediction/windows.py",
     "scoring/definitions.py", "scoring/events.py", "scoring/neutral.py", "scoring/targets.py", "tracking/tracker.py",
-    "tracking/kernels/small.py", "training/labels.py",
+    "tracking/kernels/enumeration.py", "training/labels.py",
 ]  # fmt: skip
 
 

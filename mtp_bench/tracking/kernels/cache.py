@@ -18,7 +18,6 @@ from types import FunctionType
 import llvmlite.binding
 import numba
 
-_PACKAGE = __name__.partition(".")[0]
 _SUM = ".sha256"
 
 
@@ -48,9 +47,9 @@ def _sources(function: FunctionType) -> set[str]:
         value = getattr(value, "py_func", value)
         if isinstance(value, bool | int | float | str | tuple):
             sources.add(f"{name} = {value!r}")
-        elif isinstance(value, FunctionType) and value.__module__.startswith(_PACKAGE):
+        elif isinstance(value, FunctionType):
             sources |= _sources(value)
-        elif isinstance(value, type) and value.__module__.startswith(_PACKAGE):
+        elif isinstance(value, type) and issubclass(value, tuple):
             sources.add(_sum_of(Path(sys.modules[value.__module__].__file__ or "")))
     return sources
 

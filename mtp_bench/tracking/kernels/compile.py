@@ -32,7 +32,7 @@ from . import cache
 
 R = TypeVar("R")
 F = TypeVar("F", bound=Callable[..., Any])
-_OPTIONS = {"error_model": "numpy", "nogil": True}
+_config: Any = numba.config
 _lock = threading.RLock()
 _announced: set[str] = set()
 
@@ -55,7 +55,7 @@ class Kernel(Generic[R]):
         """Numba's dispatcher, from the cache if it is there; the plain function if Numba is switched off."""
         with _lock:
             if self._compiled is None:
-                self._compiled = self.function if numba.config.DISABLE_JIT else self._load()
+                self._compiled = self.function if _config.DISABLE_JIT else self._load()
         return self._compiled
 
     @cached_property
@@ -85,7 +85,7 @@ class Kernel(Generic[R]):
 
     def _jit(self, folder: Path | None) -> Callable[..., R]:
         with _cache_in(folder), _no_garbage_collection():
-            decorate = numba.njit(self.signature, cache=folder is not None, **_OPTIONS)
+            decorate: Any = numba.njit(self.signature, cache=folder is not None, error_model="numpy", nogil=True)
             return cast(Callable[..., R], decorate(self.function))
 
 
@@ -104,7 +104,7 @@ def kernel(signature: str) -> Callable[[Callable[..., R]], Kernel[R]]:
 
 def part(function: F) -> F:
     """Decorator of a function that kernels call."""
-    return cast(F, register_jitable(**_OPTIONS)(function))
+    return register_jitable(error_model="numpy")(function)
 
 
 def inlined(function: F) -> F:
@@ -112,18 +112,18 @@ def inlined(function: F) -> F:
 
     That saves counting references to each array that it takes, which in a short function costs more than its work.
     """
-    return cast(F, numba.njit(inline="always", **_OPTIONS)(function))
+    return cast(F, numba.njit(inline="always", error_model="numpy")(function))
 
 
 @contextmanager
 def _cache_in(folder: Path | None) -> Iterator[None]:
     """Let Numba use this cache while it compiles."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = before if folder is None else str(folder)
+    before = _config.CACHE_DIR
+    _config.CACHE_DIR = before if folder is None else str(folder)
     try:
         yield
     finally:
-        numba.config.CACHE_DIR = before
+        _config.CACHE_DIR = before
 
 
 @contextmanager

@@ -93,7 +93,7 @@ def count_choices(problem: Problem, pieces: Pieces, choices: Floats) -> int:
         low, high, product = pieces.begin[q], pieces.begin[q + 1], 1
         for place in pieces.places[low:high]:
             product *= problem.first[place + 1] - problem.first[place] + 1
-            if product > MOST_CHOICES:
+            if product > MOST_CHOICES and high - low > 1:
                 product = MOST_CHOICES + 1
         choices[q] = product
         if product <= AT_ONCE or high - low == 1:
@@ -253,7 +253,7 @@ def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tupl
         solve_roots(problem, pieces, choices, room, roots)
         total = totals_of(of_parent, base, roots.cost)
         return Solutions(np.arange(Q), np.ones(Q, np.int64), np.zeros(Q), begin, roots.pair), total, total.min() + slack
-    pairs = np.empty(count_choices(problem, pieces, choices), np.int64)
+    pairs: Ints = np.empty(count_choices(problem, pieces, choices), np.int64)
     numbers, gap, pair_at = np.empty((2, Q), np.int64), np.empty(Q * k), np.empty(Q * k, np.int64)
     solutions = Solutions(numbers[0], numbers[1], gap, pair_at, pairs)
     next_solution, used = solve_small(problem, pieces, choices, room, roots.cost, solutions)
