@@ -62,7 +62,7 @@ def test_compiled_and_plain_code_agree() -> None:
     pool, log_weight = make_pool(rng, 3, 25).reshape(3, 25, 12), rng.normal(0, 2, (3, 25))
     log_weight[1, 4:] = -np.inf
     found = []
-    for kernel in (k_medians, k_medians.python):
+    for kernel in (k_medians, k_medians.function):
         chosen, weight = np.full((3, 5, 12), np.nan), np.full((3, 5), np.nan)
         kernel(pool, log_weight, chosen, weight)
         found.append((chosen, weight))
