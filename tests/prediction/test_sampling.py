@@ -70,7 +70,8 @@ def test_compiled_and_plain_code_agree(size: int, k: int, iterations: int, strai
     points[3] = points[3, 0]  # all at one place
     weight, uniform = rng.random((6, size)), rng.random((6, k))
     weight[4, : size - k - 1] = 0.0
-    ours, plain = (run_kernel(k, points, weight, uniform, iterations) for k in (k_means_kernel, k_means_kernel.function))
+    kernels = k_means_kernel, k_means_kernel.function
+    ours, plain = (run_kernel(k, points, weight, uniform, iterations) for k in kernels)
     for one, other in zip(ours, plain, strict=True):
         np.testing.assert_allclose(one, other, atol=1e-9)
 
