@@ -15,7 +15,7 @@ from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.prediction.learned.registry import network_of
 from mtp_bench.prediction.learned.weights import find_weights, read_weights, require_fit
-from mtp_bench.running.options import RunOptions, fold_of, held_out
+from mtp_bench.running.options import Fold, RunOptions, fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.augmentation import vary_tracks
 from mtp_bench.training.fitting import device_of, one_cycle
@@ -29,9 +29,10 @@ from mtp_bench.training.predictors import (
     validation_rows,
 )
 from mtp_bench.training.recipes import TrainingPlan
+from mtp_bench.training.split import open_split
 from mtp_bench.training.tracklets import Windows, concatenate, join_scenes, scene_arrays
 from mtp_bench.types import Bools
-from tests.support.command_line import CommandLine
+from tests.support.command_line import CommandLine, write_training
 from tests.support.small_scenes import make_scene, task, write_card, write_kitti
 
 QUICK = TrainingPlan(epochs=6, batch=32)
@@ -179,7 +180,7 @@ def test_the_learning_rate_rises_and_falls() -> None:
 def test_folds() -> None:
     names = [f"s{number}" for number in range(10)]
     parts = [held_out(names, (number, 3)) for number in (1, 2, 3)]
-    assert sorted(name for part in parts for name in part) == sorted(names)
+    assert sorted(name for part in parts for name in part) == names
     assert held_out(names[::-1], (1, 3))[::-1] == parts[0]
     assert fold_of("2/3") == (2, 3)
     for wrong in ("0/3", "4/3", "1", "1/1", "a/b"):
@@ -279,3 +280,34 @@ def test_weights_lie_where_agents_look_whatever_the_card_is_called(
     assert path == tmp_path / "weights" / "modes-truth-MTP-Small-v0.safetensors"
     assert card["env"] == "MTP-Small-v0"
     assert find_weights("modes", "truth", found.task) == path
+
+
+NAMES = ("0000", "0002", "0003", "0004", "0005", "0007", "0009", "0010")
+FOLDS = [(1, 4), (4, 4)]
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A data root whose training split has eight scenes."""
+    return write_training(tmp_path_factory.mktemp("folds"), "0001", NAMES)
+
+
+@pytest.mark.parametrize("fold", FOLDS)
+def test_a_fold_is_left_out_before_scenes_are_counted(root: str, card: str, fold: Fold) -> None:
+    rest = tuple(name for name in NAMES if name not in held_out(NAMES, fold))
+    assert open_split(card, RunOptions(root, split="train"), fold).names == rest
+    assert open_split(card, RunOptions(root, split="train", scenes=3), fold).names == rest[:3]
+
+
+@pytest.mark.parametrize("fold", FOLDS)
+def test_a_predictor_learns_from_no_scene_that_its_fold_scores(root: str, card: str, fold: Fold) -> None:
+    """The first scenes are not cut into folds of their own: that would be another lot than the one that is scored."""
+    scored = RunOptions(root, scenes=5, fold=fold).chosen(NAMES)
+    learnt = training_windows(TrainingRequest("modes", card, fold=fold), RunOptions(root, scenes=5)).names
+    assert not set(learnt) & set(scored)
+    assert len(learnt) == 5
+
+
+def test_too_few_scenes_for_a_fold(root: str, card: str) -> None:
+    with pytest.raises(MtpBenchError, match="8 scenes cannot be cut into 9 folds"):
+        open_split(card, RunOptions(root, split="train"), (1, 9))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,16 @@ import torch
 
 from mtp_bench.cards import load_card
 from mtp_bench.env.observation import LocalFrame
-from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.errors import MtpBenchError
+from mtp_bench.files import file_digest
 from mtp_bench.running.options import RunOptions
+from mtp_bench.sources.cache import Arrays
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
 from mtp_bench.tracks import Tracks
+from mtp_bench.training import window_cache
 from mtp_bench.training.labels import UNKNOWN
 from mtp_bench.training.tracklets import Windows, concatenate, join_scenes, scene_arrays, windows
+from mtp_bench.training.window_cache import cached_windows
 from mtp_bench.types import ImageField, Observation, Scene
 from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
@@ -60,7 +65,7 @@ def test_tracks_follow_the_object_of_their_last_detection(tmp_path: Path) -> Non
     np.testing.assert_array_equal(found.hits[found.frame == 3], 4)
 
 
-def test_what_follows_nothing_is_a_negative_only_where_truth_is_complete(tmp_path: Path) -> None:
+def test_tracks_of_no_object_are_negatives_only_with_complete_truth(tmp_path: Path) -> None:
     scene = make_scene()
     far = replace(scene.detections, box=scene.detections.box + np.array([50.0, 0, 0, 0, 0, 0, 0]))
     ghosts = replace(scene, detections=far)
@@ -68,15 +73,6 @@ def test_what_follows_nothing_is_a_negative_only_where_truth_is_complete(tmp_pat
     assert found.negative.all()
     assert not found.future_known.any()
     assert len(windows_of_scenes(tmp_path, replace(ghosts, truth_complete=False))) == 0
-
-
-@pytest.mark.parametrize("complete", [True, False])
-def test_detections_where_no_object_is_labelled(tmp_path: Path, complete: bool) -> None:
-    scene = make_scene(empty=(4,))
-    unlabelled = replace(scene, truth=bare_scene(frames=8).truth, truth_complete=complete)
-    found = windows_of_scenes(tmp_path, unlabelled)
-    assert found.negative.all()
-    assert (len(found) > 0) == complete
 
 
 def test_tracks_of_neutral_objects_are_left_out(tmp_path: Path) -> None:
@@ -115,7 +111,7 @@ def camera_at(place: tuple[float, float], looks: float, frames: int = 8) -> Imag
     )
 
 
-def test_what_follows_nothing_is_a_negative_where_labels_could_tell(tmp_path: Path) -> None:
+def test_tracks_of_no_object_are_negatives_only_in_view_of_the_labels(tmp_path: Path) -> None:
     """The image is of the scene's frame of reference; tracks are in that of the observations, turned and moved."""
     scene = make_scene()
     ghosts = replace(scene, detections=replace(scene.detections, box=scene.detections.box + np.eye(7)[0] * 50))
@@ -204,33 +200,18 @@ def test_from_a_data_root_and_from_the_cache(tmp_path: Path, monkeypatch: pytest
     own = windows(card, "val", HypothesisTracker(2), options=options)  # a tracker of one's own is not cached
     np.testing.assert_array_equal(first.future, own.future)
     assert len(list((tmp_path / "cache" / "windows").iterdir())) == len(files)
-    with pytest.raises(UnknownNameError, match="scene"):
-        windows(card, "val", 1, scenes=["nowhere"], options=options)
-    with pytest.raises(MtpBenchError, match=r"scenes is \{'one'\}, expected a number of scenes or a list"):
-        windows(card, "val", 1, scenes={"one"}, options=options)  # type: ignore[arg-type]  # it has no order
-    with pytest.raises(MtpBenchError, match="scenes is True, expected a number of scenes or a list"):
-        windows(card, "val", 1, scenes=True, options=options)
+    wrong: dict[str, Any] = {"scene of": ["nowhere"], "number of": {"one"}, "a list": True, "twice": ["0008", "0008"]}
+    for message, scenes in wrong.items():
+        with pytest.raises(MtpBenchError, match=message):
+            windows(card, "val", 1, scenes=scenes, options=options)
     with pytest.raises(MtpBenchError, match="own_names is '0000', expected a list of names"):
         first.of_scenes("0000")
 
 
-@pytest.mark.parametrize(
-    "wrong", ["Truth", "mtp", 0, -1, True, 2.0, None, HypothesisTracker, object()], ids=lambda value: repr(value)[:20]
-)
-def test_what_is_no_tracker_is_one_clear_error(wrong: Any) -> None:
+@pytest.mark.parametrize("wrong", ["Truth", 0, True, 2.0, None, HypothesisTracker], ids=lambda value: repr(value)[:20])
+def test_values_that_are_not_a_tracker(wrong: Any) -> None:
     with pytest.raises(MtpBenchError, match=r"expected 'truth', a number of hypotheses .*, or a tracker of your own"):
         windows("MTP-Intersection-v0", tracker=wrong, scenes=1)
-
-
-def test_a_scene_that_is_named_twice_is_one_clear_error() -> None:
-    with pytest.raises(MtpBenchError, match="scene 'intersection-000000' is named twice"):
-        windows("MTP-Intersection-v0", scenes=("intersection-000000", "intersection-000000"))
-
-
-def test_a_number_of_hypotheses_may_be_numpys() -> None:
-    numbers: tuple[Any, ...] = (2, np.int64(2))
-    found = [windows("MTP-Intersection-v0", tracker=number, scenes=1) for number in numbers]
-    np.testing.assert_array_equal(found[0].box, found[1].box)
 
 
 def test_as_a_data_set_of_torch(tmp_path: Path) -> None:
@@ -242,3 +223,42 @@ def test_as_a_data_set_of_torch(tmp_path: Path) -> None:
     np.testing.assert_array_equal(item["box"], found.box[3])
     loader = torch.utils.data.DataLoader(data, batch_size=5)
     assert next(iter(loader))["future"].shape == (5, 3, 2)
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path))
+    window_cache.code_digest.cache_clear()
+    yield
+    window_cache.code_digest.cache_clear()
+
+
+def made(scene: Scene) -> bool:
+    """True if windows of the scene had to be made."""
+    calls: list[int] = []
+
+    def make() -> Arrays:
+        calls.append(1)
+        return {"box": np.zeros(1)}
+
+    cached_windows(scene, ("asked",), make)
+    return bool(calls)
+
+
+@pytest.mark.parametrize("changes", [{"truth_complete": False}, {"listed_targets": True}, {"name": "two"}])
+def test_windows_of_a_changed_scene_are_made_again(changes: dict[str, object], cache: None) -> None:
+    scene = make_scene()
+    assert made(scene)
+    assert not made(scene)
+    assert made(replace(scene, **changes))  # type: ignore[arg-type]
+    assert not made(scene)
+
+
+@pytest.mark.parametrize("name", ["env/action.py", "tracking/kernels/small.py", "tracking/detectors/megvii.toml"])
+def test_windows_are_made_again_after_a_change_of_code(name: str, cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert made(make_scene())
+    monkeypatch.setattr(
+        window_cache, "file_digest", lambda path: file_digest(path) + str(path).endswith(name) * "changed"
+    )
+    window_cache.code_digest.cache_clear()
+    assert made(make_scene())
