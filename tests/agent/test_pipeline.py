@@ -162,15 +162,6 @@ def test_confidence_is_the_mean_presence_over_hypotheses() -> None:
     assert several > 20
 
 
-def test_without_presence_confidence_is_the_mass() -> None:
-    for action in answers(pipeline(1)):
-        assert (action["object_confidence"][action["object_valid"] == 1] == 1).all()
-    confidence = [a["object_confidence"][a["object_valid"] == 1] for a in answers(pipeline(20))]
-    assert min(values.min() for values in confidence if len(values)) >= 0.5 - 1e-6  # min_mass
-    assert max(values.max() for values in confidence if len(values)) <= 1
-    assert any((values < 0.99).any() for values in confidence)
-
-
 @pytest.mark.parametrize("settings", [{"weighting": "equal"}, {"min_mass": 50}])
 def test_settings_outside_their_range(settings: dict[str, Any]) -> None:
     name, value = next(iter(settings.items()))

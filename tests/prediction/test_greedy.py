@@ -70,16 +70,6 @@ def test_compiled_and_plain_code_agree() -> None:
     np.testing.assert_allclose(found[0][1], found[1][1])
 
 
-def test_one_sample_is_the_weighted_medoid() -> None:
-    # On a line at 0, 1, 2 and 10 m; the far one has more than half of the weight.
-    pool = np.zeros((2, 4, 1, 2))
-    pool[:, :, 0, 0] = [0.0, 1.0, 2.0, 10.0]
-    log_weight = np.log([[1.0, 1.0, 1.0, 1.0], [1.0, 1.0, 1.0, 4.0]])
-    chosen, weight = reduce(pool, log_weight, 1)
-    assert chosen[:, 0, 0, 0].tolist() == [1.0, 10.0]  # 1 and 2 are equally good in the first: the first of them
-    np.testing.assert_allclose(weight[:, 0], np.log([4.0, 7.0]))
-
-
 def test_greedy_is_close_to_the_best_choice() -> None:
     # Measured: 6 % above the best of all sets on average, where few samples go in all directions.
     rng = np.random.default_rng(1)
@@ -114,14 +104,6 @@ def test_equal_samples_count_as_one_of_their_summed_weight() -> None:
     other, other_weight = reduce(np.repeat(pool, times, axis=1), parts, 8)
     np.testing.assert_array_equal(other, chosen)
     np.testing.assert_allclose(other_weight, weight)
-
-
-def test_of_fewer_distinct_samples_the_rest_does_not_exist() -> None:
-    distinct = make_pool(np.random.default_rng(4), 1, 3)[0]
-    pool = np.repeat(distinct, [10, 20, 30], axis=0)[None]
-    chosen, weight = reduce(pool, np.zeros((1, 60)), 5)
-    np.testing.assert_allclose(np.sort(weight[0]), [-np.inf, -np.inf, *np.log([10.0, 20.0, 30.0])])
-    assert {sample.tobytes() for sample in chosen[0, :3]} == {sample.tobytes() for sample in distinct}
 
 
 @pytest.mark.parametrize("shift", [-2000.0, 0.0, 2000.0])

@@ -92,11 +92,6 @@ def test_the_filter_is_the_textbook_filter() -> None:
         np.testing.assert_allclose(cov[0::2, 1::2], 0, atol=1e-12)  # along and across the heading are independent
 
 
-def test_the_heading_frame_has_the_heading_as_its_first_axis() -> None:
-    past = arc(speed=4.0, rate=0.0, heading=2.0)[None]
-    np.testing.assert_allclose(heading_frame(past, np.array([2.0])), [[[0.4 * i, 0] for i in range(-9, 1)]], atol=1e-12)
-
-
 @pytest.mark.parametrize("class_id", range(3))
 def test_samples_have_the_mean_and_covariance_of_the_model(class_id: int) -> None:
     rng = np.random.default_rng(class_id)
@@ -138,13 +133,6 @@ def test_equal_windows_and_draws_give_equal_samples() -> None:
     assert not np.isclose(futures[0], futures[3]).any()
     # The same numbers are behind the samples of another window, too.
     np.testing.assert_allclose(futures[0] - futures[0].mean(0), futures[2] - futures[2].mean(0), atol=1e-9)
-
-
-def test_more_draws_keep_the_first_ones() -> None:
-    tracks = tracks_with_past(arc(3.0, 0.2)[None])
-    many = predict(tracks, track=[0] * 7, draw=range(7))
-    np.testing.assert_array_equal(many[:3], predict(tracks, track=[0] * 3, draw=range(3)))
-    np.testing.assert_array_equal(many[5:6], predict(tracks, track=[0], draw=[5]))
 
 
 def test_draws_depend_on_seed_and_frame_alone() -> None:
@@ -216,15 +204,6 @@ def test_a_track_of_one_detection_does_not_explode() -> None:
     assert spread.max() < 30.0
 
 
-def test_a_window_without_any_detection_stays_around_the_box() -> None:
-    # A pedestrian unseen for three frames, read with a past of two.
-    valid = np.array([[True] * 7 + [False] * 3])
-    tracks = tracks_with_past(arc(1.0, 0.0)[None], valid, np.array([1]))
-    futures = predict(tracks, 2000, past=2)
-    assert np.isfinite(futures).all()
-    np.testing.assert_allclose(futures[0].mean(axis=0), np.tile([30.0, -20.0], (10, 1)), atol=0.1)
-
-
 def test_a_shorter_past_is_the_past_cut_off() -> None:
     rng = np.random.default_rng(2)
     past = arc(3.0, 0.3)[None] + rng.normal(0, 0.05, (1, 10, 7))
@@ -293,7 +272,3 @@ def test_turning_the_world_turns_the_samples() -> None:
     futures, other = (predict(tracks) for tracks in (tracks_with_past(past), moved))
     c, s = np.cos(yaw), np.sin(yaw)
     np.testing.assert_allclose(other, futures @ np.array([[c, s], [-s, c]]) + shift[:2], atol=1e-9)
-
-
-def test_no_tracks_no_samples() -> None:
-    assert predict(tracks_with_past(np.zeros((0, 10, 7)))).shape == (0, 20, 10, 2)

@@ -84,8 +84,8 @@ def test_objects_may_come_in_parts() -> None:
 
 
 @pytest.mark.parametrize("straight", [True, False])
-@pytest.mark.parametrize("iterations", [1, 3, 300])
-@pytest.mark.parametrize(("size", "k"), [(400, 20), (60, 20), (100, 3), (21, 20), (5, 1)])
+@pytest.mark.parametrize("iterations", [1, 300])
+@pytest.mark.parametrize(("size", "k"), [(400, 20), (100, 3), (21, 20), (5, 1)])
 def test_lloyds_iterations_end_where_scikit_learn_ends(size: int, k: int, iterations: int, straight: bool) -> None:
     rng = np.random.default_rng([size, k])
     pool = make_pool(rng, 6, size)
@@ -163,14 +163,6 @@ def test_seeds_are_drawn_by_weight_and_squared_distance() -> None:
     assert far == pytest.approx(0.9, abs=0.015)
 
 
-def test_without_iterations_the_samples_are_of_the_pool() -> None:
-    pool = make_pool(np.random.default_rng(0), 4, 60)
-    centre, _ = reduce(pool, np.zeros((4, 60)), 7, iterations=0)
-    for o in range(4):
-        distance = np.abs(pool[o, :, None] - centre[o, None]).max(axis=(2, 3)).min(axis=0)
-        np.testing.assert_allclose(distance, 0, atol=1e-12)
-
-
 @BOTH
 def test_absent_samples_are_never_chosen_nor_read(sampler: Sampler) -> None:
     rng = np.random.default_rng(1)
@@ -210,23 +202,6 @@ def test_no_objects(sampler: Sampler) -> None:
     assert (chosen.shape, weight.shape) == ((0, 3, 5, 2), (0, 3))
 
 
-def test_crowded_and_passed_on_objects_beside_each_other() -> None:
-    pool, log_weight = make_pool(np.random.default_rng(3), 3, 30), np.zeros((3, 30))
-    log_weight[1, 4:] = -np.inf
-    centre, weight = reduce(pool, log_weight, 4)
-    np.testing.assert_array_equal(centre[1], pool[1, :4])
-    assert np.isfinite(weight).all()
-    np.testing.assert_allclose(np.exp(weight[[0, 2]]).sum(axis=1), 1.0)
-
-
-def test_the_same_generator_gives_the_same_samples() -> None:
-    pool, log_weight = make_pool(np.random.default_rng(4), 5, 80), np.zeros((5, 80))
-    first, second, other = (reduce(pool, log_weight, 6, seed) for seed in (7, 7, 8))
-    np.testing.assert_array_equal(first[0], second[0])
-    np.testing.assert_array_equal(first[1], second[1])
-    assert not np.array_equal(first[0], other[0])
-
-
 def test_equal_samples_are_one_cluster() -> None:
     # Three distinct futures, 10, 20 and 30 times; of the five that are asked for two stay absent.
     distinct = make_pool(np.random.default_rng(5), 1, 3)[0]
@@ -252,15 +227,6 @@ def test_weights_are_those_of_the_clusters() -> None:
     order = np.argsort(centre[0, :, 0, 0])
     np.testing.assert_allclose(centre[0, order, 0], [[-5, 0], [5, 0]], atol=1e-9)
     np.testing.assert_allclose(np.exp(weight[0, order]), [0.75, 0.25])
-
-
-def test_only_the_ratios_of_the_weights_count() -> None:
-    pool, log_weight = make_pool(np.random.default_rng(7), 2, 50), np.random.default_rng(8).normal(size=(2, 50))
-    centre, weight = reduce(pool, log_weight, 6)
-    for shift in (-2000.0, 2000.0):
-        other_centre, other_weight = reduce(pool, log_weight + shift, 6)
-        np.testing.assert_allclose(other_centre, centre, atol=1e-9)
-        np.testing.assert_allclose(other_weight, weight, atol=1e-9)
 
 
 def test_far_from_the_origin_nothing_is_lost() -> None:
