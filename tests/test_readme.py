@@ -140,8 +140,9 @@ def test_the_table_of_environments_is_complete(repository: Path) -> None:
         assert cells[2:] == want
 
 
-def test_the_table_of_baselines_is_complete(repository: Path) -> None:
-    assert first_column(repository / "baselines/README.md") == set(baseline_names())
+def test_the_table_of_baselines_names_baselines(repository: Path) -> None:
+    """A new baseline needs its folder alone; the table need not have it."""
+    assert first_column(repository / "baselines/README.md") <= set(baseline_names())
 
 
 def test_the_table_of_card_keys_is_complete(repository: Path) -> None:

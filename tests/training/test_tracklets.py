@@ -254,7 +254,7 @@ def test_windows_of_a_changed_scene_are_made_again(changes: dict[str, object], c
     assert not made(scene)
 
 
-@pytest.mark.parametrize("name", ["env/action.py", "tracking/kernels/small.py", "tracking/detectors/megvii.toml"])
+@pytest.mark.parametrize("name", ["env/action.py", "tracking/kernels/enumeration.py", "tracking/detectors/megvii.toml"])
 def test_windows_are_made_again_after_a_change_of_code(name: str, cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
     assert made(make_scene())
     monkeypatch.setattr(
