@@ -40,7 +40,7 @@ class AgentSetting(Section):
 class Row(AgentSetting):
     """Numbers of one subset of the targets.
 
-    A further metric is one field here, optional and None by default, and its value where the rows are made.
+    A further metric is a field here, optional and None by default, and its value in `report`.
     """
 
     subset: Annotated[Subset, Column()]
@@ -48,14 +48,14 @@ class Row(AgentSetting):
     minFDE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815
     error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the rank.")]
     interval: IntervalColumn
-    localisation: Annotated[ErrorPart, Column(help="Part of bADE from targets with a forecast.")]
-    missed: Annotated[ErrorPart, Column(help="Part of bADE from targets without a forecast.")]
-    error_by_score: Annotated[ErrorPart, Column(help="bADE with the score of the nearest detection as the confidence.")]
-    plain_error: Annotated[ErrorPart, Column(help="Error with every forecast kept.")]
-    fixed_error: Annotated[
-        ErrorPart, Column(help="Error per target with the forecasts of confidence 0.5 or more; all only.")
-    ]
-    energy_score: ErrorPart
+    localisation: Annotated[ErrorPart, Column(help="Part of bADE from targets with a forecast.")] = None
+    missed: Annotated[ErrorPart, Column(help="Part of bADE from targets without a forecast.")] = None
+    error_by_score: Annotated[
+        ErrorPart, Column(help="bADE with the score of the nearest detection as the confidence.")
+    ] = None
+    plain_error: Annotated[ErrorPart, Column(help="Error with every forecast kept.")] = None
+    fixed_error: Annotated[ErrorPart, Column(help="Per target, forecasts of confidence 0.5 or more.")] = None
+    energy_score: ErrorPart = None
     coverage: Annotated[Share, Column(help="Targets that have a forecast.")]
     difference_to_stp: Annotated[Difference, Column(help="Difference of bADE.")]
     difference_interval: IntervalColumn

@@ -11,7 +11,7 @@ from rich.console import Console
 
 from mtp_bench.records import Record
 from mtp_bench.scoring.rows import Row
-from mtp_bench.tables import Column, to_csv, to_latex, to_markdown
+from mtp_bench.tables import Column, columns_of, to_csv, to_latex, to_markdown
 from mtp_bench.viz.board import board_files, board_json, data_table, entries_of
 from mtp_bench.viz.board.entries import Found
 from mtp_bench.viz.terminal import tables
@@ -69,4 +69,7 @@ def test_the_board_shows_it_and_records_without_it_load() -> None:
 def test_a_stored_row_without_the_metric_loads() -> None:
     stored = rows(SETTING)[0].model_dump(mode="json")
     assert FurtherRow.model_validate(stored).jerk is None
+    optional = [column.key for column in columns_of(Row) if column.optional]
+    older = Row.model_validate({key: value for key, value in stored.items() if key not in optional})
+    assert {getattr(older, key) for key in optional} == {None}
     assert Record.model_fields["rows"].annotation == list[Row]
