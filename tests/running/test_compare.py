@@ -191,19 +191,6 @@ SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
         "[parameters]\nnoise = 0.5\n[compare]\nsweep = {noise = [0.5, 1.0]}",
         [("echo", None, 4, "equal"), ("echo noise=1.0", None, 4, "equal")],
     ),
-    "two parameters, the last one first": (
-        H + "sweep = {noise = [1, 2], hypotheses = [2, 3]}",
-        [
-            ("echo noise=1", 2, 4, "equal"),
-            ("echo noise=1", 3, 4, "equal"),
-            ("echo noise=2", 2, 4, "equal"),
-            ("echo noise=2", 3, 4, "equal"),
-        ],
-    ),
-    "what is named twice runs once": (
-        H + 'sweep = {hypotheses = [2, 2]}\nsamples = ["equal", "equal"]',
-        [("echo", 2, 4, "equal")],
-    ),
 }
 
 

@@ -134,23 +134,6 @@ def test_tracks_of_some_scenes_are_imported(cli: CommandLine, known: list[str], 
     cli.ok("run", "given_tracks", *known, "--scenes", 2, *again)
 
 
-WRONG: dict[str, tuple[list[str], str]] = {
-    "no tracks": (["given_tracks"], "given_tracks observes stored tracks: name their file or folder (--tracks"),
-    "nobody reads them": (["stp", "--tracks", "TRACKS"], "stored tracks are named, but stp do not observe them"),
-    "not of this dataset": (["given_tracks", "--tracks", "CARD"], "holds no stored tracks that fit MTP-Small-v0"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_wrong_usage_is_one_error(
-    case: str, cli: CommandLine, card: str, known: list[str], tracks: str, tmp_path: Path
-) -> None:
-    arguments, message = WRONG[case]
-    given = [{"TRACKS": tracks, "CARD": card}.get(word, word) for word in arguments]
-    assert message in cli("run", *given, *known, "-o", tmp_path / "run", "--jobs", 1).error
-    assert not (tmp_path / "run").exists()
-
-
 def test_records_are_of_the_open_division_and_never_ranked(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
     options = RunOptions(kitti, seeds=(0,), track_file=tracks)
     with pytest.raises(MtpBenchError, match=r"given_tracks observes stored tracks, .*: choose the open division"):
