@@ -24,7 +24,6 @@ class EventRows:
     """Events of one kind on evaluated true boxes, targets or not."""
 
     frame: Ints  # [E]
-    object_id: Ints  # [E]
     distance: Floats  # [E] m to the ego (BEV)
 
 
@@ -32,7 +31,6 @@ class EventRows:
 class Circumstances:
     """Circumstances of one rollout of one scene; targets [n] in the order of `find_targets`."""
 
-    scene: str
     centred: Cuts  # of its forecasts, moved to the true places of their objects
     seen: Bools  # [n] a detection of the class lies inside the forecast gate
     age: Ints  # [n] frames since the track that holds it first appeared; -1: not held in the best hypothesis
@@ -59,7 +57,6 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
     track = np.take_along_axis(matched, best[:, None], axis=1)[:, 0]
     matching = match_by_confidence(pairs, forecasts.confidence)
     return Circumstances(
-        scene=scene.name,
         centred=cuts(centred(pairs), matching, forecasts.confidence, miss_error),
         seen=_seen(scene, card)[targets.row],
         age=_ages(rollout, track)[targets.row],
@@ -103,4 +100,4 @@ def _event_rows(scene: Scene, happened: Bools) -> EventRows:
     truth, row = scene.truth, np.flatnonzero(happened)
     frame = truth.frame_of_rows[row]
     gap = truth.box[row, :2] - scene.ego[frame, :2]
-    return EventRows(frame, truth.object_id[row], np.hypot(gap[:, 0], gap[:, 1]))
+    return EventRows(frame, np.hypot(gap[:, 0], gap[:, 1]))

@@ -67,21 +67,6 @@ def windows_without_a_screen(patch: pytest.MonkeyPatch) -> Iterator[str]:
             viewer.wait()
 
 
-def open_at(viewer: ViewerClient, recording: Path, frame: int) -> None:
-    """Open a file at a frame, in place of what was open before."""
-    viewer.close("all")
-    (store,) = viewer.open(str(recording)).store_ids
-
-    def there() -> None:
-        viewer.set_time("frame", sequence=frame, play_state="paused", recording=store)
-        state = viewer.get_state()
-        times = {one.store_id: one.current_time for one in state.recordings}
-        if state.loading or state.active_recording != store or times.get(store) != frame:
-            raise RuntimeError(f"{recording}: {state.loading}, at {times}, expected frame {frame}")
-
-    until(there)
-
-
 def picture(viewer: ViewerClient, path: Path, view_id: str | None = None) -> NDArray[np.uint8]:
     """A picture [height, width, 3] of one view or of the whole window; also written to ``path``."""
     viewer.save_screenshot(str(path), view_id)
