@@ -95,10 +95,10 @@ def about(card: Card) -> Dataset:
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:
     """Files that ``card`` needs, those that were found, and how to get the others; a missing root is not an error."""
     package = _package(card)
-    found = package.locate(card, data)
-    if found.root is not None:
-        package.inspect(card, found)
-    return found
+    status = package.locate(card, data)
+    if status.root is not None:
+        package.inspect(card, status)
+    return status
 
 
 def prepare(

@@ -90,7 +90,7 @@ class SourcePackage:
     open: Callable[[Card, DataRoot], SceneSource]
     about: Callable[[Card], Dataset]  # facts about the dataset; reads no data
     locate: Callable[[Card, DataRoot], DataStatus]  # where the files are, see `Dataset.status`
-    inspect: Callable[[Card, DataStatus], None] = lambda card, found: None  # completes the status of what was found
+    inspect: Callable[[Card, DataStatus], None] = lambda card, status: None  # completes the status of what was found
     tracks: TrackForm | None = None  # in which trackers store their tracks of this dataset
     prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None
     discard: Callable[[Card], None] = lambda card: None

@@ -150,6 +150,6 @@ class DataStatus:
         if str(error) not in self.problems:
             self.problems.append(str(error))
 
-    def count(self, found: Mapping[str, int], totals: Mapping[str, int]) -> None:
-        """Check those of the counts ``found`` that have a known total."""
-        self.checks += [DataCheck(what, found[what], total) for what, total in totals.items() if what in found]
+    def count(self, counts: Mapping[str, int], totals: Mapping[str, int]) -> None:
+        """Check the ``counts`` that have a known total."""
+        self.checks += [DataCheck(what, counts[what], total) for what, total in totals.items() if what in counts]

@@ -1,4 +1,4 @@
-"""Boxes of people of whom only the place on the ground is known."""
+"""People as boxes of one nominal size: only their places on the ground are known."""
 
 from __future__ import annotations
 

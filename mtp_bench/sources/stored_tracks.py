@@ -1,4 +1,4 @@
-"""Stored tracks of other programs, as `mtp_bench.types.StoredTracks` of the scenes that they are of.
+"""Tracks stored by other programs, read as `mtp_bench.types.StoredTracks` of a scene.
 
 ====================== =================================================================================
 a ``.json`` file       nuScenes: the official submission to the tracking task

@@ -63,7 +63,7 @@ class Oxts:
 
 
 def read_labels(path: Path) -> LabelRows:
-    """LabelRows of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
+    """Labels of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
     table = read_table(path, LABEL, text="type")
     require_kinds(table)
     boxed = table.text != "DontCare"

@@ -70,9 +70,9 @@ def require_detector(root: Path, card: Card) -> Path:
     folder = root / "detections"
     if not folder.is_dir():
         raise DataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
-    found = sorted(path.name for path in folder.iterdir() if path.is_dir())
-    if section.detector not in found:
-        listed = ", ".join(found) or "none"
+    names = sorted(path.name for path in folder.iterdir() if path.is_dir())
+    if section.detector not in names:
+        listed = ", ".join(names) or "none"
         raise DataError(f"{folder} has no detector {section.detector!r}; found: {listed}{instead_of_stored(card)}")
     for name in card.task.classes:
         if not (folder / section.detector / TYPES[name][0]).is_dir():
@@ -80,10 +80,10 @@ def require_detector(root: Path, card: Card) -> Path:
     return folder / section.detector
 
 
-def inspect(card: Card, found: DataStatus) -> None:
+def inspect(card: Card, status: DataStatus) -> None:
     """Note the files that ``card`` needs, and count over the label files."""
     section = section_of(card, KittiSource)
-    validation = tuple(found.attempt(read_sequence_map, SEQUENCE_MAP) or VALIDATION)
+    validation = tuple(status.attempt(read_sequence_map, SEQUENCE_MAP) or VALIDATION)
     training = tuple(name for name in SEQUENCES if name not in validation)
     names = validation if section.split == "val" else training
     folders = [LABELS, "training/calib", "training/oxts"]
@@ -91,29 +91,29 @@ def inspect(card: Card, found: DataStatus) -> None:
         stored = f"detections/{section.detector}"
         folders += [f"{stored}/{TYPES[name][0]}" for name in card.task.classes if name in TYPES]
     for folder in folders:
-        found.require_all(folder, [f"{name}.txt" for name in names])
-    found.note_detector(instead_of_stored(card))
-    if not (found.folder / SEQUENCE_MAP).is_file():
-        found.notes.append(f"{SEQUENCE_MAP} is missing: the validation split is taken as {', '.join(VALIDATION)}")
-    if "0019" in names and not (found.folder / "poses_orbslam3/0019.txt").is_file():
-        found.notes.append(
+        status.require_all(folder, [f"{name}.txt" for name in names])
+    status.note_detector(instead_of_stored(card))
+    if not (status.folder / SEQUENCE_MAP).is_file():
+        status.notes.append(f"{SEQUENCE_MAP} is missing: the validation split is taken as {', '.join(VALIDATION)}")
+    if "0019" in names and not (status.folder / "poses_orbslam3/0019.txt").is_file():
+        status.notes.append(
             "poses_orbslam3/0019.txt is missing: sequence 0019 uses its GPS/IMU unit, which is bad there"
         )
-    if not (found.folder / IMAGES).is_dir():
-        found.notes.append(
+    if not (status.folder / IMAGES).is_dir():
+        status.notes.append(
             f"{IMAGES}/ is missing, so pictures of events show no image: the left colour images are in "
             "data_tracking_image_2.zip of https://www.cvlibs.net/datasets/kitti/eval_tracking.php"
         )
-    _count(found, validation)
+    _count(status, validation)
 
 
-def _count(found: DataStatus, validation: tuple[str, ...]) -> None:
+def _count(status: DataStatus, validation: tuple[str, ...]) -> None:
     """Counts over all sequences that are there and over those of the validation split."""
     labels: dict[str, LabelRows] = {}
     frames: dict[str, int] = {}
     for name in SEQUENCES:
-        rows = found.attempt(read_labels, f"{LABELS}/{name}.txt")
-        oxts = found.attempt(read_oxts, f"training/oxts/{name}.txt")
+        rows = status.attempt(read_labels, f"{LABELS}/{name}.txt")
+        oxts = status.attempt(read_oxts, f"training/oxts/{name}.txt")
         if rows is not None:
             labels[name] = rows
         if oxts is not None:
@@ -125,7 +125,7 @@ def _count(found: DataStatus, validation: tuple[str, ...]) -> None:
     for kind in ("Car", "Pedestrian", "Cyclist"):
         boxes, tracks = _boxes_and_tracks([rows.object_id[rows.type == kind] for rows in within])
         counts |= {f"validation {kind} boxes": boxes, f"validation {kind} tracks": tracks}
-    found.count(counts, found.about.totals)
+    status.count(counts, status.about.totals)
 
 
 def _boxes_and_tracks(ids: list[Ints]) -> tuple[int, int]:

@@ -135,7 +135,7 @@ class Frames:
     def check(self, rows: LabelRows | StoredDetections) -> None:
         """Raise DataError for a row outside of the sequence."""
         outside = (rows.frame < 0) | (rows.frame >= self.length)
-        rows.table.refuse(outside, lambda at: f"frame {rows.frame[at]}, but the sequence has {self.length} frames")
+        rows.table.refuse(outside, lambda row: f"frame {rows.frame[row]}, but the sequence has {self.length} frames")
 
 
 def truth_of(labels: LabelRows, classes: tuple[str, ...], frames: Frames) -> Truth:

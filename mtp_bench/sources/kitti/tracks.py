@@ -24,7 +24,7 @@ from .source import KittiTracking
 
 
 def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, poses: Poses | None) -> StoredTracks:
-    """The tracks of a scene of every ``stride``-th frame; ``poses``: of all frames, None where each is in its own.
+    """The tracks of a scene of every ``stride``-th frame; ``poses``: of all frames; None without a common frame.
 
     Rows of other classes and other frames are left out. DataError names the line that is wrong.
     """
@@ -37,7 +37,7 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     used = (class_id >= 0) & (frame % stride == 0)
     last = (scene.frames - 1) * stride
     outside = used & ((frame < 0) | (frame > last))
-    table.refuse(outside, lambda at: f"frame {frame[at]}, but the last one of sequence {scene.name} is {last}")
+    table.refuse(outside, lambda row: f"frame {frame[row]}, but the last one of sequence {scene.name} is {last}")
     table.refuse_degrees("rotation_y", used)
     refuse_flat(table, used)
     for index in range(len(classes)):
@@ -61,7 +61,7 @@ def result_lines(
 
 
 def poses_of(card: Card, data: DataRoot, name: str) -> Poses | None:
-    """Poses of all frames of a sequence; None where the card gives every frame in its own sensor frame."""
+    """Poses of all frames of a sequence; None if the card gives every frame in its own sensor frame."""
     return KittiTracking(card, data).poses(name) if section_of(card, KittiSource).ego_motion else None
 
 

@@ -43,21 +43,21 @@ def needed(card: Card) -> tuple[str, ...]:
     return (SEQINFO, TRUTH, DETECTIONS) if card.detector is None else (SEQINFO, TRUTH)
 
 
-def inspect(card: Card, found: DataStatus) -> None:
+def inspect(card: Card, status: DataStatus) -> None:
     """Note the files that ``card`` needs, and count over them."""
     folder, sequence = folder_of(card), section_of(card, Mot3dSource).sequence
-    found.require(*(f"{folder}/{name}" for name in needed(card)))
-    found.note_detector(instead_of_stored(card))
-    info = found.attempt(read_sequence_info, f"{folder}/{SEQINFO}")
+    status.require(*(f"{folder}/{name}" for name in needed(card)))
+    status.note_detector(instead_of_stored(card))
+    info = status.attempt(read_sequence_info, f"{folder}/{SEQINFO}")
     # Without seqinfo.ini the rows are still counted, against the known length of the sequence.
     length = (info or KNOWN[sequence]).length
-    truth = found.attempt(lambda path: read_truth(path, length), f"{folder}/{TRUTH}")
+    truth = status.attempt(lambda path: read_truth(path, length), f"{folder}/{TRUTH}")
     tracks = len(np.unique(truth.object_id)) if truth else 0
     counts = {"frames": info.length if info else 0, "tracks": tracks, "boxes": _number(truth)}
     if DETECTIONS in needed(card):
-        stored = found.attempt(lambda path: read_detections(path, length), f"{folder}/{DETECTIONS}")
+        stored = status.attempt(lambda path: read_detections(path, length), f"{folder}/{DETECTIONS}")
         counts["detections"] = _number(stored)
-    found.count(counts, found.about.totals[sequence])
+    status.count(counts, status.about.totals[sequence])
 
 
 def _number(rows: Rows | None) -> int:

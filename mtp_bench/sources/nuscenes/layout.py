@@ -87,7 +87,7 @@ def detection_pattern(card: Card) -> str:
 def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
     """Detection files of the card: the one that it names, else all of its detector; empty for a simulated one.
 
-    Raises DataError if there is none, naming the files of other detectors.
+    Raises DataError if there are no files, naming those of other detectors.
     """
     if card.detector is not None:
         return ()

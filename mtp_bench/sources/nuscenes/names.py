@@ -86,6 +86,6 @@ def splits_of(scenes: Collection[str]) -> dict[str, tuple[str, ...]]:
 
 
 def counted(splits: Mapping[str, Collection[str]]) -> str:
-    """The splits in words; "all" only where there is no other."""
+    """The splits and their numbers of scenes in words; "all" only if it is the only split."""
     named = [split for split in splits if split != "all"] or list(splits)
     return ", ".join(f"{split} ({len(splits[split])} scene{'s' * (len(splits[split]) != 1)})" for split in named)

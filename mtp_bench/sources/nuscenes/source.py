@@ -107,7 +107,7 @@ def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bo
 
 
 def _names(card: Card, root: Path, splits: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """Scenes of the card's split; DataError that names the splits there are, if it has none."""
+    """Scenes of the card's split; DataError naming the existing splits if it has none."""
     section = section_of(card, NuScenesSource)
     names = splits.get(section.split, ())
     if names:

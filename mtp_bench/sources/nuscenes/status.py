@@ -33,63 +33,63 @@ WITHOUT = {
 }
 
 
-def inspect(card: Card, found: DataStatus) -> None:
+def inspect(card: Card, status: DataStatus) -> None:
     """Note the files that ``card`` needs, and count over the tables.
 
     Makes the compact copy of the tables and detections, if the files are complete and it is missing.
     """
     section = section_of(card, NuScenesSource)
-    found.require_all(section.version, [f"{name}.json" for name in TABLES])
-    complete = not found.missing
-    detections = _require(found, card)
+    status.require_all(section.version, [f"{name}.json" for name in TABLES])
+    complete = not status.missing
+    detections = _require(status, card)
     if not complete:
-        found.notes.append(f"versions found: {', '.join(versions(found.folder))}")
+        status.notes.append(f"versions found: {', '.join(versions(status.folder))}")
         return
     try:
-        tables = open_tables(found.folder, section.version)
-        _require_split(found, card, tables)
+        tables = open_tables(status.folder, section.version)
+        _require_split(status, card, tables)
         if detections:
-            found.notes.append(f"detections: {', '.join(detections)}")
-        _note_pictures(found)
-        _count(found, tables)
-        if not found.missing:
-            NuScenes(card, found.folder)  # raises what stops the card's scenes from being read
+            status.notes.append(f"detections: {', '.join(detections)}")
+        _note_pictures(status)
+        _count(status, tables)
+        if not status.missing:
+            NuScenes(card, status.folder)  # raises what stops the card's scenes from being read
     except DataError as error:
-        found.add_problem(error)
+        status.add_problem(error)
 
 
-def _require(found: DataStatus, card: Card) -> list[str]:
+def _require(status: DataStatus, card: Card) -> list[str]:
     """Note which files the card needs beside the tables and are missing; names of its detection files."""
     section = section_of(card, NuScenesSource)
     if section.truth == "targets":
-        found.require(PREDICTION)
+        status.require(PREDICTION)
     try:
-        return [path.name for path in detection_paths(found.folder, card)]
+        return [path.name for path in detection_paths(status.folder, card)]
     except DataError as error:
         own = section.detections_file is not None or section.detections_sha256 is not None
-        found.missing.append(str(error) if own else detection_pattern(card))
-        found.note_detector(instead_of_stored(card))
+        status.missing.append(str(error) if own else detection_pattern(card))
+        status.note_detector(instead_of_stored(card))
         return []
 
 
-def _require_split(found: DataStatus, card: Card, tables: TableStore) -> None:
+def _require_split(status: DataStatus, card: Card, tables: TableStore) -> None:
     """Note the splits that the tables have; that of the card is missing if it has no scenes."""
     section = section_of(card, NuScenesSource)
     splits = available_splits(tables, section.truth == "targets" and tables.targets is not None)
     if not splits:
         return
-    found.notes.append(f"{section.version} has the splits {counted(splits)}")
+    status.notes.append(f"{section.version} has the splits {counted(splits)}")
     if section.split not in splits:
-        found.missing.append(f"scenes of split {section.split!r} in {section.version}/")
+        status.missing.append(f"scenes of split {section.split!r} in {section.version}/")
 
 
-def _note_pictures(found: DataStatus) -> None:
+def _note_pictures(status: DataStatus) -> None:
     for pattern, note in WITH.items():
-        names = sorted(path.stem for path in found.folder.glob(pattern))
-        found.notes.append(f"{note} {', '.join(names)}" if names else WITHOUT[pattern])
+        names = sorted(path.stem for path in status.folder.glob(pattern))
+        status.notes.append(f"{note} {', '.join(names)}" if names else WITHOUT[pattern])
 
 
-def _count(found: DataStatus, tables: TableStore) -> None:
+def _count(status: DataStatus, tables: TableStore) -> None:
     """Counts over the tables of all splits."""
     counts = {
         "scenes": len(tables.scenes), "keyframes": int(tables.start[-1]), "instances": tables.instances,
@@ -99,4 +99,4 @@ def _count(found: DataStatus, tables: TableStore) -> None:
         targets = dict(zip(tables.scenes, tables.targets.tolist(), strict=True))
         for split in SPLITS:
             counts[f"prediction targets of {split}"] = sum(targets[name] for name in split_scenes(split, targets))
-    found.count(counts, found.about.totals.get(tables.version, {}))
+    status.count(counts, status.about.totals.get(tables.version, {}))

@@ -80,7 +80,7 @@ class CachedFolder:
 
 
 def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
-    """The state of a file changes with its content; programs can restore all of it but the second time."""
+    """Path of the folder by the state of the files; programs can restore all of a state but its ``ctime``."""
     states = []
     for name, path in sorted(sources.items()):
         try:

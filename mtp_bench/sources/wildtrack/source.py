@@ -72,7 +72,7 @@ class Wildtrack:
             raise DataError(f"{lost}; to get them: {DATASET.how_to_get}")
 
     def load(self, name: str) -> Scene:
-        """Read one scene; without stored detections it has none, and an empty ``detector``."""
+        """Read one scene; if it has no stored detections, ``detector`` is empty."""
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
         truth = _truth(self.root / ANNOTATIONS, SCENES[name] + STEP * np.arange(SCENE_FRAMES))
@@ -95,23 +95,23 @@ def needs_detections(card: Card) -> bool:
     return section.detector is not None and STORED in SPLITS[section.split]
 
 
-def inspect(card: Card, found: DataStatus) -> None:
+def inspect(card: Card, status: DataStatus) -> None:
     """Note the files that ``card`` needs, and count over all files."""
     section = section_of(card, WildtrackSource)
     numbers = [SCENES[scene] + STEP * t for scene in SPLITS[section.split] for t in range(SCENE_FRAMES)]
-    found.require_all(ANNOTATIONS, [f"{number:08d}.json" for number in numbers])
+    status.require_all(ANNOTATIONS, [f"{number:08d}.json" for number in numbers])
     if needs_detections(card):
-        found.require(DETECTIONS)
-        found.note_detector(instead_of_stored(card))
+        status.require(DETECTIONS)
+        status.note_detector(instead_of_stored(card))
     if section.detector is not None:
-        found.notes.append(f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones")
-    names = sorted(path.name for path in (found.folder / ANNOTATIONS).glob("*.json"))
-    frames = [found.attempt(read_annotations, f"{ANNOTATIONS}/{name}") for name in names]
+        status.notes.append(f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones")
+    names = sorted(path.name for path in (status.folder / ANNOTATIONS).glob("*.json"))
+    frames = [status.attempt(read_annotations, f"{ANNOTATIONS}/{name}") for name in names]
     people = np.concatenate([np.zeros(0, dtype=np.int64), *(frame[0] for frame in frames if frame is not None)])
-    detections = found.attempt(read_detections, DETECTIONS)
+    detections = status.attempt(read_detections, DETECTIONS)
     counts = {"frames": len(names), "annotations": len(people), "people": len(np.unique(people))}
     counts["detections"] = 0 if detections is None else len(detections.frame)
-    found.count(counts, found.about.totals)
+    status.count(counts, status.about.totals)
 
 
 def _truth(folder: Path, numbers: Ints) -> Truth:
@@ -128,7 +128,7 @@ def _detections(path: Path) -> Detections:
     expected = f"{SCENES[STORED]}, {SCENES[STORED] + STEP}, ..., {SCENES[STORED] + STEP * (SCENE_FRAMES - 1)}"
     rows.table.refuse(
         (beside != 0) | (frame < 0) | (frame >= SCENE_FRAMES),
-        lambda at: f"frame {rows.frame[at]} is not among the annotated test frames, {expected}",
+        lambda row: f"frame {rows.frame[row]} is not among the annotated test frames, {expected}",
     )
     order = np.argsort(frame, kind="stable")
     # The file has no scores.
