@@ -15,7 +15,7 @@ _ROUNDING = 1e-9  # the weights of all hypotheses sum to 1 only up to rounding
 
 
 class Affinity(NamedTuple):
-    """What a tracker's association gains, for every allowed pair of an old track, moved on, and a detection."""
+    """Gains of a tracker's association: for each allowed pair of a predicted old track and a detection."""
 
     before: Ints  # [N] the old track that each track continues, -1 for a new one
     start: Ints  # [M + 1] where the pairs of each of M old tracks begin
@@ -25,7 +25,7 @@ class Affinity(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """What a tracker believes after a frame: distinct tracks (leaves) and the hypotheses that share them."""
+    """State of a tracker after a frame: distinct tracks (leaves) and the hypotheses that share them."""
 
     track_id: Ints  # [N] identity along the lineage of a hypothesis; one hypothesis never holds it twice
     box: Floats  # [N, 7] now
@@ -70,7 +70,7 @@ class Tracks:
 
 @dataclass(frozen=True, eq=False)
 class Objects:
-    """What is there now according to all hypotheses together, likeliest first."""
+    """Objects of this frame according to all hypotheses together, likeliest first."""
 
     box: Floats  # [O, 7] in the heaviest hypothesis that holds the object
     class_id: Ints  # [O]

@@ -1,8 +1,9 @@
 """Trackers and association, for agents; the judge never imports them."""
 
-from .birds_eye import BirdsEye as BirdsEye
 from .given import GivenTracker as GivenTracker
+from .given import TruthTracker as TruthTracker
 from .joint import k_best as k_best
+from .online import BirdsEye as BirdsEye
 from .online import OnlineDetections as OnlineDetections
 from .online import OnlineTracker as OnlineTracker
 from .parameters import ClassParameters as ClassParameters
@@ -11,4 +12,3 @@ from .parameters import score_thresholds as score_thresholds
 from .parameters import sort_parameters as sort_parameters
 from .retracking import ReTracker as ReTracker
 from .tracker import HypothesisTracker as HypothesisTracker
-from .truth import TruthTracker as TruthTracker

@@ -1,19 +1,106 @@
-"""Tracking that was done elsewhere: the env feeds stored boxes with the ids of another program."""
+"""Trackers of identities that come from elsewhere: another program's tracks, or the true ones."""
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..agent import Observation, Tracks
+from ..agent import Observation
 from ..errors import SubmissionError
-from ..types import Task
-from .histories import Histories, Said
+from ..tracks import UNBORN, Tracks
+from ..types import Floats, Ints, Task
+from .repair import bridged
+
+
+@dataclass
+class _History:
+    """History of one identity."""
+
+    first: int  # frame in which it was first reported
+    reports: deque[tuple[int, int, Floats]]  # frame, row of the detection or -1, box; the last P
+    hits: int = 0
+    scores: float = 0.0  # sum over the detections that it took
+    last_score: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalTracks:
+    """N tracks of a frame, with ids from elsewhere, and the detections that they took."""
+
+    track_id: Ints  # [N] no id twice
+    box: Floats  # [N, 7] now
+    class_id: Ints  # [N]
+    score: Floats  # [N] used until the track takes a detection
+    detection: Ints  # [N] row of the observation, -1 for none
+    measured: Floats  # [N, 7] box of the detection taken; of a track that took none, its own
+
+
+class Histories:
+    """Track histories for external ids of a scene; an id that reappears after a gap continues its track."""
+
+    def __init__(self, past: int) -> None:
+        self._past, self._frame = past, 0
+        self._by_id: dict[int, _History] = {}
+
+    def after(self, external: ExternalTracks, detection_score: Floats) -> Tracks:
+        """Tracks of one hypothesis after the next frame; ``detection_score`` [D] of all rows of its observation."""
+        self._frame += 1
+        ids = external.track_id.tolist()
+        histories = [self._by_id.setdefault(i, _History(self._frame, deque(maxlen=self._past))) for i in ids]
+        for i, history in enumerate(histories):
+            self._append(
+                history, int(external.detection[i]), external.measured[i], float(external.score[i]), detection_score
+            )
+        past, taken = self._window(histories)
+        return Tracks(
+            track_id=external.track_id,
+            box=external.box,
+            class_id=external.class_id,
+            score=np.array([one.scores / one.hits if one.hits else one.last_score for one in histories]),
+            detection=external.detection,
+            past=past,
+            past_valid=taken >= 0,
+            member=np.ones((1, len(histories)), dtype=bool),
+            log_weight=np.zeros(1),
+            parent=np.zeros(1, dtype=np.int64),
+            last_score=np.array([one.last_score for one in histories]),
+            hits=np.array([max(one.hits, 1) for one in histories], dtype=np.int64),
+            age=np.array([self._frame - one.first + 1 for one in histories], dtype=np.int64),
+            past_detection=taken,
+        )
+
+    def _append(self, history: _History, row: int, measured: Floats, score: float, detection_score: Floats) -> None:
+        history.reports.append((self._frame, row, measured))
+        if row >= 0:
+            history.hits += 1
+            history.last_score = float(detection_score[row])
+            history.scores += history.last_score
+        elif not history.hits:
+            history.last_score = score
+
+    def _window(self, histories: list[_History]) -> tuple[Floats, Ints]:
+        """Boxes [N, P, 7] of the last P frames and the rows taken [N, P].
+
+        Between two reports of an identity its box moves on a straight line. Before its first report in the window the
+        track counts as unborn, also if there was a report earlier: the way from there is unknown.
+        """
+        length = self._past
+        past, taken = np.zeros((len(histories), length, 7)), np.full((len(histories), length), UNBORN)
+        reported = np.zeros(taken.shape, dtype=bool)
+        for i, history in enumerate(histories):
+            for frame, row, box in history.reports:
+                column = length - 1 - self._frame + frame
+                if column >= 0:
+                    past[i, column:], taken[i, column:], taken[i, column], reported[i, column] = box, -1, row, True
+        return bridged(past, reported)[0], taken
 
 
 class GivenTracker:
     """One hypothesis made of stored tracks; needs an env with ``observe="tracks"``.
 
-    A stored box counts as a detection that its track took, for the file does not say which boxes were measured.
+    A stored box counts as a detection that its track took, since the file does not state which boxes were measured.
     """
 
     def reset(self, task: Task) -> None:
@@ -30,7 +117,7 @@ class GivenTracker:
         rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
         box = np.asarray(observation["detection_box"], dtype=np.float64)[rows]
         score = np.asarray(observation["detection_score"], dtype=np.float64)
-        said = Said(
+        external = ExternalTracks(
             track_id=np.asarray(observation["detection_id"], dtype=np.int64)[rows],
             box=box,
             class_id=np.asarray(observation["detection_class"], dtype=np.int64)[rows],
@@ -38,4 +125,42 @@ class GivenTracker:
             detection=rows,
             measured=box,
         )
-        return self._histories.after(said, score)
+        return self._histories.after(external, score)
+
+
+class TruthTracker:
+    """One hypothesis made of true boxes and ids; needs an env with ``observe="truth"``."""
+
+    def reset(self, task: Task) -> None:
+        """Forget everything."""
+        if task.observe != "truth":
+            raise SubmissionError(f'TruthTracker needs an env made with observe="truth", got observe={task.observe!r}')
+        self._frames: deque[tuple[Ints, Floats]] = deque(maxlen=task.past)
+
+    def step(self, observation: Observation) -> Tracks:
+        """The true objects of this frame with their true pasts."""
+        valid = np.asarray(observation["detection_valid"]).astype(bool)
+        box = np.asarray(observation["detection_box"], dtype=np.float64)[valid]
+        ids = np.asarray(observation["detection_id"], dtype=np.int64)[valid]
+        self._frames.append((ids, box))
+        length = self._frames.maxlen or 1
+        past = np.zeros((len(ids), length, 7))
+        taken = np.full((len(ids), length), UNBORN)
+        for back, (then_ids, then_box) in enumerate(reversed(self._frames)):
+            mine, then = np.nonzero(ids[:, None] == then_ids[None, :])
+            past[mine, length - 1 - back] = then_box[then]
+            taken[mine, length - 1 - back] = then
+        taken[(np.maximum.accumulate(taken, axis=1) >= 0) & (taken < 0)] = -1  # hidden for a while
+        return Tracks(
+            track_id=ids,
+            box=box,
+            class_id=np.asarray(observation["detection_class"], dtype=np.int64)[valid],
+            score=np.asarray(observation["detection_score"], dtype=np.float64)[valid],
+            detection=np.arange(len(ids)),
+            past=past,
+            past_valid=taken >= 0,
+            member=np.ones((1, len(ids)), dtype=bool),
+            log_weight=np.zeros(1),
+            parent=np.zeros(1, dtype=np.int64),
+            past_detection=taken,
+        )

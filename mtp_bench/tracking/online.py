@@ -1,4 +1,4 @@
-"""Anybody's online tracker in place of ours: detections in, ``(id, box, score)`` out, histories kept for it."""
+"""An adapter for online trackers of other libraries: detections in, ``(id, box, score)`` out."""
 
 from __future__ import annotations
 
@@ -10,11 +10,42 @@ import numpy as np
 
 from ..agent import Observation, Tracks
 from ..errors import ShapeError, SubmissionError
+from ..geometry import bev_corners
 from ..types import Bools, Floats, Ints, Task
-from .birds_eye import BirdsEye
-from .histories import Histories, Said
+from .given import ExternalTracks, Histories
 from .joint import k_best
-from .online_rows import Row, read_rows
+from .online_rows import TrackRow, read_rows
+
+
+@dataclass(frozen=True)
+class BirdsEye:
+    """Axis-aligned rectangles of boxes in a picture of the ground, for trackers of image boxes.
+
+    ``scale``: pixels per metre; ``padding``: metres by which rectangles are larger on every side.
+
+    Pixel (0, 0) is the origin of the observations' frame, so coordinates may be negative. The frame does not move with
+    the ego where the env compensates its motion: what stands still stays where it is. Padding helps where objects
+    move by more than their own size between two frames, which leaves no overlap.
+    """
+
+    scale: float = 10.0
+    padding: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.scale < np.inf:
+            raise ShapeError(f"scale is {self.scale}, expected pixels per metre, a number above 0")
+        if not 0 <= self.padding < np.inf:
+            raise ShapeError(f"padding is {self.padding}, expected metres, 0 or more")
+
+    def rectangles(self, box: Floats) -> Floats:
+        """The rectangles [D, 4] x1 y1 x2 y2, pixels, around boxes [D, 7] x y z yaw l w h, metres."""
+        corners = bev_corners(np.asarray(box, dtype=np.float64))
+        low, high = corners.min(axis=-2) - self.padding, corners.max(axis=-2) + self.padding
+        return self.scale * np.concatenate([low, high], axis=-1)
+
+    def centres(self, rectangle: Floats) -> Floats:
+        """Centres [N, 2] x y, metres, of rectangles [N, 4] in pixels: those of the boxes inside."""
+        return np.asarray((rectangle[..., :2] + rectangle[..., 2:]) / (2 * self.scale))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +121,12 @@ class OnlineTracker:
         self._frame += 1
         rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
         seen = self._seen(observation, rows)
-        told: list[_Told] = []
+        resolved: list[_ResolvedRow] = []
         for group, update in zip(self._groups, self._updates, strict=True):
             mine = np.ones(len(seen), dtype=bool) if group is None else seen.class_id == group
-            said = read_rows(update(seen.select(mine)), int(mine.sum()), self._frame)
-            told += self._resolve(said, seen.select(mine), np.flatnonzero(mine), group)
-        return self._histories.after(_said(told, rows), observation["detection_score"])
+            answer = read_rows(update(seen.select(mine)), int(mine.sum()), self._frame)
+            resolved += self._resolve(answer, seen.select(mine), np.flatnonzero(mine), group)
+        return self._histories.after(_external(resolved, rows), observation["detection_score"])
 
     def _seen(self, observation: Observation, rows: Ints) -> OnlineDetections:
         box = np.asarray(observation["detection_box"], dtype=np.float64)[rows]
@@ -109,10 +140,12 @@ class OnlineTracker:
             dt=float(observation["dt"]),
         )
 
-    def _resolve(self, said: list[Row], seen: OnlineDetections, place: Ints, group: int | None) -> list[_Told]:
-        """What the rows of one tracker mean; ``place`` [D] of the detections that it saw, among all."""
-        told = []
-        for row, at in zip(said, self._taken(said, seen, group).tolist(), strict=True):
+    def _resolve(
+        self, tracker_rows: list[TrackRow], seen: OnlineDetections, place: Ints, group: int | None
+    ) -> list[_ResolvedRow]:
+        """Rows of one tracker with classes and detections; ``place`` [D]: rows of its detections among all."""
+        resolved = []
+        for row, at in zip(tracker_rows, self._taken(tracker_rows, seen, group).tolist(), strict=True):
             key = (group, row.id)
             if at >= 0:
                 class_id, measured = int(seen.class_id[at]), seen.box[at]
@@ -122,26 +155,26 @@ class OnlineTracker:
                 moved = np.concatenate([self._centre(row.box), last[2:]])
                 box = measured = row.box if len(row.box) == 7 else moved
             else:
-                continue  # it never took a detection: nobody knows of which class it is
+                continue  # it never took a detection, so that its class is unknown
             self._last[key] = class_id, box
             number = self._number.setdefault((key, class_id), len(self._number))
-            told.append(_Told(number, box, class_id, row.score, -1 if at < 0 else int(place[at]), measured))
-        return told
+            resolved.append(_ResolvedRow(number, box, class_id, row.score, -1 if at < 0 else int(place[at]), measured))
+        return resolved
 
-    def _taken(self, said: list[Row], seen: OnlineDetections, group: int | None) -> Ints:
-        """The detection that each row took, -1 for none: what it says, else the nearest that is free, one to one."""
-        taken = np.array([-1 if row.detection is None else row.detection for row in said], dtype=np.int64)
+    def _taken(self, tracker_rows: list[TrackRow], seen: OnlineDetections, group: int | None) -> Ints:
+        """The detection that each row took, -1 for none: the stated one, else the nearest free one, one to one."""
+        taken = np.array([-1 if row.detection is None else row.detection for row in tracker_rows], dtype=np.int64)
         free = np.setdiff1d(np.arange(len(seen)), taken)
-        silent = np.array([at for at, row in enumerate(said) if row.detection is None], dtype=np.int64)
-        if not len(free) or not len(silent):
+        unstated = np.array([i for i, row in enumerate(tracker_rows) if row.detection is None], dtype=np.int64)
+        if not len(free) or not len(unstated):
             return taken
-        centre = np.array([self._centre(said[i].box) for i in silent])
+        centre = np.array([self._centre(tracker_rows[i].box) for i in unstated])
         distance = np.linalg.norm(centre[:, None] - seen.box[None, free, :2], axis=-1)
-        known = [self._last.get((group, said[i].id), (-1,))[0] for i in silent]
-        strange = np.array([[k not in (-1, c) for c in seen.class_id[free].tolist()] for k in known])
-        cost = distance + self._gate * strange - 3 * self._gate  # its own class first
+        known = [self._last.get((group, tracker_rows[i].id), (-1,))[0] for i in unstated]
+        other_class = np.array([[k not in (-1, c) for c in seen.class_id[free].tolist()] for k in known])
+        cost = distance + self._gate * other_class - 3 * self._gate  # its own class first
         column = k_best(np.where(distance <= self._gate, cost, np.inf), 1)[1][0]
-        taken[silent] = np.append(free, -1)[column]
+        taken[unstated] = np.append(free, -1)[column]
         return taken
 
     def _centre(self, box: Floats) -> Floats:
@@ -150,8 +183,8 @@ class OnlineTracker:
 
 
 @dataclass(frozen=True, eq=False)
-class _Told:
-    """One track of a frame."""
+class _ResolvedRow:
+    """A row of a tracker with its class and its detection."""
 
     number: int
     box: Floats
@@ -161,15 +194,15 @@ class _Told:
     measured: Floats
 
 
-def _said(told: list[_Told], rows: Ints) -> Said:
+def _external(resolved: list[_ResolvedRow], rows: Ints) -> ExternalTracks:
     """The tracks of a frame as arrays; ``rows`` [D]: where its detections are in the observation."""
-    return Said(
-        track_id=np.array([one.number for one in told], dtype=np.int64),
-        box=np.array([one.box for one in told], dtype=np.float64).reshape(-1, 7),
-        class_id=np.array([one.class_id for one in told], dtype=np.int64),
-        score=np.array([one.score for one in told], dtype=np.float64),
-        detection=np.append(rows, -1)[np.array([one.detection for one in told], dtype=np.int64)],
-        measured=np.array([one.measured for one in told], dtype=np.float64).reshape(-1, 7),
+    return ExternalTracks(
+        track_id=np.array([one.number for one in resolved], dtype=np.int64),
+        box=np.array([one.box for one in resolved], dtype=np.float64).reshape(-1, 7),
+        class_id=np.array([one.class_id for one in resolved], dtype=np.int64),
+        score=np.array([one.score for one in resolved], dtype=np.float64),
+        detection=np.append(rows, -1)[np.array([one.detection for one in resolved], dtype=np.int64)],
+        measured=np.array([one.measured for one in resolved], dtype=np.float64).reshape(-1, 7),
     )
 
 

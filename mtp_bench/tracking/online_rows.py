@@ -1,4 +1,4 @@
-"""What an online tracker may answer, read row by row; everything else is one clear error."""
+"""Reading and checking the rows that an online tracker returns."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ FORM = "(id, box, score) or (id, box, score, detection)"
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class TrackRow:
     """One track of a frame."""
 
     id: Hashable
     box: Floats  # [7], or [4] of a rectangle
     score: float
-    detection: int | None  # -1: none; None: not stated
+    detection: int | None  # -1: none was taken; None: not stated
 
 
-def read_rows(said: Any, detections: int, frame: int) -> list[Row]:
+def read_rows(answer: Any, detections: int, frame: int) -> list[TrackRow]:
     """The rows of an answer to ``detections`` boxes.
 
     Raises ShapeError that names the frame, the row and what is wrong with it; also where an id or a detection occurs
     twice.
     """
     where = f"frame {frame}: the tracker gave"
-    if not isinstance(said, Iterable) or isinstance(said, str | bytes):
-        raise ShapeError(f"{where} {_short(said)}, expected a list of {FORM}")
-    rows = [_row(row, detections, f"{where} {_short(row)} as row {place}:") for place, row in enumerate(said)]
+    if not isinstance(answer, Iterable) or isinstance(answer, str | bytes):
+        raise ShapeError(f"{where} {_short(answer)}, expected a list of {FORM}")
+    rows = [_row(row, detections, f"{where} {_short(row)} as row {place}:") for place, row in enumerate(answer)]
     ids: set[Hashable] = set()
     taken: set[int] = set()
     for row in rows:
@@ -47,10 +47,10 @@ def read_rows(said: Any, detections: int, frame: int) -> list[Row]:
     return rows
 
 
-def _row(row: Any, detections: int, where: str) -> Row:
+def _row(row: Any, detections: int, where: str) -> TrackRow:
     if not isinstance(row, Sequence) or isinstance(row, str | bytes) or len(row) not in (3, 4):
         raise ShapeError(f"{where} expected {FORM}")
-    return Row(
+    return TrackRow(
         id=_identity(row[0], where),
         box=_box(row[1], where),
         score=_score(row[2], where),

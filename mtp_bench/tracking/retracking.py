@@ -1,4 +1,4 @@
-"""Re-tracking: the forecasts of tracks are tracked in their turn, which mends short switches and misses.
+"""Re-tracking: forecasts of tracks are tracked again, which mends short identity switches and misses.
 
 Source: Yu, Zhou 2021, "Towards Robust Human Trajectory Prediction in Raw Videos". Theirs has one hypothesis; here it is
 done in every hypothesis of a tracker.
@@ -47,7 +47,7 @@ class ReTracker:
     Every frame the tracks of ``tracker`` that took a detection are forecast. These forecasts are the observations, and
     are assigned to what is kept by how far they are from the forecasts made of it before, see `forecast_distances`:
     the sum of distance - ``gate`` is least, pairs beyond the gate do not match, and pairs closer than 0.15 m match
-    first. Gaps in the past are then bridged, for whoever predicts from these tracks.
+    first. Gaps in the past are then bridged.
 
     ``predictor``: asked for one sample of each track (k = 1), and asked twice per frame: for the tracks of ``tracker``
     and for those that are kept. A copy is used, so the predictor of a pipeline may be given.
@@ -86,8 +86,8 @@ class ReTracker:
         self._past, self._frame = task.past, 0
         self._observed: deque[Observation] = deque(maxlen=task.past)
         none = np.zeros(0, dtype=np.int64)
-        nobody = Tracks.of_one_hypothesis(none, np.zeros((0, 7)), none)
-        self._memory = _born(nobody, none, 0, 1, (task.past + self._max_misses, task.future))
+        no_tracks = Tracks.of_one_hypothesis(none, np.zeros((0, 7)), none)
+        self._memory = _born(no_tracks, none, 0, 1, (task.past + self._max_misses, task.future))
         self._member = np.ones((1, 0), dtype=bool)  # [H, R]
         self._next_id = 0
 
@@ -132,9 +132,9 @@ class ReTracker:
         return np.where(distance < FORCED, -_SURE, distance - self._gate)
 
     def _grown(self, row: Ints, column: Ints, tracks: Tracks, seen: Ints, observation: Observation) -> Memory:
-        """What follows of the track ``row`` (-1: of none) when it takes the track ``seen[column]`` (-1: none), [E].
+        """Successors [E] of the tracks ``row`` (-1: new) that take the tracks ``seen[column]`` (-1: none).
 
-        Rows of none come first.
+        New tracks come first.
         """
         score = np.asarray(observation["detection_score"], dtype=np.float64)
         born = seen[column[row < 0]]
@@ -146,7 +146,7 @@ class ReTracker:
         return joined([new, _found(missed, found, tracks, seen[column[found]], score)])
 
     def _look_ahead(self, tracks: Tracks, parent: Ints) -> None:
-        """Forecast what took a detection in this frame; the others keep their forecasts."""
+        """Forecast the tracks that took a detection in this frame; the others keep their forecasts."""
         fresh = np.flatnonzero(self._memory.misses == 0)
         future = self._memory.future.copy()
         future[fresh] = self._forecast(self._as_tracks(fresh, tracks, parent), np.arange(len(fresh)))
@@ -186,7 +186,7 @@ def forecast_distances(kept: Floats, gap: Ints, seen: Floats, gate: float) -> Fl
     ahead = np.take_along_axis(kept, np.minimum(gap[:, None] + steps, last)[:, :, None] - 1, axis=1)
     spread = np.where(overlap, np.sqrt(gap[:, None] + 2 * steps), np.inf)
     cost = np.full((len(kept), len(seen)), np.inf)
-    # Whoever is too far apart in the first frame is in all: few pairs are compared in full.
+    # Pairs too far apart in the first frame do not match: few pairs are compared in full.
     first = np.linalg.norm(ahead[:, None, 0] - seen[None, :, 0], axis=-1)
     row, column = np.nonzero((first <= gate * spread[:, :1]) & overlap[:, :1])
     largest = (np.linalg.norm(ahead[row] - seen[column], axis=-1) / spread[row]).max(axis=1)

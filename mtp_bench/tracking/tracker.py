@@ -35,7 +35,7 @@ class HypothesisTracker:
     classes, is honoured only with ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many
     is the Hungarian one.
     ``assignment="greedy"`` is greedy for every class.
-    ``min_detection_score``: weaker detections are ignored, a number or one per class name; None: none is.
+    ``min_detection_score``: detections with lower scores are ignored; a number, or one per class name.
     """
 
     def __init__(
@@ -140,7 +140,7 @@ def _require_scores(least: float | Mapping[str, float] | None) -> None:
 
 
 def _per_class(least: float | Mapping[str, float] | None, task: Task) -> Floats:
-    """The least score of each class of the task [C]; raises UnknownNameError for a name that is none of them."""
+    """Lowest score of each class of the task [C]; raises UnknownNameError for a name of another class."""
     if not isinstance(least, Mapping):
         return np.full(len(task.classes), -np.inf if least is None else least)
     for name in least:

@@ -117,7 +117,7 @@ def hull_area(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float
 
 @part
 def _describe(box: Floats, row: int, kind: int, described: Floats, at: int) -> None:
-    """Write what is needed of a box; a box with a NaN has no place, so that nothing is near it."""
+    """Write the columns of a box; the place of a box with a NaN is NaN, so that no box is near it."""
     total = 0.0
     for k in range(7):
         described[at, k] = box[row, k]
@@ -133,7 +133,7 @@ def _describe(box: Floats, row: int, kind: int, described: Floats, at: int) -> N
 
 @part
 def _apart(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> bool:
-    """Whether an axis of box a or of box b separates them; arguments as for `intersection_area`."""
+    """True if an axis of box a or of box b separates them; arguments as for `intersection_area`."""
     cos_, sin_ = abs(cos), abs(sin)
     if 2.0 * abs(x) > l_a + l_b * cos_ + w_b * sin_ or 2.0 * abs(y) > w_a + l_b * sin_ + w_b * cos_:
         return True
@@ -163,7 +163,7 @@ def _slack(gate: float) -> float:
 
 @part
 def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int, gate: float) -> float:
-    """How far the IoU or GIoU of two described boxes is above the gate; ``square``: of their distance in BEV."""
+    """IoU or GIoU of two described boxes minus the gate; ``square``: of their distance in BEV."""
     touch = a[i, _RADIUS] + b[j, _RADIUS]
     l_a, w_a, h_a, l_b, w_b, h_b = a[i, _L], a[i, _W], a[i, _H], b[j, _L], b[j, _W], b[j, _H]
     cos_a, sin_a, cos_b, sin_b = a[i, _COS], a[i, _SIN], b[j, _COS], b[j, _SIN]

@@ -55,7 +55,7 @@ def _sources(function: FunctionType) -> set[str]:
 
 
 def is_sound(folder: Path, source: str) -> bool:
-    """Whether the folder holds compiled files that all agree with their sums and are newer than the source file."""
+    """True if the folder holds compiled files that agree with their sums and are newer than the source file."""
     files = _files(folder)
     newest = Path(source).stat().st_mtime
     return bool(files) and all(_agrees(file) and file.stat().st_mtime >= newest for file in files)
@@ -70,7 +70,7 @@ def seal(folder: Path) -> None:
 
 
 def clear(folder: Path) -> bool:
-    """Delete the compiled files; whether one of them did not agree with its sum."""
+    """Delete the compiled files; True if one of them did not agree with its sum."""
     files = _files(folder)
     damaged = any(Path(f"{file}{_SUM}").exists() and not _agrees(file) for file in files)
     for file in files:
@@ -89,7 +89,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _files(folder: Path) -> list[Path]:
-    """What Numba wrote: an index (.nbi) and the code of each signature (.nbc)."""
+    """Files of Numba: an index (.nbi) and the code of each signature (.nbc)."""
     return sorted(folder.glob("*/*.nb[ci]"))
 
 

@@ -128,7 +128,7 @@ def _cache_in(folder: Path | None) -> Iterator[None]:
 
 @contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """Save the collector from going over the millions of objects that Numba makes, again and again."""
+    """Stop the collector, which would visit the millions of objects that Numba makes again and again."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from ...types import Floats, Ints
 from .compile import inlined
-from .tables import Bound, Choices, Kept, Matching, Piece
+from .tables import Block, Bound, Choices, Kept, Matching
 
 
 @inlined
 def limit_of(bound: Bound) -> float:
-    """How much dearer than its cheapest solution a solution of the piece may be to matter."""
+    """Largest gap to its cheapest solution at which a solution of the piece can matter."""
     return float(bound.best[-1] - bound.totals[0] + bound.slack)
 
 
@@ -31,8 +31,8 @@ def note(best: Floats, totals: Floats, size: int, gap: float) -> None:
 
 
 @inlined
-def keep(total: float, count: int, piece: Piece, option: Ints, kept: Kept) -> int:
-    """Enter the present choice, which costs ``total``, as a new solution or for the dearest; how many there are."""
+def keep(total: float, count: int, piece: Block, option: Ints, kept: Kept) -> int:
+    """Enter the present choice, which costs ``total``, as a new solution or for the dearest; returns their number."""
     order, cost, k = kept.order, kept.cost, len(kept.order)
     place = order[k - 1] if count == k else count
     count += 1 if count < k else 0
@@ -48,8 +48,8 @@ def keep(total: float, count: int, piece: Piece, option: Ints, kept: Kept) -> in
 
 
 @inlined
-def is_matching(piece: Piece, option: Ints, match: Ints) -> bool:
-    """Whether the present choice is this matching."""
+def is_matching(piece: Block, option: Ints, match: Ints) -> bool:
+    """True if the present choice is this matching."""
     same = True
     for a in range(piece.n):
         same &= match[a] == (option[a] if option[a] < piece.last[a] else -1)
@@ -58,9 +58,9 @@ def is_matching(piece: Piece, option: Ints, match: Ints) -> bool:
 
 @inlined
 def enumerate_solutions(
-    piece: Piece, matching: Matching, root_cost: float, bound: Bound, choice: Choices, kept: Kept, patience: int
+    piece: Block, matching: Matching, root_cost: float, bound: Bound, choice: Choices, kept: Kept, patience: int
 ) -> int:
-    """How many solutions of a piece were kept, at most k: all that can be among the k cheapest of the whole problem.
+    """Number of solutions kept, at most k: all of the piece that can be among the k cheapest of the whole problem.
 
     -1, with ``bound.best`` spoilt, if more than ``patience`` partial choices would have to be looked at.
     ``matching``: the cheapest solution, which costs ``root_cost``, and its potentials; zeros if it is not known.

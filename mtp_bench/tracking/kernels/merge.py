@@ -18,8 +18,8 @@ from .heap import pop, push
 from .tables import Pieces, Solutions, States
 
 
-class Queue(NamedTuple):
-    """What waits, cheapest first."""
+class MergeQueue(NamedTuple):
+    """States that wait, cheapest first."""
 
     keys: Floats
     names: Ints  # state of each key
@@ -39,7 +39,7 @@ def by_first_gap(begin: Ints, count: Ints, gap: Floats, spare: float) -> Ints:
 
 @inlined
 def pieces_in_order(p: int, ordered: Ints, pieces: Pieces, changeable: Ints, used: int) -> int:
-    """Write the pieces of parent ``p``, in their order, into ``changeable`` from number ``used`` on; where they end."""
+    """Write the pieces of parent ``p``, in their order, into ``changeable`` from ``used`` on; returns the end."""
     for q in ordered:
         if pieces.of_parent[p, pieces.component[q]] == q:
             changeable[used] = q
@@ -49,8 +49,15 @@ def pieces_in_order(p: int, ordered: Ints, pieces: Pieces, changeable: Ints, use
 
 @inlined
 def push_successors(
-    s: int, key: float, limit: float, stop: int, changeable: Ints, solutions: Solutions, states: States, queue: Queue
-) -> None:
+    s: int,
+    key: float,
+    limit: float,
+    stop: int,
+    changeable: Ints,
+    solutions: Solutions,
+    states: States,
+    queue: MergeQueue,
+) -> None:  # fmt: skip
     """Queue what follows state ``s``, which costs ``key``: next solution; one more piece; another piece instead.
 
     The pieces of its parent that can change, in their order, are ``changeable`` up to number ``stop``.
@@ -81,7 +88,7 @@ def push_successors(
 @part
 def expand(
     pieces: Pieces, solutions: Solutions, total: Floats, limit: float, ordered: Ints, changeable: Ints, stop: Ints,
-    states: States, queue: Queue, out: Ints,
+    states: States, queue: MergeQueue, out: Ints,
 ) -> int:  # fmt: skip
     """Fill in the states, and in ``out`` [k] those of the solutions; how many there are.
 
@@ -123,6 +130,6 @@ def merge(pieces: Pieces, solutions: Solutions, total: Floats, limit: float, k: 
     most, changeable = P + 3 * k, np.empty(P * min(len(ordered), pieces.of_parent.shape[1]), np.int64)
     numbers = np.empty((5, most), np.int64)
     states = States(numbers[0], numbers[1], numbers[2], numbers[3])
-    queue, out = Queue(np.empty(most), numbers[4], np.zeros(2, np.int64)), np.empty(k, np.int64)
+    queue, out = MergeQueue(np.empty(most), numbers[4], np.zeros(2, np.int64)), np.empty(k, np.int64)
     found = expand(pieces, solutions, total, limit, ordered, changeable, np.empty(P, np.int64), states, queue, out)
     return out[:found], states

@@ -19,7 +19,7 @@ from .compile import part
 from .enumeration import limit_of, note
 from .heap import pop, push
 from .shortest_path import HUB, change_potentials, cost_of, find_path, flip_path, forget_path
-from .tables import Bound, Kept, Matching, Path, Piece
+from .tables import Block, Bound, Kept, Matching, Path
 
 
 class Nodes(NamedTuple):
@@ -29,8 +29,8 @@ class Nodes(NamedTuple):
     potentials: Floats  # [.., n + m + 1] of rows; of columns; the cost of the solution
 
 
-class Queue(NamedTuple):
-    """What waits in the queue: entry i is the solution of ``node[i]``, or its unsolved child number ``child[i]``."""
+class SearchQueue(NamedTuple):
+    """Entries that wait: the solution of ``node[i]``, or its unsolved child number ``child[i]``."""
 
     keys: Floats  # the heap of costs and lower bounds
     names: Ints  # entry of each key
@@ -57,7 +57,7 @@ def twice_as_long(array: Any) -> Any:
 
 @part
 def ban(nodes: Ints, q: int, t: int, n: int, banned: Bools, on: bool) -> bool:
-    """Forbid what child ``t`` of node ``q`` may not take, or undo that; whether staying unmatched is forbidden."""
+    """Forbid the pairs of child ``t`` of node ``q``, or undo that; True if staying unmatched is forbidden."""
     row = nodes[q, n + t]
     hub = False
     while True:
@@ -73,8 +73,8 @@ def ban(nodes: Ints, q: int, t: int, n: int, banned: Bools, on: bool) -> bool:
 
 
 @part
-def lower_bounds(q: int, piece: Piece, hub_banned: bool, nodes: Nodes, slacks: Slacks) -> None:
-    """What it costs at least that a row of node ``q`` leaves its choice.
+def lower_bounds(q: int, piece: Block, hub_banned: bool, nodes: Nodes, slacks: Slacks) -> None:
+    """Write lower bounds of what it costs that a row of node ``q`` leaves its choice.
 
     The path leaves the row by one pair and enters its column by another, or either way through the hub.
     """
@@ -127,7 +127,7 @@ def sort_rows(q: int, n: int, nodes: Ints, out: Floats, spare: float) -> int:
 
 
 @part
-def load_child(q: int, t: int, piece: Piece, nodes: Nodes, matching: Matching) -> None:
+def load_child(q: int, t: int, piece: Block, nodes: Nodes, matching: Matching) -> None:
     """Solution and potentials of node ``q``, with its first ``t`` rows and their columns out."""
     match, owner, u, v, row_out, column_out = matching
     n, pair_local, table, potentials = piece.n, piece.column, nodes.table, nodes.potentials
@@ -145,7 +145,7 @@ def load_child(q: int, t: int, piece: Piece, nodes: Nodes, matching: Matching) -
 
 
 @part
-def save_child(q: int, t: int, new: int, piece: Piece, nodes: Nodes, matching: Matching, cost: float) -> None:
+def save_child(q: int, t: int, new: int, piece: Block, nodes: Nodes, matching: Matching, cost: float) -> None:
     """Write child ``t`` of node ``q`` as node ``new``; its rows after number ``t`` in any order."""
     n, m, table, potentials = piece.n, piece.m, nodes.table, nodes.potentials
     for x in range(n):
@@ -157,7 +157,15 @@ def save_child(q: int, t: int, new: int, piece: Piece, nodes: Nodes, matching: M
 
 @part
 def split_node(
-    q: int, piece: Piece, nodes: Nodes, slacks: Slacks, spare: float, key: float, queue: Queue, entries: int, size: int
+    q: int,
+    piece: Block,
+    nodes: Nodes,
+    slacks: Slacks,
+    spare: float,
+    key: float,
+    queue: SearchQueue,
+    entries: int,
+    size: int,
 ) -> tuple[int, int]:
     """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of entries and keys."""
     n, table = piece.n, nodes.table
@@ -178,8 +186,8 @@ def split_node(
 
 
 @part
-def solve_child(q: int, t: int, spare: float, piece: Piece, nodes: Nodes, matching: Matching, path: Path) -> bool:
-    """Whether child ``t`` of node ``q`` has a solution dearer by at most ``spare``; the matching then is that one."""
+def solve_child(q: int, t: int, spare: float, piece: Block, nodes: Nodes, matching: Matching, path: Path) -> bool:
+    """True if child ``t`` of node ``q`` has a solution dearer by at most ``spare``, written to the matching."""
     n, pair_local = piece.n, piece.column
     load_child(q, t, piece, nodes, matching)
     source, target = nodes.table[q, n + t], HUB
@@ -197,12 +205,12 @@ def solve_child(q: int, t: int, spare: float, piece: Piece, nodes: Nodes, matchi
 
 
 @part
-def search_solutions(piece: Piece, root_cost: float, bound: Bound, matching: Matching, path: Path, kept: Kept) -> int:
+def search_solutions(piece: Block, root_cost: float, bound: Bound, matching: Matching, path: Path, kept: Kept) -> int:
     """As `enumeration.enumerate_solutions`, for pieces of any size; ``matching``: the cheapest solution."""
     n, m, k = piece.n, piece.m, len(kept.order)
     nodes = Nodes(np.empty((16, 2 * n + 2), np.int64), np.empty((16, n + m + 1)))
     slacks, most = Slacks(np.empty(n), np.empty(m)), 2 * k * n + 2
-    queue = Queue(np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64))
+    queue = SearchQueue(np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64))
     nodes.table[0, n : 2 * n] = np.arange(n)
     save_child(0, 0, 0, piece, nodes, matching, root_cost)
     nodes.table[0, 2 * n + 1] = -1

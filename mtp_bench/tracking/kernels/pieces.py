@@ -11,7 +11,7 @@ from .compile import inlined, part
 from .enumeration import enumerate_solutions, note
 from .murty import search_solutions
 from .shortest_path import cost_of, solve_root
-from .tables import Bound, Choices, Kept, Matching, Path, Piece, Pieces, Problem, Solutions
+from .tables import Block, Bound, Choices, Kept, Matching, Path, Pieces, Problem, Solutions
 
 AT_ONCE = 40  # choices of a piece: up to here all its solutions are found, before a bound is known
 MOST_CHOICES = 10**7  # of a piece that is enumerated as long as patience lasts
@@ -76,13 +76,13 @@ def new_roots(problem: Problem, pieces: Pieces) -> Roots:
 
 
 @inlined
-def load_piece(q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints, banned: Bools) -> Piece:
+def load_piece(q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints, banned: Bools) -> Block:
     """Piece ``q``, with its rows and columns numbered from 0."""
     low, high = pieces.begin[q], pieces.begin[q + 1]
     for i in range(low, high):
         place = pieces.places[i]
         first[i - low], last[i - low] = problem.first[place], problem.first[place + 1]
-    return Piece(high - low, problem.width[pieces.component[q]], first, last, problem.column, problem.cost, banned)
+    return Block(high - low, problem.width[pieces.component[q]], first, last, problem.column, problem.cost, banned)
 
 
 @part

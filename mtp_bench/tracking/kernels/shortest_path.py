@@ -17,14 +17,14 @@ import numpy as np
 
 from ...types import Floats, Ints
 from .compile import part
-from .tables import Matching, Path, Piece
+from .tables import Block, Matching, Path
 
 HUB = -1  # as a source or target, and what an unmatched row or column has
 
 
 @part
 def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no call per row or column
-    source: int, target: int, limit: float, hub_banned: bool, piece: Piece, matching: Matching, path: Path
+    source: int, target: int, limit: float, hub_banned: bool, piece: Block, matching: Matching, path: Path
 ) -> tuple[float, float]:
     """Length of the shortest path from a row (or the hub) to a column (or the hub), and the distance of the hub.
 
@@ -106,7 +106,7 @@ def forget_path(path: Path) -> None:
 
 
 @part
-def change_potentials(source: int, length: float, far: float, piece: Piece, matching: Matching, path: Path) -> None:
+def change_potentials(source: int, length: float, far: float, piece: Block, matching: Matching, path: Path) -> None:
     """Potentials that fit the matching after the path has been flipped; to be called before it is."""
     match, owner, u, v, row_out, column_out = matching
     lift = max(length - far, 0.0)  # of the hub, whose potential stays 0: the others move instead
@@ -154,7 +154,7 @@ def flip_path(source: int, target: int, column: Ints, matching: Matching, path: 
 
 
 @part
-def start_greedily(piece: Piece, matching: Matching) -> int:
+def start_greedily(piece: Block, matching: Matching) -> int:
     """Give every row its cheapest choice; rows whose column is taken stay out, how many is returned."""
     match, owner, u, v, row_out, _ = matching
     waiting = 0
@@ -177,7 +177,7 @@ def start_greedily(piece: Piece, matching: Matching) -> int:
 
 
 @part
-def solve_root(piece: Piece, matching: Matching, path: Path) -> None:
+def solve_root(piece: Block, matching: Matching, path: Path) -> None:
     """The cheapest solution and its potentials: a greedy start, then a shortest path for each row that is left out."""
     if start_greedily(piece, matching) == 0:
         return

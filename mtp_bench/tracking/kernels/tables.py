@@ -38,8 +38,8 @@ class Solutions(NamedTuple):
     pairs: Ints  # the pair of each row of the piece, -1: unmatched
 
 
-class Piece(NamedTuple):
-    """The problem of one piece; its rows and columns are numbered from 0."""
+class Block(NamedTuple):
+    """The pairs of one piece; its rows and columns are numbered from 0."""
 
     n: int  # rows
     m: int  # columns
@@ -62,7 +62,7 @@ class Matching(NamedTuple):
 
 
 class Path(NamedTuple):
-    """What the search for a shortest path has reached."""
+    """Columns that the search for a shortest path has reached."""
 
     dist: Floats  # [m] infinite between searches
     through: Ints  # [m] the pair by which a column was reached, -1: from the hub
@@ -75,7 +75,7 @@ class Choices(NamedTuple):
     """The partial choice of an enumeration."""
 
     taken: Bools  # [m] columns
-    option: Ints  # [n] pair of each row so far; `Piece.last` stands for unmatched
+    option: Ints  # [n] pair of each row so far; `Block.last` stands for unmatched
     lower: Floats  # [n + 1] lower bound of the rise over the cheapest solution, after each row
     total: Floats  # [n + 1] cost so far
 

@@ -36,7 +36,7 @@ def _sort(values: Ints, n: int) -> None:
 
 
 class _Taken(NamedTuple):
-    """What the new hypotheses took."""
+    """Detections that the new hypotheses took."""
 
     choice: (
         Ints  # [N, K] detection of each old leaf, from 1 on; 0: none; negative: the hypothesis does not hold the leaf
@@ -55,7 +55,10 @@ class _Leaves(NamedTuple):
 
 @part
 def _spread(column: Ints, parent: Ints, member: Bools, age: Ints, max_age: Ints, taken: _Taken, new: _Leaves) -> int:
-    """Write what is taken, and the new leaves of each old one: a leaf per choice; how many. Arguments as for `grow`."""
+    """Write the choices, and the new leaves of each old one: a leaf per choice; returns their number.
+
+    Arguments as for `grow`.
+    """
     choice, by_any, takers = taken
     leaf, detection, start = new
     place = np.full(len(takers) + 1, _UNSEEN)  # whether the present old leaf has had a choice before
@@ -124,7 +127,7 @@ def grow(
 
     First the old leaves in their order, each with its choices, "none" before the detections; then the new tracks (old
     leaf -1) of detections that some hypothesis leaves over. A track without a detection for too long is left out.
-    Membership     is [K, E]; hypotheses that hold the same leaves have the same name [K].
+    Membership is [K, E]; hypotheses that hold the same leaves have the same name [K].
     """
     hypotheses, leaves = column.shape
     most = min(hypotheses, detections + 1) * leaves + detections
@@ -175,7 +178,7 @@ def descend(
     new_memory: Ints,  # [4, E], written
     new_score: Floats,  # [E], written
 ) -> int:
-    """What the new leaves remember of their tracks; gives the next free identity."""
+    """Write the memories of the new leaves; returns the next free identity."""
     for e in range(len(leaf)):
         i, d = leaf[e], detection[e]
         if i < 0:
