@@ -494,7 +494,7 @@ def test_of_many_scenes_the_heaviest_are_drawn() -> None:
     bars = scene_chart(entry, None)
     assert [bar.error for bar in bars] == list(range(9, MOST_SCENES + 9))
     details = pieces_of(board_files([entry]), entry.env)[f"{entry.env}/many"]
-    assert f"the {MOST_SCENES} of {MOST_SCENES + 9} with most of it" in details
+    assert f"the {MOST_SCENES} of {MOST_SCENES + 9} with the largest sums" in details
     late = [0.0] * (MOST_SCENES + 9)
     late[-2:] = [1.0, 2.0]
     (entry,) = board_of(write_record(*late, name="many"))
