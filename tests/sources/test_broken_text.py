@@ -57,7 +57,6 @@ PARKED, CALIBRATION = kitti.PARKED, kitti.CALIBRATION.splitlines()
 ODOMETRY = "poses_orbslam3/0000.txt"
 KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error says
     "a misspelt type": (kitti.LABELS, [PARKED, PARKED.replace("Car", "Cars")], "line 2: type 'Cars', expected one"),
-    "a label not finite": (kitti.LABELS, [PARKED.replace("1.65", "nan")], "line 1: y is nan"),
     "a flat label": (kitti.LABELS, [PARKED.replace("1.5 2 4", "1 0 1")], "line 1: a box with a size"),
     "a label after the end": (kitti.LABELS, [PARKED.replace("0", "6", 1)], "line 1: frame 6, but .* 6 frames"),
     "an object twice": (kitti.LABELS, [PARKED, "", PARKED], "line 3: a second box of object 7 in frame 0"),
@@ -67,7 +66,6 @@ KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error 
     "no detections": (kitti.DETECTED, None, "no file"),
     "GPS/IMU too short": (kitti.OXTS, [kitti.oxts()] * 5, "has 5 rows, expected one for each of the 6 frames"),
     "GPS/IMU empty": (kitti.OXTS, [], "is empty, expected one row per frame"),
-    "GPS/IMU not finite": (kitti.OXTS, [kitti.oxts(yaw=np.nan)] * 6, "line 1: yaw is nan"),
     "no GPS/IMU": (kitti.OXTS, None, "no file"),
     "no calibration": (kitti.CALIB, None, "no file"),
     "a line too few": (kitti.CALIB, CALIBRATION[:-1], "no line 'Tr_imu_velo'; found P2, R_rect"),
@@ -90,9 +88,7 @@ KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error 
 
 GT, DET, INI, row, seqinfo = mot3d.GT, mot3d.DET, mot3d.INI, mot3d.row, mot3d.seqinfo
 MOT3D: dict[str, tuple[str, Lines, str]] = {
-    "truth not finite": (GT, [row(1, 7, np.nan, 0)], "line 1: X is nan"),
     "a score not finite": (DET, [row(1, -1, 0, 0, np.inf)], "line 1: confidence is inf"),
-    "half an id": (GT, [row(1, 7, 0, 0).replace("7", "7.5", 1)], "line 1: id is 7.5"),
     "frames from 0": (GT, [row(0, 7, 0, 0)], "line 1: frame 0, expected 1 to 10, the seqLength of seqinfo.ini"),
     "a frame after the end": (DET, [row(11, -1, 0, 0)], "line 1: frame 11, expected 1 to 10"),
     "a person twice": (GT, [row(1, 7, 0, 0), row(2, 7, 0, 0), row(1, 7, 1, 0)], "line 3: a second box of object 7"),
@@ -101,11 +97,8 @@ MOT3D: dict[str, tuple[str, Lines, str]] = {
     "detections in pixels": (DET, [row(1, -1, -1, -1)[:-1] + "-1"], "-1 in every row, as in the 2D benchmark"),
     "no seqinfo": (INI, None, r"write it with the lines '\[Sequence\]', 'name=TUD-Stadtmitte', 'frameRate=25' and "),
     "no rate": (INI, [seqinfo()[0], *seqinfo()[3:]], "no key 'frameRate' in the section"),
-    "another section": (INI, ["[Other]", *seqinfo()[1:]], "no key 'frameRate' in the section"),
     "no section": (INI, seqinfo()[1:], "cannot be read: File contains no section headers"),
-    "a rate in words": (INI, seqinfo(rate="7 Hz"), "frameRate is '7 Hz', expected a number above 0"),
     "no frames": (INI, seqinfo(length="0"), "seqLength is '0'"),
-    "too many frames": (INI, seqinfo(length="99999999"), "seqLength is '99999999'"),
     "half a length": (INI, seqinfo(length="9.5"), "seqLength is 9.5, expected a whole number"),
 }
 
@@ -122,21 +115,16 @@ WILDTRACK: dict[str, tuple[str, Lines, str]] = {
     "nested": (FRAME, ['[{"x": ' + "[" * 100_000], "cannot be read as JSON: nested too deeply"),
     "no list": (FRAME, ["{}"], "expected `array`"),
     "no person": (FRAME, ["[3]"], r", \[0\]"),
-    "a large id": (FRAME, people(10**30, 1), r", \[0\]\.personID"),
     "a truth value for an id": (FRAME, people(True, 1), r", \[0\]\.personID"),
     "no id": (FRAME, [json.dumps([{"positionID": 1}])], "`personID`"),
-    "no position": (FRAME, [json.dumps([{"personID": 7}])], "`positionID`"),
     "half a position": (FRAME, people(7, 1.5), r", \[0\]\.positionID"),
     "beyond the grid": (FRAME, people(3, 1, 7, 691200), r", \[1\]\.positionID: expected `int` <= 691199"),
-    "before the grid": (FRAME, people(7, -1), r", \[0\]\.positionID: expected `int` >= 0"),
     "a person twice": (FRAME, people(7, 1, 8, 2, 7, 3), "person 7 is there twice"),
     "no frame": (f"{ANNOTATIONS}/00001805.json", None, "no file"),
     "no cell": (DETECTIONS, ["1800 nan 1"], "line 1: cell nan 1 is off the grid of 480 x 1440"),
     "a cell beyond": (DETECTIONS, ["1800 480 1"], "line 1: cell 480 1 is off the grid"),
-    "a cell before": (DETECTIONS, ["1800 1 -1"], "line 1: cell 1 -1 is off the grid"),
     "a cell twice": (DETECTIONS, ["1800 0 0", "1800 0 0.0"], "line 2: a second detection at the place of line 1"),
     "between frames": (DETECTIONS, ["1801 1 1"], "line 1: frame 1801 is not among the annotated test frames, 1800"),
-    "after the end": (DETECTIONS, ["2000 1 1"], "line 1: frame 2000 is not among"),
     "before the start": (DETECTIONS, ["1795 1 1"], "line 1: frame 1795 is not among"),
 }
 

@@ -127,15 +127,12 @@ def kitti_folder(folder: Path, lines: list[str]) -> Path:
     return folder
 
 
-KITTI: dict[str, tuple[list[str], str]] = {
-    "no score": ([line(0, 1, more="")], r"0001.txt, line 1: 17 columns, expected 18: is the file cut off\?"),
-    "a word": ([line(0, 1, more="high")], r"line 1, column 18 \(score\): got 'high', expected a number"),
+KITTI: dict[str, tuple[list[str], str]] = {  # lines, what the error says; the rest is as of any text
+    "no score": ([line(0, 1, more="")], "0001.txt, line 1: 17 columns, expected 18"),
     "a box twice": ([line(0, 1), line(0, 1)], "line 2: a second box of object 1 in frame 0"),
     "after the end": ([line(99, 1)], "line 1: frame 99, but the last one of sequence 0001 is 8"),
     "before the start": ([line(-1, 1)], "line 1: frame -1, but the last one"),
-    "half a frame": ([line(0.5, 1)], "line 1: frame is 0.5, expected a whole number"),
     "flat": ([line(0, 1, size="1.5 0 4")], "line 1: a box with a size that is not above 0"),
-    "no number": ([line(0, 1, size="nan 1 4")], "line 1: height is nan, expected a finite number"),
     "an unknown type": ([line(0, 1, "car")], "line 1: type 'car', expected one of Car, Van"),
 }
 
