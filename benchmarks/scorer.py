@@ -158,7 +158,7 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
     from mtp_bench.env.environment import MTPEnv
     from mtp_bench.running.run import agent_task, run_scene
     from mtp_bench.scoring import AgentScores, find_targets, live_frames, score_scene
-    from mtp_bench.scoring.forecasts import Forecasts, candidates, match_by_confidence, match_objects
+    from mtp_bench.scoring.forecasts import RecordedForecasts, candidates, match_by_confidence, match_objects
     from mtp_bench.scoring.table import agent_table
     from mtp_bench.submission.loader import load_submission
 
@@ -170,7 +170,7 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
         rollout = run_scene(submission.build(agent_task(env, 0)), env, name, 0)
         runs.append((env.scene, rollout))
     running = time.process_time() - start
-    said = [Forecasts.of(rollout) for _, rollout in runs]
+    said = [RecordedForecasts.of(rollout) for _, rollout in runs]
     found = [
         candidates(scene, find_targets(scene, card), forecasts, live_frames(scene, card), card)
         for (scene, _), forecasts in zip(runs, said, strict=True)

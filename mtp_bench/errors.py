@@ -54,8 +54,8 @@ class UnknownNameError(MtpBenchError, KeyError):
         return str(self.args[0])
 
 
-def sentence(got: str, expected: str = "", where: str = "", advice: str = "") -> str:
-    """What is wrong, as errors and findings say it; what is not known is left out."""
+def describe_problem(got: str, expected: str = "", where: str = "", advice: str = "") -> str:
+    """The text "<got>, expected <expected> (<where>); <advice>"; empty parts are left out."""
     wanted = f", expected {expected}" if expected else ""
     place = f" ({where})" if where else ""
     return f"{got}{wanted}{place}" + (f"; {advice}" if advice else "")
@@ -75,7 +75,7 @@ def nearest(got: str, known: Iterable[str]) -> str:
 
 
 def closest(got: object, known: Iterable[str]) -> str:
-    """The known name that looks most like ``got``, whatever its type; empty where none does."""
-    lower = {name.lower(): name for name in sorted(known)}  # other case is no other name
+    """The known name most similar to the text of ``got``; empty without a similar one."""
+    lower = {name.lower(): name for name in sorted(known)}  # names that differ by case alone are the same
     close = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=0.5)
     return lower[close[0]] if close else ""

@@ -99,7 +99,7 @@ def read_board(
     They take the place of the folder's record of that submission, environment and split, as the files would.
     Of one environment only its own files are read: a record is named after its environment.
 
-    ``page`` is the file that links start from; without one there are none. A broken record of the folder is refused
+    ``page`` is the file that links start from; without one there are no links. A broken record of the folder is refused
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
     broken, UnknownNameError for an env without a record that is not a card either.
     """

@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import closest, sentence
+from ..errors import closest, describe_problem
 from ..types import ABSENT_BELOW, ID_LIMIT, Bools, Floats, Ints, Task
 from .action import COORDINATE_LIMIT, FIELD, FIELDS, FORECAST_LIMIT, MASK, ROWS, SIZE_LIMIT, Field, Rows
 
@@ -42,7 +42,7 @@ class ActionProblem:
         several = self.rows > 1
         got = f"{name or self.field}: {self.reason}" + (f" in {self.rows} rows" if several else "")
         example = f"first {self.example}" if several else self.example
-        return sentence(got, self.expected, ", ".join(text for text in (where, example) if text), self.advice)
+        return describe_problem(got, self.expected, ", ".join(text for text in (where, example) if text), self.advice)
 
 
 @dataclass(frozen=True, eq=False)

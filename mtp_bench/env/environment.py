@@ -17,7 +17,7 @@ from gymnasium.error import ResetNeeded
 from ..cards import Card, changed_card, load_card, with_scenes
 from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.definitions import DEFINITIONS
-from ..scoring.forecasts import Forecasts
+from ..scoring.forecasts import RecordedForecasts
 from ..scoring.score import frame_error
 from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source, with_tracks
@@ -196,7 +196,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return scene
 
     def _reward(self, episode: _Episode, targets: Targets, action: RecordedAction) -> float:
-        forecasts = Forecasts(
+        forecasts = RecordedForecasts(
             frame=np.full(len(action.object_box), episode.t),
             box=action.object_box,
             class_id=action.object_class,

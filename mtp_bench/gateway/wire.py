@@ -61,7 +61,7 @@ def arrays_of(
 ) -> dict[str, NDArray[Any] | None]:
     """Writable arrays of a message: views of a writable body, else copies; WireError if header and body do not fit.
 
-    With ``expected`` shapes, an array of another name or shape is None and no memory is allocated for it.
+    With ``expected`` shapes, an array of another name or shape is replaced by None without allocating memory.
     """
     entries = header.get("arrays")
     if not isinstance(entries, list) or len(entries) > MOST_ARRAYS:

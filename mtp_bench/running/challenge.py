@@ -15,7 +15,7 @@ from ..files import require_file, whole_file
 from ..parallel import NO_PROGRESS, Progress
 from ..scoring import evaluated, find_targets, live_frames
 from ..scoring.challenge import KS, challenge_errors
-from ..scoring.forecasts import Forecasts, candidates, match_by_confidence
+from ..scoring.forecasts import RecordedForecasts, candidates, match_by_confidence
 from ..scoring.incremental_matching import final_match
 from ..sources.nuscenes import NuScenesSource
 from ..sources.nuscenes.challenge import FUTURE, Prediction, read_predictions, write_predictions
@@ -113,7 +113,7 @@ def require_challenge(card: Card) -> None:
 def _matched(source: NuScenes, opened: OpenedRun, rollout: Rollout) -> tuple[list[Name], list[Prediction]]:
     """The targets of a scene, and the predictions of those that have a forecast."""
     card, scene = opened.card, evaluated(opened.recorded(rollout.scene))
-    targets, forecasts = find_targets(scene, card), Forecasts.of(rollout)
+    targets, forecasts = find_targets(scene, card), RecordedForecasts.of(rollout)
     pairs = candidates(scene, targets, forecasts, live_frames(scene, card), card)
     matched = final_match(match_by_confidence(pairs, forecasts.confidence).additions, len(scene.truth.box))[targets.row]
     names = _target_names(source, scene, targets.object_id.tolist(), targets.frame.tolist())

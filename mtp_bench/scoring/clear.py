@@ -25,7 +25,7 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
     integers or strings; lists or arrays, which may be empty; scenes may be interleaved. ``gate`` is inclusive. All
     numbers come from the matching of ``mode``: "frame" has no memory, "sticky" keeps the pairs of the previous frame.
     ``IDS`` and ``FRAG`` are CLEAR's, ``ids``, ``lost`` and ``reacquired`` the protocol's events; MOTP is the mean
-    distance of matched pairs, metres. Undefined numbers are None. Raises ShapeError for a
+    distance of matched pairs, metres. None stands for an undefined number. Raises ShapeError for a
     negative gate, an unknown mode, ids or positions of another shape or type, a time or a position that is not finite,
     and an id or a frame that occurs twice.
     """
@@ -60,7 +60,7 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class PositionTable:
     """Rows of all frames of all scenes, numbered through; sorted by frame."""
 
     frame: NDArray[np.intp]  # [R]
@@ -72,7 +72,7 @@ class Table:
         return len(self.frame)
 
 
-def read_frames(frames: Iterable[Frame]) -> tuple[Table, Table]:
+def read_frames(frames: Iterable[Frame]) -> tuple[PositionTable, PositionTable]:
     """Truth and tracks of ``frames``, each (scene, t, true ids, true xy, track ids, track xy).
 
     Scenes may be interleaved; within a scene frames follow one another in the order of t. Ids are integers or strings.
@@ -141,7 +141,7 @@ def _points(frame: Frame, given: Any, count: int, name: str) -> NDArray[np.float
     return xy
 
 
-def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.intp]) -> Table:
+def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.intp]) -> PositionTable:
     ids = [_ids(f, f[place], name) for f in frames]
     points = [_points(f, f[place + 1], len(i), name) for f, i in zip(frames, ids, strict=True)]
     count = np.array([len(i) for i in ids], dtype=np.intp)
@@ -158,7 +158,7 @@ def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.int
         past = history(frame, identity)
     except ShapeError:
         raise ShapeError(_twice(frames, ids, name)) from None
-    return Table(frame, identity, xy, past)
+    return PositionTable(frame, identity, xy, past)
 
 
 def _codes(ids: list[NDArray[Any]]) -> NDArray[np.int64]:

@@ -44,7 +44,7 @@ class ForecastErrors:
 
 
 @dataclass(frozen=True, eq=False)
-class Forecasts:
+class RecordedForecasts:
     """Forecast objects of some frames, S of them, sorted by frame."""
 
     frame: Ints  # [S]
@@ -55,7 +55,7 @@ class Forecasts:
     log_weight: Floats  # [S, K]
 
     @classmethod
-    def of(cls, rollout: Rollout) -> Forecasts:
+    def of(cls, rollout: Rollout) -> RecordedForecasts:
         """All forecasts of a rollout."""
         return cls(
             rollout.objects.frame_of_rows,
@@ -82,7 +82,7 @@ class Candidates:
 
     scene: Scene
     targets: Targets
-    forecasts: Forecasts
+    forecasts: RecordedForecasts
     live: Bools  # [S] in a live frame
     pairs: Pairs  # true boxes, neutral ones too, and forecasts inside the gate
     target_of_row: Rows  # [R] index of the target, -1 for a true box that is not a target
@@ -95,7 +95,7 @@ class Candidates:
         return neutral_places(self.scene, forecasts.frame, forecasts.box[:, :2], forecasts.class_id)
 
 
-def candidates(scene: Scene, targets: Targets, forecasts: Forecasts, live: Bools, card: Card) -> Candidates:
+def candidates(scene: Scene, targets: Targets, forecasts: RecordedForecasts, live: Bools, card: Card) -> Candidates:
     """The candidates among ``forecasts``; ``live`` [F]: which frames of the ``scene`` are live."""
     pairs = near_truth(scene.truth, forecasts.frame, forecasts.box, forecasts.class_id, card)
     place = np.full(len(scene.truth.box), -1, dtype=np.intp)

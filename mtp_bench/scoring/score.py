@@ -14,8 +14,8 @@ from ..types import Bools, Floats, Ints, Rollout, Scene
 from .forecasts import (
     Candidates,
     ForecastErrors,
-    Forecasts,
     IncrementalMatching,
+    RecordedForecasts,
     candidates,
     cuts,
     final_errors,
@@ -108,7 +108,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     check_rollout(scene, rollout, card)
     scene = evaluated(scene)
     truth, targets, live = scene.truth, find_targets(scene, card), live_frames(scene, card)
-    forecasts = Forecasts.of(rollout)
+    forecasts = RecordedForecasts.of(rollout)
     found = candidates(scene, targets, forecasts, live, card)
     matching = match_by_confidence(found, forecasts.confidence)
     errors, object_of_truth = final_errors(found, matching)
@@ -162,7 +162,9 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     )
 
 
-def frame_error(scene: Scene, targets: Targets, card: Card, t: int, forecasts: Forecasts, malformed: Ints) -> float:
+def frame_error(
+    scene: Scene, targets: Targets, card: Card, t: int, forecasts: RecordedForecasts, malformed: Ints
+) -> float:
     """The part of `fixed_error` from frame ``t``, m: over all frames the parts add up to it.
 
     ``targets``: of the ``scene`` under ``card``; ``forecasts`` and ``malformed`` [C + 1]: those of frame ``t``.
@@ -194,7 +196,7 @@ def _mean_seconds(seconds: Floats) -> float:
     return float(seconds.sum())
 
 
-def nearest_score(scene: Scene, forecasts: Forecasts) -> Floats:
+def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:
     """Score [S] of the nearest detection of the same frame and class as each forecast, mapped to (-1, 1); else -1.
 
     In place of the confidence it shows the worth of an agent's own presence model (protocol, "Control column").

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..scoring.events import object_history
-from ..scoring.forecasts import Forecasts, candidates, centred, cuts, match_by_confidence, near_truth
+from ..scoring.forecasts import RecordedForecasts, candidates, centred, cuts, match_by_confidence, near_truth
 from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.ranking_error import Cuts
@@ -46,7 +46,7 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
     """Circumstances of the targets of ``scene``; the rollout is one that `score_scene` takes."""
     scene = evaluated(scene)
     truth, targets = scene.truth, find_targets(scene, card)
-    forecasts = Forecasts.of(rollout)
+    forecasts = RecordedForecasts.of(rollout)
     pairs = candidates(scene, targets, forecasts, live_frames(scene, card), card)
     miss_error = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
     lineage = hypotheses(rollout, card)

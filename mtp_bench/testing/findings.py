@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ..errors import MtpBenchError, sentence
+from ..errors import MtpBenchError, describe_problem
 
 Level = Literal["ok", "warning", "error"]
 
@@ -31,7 +31,7 @@ class Finding:
     traceback: tuple[str, ...] = ()  # the last calls, innermost last: 'agent.py, line 12, in act: x = 1 / 0'
 
     def __str__(self) -> str:
-        return f"{self.check}: {sentence(self.got, self.expected, self.where, self.advice)}"
+        return f"{self.check}: {describe_problem(self.got, self.expected, self.where, self.advice)}"
 
 
 class AgentError(Exception):

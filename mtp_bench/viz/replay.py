@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..errors import UnknownNameError
 from ..scoring.events import object_history
-from ..scoring.forecasts import Forecasts, candidates, final_errors, match_by_confidence, match_neutral_last
+from ..scoring.forecasts import RecordedForecasts, candidates, final_errors, match_by_confidence, match_neutral_last
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
@@ -159,7 +159,7 @@ def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.f
     minADE of one that is not covered.
     """
     targets = find_targets(scene, card)
-    pairs = candidates(scene, targets, Forecasts.of(rollout), live_frames(scene, card), card)
+    pairs = candidates(scene, targets, RecordedForecasts.of(rollout), live_frames(scene, card), card)
     matching = match_by_confidence(pairs, rollout.object_confidence)
     errors, forecast = final_errors(pairs, matching)
     worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]

@@ -12,7 +12,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from ..agent import Pipeline, Predictor, Presence
-from ..errors import ActionError, MtpBenchError, sentence
+from ..errors import ActionError, MtpBenchError, describe_problem
 from ..geometry import rotate
 from ..types import Action, Floats, Ints, Observation
 from .flat import require_own_space, require_positive, task_of
@@ -74,7 +74,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
             require_positive(name, value, "AssociationOnly", whole=name != "near")
         if choices > _MOST_TRACKS:
             most = f"at most {_MOST_TRACKS}, the number of tracks at a time"
-            raise MtpBenchError(sentence(f"choices is {choices}", most, "AssociationOnly"))
+            raise MtpBenchError(describe_problem(f"choices is {choices}", most, "AssociationOnly"))
         RecordConstructorArgs.__init__(self, predictor=predictor, presence=presence, **given)
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)
@@ -129,7 +129,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         if not self.action_space.contains(choice):
             shown = action.tolist() if isinstance(action, np.ndarray) else action
             expected = f"{self._shape[0]} whole numbers from 0 to {CONTINUE + self._choices - 1}"
-            raise ActionError(sentence(f"the choices are {reprlib.repr(shown)}", expected))
+            raise ActionError(describe_problem(f"the choices are {reprlib.repr(shown)}", expected))
         return choice
 
     def _resolved(self, choice: Ints) -> tuple[Ints, Ints]:

@@ -11,7 +11,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from ..env.action import BOX, CONFIDENCE, COORDINATE_LIMIT, FIELDS, FORECAST_REACH, LOG_WEIGHT, MASK, OFFSET, Field
-from ..errors import ActionError, MtpBenchError, sentence
+from ..errors import ActionError, MtpBenchError, describe_problem
 from ..types import Action, Floats, Observation, Task
 
 FAINTEST = -10.0  # log-weight at -1; at 1 it is 0
@@ -44,7 +44,7 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
             require_positive(name, value, "FlattenAction")
         if reach > COORDINATE_LIMIT:
             expected = f"at most {COORDINATE_LIMIT:g} m, as far as coordinates of the env go"
-            raise MtpBenchError(sentence(f"reach is {reach!r}", expected, "FlattenAction"))
+            raise MtpBenchError(describe_problem(f"reach is {reach!r}", expected, "FlattenAction"))
         RecordConstructorArgs.__init__(self, reach=reach, speed=speed)
         gymnasium.ActionWrapper.__init__(self, env)
         self._task = task_of(env, "FlattenAction")
@@ -75,12 +75,12 @@ class FlattenAction(gymnasium.ActionWrapper[Observation, NDArray[np.float32], Ac
         try:
             vector = np.asarray(action, dtype=np.float64)
         except (TypeError, ValueError):
-            raise ActionError(sentence(f"the flat action is a {type(action).__name__}", expected)) from None
+            raise ActionError(describe_problem(f"the flat action is a {type(action).__name__}", expected)) from None
         if vector.shape != shape:
-            raise ActionError(sentence(f"the flat action has shape {vector.shape}", expected))
+            raise ActionError(describe_problem(f"the flat action has shape {vector.shape}", expected))
         if not np.isfinite(vector).all():
             raise ActionError(
-                sentence("the flat action is not finite", expected, f"entry {np.isfinite(vector).argmin()}")
+                describe_problem("the flat action is not finite", expected, f"entry {np.isfinite(vector).argmin()}")
             )
         return vector
 
@@ -111,7 +111,7 @@ def task_of(env: gymnasium.Env[Any, Any], wrapper: str) -> Task:
     inner = env.unwrapped
     if not isinstance(inner, MTPEnv):
         expected = 'one of mtp_bench, such as gym.make("MTP-Roundabout-v0")'
-        raise MtpBenchError(sentence(f"the env is a {type(inner).__name__}", expected, wrapper))
+        raise MtpBenchError(describe_problem(f"the env is a {type(inner).__name__}", expected, wrapper))
     return inner.task
 
 
@@ -120,7 +120,7 @@ def require_own_space(env: gymnasium.Env[Any, Any], name: str, wrapper: str) -> 
     space = getattr(env, name)
     if not isinstance(space, gymnasium.spaces.Dict):
         got = f"the {name} of the env is a {type(space).__name__}"
-        raise MtpBenchError(sentence(got, "the Dict that it has before another wrapper changes it", wrapper))
+        raise MtpBenchError(describe_problem(got, "the Dict that it has before another wrapper changes it", wrapper))
 
 
 def require_positive(name: str, value: Any, wrapper: str, whole: bool = False) -> None:
@@ -128,4 +128,4 @@ def require_positive(name: str, value: Any, wrapper: str, whole: bool = False) -
     kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
     if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
         expected = f"a {'whole' if whole else 'finite'} number above 0"
-        raise MtpBenchError(sentence(f"{name} is {value!r}", expected, wrapper))
+        raise MtpBenchError(describe_problem(f"{name} is {value!r}", expected, wrapper))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import end_to_end_accuracy, find_targets, forecast_average_precision, frame_error, score_scene
-from mtp_bench.scoring.forecasts import Forecasts, match_objects
+from mtp_bench.scoring.forecasts import RecordedForecasts, match_objects
 from mtp_bench.types import Scene
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
 
@@ -65,7 +65,7 @@ def still(*things: Thing, **more: Any) -> Scene:
 
 
 def error(scene: Scene, objects: Sequence[Thing], t: int = 1, malformed: Sequence[int] = NOTHING) -> float:
-    said = Forecasts.of(make_rollout([[]] * 5, [*[[]] * t, list(objects)]))
+    said = RecordedForecasts.of(make_rollout([[]] * 5, [*[[]] * t, list(objects)]))
     return frame_error(scene, find_targets(scene, CARD), CARD, t, said, np.array(malformed))
 
 
@@ -125,11 +125,11 @@ def test_frames_add_up_to_the_scene(seed: int, complete: bool) -> None:
     scene = replace(scene, truth_complete=complete)
     malformed = np.random.default_rng(seed).poisson(0.5 if complete else 30.0, (scene.frames, 3))
     rollout = replace(rollout, malformed=malformed)
-    targets, said = find_targets(scene, card), Forecasts.of(rollout)
+    targets, said = find_targets(scene, card), RecordedForecasts.of(rollout)
     parts = []
     for t in range(scene.frames):
         rows = rollout.objects.rows(t)
-        now = Forecasts(**{name: value[rows] for name, value in vars(said).items()})
+        now = RecordedForecasts(**{name: value[rows] for name, value in vars(said).items()})
         parts.append(frame_error(scene, targets, card, t, now, malformed[t]))
     assert sum(parts) == pytest.approx(score_scene(scene, rollout, card).fixed_error)
 
