@@ -30,7 +30,7 @@ from sklearn.cluster import KMeans
 from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, Row, recordings
 from mtp_bench.agent import Forecasts, Frame, Sampler
-from mtp_bench.agent.pools import make_pools, normalised, padded
+from mtp_bench.agent.pools import entry_table, make_pools, normalised, padded
 from mtp_bench.errors import DataError
 from mtp_bench.prediction import GreedySampler, KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker
@@ -100,8 +100,8 @@ def pools(task: Task, observations: list[Observation], every: int) -> dict[str, 
             for kind, make in KINDS.items():
                 forecasts = make(task, predictor, Frame(t, tracks, (observation,)))
                 row = np.where(leaf >= 0, forecasts.rows_of(tracks)[np.arange(leaf.shape[1]), leaf], -1)
-                entries = make_pools(row, tracks.log_weight)
-                made[kind].append(padded(entries, np.arange(len(leaf)), forecasts.samples, normalised(forecasts)))
+                entries = entry_table(make_pools(row, tracks.log_weight), np.arange(len(leaf)))
+                made[kind].append(padded(forecasts.samples, normalised(forecasts), *entries))
     return made
 
 

@@ -57,9 +57,13 @@ def reduce_pools(
     slot = place[:, None] * each + np.arange(each)
     samples[owner[:, None], slot] = forecasts.samples[pools.row[entry]]
     log_weight[owner[:, None], slot] = weight[pools.row[entry]] + pools.log_mass[entry][:, None]
-    for objects in _chunks(np.flatnonzero(~small), size):
-        pool = padded(pools, objects, forecasts.samples, weight)
-        samples[objects], log_weight[objects] = sampler.reduce(*pool, task.samples, rng)
+    large = np.flatnonzero(~small)
+    row, log_mass = entry_table(pools, large)
+    at_once = max(1, _POOLED // max(row.shape[1] * each, 1))
+    for first in range(0, len(large), at_once):
+        part = slice(first, first + at_once)
+        pool = padded(forecasts.samples, weight, row[part], log_mass[part])
+        samples[large[part]], log_weight[large[part]] = sampler.reduce(*pool, task.samples, rng)
     return samples, log_weight
 
 
@@ -80,22 +84,19 @@ def _entries(start: Ints, wanted: Bools) -> tuple[Ints, Ints, Ints]:
     return start[owner] + place, owner, place
 
 
-def padded(pools: Pools, objects: Ints, samples: Floats, weight: Floats) -> tuple[Floats, Floats]:
-    """Samples [o, S, T, 2] and log-weights [o, S] of the pools of some objects, -inf where they have fewer."""
+def entry_table(pools: Pools, objects: Ints) -> tuple[Ints, Floats]:
+    """Rows [o, E] and log-masses [o, E] of the entries of some objects; row 0 of mass -inf for missing entries."""
     wanted = np.zeros(len(pools.start) - 1, dtype=bool)
     wanted[objects] = True
     entry, owner, place = _entries(pools.start, wanted)
-    line, (each, future) = np.searchsorted(objects, owner), samples.shape[1:3]
-    table = np.zeros((len(objects), place.max(initial=-1) + 1, each, future, 2))
-    log_weight = np.full(table.shape[:3], -np.inf)
-    table[line, place] = samples[pools.row[entry]]
-    log_weight[line, place] = weight[pools.row[entry]] + pools.log_mass[entry][:, None]
-    return table.reshape(len(objects), -1, future, 2), log_weight.reshape(len(objects), -1)
+    line = np.searchsorted(objects, owner)
+    row = np.zeros((len(objects), place.max(initial=-1) + 1), dtype=np.int64)
+    log_mass = np.full(row.shape, -np.inf)
+    row[line, place], log_mass[line, place] = pools.row[entry], pools.log_mass[entry]
+    return row, log_mass
 
 
-def _chunks(objects: Ints, size: Ints) -> list[Ints]:
-    """The objects in groups whose tables have at most _POOLED samples, or a single object."""
-    if len(objects) == 0:
-        return []
-    each = max(1, _POOLED // int(size[objects].max()))
-    return np.array_split(objects, range(each, len(objects), each))
+def padded(samples: Floats, weight: Floats, row: Ints, log_mass: Floats) -> tuple[Floats, Floats]:
+    """Samples [o, S, T, 2] and log-weights [o, S] of pools whose entries have the rows and log-masses [o, E]."""
+    log_weight = weight[row] + log_mass[:, :, None]
+    return samples[row].reshape(len(row), -1, *samples.shape[2:]), log_weight.reshape(len(row), -1)
