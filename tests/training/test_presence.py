@@ -88,7 +88,7 @@ def test_scenes_are_never_on_both_sides() -> None:
     assert np.sum(folds, axis=0).tolist() == [1] * len(rows.present)
     for away in folds:
         assert not set(rows.scene[away]) & set(rows.scene[~away])
-    with pytest.raises(MtpBenchError, match="there is only one scene"):
+    with pytest.raises(MtpBenchError, match="got 1 scene, expected at least 2"):
         presence.folds(replace(rows, scene=np.full(len(rows.scene), "s")))
 
 
