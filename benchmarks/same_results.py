@@ -44,6 +44,7 @@ AGENTS = (
 )  # fmt: skip
 LEARNED = ("mtp_modes", "stp_modes_tracklets", "truth_modes", "mtp_ptp", "affinity", "tracking_free")
 WEIGHTS = {"MTP-Intersection-v0": LEARNED, "MTP-Highway-v0": LEARNED[:4]}  # what ships with the package
+TRAIN = ("MTP-nuScenes-v0", "MTP-nuScenes-CenterPoint-v0")  # on their training scenes, which the test data has
 QUICK = ("MTP-Intersection-v0", "MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0")
 NOT_RESULTS = ("seconds", "scene")  # of a stored rollout
 TIMES = ("ms_per_frame",)  # of a row
@@ -83,24 +84,30 @@ def rows(path: Path) -> list[dict[str, Any]]:
     return [{key: value for key, value in row.items() if key not in TIMES} for row in found]
 
 
-def results(checkout: Path, data: str, scenes: dict[str, int | None], quick: bool = False) -> dict[str, Any]:
-    """Rollouts and scores of every baseline on every environment, from `run` and `compare` of a checkout."""
+def results(
+    checkout: Path, data: str, scenes: dict[str, int | None], file: Path, quick: bool = False
+) -> dict[str, Any]:
+    """Rollouts and scores of every baseline on every environment, from `run` and `compare` of a checkout.
+
+    ``file`` has those of the finished environments.
+    """
     made: dict[str, Any] = {}
     for env, count in scenes.items():
         some = [] if count is None else ["--scenes", str(count)]
-        common = ["--env", env, "--data", data, *some]
+        common = ["--env", env, "--data", data, *some, *(["--split", "train"] if env in TRAIN else [])]
         with tempfile.TemporaryDirectory() as folder:
-            said = {}
+            answers = {}
             agents = (*(AGENTS[:5] if quick else AGENTS), *WEIGHTS.get(env, ())[: 2 if quick else None])
             for agent in agents:
                 print(f"{env}: {agent}", file=sys.stderr, flush=True)
                 output = Path(folder, agent)
                 command(checkout, "run", agent, "-o", str(output), *common)
-                said[agent] = rollouts(output)
+                answers[agent] = rollouts(output)
             print(f"{env}: compare", file=sys.stderr, flush=True)
             table = Path(folder, "compare.json")
             command(checkout, "compare", *agents, "--json", str(table), *common)
-            made[env] = {"rollouts": said, "rows": rows(table)}
+            made[env] = {"rollouts": answers, "rows": rows(table)}
+        file.write_text(json.dumps(made, indent=1, sort_keys=True), encoding="utf-8")
     return made
 
 
@@ -129,8 +136,7 @@ def main() -> None:
         parser.error("no data root: give --data or set MTP_BENCH_DATA")
     wanted = options.env or (QUICK if options.quick else SCENES)
     chosen = {env: 1 if options.quick else count for env, count in SCENES.items() if env in wanted}
-    made = results(options.checkout.resolve(), str(Path(options.data).resolve()), chosen, options.quick)
-    options.output.write_text(json.dumps(made, indent=1, sort_keys=True), encoding="utf-8")
+    made = results(options.checkout.resolve(), str(Path(options.data).resolve()), chosen, options.output, options.quick)
     if options.against is None:
         return
     before = {env: part for env, part in json.loads(options.against.read_text()).items() if env in chosen}

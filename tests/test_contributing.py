@@ -82,7 +82,7 @@ options = RunOptions("data")
 mtp_bench.run("mtp_strided", "MTP-Walks-v0", "run", options)
 print(json.dumps(mtp_bench.score("run", options).report.to_json()))
 """
-    environment = {**os.environ, "PYTHONPATH": str(root)}
+    environment = {**os.environ, "PYTHONPATH": str(root), "NUMBA_DISABLE_JIT": "1"}
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

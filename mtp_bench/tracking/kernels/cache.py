@@ -32,10 +32,15 @@ def cache_folder() -> Path:
 
 
 def folder_of(function: FunctionType, signature: str) -> Path:
-    """Folder of a kernel, named by a digest of its sources and constants, Python, Numba and the processor."""
+    """Folder of a kernel, named by a digest of its path, sources and constants, Python, Numba and the processor.
+
+    The path is part of it since Numba keeps the code of each path apart: two installations do not share a folder.
+    """
     versions = sys.version, numba.__version__, llvmlite.__version__, llvmlite.binding.get_host_cpu_name()
     options = _sum_of(Path(__file__).with_name("compile.py"))
-    digest = hashlib.sha256(repr((*versions, options, signature, sorted(_sources(function)))).encode())
+    digest = hashlib.sha256(
+        repr((*versions, function.__code__.co_filename, options, signature, sorted(_sources(function)))).encode()
+    )
     return cache_folder() / f"kernels-{function.__name__}-{digest.hexdigest()[:16]}"
 
 
