@@ -121,8 +121,8 @@ def unordered_map(
             ) from None
         except BrokenProcessPool:
             raise MtpBenchError(
-                f"the result or exception of one of {count} processes cannot be sent back to this one: "
-                "take one process, which shows it (--jobs 1)"
+                f"one of {count} processes returned a result or an exception that cannot be pickled: "
+                "use one process to see it (--jobs 1)"
             ) from None
 
 

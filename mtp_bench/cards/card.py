@@ -72,7 +72,7 @@ def _corners(area: tuple[float, float, float, float] | None) -> tuple[float, flo
 
 
 class DetectorSection(Section):
-    """A simulated detector in place of stored detections: a shipped profile by name, or ``noise`` of one's own."""
+    """A simulated detector in place of stored detections: the name of a shipped ``profile``, or its own ``noise``."""
 
     profile: Annotated[str, AfterValidator(_require_shipped)] | None = None
     noise: Profile | None = None
@@ -90,7 +90,10 @@ class DetectorSection(Section):
 
     @property
     def resolved(self) -> Profile:
-        """The noise profile; raises CardError unless exactly one is given, UnknownNameError for an unknown name."""
+        """The noise profile in its variant.
+
+        Raises CardError unless exactly one of ``profile`` and ``noise`` is given, UnknownNameError for an unknown name.
+        """
         if (self.profile is None) == (self.noise is None):
             raise CardError("[detector] has both or none of 'profile' and 'noise', expected one of them")
         noise = self.noise or load_profile(str(self.profile))

@@ -25,7 +25,7 @@ def fit_noise(
     field_of_view: Annotated[float | None, typer.Option(min=1, max=360, help="Degrees around the heading.")] = None,
     output: TextOption = None,
 ) -> None:
-    """Fit the noise of a simulated detector to the detections of an environment, as a section of a card."""
+    """Fit the noise of a simulated detector to the detections of an environment; the output is a section of a card."""
     require_writable(output)
     require_no_tracks(on)
     options = on.options()

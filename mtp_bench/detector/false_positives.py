@@ -121,7 +121,7 @@ def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ReportedClasses:
-    """Classes that false positives of one noise are reported as."""
+    """Classes under which the detector reports false positives of one noise."""
 
     class_id: Ints  # [K]
     share: Floats  # [K] sum 1

@@ -1,4 +1,4 @@
-"""An episode while it is played, for renderers."""
+"""The current episode of an env, for renderers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .rollouts import RecordedAction, assemble
 
 @dataclass(frozen=True, eq=False)
 class LiveEpisode:
-    """The episode that is played; ``actions`` grows. In evaluation mode it holds no value that derives from truth."""
+    """The current episode; every step appends to ``actions``. In evaluation mode no value derives from the truth."""
 
     card: Card
     scene: Scene  # its detections are those that the agent is shown; its truth is empty if it must not be seen
@@ -29,7 +29,7 @@ class LiveEpisode:
         return max(0, len(self.actions) - 1)
 
     def rollout(self, first: int = 0) -> Rollout | None:
-        """Actions from frame ``first`` on, as a rollout that begins there; None without any."""
+        """Actions from frame ``first`` on, as a rollout that begins there; None if there are no such actions."""
         actions = self.actions[first:]
         return assemble(self.scene.name, actions, self.dropped[first : first + len(actions)]) if actions else None
 
@@ -37,10 +37,10 @@ class LiveEpisode:
 def live_episode(
     card: Card, scene: Scene, frame: LocalFrame, feed: Feed, actions: Sequence[RecordedAction], evaluation: bool
 ) -> LiveEpisode:
-    """The episode of ``scene`` under the rules of ``card``.
+    """The current episode of ``scene`` under the rules of ``card``.
 
-    ``feed``: what the agent sees, in the local ``frame``; ``actions``: of the frames so far; ``evaluation``: the truth
-    is not shown.
+    ``feed``: the agent's detections, in the local ``frame``; ``actions``: of the frames so far; ``evaluation``: leave
+    out the truth.
     """
     seen = Detections(
         start=np.asarray(feed.start),

@@ -120,7 +120,7 @@ def python() -> list[str]:
 
 
 def library() -> Path:
-    """The folder that holds this package."""
+    """The folder that contains ``mtp_bench``: site-packages or a checkout."""
     spec = importlib.util.find_spec(__name__.partition(".")[0])
     return Path(str(spec and spec.origin)).resolve().parent.parent
 

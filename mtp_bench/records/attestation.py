@@ -55,7 +55,7 @@ class Statement(Section):
 
 
 class Attestation(Section):
-    """Content of the file."""
+    """Content of the file ``<env>.level.json``."""
 
     statement: Statement
     signer: Annotated[str, Field(pattern=SIGNER_PATTERN)]

@@ -17,7 +17,7 @@ Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
 
 
 def canonical(content: Any) -> bytes:
-    """JSON with sorted keys and no spaces, UTF-8. Raises ValueError for NaN and half characters."""
+    """JSON with sorted keys and no spaces, UTF-8. Raises ValueError for NaN and for half of a surrogate pair."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
     return text.encode()
 
@@ -28,7 +28,7 @@ def digest_of(content: Any) -> str:
 
 
 def today() -> str:
-    """Date, UTC."""
+    """Today's date in UTC, as YYYY-MM-DD."""
     return datetime.datetime.now(datetime.UTC).date().isoformat()
 
 
@@ -45,7 +45,7 @@ def rounded(value: Any) -> Any:
 
 
 class Difference(NamedTuple):
-    """A value of a record that was found to be another one."""
+    """A value of a record, and the different value that was found in its place."""
 
     what: str
     recorded: Any
@@ -53,7 +53,7 @@ class Difference(NamedTuple):
 
 
 def differences(where: str, recorded: Any, found: Any) -> Iterator[Difference]:
-    """Leaves in which two contents of JSON differ, numbers by more than TOLERANCE."""
+    """Values in which two contents of JSON differ, each with its path below ``where``; numbers: by over TOLERANCE."""
     if isinstance(recorded, dict) and isinstance(found, dict):
         for name in dict.fromkeys([*recorded, *found]):
             path = f"{where}.{name}" if where else name

@@ -1,7 +1,7 @@
-"""Finished scenes of a submit, stored one by one so that an interrupted submit can be resumed.
+"""Finished scenes of ``mtp-bench submit``, stored one by one so that an interrupted command can be resumed.
 
-Their folder lies beside the record and is removed once the record is written. It holds the plan of the submit: only a
-submit of the same plan resumes it.
+Their folder lies beside the record and is removed once the record is written. It also holds the plan of the runs: only
+a command with the same plan can resume them.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _OTHER_FIELDS = "run"  # array with the fields of a run beside its rollout
 
 @dataclass(frozen=True)
 class Parts:
-    """The finished scenes of one submit."""
+    """Folder of the finished scenes of one record."""
 
     folder: Path
 
@@ -67,10 +67,10 @@ class Parts:
 
 @contextmanager
 def open_parts(target: Path, plan: dict[str, Any], start: Start = "new") -> Iterator[Parts]:
-    """The parts of the record at ``target``, for one process at a time; removed if the block ends without an error.
+    """The finished scenes of the record at ``target``; removed if the block ends without an error.
 
-    ``plan``: JSON of all that is decided before the runs. Raises MtpBenchError if another process writes this record,
-    RecordError if there are parts that a new submit would lose, or parts of another plan.
+    ``plan``: all that is decided before the runs, as JSON. Raises MtpBenchError if another process writes this record,
+    RecordError if ``start`` is "new" and finished scenes are left of an earlier command, or if they have another plan.
     """
     folder = target.with_suffix(PARTS)
     make_folder(folder)
@@ -94,7 +94,7 @@ def open_parts(target: Path, plan: dict[str, Any], start: Start = "new") -> Iter
 
 
 def require_new(target: Path) -> None:
-    """Raise RecordError if an earlier submit left finished scenes beside the record at ``target``."""
+    """Raise RecordError if an interrupted command left finished scenes beside the record at ``target``."""
     count = count_parts(target)
     if count:
         raise RecordError(
@@ -104,12 +104,12 @@ def require_new(target: Path) -> None:
 
 
 def count_parts(target: Path) -> int:
-    """Number of finished scenes, over all seeds, of an interrupted submit of the record at ``target``."""
+    """Number of finished scenes, over all seeds, that an interrupted command left beside the record at ``target``."""
     return sum(not path.name.startswith(".") for path in target.with_suffix(PARTS).glob("seed-*/*.npz"))
 
 
 def _require_parts(folder: Path) -> None:
-    """Raise RecordError if the folder holds other files, so that none of them is removed."""
+    """Raise RecordError if the folder holds foreign files, which would be removed with it."""
     known = (_PLAN, _LOCK)
     others = [p.name for p in folder.iterdir() if p.name not in known and not p.name.startswith(("seed-", ".plan."))]
     if others:

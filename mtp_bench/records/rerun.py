@@ -1,12 +1,13 @@
-"""A submission that is run again: scenes in random order, under a secret motion, and on hidden scenes.
+"""Runs that check a record: again in random order, under a secret motion, and on hidden scenes.
 
-The seeds of a record are public, and with them how its scenes were turned and shifted: a table of coordinates as they
-were shown would score. It does not under another motion; an agent that tracks and predicts scores alike. The order is
-random, so that what one run leaves in the page cache of the system cannot be used by the next. A table relative to the
-first pose of the ego works under any motion: that a submission has none is for its authors to declare.
+The seeds of a record are public, and they fix how its scenes were turned and shifted. An agent could thus look its
+answers up in a table of the coordinates that it is shown. Such a table fails under another motion, while an agent that
+tracks and predicts scores alike. The order is random, so that a run cannot use what another one left in the page cache
+of the system. A table relative to the first pose of the ego works under any motion: authors declare that they use no
+such table.
 
-Hidden scenes, which rank on simulated envs, are made for a check, or for several, and deleted after it. Of them only
-sums per unit are published, since the name of a scene tells its seed.
+Hidden scenes, which rank on simulated envs, are made for one or more checks and then deleted. Only their sums per unit
+are published, since the name of a scene contains its seed.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _random = secrets.SystemRandom()
 
 
 def run_again(plan: Plan, seeds: Sequence[int], limits: Limits) -> Runs:
-    """Run each seed, in the order of ``seeds`` and of the plan in the result, in a random one in time."""
+    """Run seeds and scenes in a random order; the result has the order of ``seeds`` and of the plan."""
     runs = {seed: _run_shuffled(plan, seed, limits) for seed in _random.sample(list(seeds), len(seeds))}
     return {seed: runs[seed] for seed in seeds}
 
@@ -46,7 +47,8 @@ def run_again(plan: Plan, seeds: Sequence[int], limits: Limits) -> Runs:
 def rows_under_random_pose(plan: Plan, reference: Reference, limits: Limits) -> Sequence[Row]:
     """Rows of the submission of ``plan`` under one secret seed, which turns and shifts the scenes.
 
-    Raises RecordError unless the agent finished every scene: it could recognise the public seeds.
+    Raises RecordError if a scene was not finished or an answer came late: an agent that recognises the public seeds
+    could refuse to play under another one.
     """
     seed = secrets.randbelow(_SEEDS)
     runs = {seed: _run_shuffled(plan, seed, limits)}
@@ -55,9 +57,10 @@ def rows_under_random_pose(plan: Plan, reference: Reference, limits: Limits) -> 
 
 
 def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
-    """An error that is larger than the record's under another motion; None if all are alike.
+    """The first error that is larger under another motion than in the record; None if all are alike.
 
-    It is compared with the mean of the record's seeds: a table for all of them but one would pass beside the worst.
+    It is compared with the mean over the record's seeds, not with their worst: else an agent with a table for all seeds
+    but one would pass.
     """
     for row in rows:
         ranked = record.row_of(row.subset)
@@ -71,7 +74,7 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
 
 
 def why_unsandboxed(record: Record, now: IsolationPart) -> str:
-    """Why a run again confirms nothing, in a few words; empty if the agent was sandboxed then and ``now``."""
+    """Reason why another run does not confirm a record; empty if the agent was sandboxed then and ``now``."""
     for when, part in (("when the record was made", record.isolation), ("in this run", now)):
         if not part.sandboxed:
             return f"the agent was unsandboxed {when}"
@@ -116,7 +119,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends:
 
 
 def require_answered(runs: Runs, agent: str, where: str) -> None:
-    """Raise RecordError unless the agent finished every scene and answered in time; scenes are not named."""
+    """Raise RecordError unless the agent finished every scene and answered in time; it names no scenes."""
     missed = unanswered(runs)
     if missed.crashed_scenes:
         kinds = ", ".join(sorted({reason.partition(":")[0] for reason in missed.reasons.values()}))

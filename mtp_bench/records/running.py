@@ -145,7 +145,7 @@ def info_of(plan: Plan, seed: int) -> RunInfo:
 
 
 def hashes(runs: Runs) -> HashesPart:
-    """Digests that another run must repeat."""
+    """Digests of the hash chains and rollouts, which a second run must reproduce."""
     chains = {key_of(r.rollout.scene, seed): r.seal for seed, results in runs.items() for r in results}
     return HashesPart(seals=digest_of(chains), rollouts=rollouts_hash(rollouts_of(runs)))
 

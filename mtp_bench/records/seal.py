@@ -1,8 +1,8 @@
-"""Seals: hidden scenes of secret seeds, promised beforehand by a commitment.
+"""Seals: hidden scenes of secret seeds, which a published commitment fixes in advance.
 
-A maintainer draws a secret range of seeds, publishes the sha256 of it with a salt, and keeps the file. Submissions are
-later run on those scenes. When the seal is retired its secret is published: then anyone can check that it is the one
-that was promised, and it ranks no further submission.
+A maintainer draws a secret range of seeds and a salt, publishes the sha256 of both, and keeps the file. Submissions are
+later run on those scenes. When the seal is retired its secret is published: then anyone can check it against the
+commitment, and it ranks no further submission.
 """
 
 from __future__ import annotations
@@ -97,11 +97,14 @@ class Sealed:
         return card.model_copy(update={"source": hidden})
 
     def run_seed(self, seed: int) -> int:
-        """The secret seed of the run, in place of a public ``seed``, whose motion would tell the names of scenes."""
+        """Secret seed of the run, which replaces the public ``seed``.
+
+        A public seed would fix the motion, from which an agent could find the names of scenes.
+        """
         return int(self._drawn(f"run {seed}")[:15], 16)
 
     def shuffled(self, scenes: Iterable[str]) -> tuple[str, ...]:
-        """The hidden scenes in the order of every submission's sums; their own order is that of their seeds."""
+        """The hidden scenes in a secret order, the same for every submission, which does not show their seeds."""
         return tuple(sorted(scenes, key=lambda scene: self._drawn(f"scene {scene}")))
 
     def _drawn(self, purpose: str) -> str:
@@ -152,7 +155,7 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
 def open_seal(
     path: str | Path, commitment: str | Path | None = None, listed: Mapping[str, ListedSeal] | None = None
 ) -> Sealed:
-    """Read the secret seeds at ``path`` and check their commitment: the file ``commitment``, None: the one beside.
+    """Read the secret seeds at ``path`` and check them against the file ``commitment``; None: the one beside ``path``.
 
     Raises RecordError if a file is missing or wrong or the secret does not fit its commitment, RetiredSealError if the
     seal is retired, beside the secret or among those ``listed`` by a leaderboard.

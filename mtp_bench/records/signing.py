@@ -21,7 +21,7 @@ _PROGRAM = "ssh-keygen"
 
 
 def sign(message: bytes, key: Path) -> str:
-    """Signature of ``message`` by the private ``key``, or by the one that an SSH agent holds for that public key.
+    """Signature of ``message`` by the key in the file ``key``: a private key, or a public one that an SSH agent serves.
 
     Raises MtpBenchError if ssh-keygen is missing or refuses the key.
     """

@@ -106,7 +106,7 @@ def submit(
 
 
 def plan_content(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> dict[str, Any]:
-    """All that is decided before the runs of a record, as JSON: by it a submit recognises an earlier one."""
+    """All that is decided before the runs of a record, as JSON; a resumed command must have an equal plan."""
     return {
         "submission": plan.image.digest,
         "env": plan.card.id,

@@ -55,7 +55,7 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
 
 @dataclass(frozen=True)
 class Job:
-    """One agent on one scene of one env; pickles as long as ``make_agent`` does."""
+    """One agent on one scene of one env; it can be pickled if ``make_agent`` can."""
 
     make_agent: MakeAgent
     env: str | Card  # id, path of a card, or a card

@@ -43,13 +43,13 @@ class SceneWeights:
 
     @property
     def targets(self) -> int:
-        """Their number n."""
+        """Number n of targets."""
         return len(self.counts)
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Event weights of an env, what they were made of, and how many false forecasts the reference makes."""
+    """Event weights of an env, their origin, and the number of false forecasts that the reference agent makes."""
 
     env: str
     card: str  # digest
@@ -85,7 +85,7 @@ class Reference:
 
     @property
     def origin(self) -> str:
-        """One sentence for a report."""
+        """Origin of the weights in one sentence, for a report."""
         text = f"event weights of {self.runs} runs of {self.agent!r}"
         if self.frozen:
             return f"frozen {text} (hash {self.digest[:12]})"
@@ -145,6 +145,6 @@ def count_runs(events: Iterable[Bools], targets: int) -> NDArray[np.uint8]:
 
 
 def header_of(reference: Reference) -> dict[str, Any]:
-    """Fields of a reference for all its scenes, as in its file."""
+    """Fields at the head of a reference's file: env, card, definitions, agent, runs and parameters."""
     names = (*TEXTS, "runs", "parameters")
     return {name: getattr(reference, name) for name in names}

@@ -28,7 +28,7 @@ def subset_name(subset: str) -> str:
 
 
 def settings_of_rows(findings: Findings) -> Iterator[tuple[StudiedAgent, Setting]]:
-    """Settings of the tables over H and k, each with the subject that it stands beside."""
+    """Settings of the tables over H and k, each with the studied agent whose rows it belongs to."""
     for subject in findings.plan.subjects:
         equal = [setting for setting in subject.equal.values() if setting != subject.single]
         controls = findings.plan.shown_controls
@@ -149,7 +149,7 @@ def people_rows(findings: Findings) -> Iterator[Row]:
 
 
 def speed_rows(findings: Findings) -> Iterator[Row]:
-    """Table IV of the paper: speed by stage over H."""
+    """Table IV of the paper: time per frame of tracking, prediction and both, over the number of hypotheses H."""
     papers = paper_facts(findings.bench.of_paper, "speed")
     for speed in findings.speed:
         count = str(speed.hypotheses)
@@ -273,7 +273,7 @@ def gap_rows(findings: Findings) -> Iterator[Row]:
 
 
 def cut_rows(findings: Findings) -> Iterator[Row]:
-    """Scores of the baselines with weak detections left out."""
+    """Scores of the baselines above each score threshold of the detections."""
     for cut in findings.cuts:
         for agent, error in cut.all.items():
             paired = agent == threshold_agents()[1]

@@ -57,7 +57,7 @@ def where(rows: Iterable[Any], **values: Any) -> list[Any]:
 
 
 def pick(rows: Iterable[Any], name: str) -> list[Any]:
-    """A column of rows."""
+    """Values of the attribute ``name`` of each row."""
     return [getattr(row, name) for row in rows]
 
 
@@ -67,7 +67,7 @@ def called(row: Any) -> str:
 
 
 def series_of(rows: Sequence[Any], label: str, color: str, x: str | Sequence[float], y: str, **more: Any) -> Series:
-    """A series of two columns of rows, or of given places; with the intervals of ``y``, if the rows have them."""
+    """A series of the column ``y`` of rows over their column ``x`` or over given numbers, with its intervals if any."""
     at = pick(rows, x) if isinstance(x, str) else x
     intervals = [getattr(row, f"{y}_interval", None) for row in rows]
     return Series(label, at, pick(rows, y), color, intervals=intervals if any(intervals) else (), **more)
@@ -83,14 +83,14 @@ def agent_series(findings: Findings, rows: Sequence[Any], x: str, y: str, **more
 def paper_series(
     rows: Sequence[Any], x: Sequence[float], y: str, label: str, color: str = "ink", **style: Any
 ) -> Series:
-    """Figures of the paper, where it has some."""
+    """The paper's values of ``y``, at those rows for which the paper states one."""
     known = [(at, row) for at, row in zip(x, rows, strict=True) if getattr(row, y) is not None]
     own = [row for _, row in known]
     return series_of(own, label if known else "", color, [at for at, _ in known], y, kind="paper", style=style)
 
 
 def level_series(label: str, values: Sequence[float | None], color: str, **style: Any) -> Series:
-    """Lines across the panel at these values."""
+    """Horizontal lines across a panel at these values."""
     return Series(label, (), values, color, "level", style=style)
 
 

@@ -1,4 +1,4 @@
-"""Rows to fit presence on: tracks of training scenes, and whether their object is there."""
+"""Training rows of the presence model: tracks of training scenes, and whether a true object was there."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_ROWS = 40_000  # neighbouring frames are nearly the same: every second or t
 
 @dataclass(frozen=True)
 class PresenceRecipe:
-    """Recipe of the presence of a detector: the table [presence] of its file."""
+    """Recipe to fit the presence model of a detector: the table [presence] of the detector's file."""
 
     scenes: tuple[SceneChoice, ...]
     features: tuple[str, ...] = tuple(FEATURES)
@@ -38,7 +38,7 @@ class PresenceRecipe:
 
     @classmethod
     def of(cls, detector: str) -> PresenceRecipe:
-        """The recipe of a detector; raises UnknownNameError if its training scenes are not known."""
+        """The recipe of a detector; raises UnknownNameError for a detector without one."""
         table: Mapping[str, Any] | None = (read_detector(detector) or {}).get("presence")
         if table is None:
             raise UnknownNameError("detector", detector, detector_names())
@@ -47,7 +47,7 @@ class PresenceRecipe:
         return cls(**{**table, "scenes": scenes, "features": features})
 
     def choices(self, detector: str) -> tuple[SceneChoice, ...]:
-        """The scenes to read: of a detector like another one, those of both."""
+        """The scenes to read, run with ``detector``, and with the detector ``like`` too if there is one."""
         if self.like is None:
             return self.scenes
         return tuple(replace(self.scenes[0], detector=name) for name in (detector, self.like))
@@ -75,7 +75,7 @@ class MatchedTracks(NamedTuple):
 
 
 def match_tracks(scene: Scene, card: Card, task: Task, tracker: Tracker) -> MatchedTracks:
-    """The tracks of ``tracker`` on a scene, one to one with true objects, within the forecast gate."""
+    """Run ``tracker`` on a scene and match its tracks one to one with true objects, within the forecast gate."""
     tracker.reset(task)
     by_frame = [tracker.step(observation) for observation in observations(scene)]
     frame = np.repeat(np.arange(len(by_frame)), [len(tracks.box) for tracks in by_frame])

@@ -1,4 +1,4 @@
-"""Answers of an agent on a scene, as every drawing reads them: hypotheses, the origin of their tracks, forecasts."""
+"""Answers of an agent on a scene, for all drawings: hypotheses, the lineage of their tracks, and forecasts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..types import Bools, Floats, Ints, Rollout
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """A whole rollout, or the last frames of an episode, with what follows from the answers alone."""
+    """A whole rollout, or the last frames of an episode, and properties that need no truth."""
 
     rollout: Rollout
     card: Card

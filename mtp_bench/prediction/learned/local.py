@@ -52,7 +52,10 @@ def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
 
 
 def history(inputs: dict[str, Array]) -> Array:
-    """Features [n, P, PER_FRAME] of the past, 0 where the track was not alive: masks, never padding."""
+    """Features [n, P, PER_FRAME] of the past, 0 in frames before the track was born.
+
+    Columns: position x y, step x y from the frame before, velocity x y, sin of yaw, cos of yaw less 1, score, taken.
+    """
     xp, alive = namespace(inputs["position"]), inputs["alive"]
     position, yaw = inputs["position"], inputs["yaw"]
     step = xp.concatenate([xp.zeros_like(position[:, :1]), position[:, 1:] - position[:, :-1]], 1)

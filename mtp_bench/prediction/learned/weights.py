@@ -75,7 +75,7 @@ def read_weights(path: Path, network: Network) -> StoredWeights:
     tensors, content = _read_tensors(path)
     found = content.get("network")
     if content.get("format") != FORMAT or found != network.name:
-        raise SubmissionError(f"{path}: weights of {found!r}, expected {network.name!r} in the form {FORMAT!r}")
+        raise SubmissionError(f"{path}: weights of {found!r}, expected {network.name!r} in format {FORMAT!r}")
     card = content.get("card", {})
     if not isinstance(card, dict):
         raise SubmissionError(f"{path}: its card is {type(card).__name__}, expected a table")

@@ -24,23 +24,23 @@ _FIRST_SAMPLE = re.compile(rb'"results"\s*:\s*\{\s*"([^"\\]*)"')
 
 @dataclass(frozen=True, eq=False)
 class DetectionStore:
-    """A detection file and its cache: the boxes of the samples that the tables have."""
+    """A detection file and its cache, which holds the boxes of samples in the tables."""
 
     path: Path
     cache: CachedFolder
     covered: Bools  # [N] samples of the tables that the file has
 
     def arrays(self, scene: str) -> Arrays:
-        """Arrays of a scene that the file has some of."""
+        """Detections of a scene in the file, as arrays; the file must have at least one sample of it."""
         return self.cache.read(scene)
 
 
 def open_detections(paths: Sequence[Path], tables: TableStore, names: Sequence[str]) -> tuple[DetectionStore, ...]:
-    """Caches of the files that the scenes ``names`` need.
+    """Open as few files as cover the scenes ``names``; the first time a file is read whole and cached.
 
-    These are the files that begin with a sample of one of the scenes, or whose beginning is not understood, and if they
-    do not cover all scenes, as many of the others as it takes. Raises DataError for a file that is wrong, naming the
-    sample token, and if no file has samples of these tables.
+    Files whose first sample is of one of the scenes, or cannot be made out, come first; the others follow until all
+    scenes are covered. Raises DataError for an invalid file, naming the sample token, and if no file has samples of
+    these tables.
     """
     wanted = np.zeros(tables.start[-1], dtype=bool)
     for name in names:
@@ -96,7 +96,7 @@ def require_covered(
 
 
 def scene_detections(stores: Sequence[DetectionStore], samples: range, name: str, classes: Sequence[str]) -> Detections:
-    """Detections of a scene with these ``samples`` from all files that have some of it; other classes are dropped."""
+    """Detections of the scene ``name`` (rows ``samples`` of the tables) from all files; other classes are dropped."""
     parts = [store.arrays(name) for store in stores if store.covered[samples].any()]
     frame, box, velocity, score, kind = (
         np.concatenate([part[key] for part in parts]) for key in ("frame", "box", "velocity", "score", "class_id")
@@ -109,7 +109,7 @@ def scene_detections(stores: Sequence[DetectionStore], samples: range, name: str
 
 
 def _begins_in(path: Path, tables: TableStore, wanted: Bools) -> bool:
-    """True if the first sample of a file is a wanted one, or if the beginning of the file is not understood."""
+    """True if the first sample of a file is a wanted one, or if no sample can be found at its beginning."""
     with path.open("rb") as file:
         found = _FIRST_SAMPLE.search(file.read(_HEAD))
     return found is None or bool(wanted[tables.tokens == found.group(1)].any())

@@ -33,7 +33,7 @@ Line = dict[str, Any]
 
 
 def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
-    """Content of the template of one table."""
+    """Content of the template for one table."""
     env_id = entries[0].env
     compared = [entry for entry in entries if entry.compared]
     first = next(iter(compared), entries[0])
@@ -69,7 +69,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
 
 
 def details_of(line: Line, board: Mapping[str, Any]) -> Line:
-    """Content of the template of an entry beyond its line."""
+    """Content of the template for the details of an entry: its ``line``, with all cells, links, charts and tables."""
     entry: Entry = line["entry"]
     reference = board["reference"]
     return line | {
@@ -136,7 +136,7 @@ def address_of(link: str | None) -> str | None:
 def _line(
     entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None], shared: set[int], frame: CurveFrame | None
 ) -> Line:
-    """Content of the template of one entry in its table."""
+    """Content of the template for one entry: a line of the table ``board``."""
     record, curve = entry.record, curve_of(entry)
     authors = ", ".join(record.submission.authors)
     cells = {column.key: column.shown(entry) for column in board["columns"]}

@@ -74,5 +74,5 @@ def _notes(entries: Sequence[Entry]) -> list[str]:
 
 
 def printable(text: str) -> str:
-    """``text`` without characters that would steer the terminal."""
+    """``text`` with a replacement for each unprintable character, so that it cannot control the terminal."""
     return "".join(character if character.isprintable() else "�" for character in text)

@@ -24,9 +24,9 @@ _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END
 
 
 def fill(page: Path, entries: Sequence[Entry]) -> bool:
-    """Write the tables of a page anew from ``entries`` (from `entries_of`); whether they changed.
+    """Write the tables of a page anew from ``entries`` (of `entries_of`); True if they changed.
 
-    Raises MtpBenchError for a marker that is unknown or without its pair, and where the page cannot be read or written.
+    Raises MtpBenchError for an unknown or unpaired marker, and if the page cannot be read or written.
     """
     text = read_bounded(page, MOST_BYTES, MtpBenchError)
     new = filled(text, entries, str(page))
@@ -36,7 +36,7 @@ def fill(page: Path, entries: Sequence[Entry]) -> bool:
 
 
 def filled(text: str, entries: Sequence[Entry], where: str) -> str:
-    """``text`` with its tables made anew; ``where`` it is from, for errors."""
+    """``text`` with its tables made anew; ``where``: name of the page, for errors."""
     count = sum(1 for _ in _BLOCK.finditer(text))
     begun, ended = (sum(line.startswith(mark) for line in text.splitlines()) for mark in (_BEGIN, _END))
     if not count == begun == ended:
@@ -63,7 +63,7 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
 
 
 def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
-    """A row per entry of an environment; entries of an earlier version where there are no others."""
+    """A row per entry of an environment; entries of an earlier version if the current one has none."""
     listed = next((each for each in by_board(entries).values() if each[0].env == env_id), None)
     if listed is None:
         raise UnknownNameError("environment", env_id, sorted({entry.env for entry in entries}))

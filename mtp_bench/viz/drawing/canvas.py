@@ -1,4 +1,4 @@
-"""A picture in metres: lines and boxes at places of the world, drawn by Pillow without jagged edges.
+"""A picture with coordinates in metres: lines and boxes of the world, drawn by Pillow without jagged edges.
 
 No meaning depends on colour alone: truth is a bold outline (dashed where it is not tracked), a detection thin, a track
 filled, a false positive crossed.
@@ -67,7 +67,7 @@ class Canvas:
 
     @classmethod
     def blank(cls, width: int, height: int, window: Window, paper: Color = (255, 255, 255)) -> Canvas:
-        """An empty picture."""
+        """An empty picture with the background ``paper``."""
         image = Image.new("RGB", (width * FINER, height * FINER), paper)
         return cls(width, height, window, image, ImageDraw.Draw(image, "RGBA"))
 
@@ -77,7 +77,7 @@ class Canvas:
         return min(self.width / self.window.wide, self.height / self.window.high)
 
     def pixels(self, xy: Floats) -> NDArray[np.float64]:
-        """Pixels [..., 2] of places [..., 2] of the world, y downwards."""
+        """Pixels [..., 2], y downwards, of places [..., 2] of the world, m."""
         moved = np.asarray(xy, dtype=np.float64) - [self.window.x, self.window.y]
         turned = rotate(moved, -self.window.turn) if self.window.turn else moved
         return np.asarray(turned * [self.scale, -self.scale] + [self.width / 2, self.height / 2], dtype=np.float64)
@@ -94,13 +94,13 @@ class Canvas:
         return len(xy) > 0 and bool((pixels.max(axis=0) >= 0).all() and (pixels.min(axis=0) <= size).all())
 
     def lines(self, paths: Iterable[Floats], color: Color, width: float = 1.0, alpha: int = 255) -> None:
-        """Polylines [n, 2] of the world."""
+        """Draw polylines, each of points [n, 2] of the world, m; ``width`` pixels wide, ``alpha`` 255 is opaque."""
         for path in paths:
             if len(path) > 1:
                 self.stroke(self.pixels(path), color, width, alpha)
 
     def boxes(self, box: Floats, mark: Outline) -> None:
-        """Boxes [n, 7]."""
+        """Draw boxes [n, 7] x y z yaw l w h, m and rad, in the style ``mark``; skip those outside the picture."""
         reach = np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR
         box = box[self.inside(box[:, :2], reach)]
         for corners, row in zip(self.pixels(bev_corners(box)), box, strict=True):
@@ -118,7 +118,7 @@ class Canvas:
     def stroke(
         self, pixels: NDArray[np.float64], color: Color, width: float, alpha: int = 255, dashed: bool = False
     ) -> None:
-        """A polyline in ``pixels`` [n, 2], ``width`` pixels wide; ``alpha`` 255 is opaque."""
+        """Draw a polyline through ``pixels`` [n, 2], ``width`` pixels wide; ``alpha`` 255 is opaque."""
         thick = max(1, round(width * FINER))
         if dashed:
             for a, b in _dashes(pixels):
@@ -127,22 +127,22 @@ class Canvas:
             self.draw.line(_points(pixels), fill=(*color, alpha), width=thick, joint="curve" if thick > 3 else None)
 
     def dot(self, pixel: NDArray[np.float64], radius: float, color: Color, alpha: int = 255) -> None:
-        """A disc around a pixel."""
+        """Draw a disc around a pixel; ``radius`` in pixels."""
         self.draw.ellipse(_around(pixel, radius), fill=(*color, alpha))
 
     def ring(self, pixel: NDArray[np.float64], radius: float) -> None:
-        """The mark of an event: a circle around a pixel, bright with a dark edge."""
+        """Draw the mark of an event: a bright circle with a dark edge around a pixel; ``radius`` in pixels."""
         for wider, color, width in ((1.0, BLACK, 5.0), (0.0, EVENT, 3.0)):
             self.draw.ellipse(_around(pixel, radius + wider), outline=color, width=round(width * FINER))
 
     def finished(self) -> Image.Image:
-        """The picture at its own size; texts go onto this one."""
+        """The picture reduced from FINER times its size; texts are drawn onto the result."""
         return self.image.reduce(FINER)
 
 
 @cache
 def font(size: int) -> Font:
-    """The font that Pillow brings, the same on every machine."""
+    """The font that Pillow ships, the same on every machine."""
     return ImageFont.load_default(size)
 
 

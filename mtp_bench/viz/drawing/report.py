@@ -1,4 +1,4 @@
-"""Picture of an event for a report: sentence, the event alone, key, and small pictures of the frames around it."""
+"""Picture of an event for a report: a sentence, the event, a key, and close-ups of the frames around it."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ _TIED = "\u00a0"  # a blank that breaks no line; the font has none
 
 
 def report(focus: Focus) -> Image.Image:
-    """The picture of an event, of SIZE: frame t, and below it t - 1, t and t + 1 from near.
+    """The picture of an event, of SIZE: frame t, and below it close-ups of t - 1, t and t + 1.
 
-    If a camera image shows the event, a row with it stands below.
+    If a camera image shows the event, a row of images is added below.
     """
     photos = photos_around(focus)
     parts = [picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW)), strip(focus)]
@@ -50,9 +50,9 @@ def stacked(images: Sequence[Image.Image]) -> Image.Image:
 
 
 def save_report(path: Path, *focuses: Focus) -> None:
-    """Write the picture as PNG, with the sentence as its description: a whole file or none.
+    """Write the picture of an event as PNG, with its sentence as description; the file is complete or does not appear.
 
-    The pictures of an event in several runs stand below each other, and the sentences in lines.
+    Several ``focuses`` are one event in several runs: their pictures stand below each other, their sentences in lines.
     """
     about = PngImagePlugin.PngInfo()
     about.add_text("Title", _title(focuses[0], focuses[0].at.frame))
@@ -66,7 +66,7 @@ def save_report(path: Path, *focuses: Focus) -> None:
 
 
 def picture(focus: Focus, t: int, size: tuple[int, int]) -> Image.Image:
-    """The sentence, frame ``t`` of the event and the key in ``size`` pixels; the view goes along with the object."""
+    """The sentence, frame ``t`` of the event and the key in ``size`` pixels; the view follows the object."""
     whole, window = Image.new("RGB", size, PAPER), focus.window()
     x, y = focus.case.place(t) - focus.case.place(focus.at.frame)
     moved = Window(window.x + float(x), window.y + float(y), window.wide, window.high, window.turn)

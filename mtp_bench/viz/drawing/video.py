@@ -54,7 +54,7 @@ def pictures(replay: Replay, frames: Iterable[int], event: str | None = None) ->
 
 
 def write_video(path: Path, frames: Iterable[Picture], rate: float, done: Callable[[], object] = lambda: None) -> None:
-    """Write ``frames`` of SIZE, at least one, at ``rate`` per second: a whole file or none; ``done`` follows each."""
+    """Write one or more ``frames`` of SIZE at ``rate`` per second, complete or not at all; call ``done`` after each."""
 
     def counted() -> Iterator[Picture]:
         for frame in frames:

@@ -40,7 +40,7 @@ class EventRow:
 
 @dataclass
 class Tally:
-    """Counts over scenes, of events that are listed and of others."""
+    """Counts of events over scenes, listed or not."""
 
     events: dict[str, int] = field(default_factory=lambda: dict.fromkeys(KINDS, 0))
     wrong: int = 0  # losses whose old track is still output
@@ -61,9 +61,9 @@ class Tally:
 def event_rows(
     replay: Replay, kinds: Sequence[str], folder: str, data: str | None = None, env: str | None = None
 ) -> list[EventRow]:
-    """The events of a scene of these kinds, in the order of frames.
+    """The events of a scene that are of these ``kinds``, in the order of frames.
 
-    ``folder``, ``data`` and ``env``: name of the run on the command line, for commands that show an event.
+    ``folder``, ``data`` and ``env``: arguments that name the run in the command that shows an event.
     """
     scene, time, classes = replay.scene.name, replay.scene.time, replay.card.task.classes
     return [
@@ -97,7 +97,7 @@ def _cost(row: EventRow) -> tuple[float, float, float]:
 
 
 def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
-    """The rows without all but the LONGEST longest runs of false forecasts of each scene."""
+    """The rows, with only the LONGEST longest runs of false forecasts of each scene."""
     runs = [row for row in rows if row.incident.kind == "spurious"]
     kept: dict[str, list[int]] = {}
     for row in sorted(runs, key=lambda row: row.incident.frame - row.incident.until):

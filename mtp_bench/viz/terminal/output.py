@@ -27,7 +27,7 @@ HEADING_WIDTH = 10  # columns of a heading; longer ones are broken between words
 
 
 def new_table(title: str, headings: Sequence[str], left: Collection[str] = (), whole: Collection[str] = ()) -> Table:
-    """An empty table with a column per one of ``headings``, aligned right but for those of ``left``.
+    """An empty table with a column for each of ``headings``, aligned right except those of ``left``.
 
     Cells of the columns ``whole`` are never broken into lines. ``title`` may hold markup.
     """
@@ -90,12 +90,12 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def counted(number: int | None, noun: str) -> str:
-    """A number with its noun; without a number, "unknown events"."""
+    """A number with its noun, "1 event" or "2 events"; None gives "unknown events"."""
     return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else 's'}"
 
 
 def show(content: RenderableType) -> None:
-    """Print a listing, as wide as the terminal; a text as it is, without markup."""
+    """Print a listing as wide as the terminal, or a text unchanged, without markup."""
     console = _console()
     text = isinstance(content, str)
     console.print(content, highlight=False, markup=not text, crop=False, soft_wrap=text and not console.is_terminal)
@@ -120,7 +120,7 @@ def show_command(words: str) -> None:
 
 
 def show_numbers(table: Table, console: Console | None = None) -> None:
-    """Print a table of results. One that is too wide goes on below with its other columns; no number is cut off."""
+    """Print a table of results. If it is too wide, its further columns follow as tables below; no number is cut off."""
     console = console or _console()
     for part in by_columns(table, console):
         console.width = max(console.width, _needed(part, console))  # one column alone may be too wide
