@@ -2,7 +2,7 @@
 
     python examples/first_agent.py
 
-It is compared with one that takes everything for standing still. Simulated traffic: nothing is downloaded.
+It is compared with one whose objects all stand still. Simulated traffic: no data is downloaded.
 """
 
 import gymnasium as gym
@@ -32,7 +32,7 @@ class Standing:
 class Nearest(Standing):
     """An object moves as far as it is from the nearest detection of its class in the frame before."""
 
-    reach = 8.0  # m: farther ones are somebody else
+    reach = 8.0  # m: farther detections are of other objects
 
     def reset(self, task):
         super().reset(task)
