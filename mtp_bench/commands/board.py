@@ -6,19 +6,34 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from .._bundle import baseline_names
+from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
 from ..parallel import Progress
+from ..records import Record, Trust, load_record, read_level, record_paths, trusted
+from ..records.eligibility import why_not_genuine
+from ..records.storage import shipped_records
+from ..viz.board import (
+    Found,
+    board_files,
+    board_json,
+    board_tables,
+    data_table,
+    entries_of,
+    parts_folder,
+    require_parts,
+    style_of,
+)
+from ..viz.board import write_board as write_page
+from ..viz.board.entries import Entry
+from ..viz.board.markdown import fill
+from ..viz.terminal.output import counted, progress_bar, report_table, show, show_lines, show_numbers
 from .options import JsonOption, TableOption
 from .output import require_writable, write_json, write_table
-
-if TYPE_CHECKING:
-    from ..records import Record, Trust
-    from ..viz.board.entries import Entry, Found
 
 
 @dataclass(frozen=True)
@@ -51,12 +66,6 @@ def board(
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
-    from ..records import trusted
-    from ..records.storage import shipped_records
-    from ..viz.board import board_files, board_json, board_tables, data_table, parts_folder, require_parts, style_of
-    from ..viz.board import write_board as write_page
-    from ..viz.terminal.output import counted, progress_bar, report_table, show, show_lines, show_numbers
-
     require_writable(json_file, output, table_file)
     if output is not None:
         if output.suffix != ".html":
@@ -103,11 +112,6 @@ def read_board(
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
     broken, UnknownNameError for an env without a record that is not a card either.
     """
-    from ..cards import load_card
-    from ..records import record_paths
-    from ..records.storage import shipped_records
-    from ..viz.board import entries_of
-
     if folder is not None and not folder.is_dir():
         raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
     folder = folder or shipped_records()
@@ -136,9 +140,6 @@ def _place(record: Record) -> tuple[str, ...]:
 
 def _fill(pages: Sequence[Path], content: Board, whole: bool) -> list[str]:
     """Fill in pages from all records, as a page would lose the rows of those that are missing. Lines to show."""
-    from ..viz.board.markdown import fill
-    from ..viz.terminal.output import counted
-
     if not whole:
         raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
     if content.refused:
@@ -180,9 +181,6 @@ def _sound(paths: Sequence[Path], start: _Start, refused: list[str], progress: P
 
 
 def _read(path: Path, start: _Start, added: bool) -> Found:
-    from ..records import load_record, read_level
-    from ..viz.board import Found
-
     record = load_record(path)
     signed, note = read_level(path, record, start.trust)
     return Found(record, signed, start.link(path), added, note, _code_of(record, start))
@@ -190,8 +188,6 @@ def _read(path: Path, start: _Start, added: bool) -> Found:
 
 def _code_of(record: Record, start: _Start) -> str | None:
     """Address of the folder of a baseline that ships; None for a submission of others, also under such a name."""
-    from ..records.eligibility import why_not_genuine
-
     name = record.submission.name
     if start.page is None or name not in baseline_names() or why_not_genuine(record):
         return None

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
+from ..cards import Card, load_card, profile_of_stored
+from ..running.options import RunOptions
+from ..sources import load_scenes, open_source, with_tracks
+from ..sources.base import require_classes
+from ..sources.importing import KittiText, import_scenes, import_tracks, kitti_scenes
+from ..sources.kitti.layout import TYPES
+from ..sources.kitti.poses import FRAME_PERIOD
+from ..types import Scene
+from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
 from .completion import words
 from .options import DataOption, ScenesOption, SplitOption, one_of
 from .output import prepare
-
-if TYPE_CHECKING:
-    from ..cards import Card
-    from ..types import Scene
 
 FolderOption = Annotated[Path, typer.Option("-o", "--output", help="New folder for the scenes and their card.")]
 FORMS = ("csv", "parquet")
@@ -50,12 +55,6 @@ def kitti(
     form: FormOption = "csv",
 ) -> None:
     """Import text in the columns of KITTI's tracking benchmark."""
-    from ..cards import load_card, profile_of_stored
-    from ..sources.base import require_classes
-    from ..sources.importing import KittiText, kitti_scenes
-    from ..sources.kitti.layout import TYPES
-    from ..sources.kitti.poses import FRAME_PERIOD
-
     one_of(form, FORMS, "--form")
     period = 1 / rate if rate else FRAME_PERIOD
     text = KittiText(labels, detections, oxts, calib, poses, period)
@@ -77,9 +76,6 @@ def nuscenes(
     form: FormOption = "csv",
 ) -> None:
     """Import the scenes of nuScenes with the detections of a submission."""
-    from ..running.options import RunOptions
-    from ..sources import load_scenes
-
     one_of(form, FORMS, "--form")
     options = RunOptions(root, split=split, detection_file=str(file.expanduser().absolute()))
     prepare(env, options)
@@ -97,11 +93,6 @@ def tracks(
     split: SplitOption = None,
 ) -> None:
     """Import tracks of another program as tables, one for each scene."""
-    from ..running.options import RunOptions
-    from ..sources import open_source, with_tracks
-    from ..sources.importing import import_tracks
-    from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
-
     options = RunOptions(root, scenes, split=split)
     prepare(env, options)
     card = options.card(env)
@@ -117,9 +108,6 @@ def tracks(
 
 def _write(scenes: Iterator[Scene], card: Card, output: Path, posed: bool, form: str, detector: str = "") -> None:
     """Write the scenes and say how to run them; ``detector``: the profile that they need, where they have none."""
-    from ..sources.importing import import_scenes
-    from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
-
     with progress_bar("import") as progress:
         number, path = import_scenes(scenes, card, output, posed, form, progress.done)  # type: ignore[arg-type]  # one of FORMS
     show(f"{counted(number, 'scene')} and their card {path.name} in {output}; next:")

@@ -8,6 +8,12 @@ from typing import Annotated
 
 import typer
 
+from ..records import retire
+from ..records import seal as draw
+from ..records.eligibility import LEAST_HIDDEN
+from ..records.seal import COMMITMENT, SEALS, beside
+from ..viz.terminal.output import counted, show
+
 
 def seal(
     env: Annotated[str | None, typer.Option(help="Environment id, or path of a card.")] = None,
@@ -34,11 +40,6 @@ def seal(
 
 
 def _draw(env: str, scenes: int, output: Path) -> None:
-    from ..records import seal as draw
-    from ..records.eligibility import LEAST_HIDDEN
-    from ..records.seal import COMMITMENT, beside
-    from ..viz.terminal.output import counted, show
-
     promise, public = draw(env, scenes, output), beside(output, COMMITMENT)
     show(
         f"{public}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env} in "
@@ -50,8 +51,4 @@ def _draw(env: str, scenes: int, output: Path) -> None:
 
 
 def _retire(secret: Path, folder: Path | None) -> None:
-    from ..records import retire
-    from ..records.seal import SEALS
-    from ..viz.terminal.output import show
-
     show(f"{retire(secret, folder or SEALS)}: the secret is public from now on; draw another seal for the next round")

@@ -8,6 +8,10 @@ from typing import Annotated
 
 import typer
 
+from ..study import study as run_study
+from ..study.conduct import QUICK_SCENES, quick_options, require_study_folder
+from ..study.page import summary
+from ..viz.terminal.output import command_line, show, show_lines
 from .completion import submissions
 from .options import SEEDS, EnvScenes, WorkerChoice
 from .output import prepare, working
@@ -34,11 +38,6 @@ def study(
     ] = None,
 ) -> None:
     """Write a page on the cost of tracking errors on an environment, with the paper's tables and figures and more."""
-    from ..study import study as run_study
-    from ..study.conduct import QUICK_SCENES, quick_options, require_study_folder
-    from ..study.page import summary
-    from ..viz.terminal.output import command_line, show, show_lines
-
     require_study_folder(output.absolute())
     options = on.options(workers, range(1 if quick else seeds or SEEDS))
     if quick and ((seeds or 1) > 1 or (options.scenes or 1) > QUICK_SCENES):

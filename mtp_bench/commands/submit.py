@@ -6,22 +6,26 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+from rich.table import Table
 
+from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
+from ..gateway import Limits
+from ..records import Record
+from ..records import submit as make_record
+from ..records.inventory import Piece, inventory
+from ..records.parts import Start, require_new
+from ..records.submitting import record_path, require_kept, require_writable
+from ..running.options import RunOptions
+from ..submission.loader import Submission, load_submission
+from ..viz.terminal.output import counted, new_table, number, show, show_numbers
 from .completion import env_ids, submissions, words
 from .options import SEEDS, DataOption, TracksOption, WorkerChoice, absolute, one_of
 from .output import prepare, said_of, say, some_of, working
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from ..records import Record
-    from ..records.parts import Start
-    from ..running.options import RunOptions
-    from ..submission.loader import Submission
+from .submit_all import last_line, make_all, summary_table
 
 DIVISIONS = ("closed", "open")
 
@@ -38,8 +42,6 @@ class EntryOptions:
 
     def arguments(self) -> dict[str, Any]:
         """Arguments of `records.submit`; BadParameter for an unknown division, and options that it does not have."""
-        from ..gateway import Limits
-
         one_of(self.division, DIVISIONS, "--division")
         if self.cuda and self.division != "open":
             raise typer.BadParameter("only with --division open", param_hint="--cuda")
@@ -112,8 +114,6 @@ def submit(
     ] = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
-    from ..running.options import RunOptions
-
     more, tracks = entry.arguments(), absolute(entry.tracks)
     options = RunOptions(root, runs.scenes, range(runs.seeds), runs.split, track_file=tracks, workers=workers.workers())
     if every.everything:
@@ -150,9 +150,6 @@ def _submit_all(
     minutes: float | None,
 ) -> None:
     """Make the records of every baseline, or the named one, on every environment, or the named ones."""
-    from ..records.inventory import Piece, inventory
-    from ..viz.terminal.output import show, show_numbers
-    from .submit_all import last_line, make_all, summary_table
 
     def make(piece: Piece) -> Record:
         return _one(piece.submission, piece.env, options, piece.target.parent, more)
@@ -174,12 +171,6 @@ def _submit_one(
     path: str, env_ids: Sequence[str], options: RunOptions, output: Path | None, more: Mapping[str, Any]
 ) -> None:
     """Make the records of one submission on the named environments, and show them."""
-    from ..cards import load_card
-    from ..records.parts import require_new
-    from ..records.submitting import record_path, require_kept, require_writable
-    from ..submission.loader import load_submission
-    from ..viz.terminal.output import show, show_numbers
-
     submission = load_submission(path)
     targets = {env_id: record_path(submission, load_card(env_id), output, options.split) for env_id in env_ids}
     for target in targets.values():
@@ -210,8 +201,6 @@ def _one(
     submission: Submission, env_id: str, options: RunOptions, output: Path | None, more: Mapping[str, Any]
 ) -> Record:
     """Make the record of one env with a progress bar."""
-    from ..records import submit as make_record
-
     prepare(env_id, options)
     with working(f"{submission.name} on {env_id}", options) as watched:
         return make_record(submission.path, env_id, watched, output, **more)
@@ -219,8 +208,6 @@ def _one(
 
 def _record_table(record: Record) -> Table:
     """One line per subset."""
-    from ..viz.terminal.output import new_table, number
-
     title = f"{record.submission.name} on {record.env.id}: error at the false-forecast budgets (m, less is better)"
     names = ("subset", "error", "interval", "plain", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
     table = new_table(title, names, left=("subset",))
@@ -234,8 +221,6 @@ def _record_table(record: Record) -> Table:
 
 def _sentence(record: Record) -> str:
     """Status, times and failures in one line."""
-    from ..viz.terminal.output import counted
-
     latency, missed = record.measured.latency, record.missed
     parts = [f"{record.status}{f' ({record.status_reason})' if record.status_reason else ''}"]
     if latency.p50_ms is not None and latency.p95_ms is not None:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
+
+from rich.table import Table
 
 from ..errors import DataError, MtpBenchError
+from ..records import Record
+from ..records.inventory import Piece, standing_record, why_impossible
+from ..running.options import RunOptions
+from ..viz.terminal.output import counted, new_table
 from .output import said_of, say
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from ..records import Record
-    from ..records.inventory import Piece
-    from ..running.options import RunOptions
 
 Outcome = Literal["made", "kept", "not here", "failed", "left"]
 _OUTCOMES: tuple[Outcome, ...] = ("made", "kept", "not here", "failed", "left")
@@ -55,8 +54,6 @@ def make_all(
 
 
 def _make_one(piece: Piece, options: RunOptions, make: Callable[[Piece], Record]) -> Line:
-    from ..records.inventory import standing_record, why_impossible
-
     try:
         standing = standing_record(piece, options)
         if standing is not None:
@@ -84,8 +81,6 @@ def _line(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) 
 
 def summary_table(lines: Sequence[Line]) -> Table:
     """One line per environment: numbers of records by outcome, and the time they took."""
-    from ..viz.terminal.output import new_table
-
     headings = ("environment", *_OUTCOMES, "minutes", "MiB")
     table = new_table("Records with their rollouts", headings, left=("environment",))
     for env_id in dict.fromkeys(line.piece.env for line in lines):
@@ -99,8 +94,6 @@ def summary_table(lines: Sequence[Line]) -> Table:
 
 def last_line(lines: Sequence[Line]) -> str:
     """All outcomes in one sentence."""
-    from ..viz.terminal.output import counted
-
     outcomes = [line.outcome for line in lines]
     minutes, size = _minutes_and_size(lines)
     made = f"{counted(outcomes.count('made'), 'record')} made in {minutes:.1f} minutes, {outcomes.count('kept')} kept"

@@ -7,21 +7,24 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
+from rich.table import Table
 
 from ..errors import MtpBenchError, RecordError
+from ..records import checked_record, record_paths, trusted
+from ..records import verify as check_record
+from ..records.eligibility import LEAST_HIDDEN
+from ..records.intake import take_in
+from ..records.seal import Sealed, open_seal, open_seals
+from ..records.signing import require_signer
+from ..records.trust import Trust
+from ..records.verifying import Round, Verification, attest, confirm
+from ..running.options import RunOptions
+from ..viz.terminal.output import counted, new_table, number, show, show_numbers
 from .options import DataOption, JobsOption, JsonOption, TracksOption, WorkerChoice, absolute
 from .output import require_writable, said_of, some_of, working, write_json
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from ..records.seal import Sealed
-    from ..records.trust import Trust
-    from ..records.verifying import Round, Verification
-    from ..running.options import RunOptions
 
 MOST_DIFFERENCES = 20  # shown per record
 MOST_LETTERS = 60  # of a value in the table
@@ -112,10 +115,6 @@ def verify(
     json_file: JsonOption = None,
 ) -> None:
     """Check records: digest, card, data, and stored rollouts scored again. Status 1 if one does not hold."""
-    from ..records import trusted
-    from ..records.verifying import Round
-    from ..running.options import RunOptions
-
     _require_together(
         ("--submission", again.submission, "--rerun", again.rerun),
         ("--submissions", again.submissions, "--rerun", again.rerun),
@@ -146,10 +145,6 @@ def verify(
 
 
 def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> None:
-    from ..records import record_paths
-    from ..records.signing import require_signer
-    from ..viz.terminal.output import show_numbers
-
     paths = list(dict.fromkeys(path for each in given for path in (record_paths(each) if each.is_dir() else [each])))
     if not paths:
         raise RecordError(f"{given[0]}: no record there, expected files <submission>/<env id>.json")
@@ -179,11 +174,6 @@ def _check_one(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Result
 
 
 def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
-    from ..records import checked_record
-    from ..records import verify as check_record
-    from ..records.verifying import attest, confirm
-    from ..viz.terminal.output import counted, show, show_numbers
-
     asked = work.asked
     record = checked_record(path)
     done = asked.done(path, record, work.trust) if work.key is not None else None
@@ -209,8 +199,6 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
 
 def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mapping[str, Sealed]:
     """Seals by env."""
-    from ..records.seal import open_seal, open_seals
-
     if hidden is None:
         return {}
     if hidden.is_dir():
@@ -222,9 +210,6 @@ def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mappin
 
 
 def _take_in(given: Sequence[Path], trust: Trust, owner: str | None, json_file: Path | None) -> None:
-    from ..records.intake import take_in
-    from ..viz.terminal.output import show
-
     outcomes = [take_in(path, trust, owner) for path in given]
     accepted = [path for outcome in outcomes for path in outcome.accepted]
     refused = [text for outcome in outcomes for text in outcome.refused]
@@ -255,8 +240,6 @@ def _require_apart(*options: tuple[Any, ...]) -> None:
 def _difference_table(checked: Verification) -> Table:
     from rich.markup import escape
 
-    from ..viz.terminal.output import new_table
-
     headings = ("what", "recorded", "found")
     table = new_table(escape(f"{checked.path}: differences"), headings, left=headings)
     for difference in checked.differences[:MOST_DIFFERENCES]:
@@ -272,8 +255,6 @@ def _difference_table(checked: Verification) -> Table:
 def _summary(results: Sequence[_Result]) -> Table:
     """One line per record."""
     from rich.markup import escape
-
-    from ..viz.terminal.output import new_table, number
 
     headings = ("record", "level", "hidden error", "minutes", "note")
     table = new_table("records", headings, left=("record", "level", "note"))
@@ -299,9 +280,6 @@ def _as_json(checked: Verification) -> dict[str, Any]:
 
 
 def _verdict(checked: Verification) -> str:
-    from ..records.eligibility import LEAST_HIDDEN
-    from ..viz.terminal.output import counted, number
-
     record, hidden = checked.record, checked.hidden
     subject = f"{checked.path}: {record.submission.name} on {record.env.id}"
     sentences = [f"{subject}: holds, {checked.level}" if checked.holds else f"{subject}: does not hold"]

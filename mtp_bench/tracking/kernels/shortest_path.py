@@ -78,12 +78,9 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
         d, from_hub = best, at_best < 0
         if at_best >= 0:
             y = seen[at_best]
-            seen[at_best] = seen[closed]
-            seen[closed] = y
+            seen[at_best], seen[closed] = seen[closed], y
             closed += 1
-            low, high = owner[y], owner[y] + 1
-            if owner[y] == HUB:
-                low, high = 0, 0
+            low, high = (0, 0) if owner[y] == HUB else (owner[y], owner[y] + 1)
             continue
         hub_open = False
         for y in range(piece.m):
