@@ -17,7 +17,7 @@ OBSERVE = ("detections", "truth", "tracks")
 
 
 class EnvKeywords(TypedDict, total=False):
-    """Keywords of `MTPEnv`; None and missing ones stand for the card's own value, or for none."""
+    """Keywords of `MTPEnv`; None or a missing one means the card's own value, if the card has one."""
 
     observe: str  # "detections", "truth" for true boxes with true ids, or "tracks" for those of ``track_file``
     samples: int | None  # K; more than the card's belong to unranked runs

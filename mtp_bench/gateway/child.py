@@ -53,7 +53,7 @@ def end_with(parent: int | None) -> None:
 
 
 def join_new_keyring() -> None:
-    """Enter a new session keyring, where the number of that call is known: keys outlive a process."""
+    """Enter a new session keyring, since keys outlive a process; only on processors whose call number is known."""
     if sys.platform == "linux" and platform.machine() in _KEYCTL:
         number = ctypes.c_long(_KEYCTL[platform.machine()])
         ctypes.CDLL(None).syscall(number, _JOIN_SESSION_KEYRING, None)

@@ -1,8 +1,8 @@
 """The files that an agent's process sees: an allow-list.
 
 Read-only: the interpreter and its standard library, the shared libraries of the system, installed packages, the
-part of this library that players use, the image of the submission, and the compiled kernels. Writable: a
-temporary folder of bounded size. All other files of the machine are not hidden but absent.
+part of this library that agents use, the image of the submission, and the compiled kernels. Writable: a
+temporary folder of bounded size. All other files of the machine do not exist for the process.
 """
 
 from __future__ import annotations
@@ -83,12 +83,12 @@ def _with_tmp(links: Sequence[tuple[str, str]], shown: Sequence[tuple[str, str]]
 
 
 def _with_bytecode(path: Path) -> tuple[Path, ...]:
-    """A folder; or a module and its bytecode, which every process would compile again."""
+    """The path of a folder; or those of a module and its bytecode, so that no process compiles it again."""
     return (path, Path(importlib.util.cache_from_source(path))) if path.suffix == ".py" else (path,)
 
 
 def bare_layout() -> Layout:
-    """Files that the interpreter needs to start: to try the sandbox."""
+    """The layout with the fewest files that the interpreter can start with, to try the sandbox."""
     links, shown = _system_libraries()
     _add(shown, (os.fspath(interpreter()), *_standard_library()))
     return Layout(tuple(shown), _with_tmp(links, shown))
@@ -112,7 +112,7 @@ def interpreter() -> Path:
 
 
 def python() -> list[str]:
-    """The interpreter of an agent, without modules of the user, the working folder or the site.
+    """Command of an agent's interpreter, without modules of the user, the working folder or the site.
 
     Not ``-I``, which would ignore PYTHONHASHSEED in `environment`.
     """
@@ -144,7 +144,7 @@ def compiled_kernels() -> list[Path]:
 
 
 def _kernels() -> list[Any]:
-    """All kernels; imported here, since the judge does not import players."""
+    """All kernels; imported here, since the judge itself does not import trackers and predictors."""
     for package in _PLAYERS:
         importlib.import_module(package)
     kernels: list[Any] = importlib.import_module("mtp_bench.tracking.kernels.compile").KERNELS

@@ -1,4 +1,4 @@
-"""Check a submission before it is run for a record: contract, gateway, and scores beside the reference tracker."""
+"""Check a submission before it is run for a record: contract, gateway, and scores against the reference tracker."""
 
 from __future__ import annotations
 

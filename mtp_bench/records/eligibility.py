@@ -39,7 +39,7 @@ def why_not_comparable(record: Record, level: SignedLevel | None = None, ships: 
 def why_not_genuine(record: Record) -> str | None:
     """Why a record that names a baseline is of another submission; None for the baseline itself and other names.
 
-    Digests of earlier versions are not known: of those the signed level vouches, see `why_not_comparable`.
+    Digests of earlier versions are not known: for their records the signed level vouches, see `why_not_comparable`.
     """
     known = baseline_digest(record.submission.name, record.submission.networks)
     if known in (None, record.submission.digest) or record.earlier_version:
@@ -50,7 +50,8 @@ def why_not_genuine(record: Record) -> str | None:
 def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) -> dict[str, str]:
     """Why records of one env are not ranked because another submission has their name: by digest of the record.
 
-    Of several submissions of one name, the one with a signed level keeps it; without one, or with several, none does.
+    Of several submissions with one name, the one with a signed level keeps it. If none or several have a level, no
+    submission keeps it.
     """
     owners: dict[str, set[str]] = {}
     signed: dict[str, set[str]] = {}

@@ -33,7 +33,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Standing:
-    """Ranks of a record among those of its environment, and its numbers beside theirs."""
+    """Ranks of a record among those of its environment, and its gaps and differences to reference agents."""
 
     places: Mapping[Subset, Place]
     compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings to rank
@@ -66,10 +66,10 @@ def standings(
         ships: The shipped env of an id.
 
     Only records of what ships, of one data, the same units and division are ranked against each other; on simulated
-    envs those of one seal. The main ranking of an env is that of the newest seal with a record of STP, and of the
-    record with the highest level, STP's before others: never that of most records. A better record moves others down;
-    apart from that, a record changes no group, guard or gap but its own. Records of an earlier version stand apart,
-    among themselves: they are not compared with what ships, and only those with a signed level are ranked.
+    envs those of one seal. The main ranking of an env is that of the newest seal with a record of STP, then that of the
+    record with the highest level, STP's before others: never the largest group as such. A better record moves others
+    down; apart from that, a record changes no group, guard or gap but its own. Records of an earlier version are ranked
+    among themselves, if they have a signed level; they are not compared with what ships.
     """
     levels = levels or {}
     groups: dict[tuple[str, str], list[Record]] = {}

@@ -138,7 +138,7 @@ def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True
 
 
 def declared_data(submission: Submission, env_id: str, more: Sequence[str] = ()) -> list[str]:
-    """Training data that the record of a submission on an env declares; ``more`` than its manifest says."""
+    """Training data that the record of a submission on an env declares: that of its manifest, and ``more``."""
     note = submission.note_on(env_id)
     return [*submission.training_data, *more, *([note] if note else [])]
 

@@ -44,7 +44,7 @@ class Findings:
 
     @property
     def subject(self) -> StudiedAgent:
-        """The agent that the story is about: the first one."""
+        """The main agent of the study: the first one that was named."""
         return self.plan.subjects[0]
 
     def of(self, setting: Setting) -> Measured:

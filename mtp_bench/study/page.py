@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file that loads nothing, with the story, all figures and tables, the worst events."""
+"""The page of a study: one HTML file that loads no other, with text, all figures and tables, and the worst events."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def frequency_rows(findings: Findings) -> Iterator[Row]:
 
 
 def distance_rows(findings: Findings) -> Iterator[Row]:
-    """The paper's figure on distance: how far from the ego identities err."""
+    """The paper's figure on distance: events by the distance of their object from the ego, m."""
     papers = paper_facts(findings.bench.of_paper, "near")
     near = findings.of(findings.subject.single).around[0]
     for kind in ("ids", "frag") if findings.bench.card.has_ego else ():

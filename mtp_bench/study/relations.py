@@ -1,4 +1,4 @@
-"""Relations of the paper, and if they hold here, with intervals: absolute numbers do not compare."""
+"""Relations between numbers of the paper, tested here with intervals; the absolute numbers are not comparable."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def relation_rows(findings: Findings) -> Iterator[Row]:
 def _relation(
     relation: str, paper: str, measured: str, value: float | None, interval: Interval | None, unit: str, holds: str
 ) -> Row:
-    """A relation of the paper beside ours.
+    """A row with a relation of the paper and our measure of it.
 
     ``paper``: the paper's figures, empty if it has none for this env; ``measured``: our measure, in words.
     """
@@ -55,7 +55,7 @@ def _relation(
 def verdict(interval: Interval | None, limit: float, sign: int, weight: Floats) -> str:
     """Verdict on a value that should lie above (``sign`` 1) or below (-1) a limit, by its interval.
 
-    ``weight`` [U]: of the units; with fewer effective units than a rank needs it cannot be told.
+    ``weight`` [U]: of the units; with fewer effective units than a rank needs the verdict is OPEN.
     """
     if interval is None or effective_number(weight) < RANKED_UNITS:
         return OPEN

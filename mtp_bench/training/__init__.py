@@ -1,4 +1,4 @@
-"""Training: windows of tracklets beside the truth, and what is fitted to them."""
+"""Training: windows of tracklets with their true futures, and the models that are fitted to them."""
 
 from .tracklets import Windows as Windows
 from .tracklets import windows as windows

@@ -27,7 +27,7 @@ KNOT_BINS = 100  # of held-out rows, of equal size, for the isotonic regression
 
 
 def fit(rows: PresenceRows, recipe: PresenceRecipe) -> tuple[PresenceModel, Floats]:
-    """The model of these rows, and held-out probabilities [n] of the rows.
+    """The model fitted to n rows, and cross-validated probabilities [n] of the rows.
 
     The model of a held-out row was fitted on other scenes, and calibrated on held-out rows of yet other scenes.
     """

@@ -1,4 +1,4 @@
-"""Training windows: the tracks of a tracker beside what their objects did next.
+"""Training windows: the tracks of a tracker, each with the true future of its object.
 
 `windows` plays a tracker through the scenes of a split and keeps, frame by frame, the windows that a predictor would be
 shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.

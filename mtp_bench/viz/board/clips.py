@@ -1,4 +1,4 @@
-"""A short clip of the costliest event of an entry, made when the site is built: of simulated scenes alone.
+"""A short clip of the costliest event of an entry, made when the site is built; for simulated scenes only.
 
 Recorded scenes belong to their datasets: no picture of them is ever made for the leaderboard.
 """

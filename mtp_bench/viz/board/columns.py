@@ -22,7 +22,7 @@ PAGE = {
 
 
 def _of_row(name: str, subset: Subset = "all", **changes: Any) -> Column:
-    """A column of rows as one of entries, on one subset."""
+    """The column ``name`` of report rows as a column of entries, which reads their row of ``subset``."""
     column = _ROW[name]
     return replace(column, **{"read": lambda entry: column.value(entry.row_of(subset)), **changes})
 
@@ -132,7 +132,7 @@ def further_columns(entries: Collection[Entry]) -> list[Column]:
 
 
 def _over_all(column: Column) -> Column:
-    """A column of rows as one of entries, over all targets."""
+    """A column of report rows as a column of entries, which reads their row of all targets."""
     return replace(column, read=lambda entry: column.value(entry.row))
 
 

@@ -24,5 +24,5 @@ def simulated(env_id: str) -> bool:
 
 
 def short_name(env_id: str) -> str:
-    """The id without the parts of all ids: "nuScenes mini" of MTP-nuScenes-mini-v0."""
+    """Short form of an id for headings: "nuScenes mini" for MTP-nuScenes-mini-v0."""
     return env_id.removeprefix("MTP-").removesuffix("-v0").replace("-", " ")

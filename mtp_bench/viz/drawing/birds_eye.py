@@ -33,7 +33,7 @@ MARGIN = 3.0  # m around the objects of a fixed place
 
 @dataclass(frozen=True)
 class Camera:
-    """A view from above that goes along with the ego, or stays; it never turns, and its size never changes."""
+    """A view from above that follows the ego or stays; it never turns, and its size never changes."""
 
     follows: bool  # the ego
     window: Window  # its x: metres ahead of the ego, if it follows

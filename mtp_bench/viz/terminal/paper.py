@@ -23,7 +23,7 @@ def paper_figures(env_id: str, row: Row) -> Figures:
 
 
 def paper_gap(env_id: str, row: Row) -> float | None:
-    """Share of the gap on IDS that the agent of ``row`` closes in the paper, by minADE; None where it is not there."""
+    """Share of the gap on IDS that the agent of ``row`` closes in the paper, by minADE; None if unknown."""
     truth, stp = (figures_of(env_id, agent, row.budget, 1).get("ids") for agent in ("truth_past", "stp"))
     own = paper_figures(env_id, row).get("ids")
     if own is None or truth is None or stp is None:

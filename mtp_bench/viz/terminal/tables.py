@@ -192,7 +192,7 @@ def _row_columns(report: Report) -> tuple[Column, ...]:
 
 
 def _of_all(column: Column) -> Column:
-    """A column of rows as one of lines, on all targets."""
+    """A column of report rows as a column of lines, which reads their row of all targets."""
     return replace(column, read=lambda line: column.value(line.all))
 
 
@@ -205,14 +205,14 @@ def _lines_table(title: str, lines: Sequence[AgentLine], columns: Sequence[Colum
 
 
 def _on(column: Column, subset: Subset, heading: str = "") -> Column:
-    """A column of rows as one of lines, on one subset."""
+    """A column of report rows as a column of lines, which reads their row of ``subset``."""
     key = column.key if subset == "all" else f"{subset}_{column.key}"
     read: Callable[[AgentLine], Value] = lambda line: column.value(line.rows[subset])  # noqa: E731
     return replace(column, key=key, heading=heading or column.heading, read=read, optional=False)
 
 
 def _read(column: Column, part_of: Callable[[AgentLine], Any]) -> Column:
-    """A column of a part of a line as one of lines."""
+    """A column of a part of a line as a column of lines; ``part_of`` gets the part."""
     return replace(column, read=lambda line: column.value(part_of(line)))
 
 
