@@ -149,17 +149,17 @@ def budgets() -> str:
     lines += [circle(px(x, y), 5, VERMILLION) for x, y in zip(allowed.all.tolist(), at_budgets.tolist(), strict=True)]
     lines.append(line([px(allowed.all[0], mean), px(allowed.all[-1], mean)], VERMILLION, 1.5, dashed=True))
     lines.append(text((px(allowed.all[-1], mean)[0] + 10, px(0, mean)[1] + 5), f"mean {mean:.1f} m ranks", VERMILLION))
-    silence = float(score.miss_error.mean())
-    lines.append(line([px(0, silence), px(10, silence)], GREY, 1.5, dashed=True))
-    lines.append(text((px(10, silence)[0], px(0, silence)[1] - 6), f"silence: {silence:.1f} m", GREY, "end"))
+    empty = float(score.miss_error.mean())
+    lines.append(line([px(0, empty), px(10, empty)], GREY, 1.5, dashed=True))
+    lines.append(text((px(10, empty)[0], px(0, empty)[1] - 6), f"nothing predicted: {empty:.1f} m", GREY, "end"))
     return drawing(680, 284, lines)
 
 
 def gap() -> str:
     """The share of the gap from STP to ground-truth tracks that an agent closes."""
     away = np.linspace(-0.1, 0.1, 8)  # eight units, one target each
-    errors = {"true pasts": 0.6 + away, "agent": 1.1 + 0.5 * away, "STP": 1.6 + away}
-    found = gap_closed(errors["agent"], errors["STP"], errors["true pasts"], np.ones(8))
+    errors = {"GT tracks": 0.6 + away, "agent": 1.1 + 0.5 * away, "STP": 1.6 + away}
+    found = gap_closed(errors["agent"], errors["STP"], errors["GT tracks"], np.ones(8))
     assert found is not None
 
     def px(error: float) -> float:

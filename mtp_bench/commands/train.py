@@ -61,8 +61,8 @@ def predictor(
         str | None,
         typer.Option(
             "--on",
-            help="truth: true pasts. tracklets: those of a tracker. Default: truth; for affinity and tracking_free "
-            "tracklets.",
+            help="truth: ground-truth tracks. tracklets: tracks of a tracker. Default: truth; for affinity and "
+            "tracking_free tracklets.",
             autocompletion=words("truth", "tracklets"),
         ),
     ] = None,

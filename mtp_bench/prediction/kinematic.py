@@ -56,7 +56,7 @@ class KinematicPredictor:
         return Forecasts(futures.reshape(len(track), draws * k, self._task.future, 2), row=row)
 
     def futures(self, frame: Frame, track: Ints, draw: Ints, samples: int) -> Floats:
-        """Futures [Q, samples, T, 2], absolute x y, of the tracks ``track`` [Q]; equal ``draw`` [Q], equal numbers."""
+        """Futures [Q, samples, T, 2], absolute x y, of tracks ``track`` [Q]; ``draw`` [Q] picks the random numbers."""
         task = self._task
         tau = task.dt * np.arange(1, task.future + 1)
         normal = self._normal(frame, int(draw.max(initial=-1)) + 1, samples)
@@ -92,10 +92,11 @@ class KinematicPredictor:
 
 
 class HedgedPredictor:
-    """Spread k samples over several lengths of the past, and one sample that stands still: the control without cost.
+    """Spread k samples over several lengths of the past, and one sample that stands still.
 
-    Protocol, "Controls". ``pasts``: frames of history, as far as the task gives them; they share the samples evenly,
-    the shortest ones get what is left over. Each past draws random numbers of its own.
+    It is a control for hypotheses that needs only one (protocol, "Controls"). ``pasts``: frames of history, as far as
+    the task gives them. They share the samples evenly, and the shortest ones get the remainder. Each past draws random
+    numbers of its own.
     """
 
     def __init__(self, pasts: Sequence[int] = (2, 3, 5, 10)) -> None:

@@ -60,7 +60,7 @@ class TrackWindows:
 
 
 def shown_as_truth(windows: TrackWindows) -> TrackWindows:
-    """Windows in the form of true pasts: score 1 for every box, hits and age within the window alone."""
+    """Windows in the form of ground-truth tracks: score 1 for every box, hits and age within the window alone."""
     hits, age = (np.maximum(mask.sum(axis=1), 1) for mask in (windows.taken, windows.alive))
     return replace(windows, score=windows.taken.astype(np.float64), hits=hits, age=age)
 

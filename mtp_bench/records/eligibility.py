@@ -22,7 +22,7 @@ Ships = Callable[[str], Shipped | None]
 
 
 def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships = shipped) -> str | None:
-    """Why a record is shown without a rank, in a few words; None if it is ranked.
+    """Reason why a record is shown without a rank, in a few words; None if it is ranked.
 
     ``level``: its signed level; ``ships``: the shipped env of an id.
     """
@@ -32,12 +32,12 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
 
 
 def why_not_comparable(record: Record, level: SignedLevel | None = None, ships: Ships = shipped) -> str | None:
-    """Why the numbers of a record cannot be compared with those of others, in a few words; None if they can."""
+    """Reason why the numbers of a record cannot be compared with those of others, in a few words; None if they can."""
     return next(_reasons(record, level, ships), None)
 
 
 def why_not_genuine(record: Record) -> str | None:
-    """Why a record that names a baseline is of another submission; None for the baseline itself and other names.
+    """Reason why a record that names a baseline is of another submission; None for the baseline itself and other names.
 
     Digests of earlier versions are not known: for their records the signed level vouches, see `why_not_comparable`.
     """
@@ -48,7 +48,7 @@ def why_not_genuine(record: Record) -> str | None:
 
 
 def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) -> dict[str, str]:
-    """Why records of one env are not ranked because another submission has their name: by digest of the record.
+    """Reason why records of one env are not ranked because another submission has their name: by digest of the record.
 
     Of several submissions with one name, the one with a signed level keeps it. If none or several have a level, no
     submission keeps it.

@@ -160,7 +160,7 @@ def _unranked(why: str) -> dict[Subset, Place]:
 
 
 def _why_apart(division: str, place: Place) -> str:
-    """Why a record of another group than the main ranking has no rank."""
+    """Reason why a record of another group than the main ranking has no rank."""
     if division == "closed":
         return OTHERS
     return "open division" + (f": rank {place.rank} there" if place.rank is not None else "")
@@ -184,7 +184,7 @@ def _places(group: Sequence[_Entrant], peers: Sequence[_Entrant]) -> list[dict[S
 
 
 def _guarded(error: float | None, stp: float | None, own: float | None) -> str | None:
-    """Why a record is not ranked on event subsets."""
+    """Reason why a record is not ranked on event subsets."""
     return "no record of stp beside it" if stp is None else guard(error, stp, own)
 
 

@@ -266,7 +266,7 @@ class Record(Section):
 
     @property
     def unfinished(self) -> str:
-        """Why some scenes were not finished; empty if all were."""
+        """Reason why some scenes were not finished; empty if all were."""
         if self.status != "finished":
             return f"{self.status}: {self.status_reason}"
         crashed = self.missed.crashed_scenes

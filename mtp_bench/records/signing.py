@@ -34,7 +34,7 @@ def sign(message: bytes, key: Path) -> str:
 
 
 def why_not_signed(message: bytes, signature: str, signer: str, trust: Trust) -> str:
-    """Why this is not a signature of ``message`` by a trusted key of ``signer``; empty if it is."""
+    """Reason why this is not a signature of ``message`` by a trusted key of ``signer``; empty if it is."""
     if not shutil.which(_PROGRAM):
         return MISSING
     if not trust.keys.is_file():

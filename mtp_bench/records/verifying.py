@@ -197,7 +197,7 @@ def confirm(checked: Verification) -> Record:
 
 
 def _check_earlier(path: Path, record: Record, again: bool) -> Verification:
-    """A record of an earlier version: its digests are not comparable with those of today."""
+    """Check a record of an earlier version, whose digests are not comparable with today's."""
     if again:
         raise RecordError(
             f"{path}: made by version {record.earlier_version}, which this version cannot run again: make it again "
@@ -216,7 +216,7 @@ def _score_again(
     options: RunOptions,
     times_differ: bool = False,
 ) -> Verification:
-    """The check by rollouts: stored ones, or those of another run, whose ``times_differ``."""
+    """Check a record by scoring rollouts: stored ones, or those of another run, whose ``times_differ``."""
     changed = tuple(differences("hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)))
     if changed:
         return Verification(path, record, "scored", changed)
@@ -314,7 +314,7 @@ def _require_sandbox(path: Path, record: Record, options: RunOptions) -> None:
 
 
 def _limits(path: Path, record: Record, stated: bool) -> Limits:
-    """Limits of a run again.
+    """Limits for running the submission of a record again.
 
     RecordError if they are more than ranks need and were not allowed, and if no run can confirm the record.
     """

@@ -33,8 +33,8 @@ def fit_env(
 ) -> str:
     """TOML of the motion noise fitted on the training split of an env: tables for the file of its domain.
 
-    ``options`` may name another split. ``observe``: "truth" for true pasts. ``without``: a fold whose scenes are left
-    out, see `open_split`. Raises MtpBenchError if there is nothing to fit.
+    ``options`` may name another split. ``observe``: "truth" for ground-truth tracks. ``without``: a fold whose scenes
+    are left out, see `open_split`. Raises MtpBenchError if there is nothing to fit.
     """
     if observe not in OBSERVE:
         raise UnknownNameError("value of observe", observe, OBSERVE)
@@ -52,8 +52,8 @@ def fit_env(
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
     """Noise of every class of ``task`` from scenes of a training split, by class name.
 
-    Pasts are tracks of the single-hypothesis tracker, or true pasts if the task observes the truth. A class without
-    windows is left out.
+    Pasts are tracks of the single-hypothesis tracker, or ground-truth tracks if the task observes the truth. A class
+    without windows is left out.
     """
     tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker()
     windows = collect(scenes, task, tracker)

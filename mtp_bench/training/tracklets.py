@@ -31,7 +31,7 @@ from .labels import UNKNOWN, SceneLabels, TrackLabels
 from .split import open_split
 from .window_cache import cached_windows
 
-TRUTH = "truth"  # in place of a tracker: true pasts
+TRUTH = "truth"  # in place of a tracker: ground-truth tracks
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ def windows(
 ) -> Windows:
     """Windows of every track of every hypothesis, at every frame of the scenes of a split.
 
-    ``tracker``: your own tracker, the number of hypotheses of `HypothesisTracker`, or "truth" for true pasts.
+    ``tracker``: your own tracker, the number of hypotheses of `HypothesisTracker`, or "truth" for true ones.
     ``scenes``: how many, the first ones, or their names; None: those of ``options``. ``options``: data root, detector,
     workers and progress.
 
@@ -139,7 +139,7 @@ def windows(
 
 
 def _require_tracker(tracker: object) -> None:
-    """Raise MtpBenchError unless ``tracker`` is a tracker or stands for one."""
+    """Raise MtpBenchError unless ``tracker`` is a tracker, a number of hypotheses, or "truth"."""
     if isinstance(tracker, str):
         known = tracker == TRUTH
     elif isinstance(tracker, (int, np.integer)):

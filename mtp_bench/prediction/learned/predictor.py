@@ -28,8 +28,8 @@ class LearnedPredictor:
     network that finds the object among the detections around it; "network": its input is all of them, "track": only
     those that the track took, as in a pipeline that tracks first.
 
-    A network that was trained on true pasts gets tracks in that form, with score 1 and no count of frames before the
-    window: it has never seen another score, and its answer to one is arbitrary.
+    A network that was trained on ground-truth tracks gets all tracks in that form, with score 1 and no count of frames
+    before the window: it has never seen another score, and its answer to one is arbitrary.
 
     Raises SubmissionError for an ``association`` that the network does not have, and at ``reset`` if there is no file
     or it is made for another task.
