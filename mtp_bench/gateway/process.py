@@ -236,17 +236,17 @@ class AgentProcess:
             raise ExcessError(f"it had started {len(family) - 1} other processes, or more")
         threads = sum(map(processes.threads, family))
         if threads > MOST_THREADS:
-            raise ExcessError(f"its {len(family)} processes had {threads} threads, of {MOST_THREADS}")
+            raise ExcessError(f"its {len(family)} processes had {threads} threads, expected at most {MOST_THREADS}")
         files = processes.files_below(self._pid, TEMPORARY) if self._sandboxed and self._answered else 0
         if files > _MOST_FILES:
-            raise ExcessError(f"it had made {files} files, of {_MOST_FILES}")
+            raise ExcessError(f"it had made {files} files, expected at most {_MOST_FILES}")
         if self._group is not None:
             return  # which bounds their memory
         # Memory that they share may be in no page table now: count all that they could reach.
         memory = processes.resident(self._pid) + sum(map(processes.mapped, family[1:]))
         if memory > self._limits.memory:
             raise ExcessError(
-                f"its {len(family)} processes held {memory >> 20} MiB, of {self._limits.memory >> 20} MiB"
+                f"its {len(family)} processes held {memory >> 20} MiB, expected at most {self._limits.memory >> 20} MiB"
             )
 
     def _ended(self) -> bool:

@@ -166,7 +166,7 @@ def open_seal(
     sha256 = commitment_of(seeds)
     promise = read_as(Commitment, public, _ABSENT)
     if (promise.commitment, promise.env, promise.count) != (sha256, seeds.env, seeds.count):
-        raise RecordError(f"{path}: has the sha256 {sha256[:12]}, {public} promises {promise.commitment[:12]}")
+        raise RecordError(f"{path}: has the sha256 {sha256[:12]}, expected {promise.commitment[:12]} as in {public}")
     known = (listed or {}).get(sha256)
     if beside(path, RETIRED).exists() or (known is not None and known.retired):
         raise RetiredSealError(
@@ -208,7 +208,7 @@ def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
     seeds, weights = read_as(SecretSeeds, path, _ABSENT), beside(path, WEIGHTS)
     promise = read_as(Commitment, beside(path, COMMITMENT), _ABSENT)
     if promise.commitment != commitment_of(seeds):
-        raise RecordError(f"{path}: is not the secret that {beside(path, COMMITMENT)} promises")
+        raise RecordError(f"{path}: is not the secret of the commitment in {beside(path, COMMITMENT)}")
     hashed = read_reference(weights).digest if weights.is_file() else None
     target = folder / beside(path, RETIRED).name
     for file in (target, folder / weights.name):

@@ -242,12 +242,12 @@ def _require_unchanged(plan: Plan) -> None:
 
 
 def _require_one_data(plan: Plan, runs: Runs, evaluation: Evaluation) -> None:
-    """Raise DataError if scenes of an interrupted submit were run on other data than today's."""
+    """Raise DataError if the data of scenes changed after an interrupted command ran them."""
     for results in runs.values():
         for name, run, digest in zip(plan.scenes, results, evaluation.scene_digests, strict=True):
             if run.scene_digest not in ("", digest):
                 raise DataError(
-                    f"{name}: its data are others than when {plan.submission.name} was run on it, expected the same in "
+                    f"{name}: its data changed after {plan.submission.name} was run on it, expected the same data in "
                     "all scenes: submit again with --fresh"
                 )
 

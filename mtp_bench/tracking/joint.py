@@ -85,5 +85,5 @@ def _rows_of(p: int, parent: Any, rows: int) -> Ints:
     subset = given.astype(np.int64)
     if subset.size and (subset.min() < 0 or subset.max() >= rows):
         wrong = subset.min() if subset.min() < 0 else subset.max()
-        raise ShapeError(f"parents[{p}] names row {wrong} of {rows} rows")
+        raise ShapeError(f"parents[{p}] names row {wrong}, expected at least 0 and below {rows}")
     return subset

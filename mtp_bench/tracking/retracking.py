@@ -113,7 +113,7 @@ class ReTracker:
         if tracks.parent is not None:
             return tracks.parent
         if len(tracks.member) > 1 or len(self._member) > 1:
-            raise ShapeError("the tracker has several hypotheses and states no parent of them; re-tracking needs it")
+            raise ShapeError("the tracker has several hypotheses without stated parents, which re-tracking needs")
         return np.zeros(1, dtype=np.int64)
 
     def _forecast(self, tracks: Tracks, leaf: Ints) -> Floats:

@@ -352,7 +352,7 @@ def test_scenes_of_other_data_are_not_mixed(
     file.write_text("\n".join(file.read_text().splitlines()[1:]))
     command[command.index("--data") + 1] = str(other)
     said = cli(*command, "--resume").error
-    assert f"{min(done)}: its data are others than when echo was run on it" in said
+    assert f"{min(done)}: its data changed after echo was run on it" in said
     assert "--fresh" in said
     cli.ok(*command, "--fresh")
 

@@ -58,7 +58,7 @@ def test_another_secret_than_promised_is_refused(change: dict[str, Any], tmp_pat
     path = tmp_path / "secret.json"
     seal(ENV, 5, path)
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
-    with pytest.raises(RecordError, match=r"has the sha256 .* promises"):
+    with pytest.raises(RecordError, match=r"has the sha256 .*, expected .* as in"):
         open_seal(path)
 
 

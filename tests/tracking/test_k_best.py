@@ -86,7 +86,7 @@ ERRORS: dict[str, tuple[Any, int, Any, Any, str]] = {
     "one dimension": ([1.0, 2.0], 1, None, None, r"shape \(2,\)"),
     "base_cost too long": ([[0.0]], 1, [[0]], [0.0, 1.0], r"base_cost has shape \(2,\), expected \(1,\)"),
     "base_cost a single number": ([[0.0]], 1, [[0]], 3.0, r"base_cost has shape \(\)"),
-    "row beyond the last": ([[0.0]], 1, [[0], [1]], None, r"parents\[1\] names row 1 of 1"),
+    "row beyond the last": ([[0.0]], 1, [[0], [1]], None, r"parents\[1\] names row 1, expected at least 0 and below 1"),
     "negative row": ([[0.0]], 1, [[-1]], None, r"parents\[0\] names row -1"),
     "rows that are not whole": ([[0.0]], 1, [[0.5]], None, r"parents\[0\] is \[0.5\]"),
     "mask too wide": ([[0.0]], 1, np.ones((1, 2), bool), None, r"parents\[0\] is a mask of 2 rows, expected 1"),

@@ -205,7 +205,7 @@ def test_reset_forgets() -> None:
 
 def test_several_hypotheses_need_parents() -> None:
     tracker = ReTracker(Script([[[(1, 0.0, 0.0)]] * 2], parents=False), KinematicPredictor())
-    with pytest.raises(ShapeError, match="states no parent"):
+    with pytest.raises(ShapeError, match="without stated parents"):
         list(run(tracker, [frame((0, 0, PEDESTRIAN))], TASK))
     one = ReTracker(Script(alone([(1, 0.0, 0.0)]), parents=False), KinematicPredictor())
     assert [after.track_id.tolist() for after in run(one, [frame((0, 0, PEDESTRIAN))], TASK)] == [[0]]
