@@ -121,7 +121,7 @@ def unordered_map(
             ) from None
         except BrokenProcessPool:
             raise MtpBenchError(
-                f"one of {count} processes returned a result or an exception that cannot be pickled: "
+                f"one of {count} processes returned a result or an exception that cannot be pickled or unpickled: "
                 "use one process to see it (--jobs 1)"
             ) from None
 

@@ -67,7 +67,7 @@ class Forecasts:
                 raise ShapeError(f"forecasts.{name} has shape {np.shape(value)}, expected {shape}")
 
     def rows_of(self, tracks: Tracks) -> Ints:
-        """Row [H, N] of each track in each hypothesis; entries of hypotheses that do not hold the track mean nothing.
+        """Row [H, N] of each track in each hypothesis; entries of hypotheses without the track are arbitrary.
 
         Raises ShapeError where ``row`` does not fit the tracks or the samples.
         """

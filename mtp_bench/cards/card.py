@@ -153,7 +153,7 @@ class Card(Section):
 
     @property
     def ego_motion(self) -> bool:
-        """False: every frame is given in its own sensor frame."""
+        """True if all frames share a frame of reference; else each is in its own sensor frame."""
         return self.source.traits.common_frame
 
     @property
@@ -232,7 +232,7 @@ def _check_classes(card: Card, where: str) -> None:
 
 
 def _check_length(card: Card, where: str) -> None:
-    """Scenes whose length the card decides must be long enough for a target."""
+    """Raise CardError if the card makes its scenes too short for a target."""
     seconds = card.source.traits.scene_seconds
     if seconds is None:
         return
@@ -245,7 +245,7 @@ def _check_length(card: Card, where: str) -> None:
 
 
 def _check_detections(card: Card, where: str) -> None:
-    """A path is not part of the digest, so the content must be: else other detections would have the same digest."""
+    """Raise CardError for a detection file without its sha256: the card's digest covers the content, not the path."""
     path, content = (getattr(card.source, f"detections_{name}", None) for name in ("file", "sha256"))
     if path is not None and content is None:
         raise CardError(

@@ -30,7 +30,7 @@ def check(
     scenes: ScenesOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Check that a submission keeps the contract, and score up to three scenes beside STP. Status 1 for errors."""
+    """Check that a submission keeps the contract, and compare up to three scenes with STP. Status 1 for errors."""
     require_writable(json_file)
     if scenes is not None and scenes > SCENES:
         raise typer.BadParameter(f"{scenes}, expected at most {SCENES}: the limit of a check", param_hint="--scenes")

@@ -42,7 +42,7 @@ class DetectedRows:
 
     @classmethod
     def none(cls) -> DetectedRows:
-        """No rows."""
+        """A table of 0 rows."""
         no_ints = np.zeros(0, dtype=np.int64)
         return cls(no_ints, np.zeros((0, 7)), np.zeros((0, 2)), no_ints, np.zeros(0))
 

@@ -25,7 +25,7 @@ class Neighbours:
 
     @classmethod
     def none(cls) -> Neighbours:
-        """No pairs."""
+        """Neighbours with 0 pairs."""
         no_rows = np.zeros(0, dtype=np.int64)
         return cls(no_rows, no_rows, np.zeros(0))
 

@@ -81,7 +81,7 @@ def _root(folder: Path) -> Path:
 def _refused_as_a_whole(
     root: Path, files: set[Path], names: Mapping[str, str], trust: Trust, owner: str | None, whole: bool
 ) -> list[str]:
-    """Refusals of rollouts, and in a ``whole`` leaderboard of removed files and of names without a record."""
+    """Refusals of stored rollouts, and in a ``whole`` leaderboard also of removed files and names without a record."""
     refused = [
         f"{path.relative_to(root)}: stored rollouts stay with their makers (of recorded scenes they must not be "
         "published), expected records alone: take the folder out of the proposal"

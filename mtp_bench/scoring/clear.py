@@ -162,7 +162,7 @@ def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.int
 
 
 def _codes(ids: list[NDArray[Any]]) -> NDArray[np.int64]:
-    """Numbers from 0 on that are equal where the ids are."""
+    """Numbers from 0 on, equal for equal ids."""
     if ids and all(part.dtype.kind in "iu" for part in ids):
         whole = np.concatenate(ids)
         least, most = int(whole.min()), int(whole.max())

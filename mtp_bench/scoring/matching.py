@@ -215,7 +215,7 @@ def _cheapest_below_zero(row: Rows, column: Rows, cost: Floats) -> Rows:
 
 
 def _cheapest_sparse(row: Rows, column: Rows, cost: Floats) -> Rows:
-    """The same in memory of the pairs alone."""
+    """As `_cheapest_below_zero`, in memory that grows with the pairs, not with rows x columns."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 

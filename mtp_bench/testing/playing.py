@@ -69,7 +69,7 @@ def play(
 
 
 def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
-    """Play observations of no scene, each with its description; raises AgentError."""
+    """Play observations made up for a check, each with its description; raises AgentError."""
     return _play(agent, task, _listed(frames), "made-up scene", scribble=False)
 
 
