@@ -94,8 +94,8 @@ class KinematicPredictor:
 class HedgedPredictor:
     """Spread k samples over several lengths of the past, and one sample that stands still.
 
-    It is a control for hypotheses that needs only one (protocol, "Controls"). ``pasts``: frames of history, as far as
-    the task gives them. They share the samples evenly, and the shortest ones get the remainder. Each past draws random
+    It is a control with one hypothesis (protocol, "Controls"). ``pasts``: frames of history, as far as the task gives
+    them. They share the samples evenly, and the shortest ones get the remainder. Each past draws random
     numbers of its own.
     """
 

@@ -149,7 +149,7 @@ def people_rows(findings: Findings) -> Iterator[Row]:
 
 
 def speed_rows(findings: Findings) -> Iterator[Row]:
-    """Table IV of the paper: time per frame of tracking, prediction and both, over the number of hypotheses H."""
+    """Table IV of the paper: time per frame of tracking, prediction and the whole agent, by number of hypotheses H."""
     papers = paper_facts(findings.bench.of_paper, "speed")
     for speed in findings.speed:
         count = str(speed.hypotheses)

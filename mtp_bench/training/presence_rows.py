@@ -47,7 +47,7 @@ class PresenceRecipe:
         return cls(**{**table, "scenes": scenes, "features": features})
 
     def choices(self, detector: str) -> tuple[SceneChoice, ...]:
-        """The scenes to read, run with ``detector``, and with the detector ``like`` too if there is one."""
+        """The scenes to read; if the model of ``like`` is taken, the first choice with each of both detectors."""
         if self.like is None:
             return self.scenes
         return tuple(replace(self.scenes[0], detector=name) for name in (detector, self.like))

@@ -36,10 +36,10 @@ class DetectionStore:
 
 
 def open_detections(paths: Sequence[Path], tables: TableStore, names: Sequence[str]) -> tuple[DetectionStore, ...]:
-    """Open as few files as cover the scenes ``names``; the first time a file is read whole and cached.
+    """Open the files that cover the scenes ``names``; a file is read whole the first time, and cached.
 
-    Files whose first sample is of one of the scenes, or cannot be made out, come first; the others follow until all
-    scenes are covered. Raises DataError for an invalid file, naming the sample token, and if no file has samples of
+    All files are opened whose first sample is of one of the scenes or cannot be found, and then others until all scenes
+    are covered. Raises DataError for an invalid file, naming the sample token, and if no file has samples of
     these tables.
     """
     wanted = np.zeros(tables.start[-1], dtype=bool)
