@@ -46,7 +46,7 @@ from pathlib import Path
 from mtp_bench.gateway import fork_server, layout
 from mtp_bench.records import submitting
 fork_server.LOADED = ("mtp_bench.submission.loader",)
-layout._KERNELS.clear()  # else their compiler is loaded, and no agent here tracks
+layout._kernels = lambda: []  # else their compiler is loaded, and no agent here tracks
 submitting.reference_for = lambda *_: pickle.loads(Path(os.environ["{weights}"]).read_bytes())
 from mtp_bench.commands.app import main
 main()
@@ -258,6 +258,7 @@ def test_two_at_once(cli: CommandLine, command: list[str], undisturbed: str, tmp
     first = start(command)
     wait_for_parts(first, target, 0)
     while not (target.with_suffix(".part") / "plan.json").exists():
+        assert first.poll() is None, first.communicate()
         time.sleep(0.01)
     said = cli(*command, "--resume").error
     assert said.startswith(f"{target} is being written by another process: wait for it")
