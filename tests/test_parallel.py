@@ -29,7 +29,7 @@ def boom(frame: int) -> None:
 
 
 def test_an_unpicklable_error_is_not_reported_as_lack_of_memory() -> None:
-    with pytest.raises(MtpBenchError, match=r"result or exception of one of 2 .*\(--jobs 1\)"):
+    with pytest.raises(MtpBenchError, match=r"cannot be pickled or unpickled: .*\(--jobs 1\)"):
         parallel_map(boom, [(1,), (2,)], Workers(2))
     with pytest.raises(NotSentError):
         parallel_map(boom, [(1,), (2,)])

@@ -93,7 +93,7 @@ def test_a_disk_that_fails_once_stops_no_round(
             raise OSError(errno.ENOSPC, "No space left on device", "/cache/scene.npz")
         return verify(path, *arguments)
 
-    monkeypatch.setattr("mtp_bench.records.verify", failing)
+    monkeypatch.setattr("mtp_bench.commands.verify.check_record", failing)
     output = cli("verify", made / "records", "--env", card, "--data", kitti, "--jobs", 1)
     assert output.error.startswith("/cache/scene.npz: No space left on device, ")
     assert output.out.count("holds, re-scored") == 2
