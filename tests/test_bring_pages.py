@@ -1,12 +1,10 @@
-"""The Python blocks of the pages on own trackers, stored tracks and the prediction challenge."""
+"""The Python blocks of the pages on own trackers and stored tracks."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 from typing import Any
-
-import pytest
 
 from mtp_bench import MTPEnv
 from mtp_bench.running import stored
@@ -40,8 +38,3 @@ def test_stored_tracks_are_shown(repository: Path, card: str, kitti: str, tmp_pa
     export_tracks(open_run(tmp_path / "run", kitti, card), tmp_path / "tracks")
     first_ids = names_of(repository / "docs/data/stored_tracks.md")["first_ids"]
     assert sorted(first_ids(card, kitti, str(tmp_path / "tracks"))) == [0, 1, 2]
-
-
-def test_the_metrics_of_the_page(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    names_of(repository / "docs/data/prediction_challenge.md")
-    assert capsys.readouterr().out == "[3.0, 0.0, 0.0]\n"

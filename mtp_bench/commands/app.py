@@ -53,8 +53,7 @@ class Commands(LazyGroup):
         "verify": "Check records, and run their submissions again.",
         "board": "Show the leaderboard.",
         "import": "Turn recordings of other formats into own scenes and a card.",
-        "export": "Write stored rollouts in the formats of other benchmarks.",
-        "challenge": "Score predictions of the nuScenes prediction challenge.",
+        "export": "Write the tracks of a stored run in the formats of other benchmarks.",
         "maintain": "Commands of the maintainers.",
     }
 

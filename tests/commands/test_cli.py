@@ -25,7 +25,7 @@ from tests.support.command_line import CommandLine, copy_sequence, plain_environ
 from tests.support.small_scenes import write_kitti
 
 COMMANDS = ["envs", "data", "run", "score", "compare", "study", "view", "events", "video", "train", "fit-noise"]
-COMMANDS += ["new", "check", "submit", "verify", "board", "import", "export", "challenge", "maintain"]
+COMMANDS += ["new", "check", "submit", "verify", "board", "import", "export", "maintain"]
 TABLES = ["envs", "data", "score", "compare", "events", "check", "verify", "board"]  # what prints one
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
 
@@ -108,7 +108,6 @@ WRONG_USAGE = {
     "no backend for it": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scheduler", "tcp://a:1"],
     "a page of another form": ["board", "-o", "RESULTS.md"],
     "a table of another form": ["board", "--table", "table.xls"],
-    "predictions of another form": ["export", "prediction", "run", "-o", "run.py"],
     "nothing is run at intake": ["verify", "records", "--intake", "--rerun"],
     "two places of submissions": ["verify", "a", "--rerun", "--submission", "a", "--submissions", "b"],
     "more scenes than are checked": ["check", "stp", "--scenes", "10"],

@@ -97,7 +97,7 @@ def test_the_command_exports_what_can_be_read_back(
     cli: CommandLine, known: list[str], tracks: str, tmp_path: Path
 ) -> None:
     run = Path(tracks).parent / "run"
-    said = cli.ok("export", "tracks", run, *known, "--table", "-o", tmp_path / "tables")
+    said = cli.ok("export", run, *known, "--table", "-o", tmp_path / "tables")
     assert said == f"{tmp_path / 'tables'}: 36 tracked positions\n"
     text = (tmp_path / "tables/0001.csv").read_text().replace('"', "")
     assert text.startswith("frame,id,class,x,y,z,yaw,l,w,h,score\n0,0,car,")
@@ -109,19 +109,17 @@ def test_the_command_exports_what_can_be_read_back(
         for name in ("by_table", "by_result")
     )
     assert by_table["error"] == pytest.approx(by_result["error"], abs=1e-4)
-    again = cli("export", "tracks", run, *known, "--table", "-o", tmp_path / "tables").error
+    again = cli("export", run, *known, "--table", "-o", tmp_path / "tables").error
     assert again == f"{tmp_path / 'tables'} is not empty: choose another folder"
     for more, what in (((), "KITTI's results"), (("--table",), "tables")):
-        said = cli("export", "tracks", run, *known, *more, "-o", tmp_path / "t.json").error
+        said = cli("export", run, *known, *more, "-o", tmp_path / "t.json").error
         assert said == f"{tmp_path / 't.json'}: {CARD_ID} is written as {what}: name a folder, not a .json file"
     assert not (tmp_path / "t.json").exists()
-    assert cli("export", "pictures", run, *known, "-o", tmp_path / "x").status == 2
-    assert cli("export", "prediction", run, *known, "--table", "-o", tmp_path / "x").status == 2
 
 
 def test_tracks_of_some_scenes_are_imported(cli: CommandLine, known: list[str], tmp_path: Path) -> None:
     cli.ok("run", "stp", *known, "--scenes", 2, "-o", tmp_path / "run", "--jobs", 1)
-    cli.ok("export", "tracks", tmp_path / "run", *known, "-o", tmp_path / "theirs")
+    cli.ok("export", tmp_path / "run", *known, "-o", tmp_path / "theirs")
     words = ("import", "tracks", tmp_path / "theirs", *known, "-o", tmp_path / "tables")
     said = cli(*words).error
     assert said.startswith(f"no file {tmp_path / 'theirs' / '0008.'}")

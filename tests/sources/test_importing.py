@@ -201,7 +201,7 @@ def test_a_tracking_submission_becomes_tables_that_score_alike(
     env = ("--env", "MTP-nuScenes-mini-v0", "--split", "mini_val", "--data", data_root)
     cli.ok("run", "stp", *env, "-o", tmp_path / "stp", "--jobs", 1)
     file = tmp_path / "submission.json"
-    cli.ok("export", "tracks", tmp_path / "stp", "-o", file, "--data", data_root)
+    cli.ok("export", tmp_path / "stp", "-o", file, "--data", data_root)
     said = cli.ok("import", "tracks", file, *env, "-o", tmp_path / "tables")
     assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == ["scene-0103.csv", "scene-0916.csv"]
     assert "of 2 scenes in" in said
