@@ -17,6 +17,8 @@ PROCESS = np.diag([1.0] * 7 + [0.01] * 3)
 AT_BIRTH = np.diag([10.0] * 7 + [10_000.0] * 3)
 VELOCITY_DEVIATION = 0.5  # m/s
 
+State = tuple[Floats, Floats]  # mean [10] x y z yaw l w h vx vy vz per frame, covariance [10, 10]
+
 
 @dataclass(frozen=True, eq=False)
 class _Leaf:
@@ -24,13 +26,16 @@ class _Leaf:
 
     track_id: int
     class_id: int
-    mean: Floats  # [10] x y z yaw l w h vx vy vz per frame
-    covariance: Floats  # [10, 10]
+    state: State
     hits: int = 0
     score: float = 0.0  # sum over the detections taken
     age: int = 0  # frames since the last one
     detection: int = -1
     past: tuple[tuple[bool, Floats], ...] = ()  # whether a detection was taken, and its box (else the track's)
+
+    @property
+    def box(self) -> Floats:
+        return self.state[0][:7]
 
 
 class PlainTracker:
@@ -60,7 +65,7 @@ class PlainTracker:
             if name.startswith("detection_")
         }
         self._frame += 1
-        ahead = [_predicted(leaf) for leaf in self._leaves]
+        ahead = [replace(leaf, state=predicted(leaf.state), age=leaf.age + 1) for leaf in self._leaves]
         column, parent = self._associate(ahead, seen["detection_box"], seen["detection_class"])
         self._grow(ahead, column, parent, seen)
         return self._output()
@@ -68,7 +73,7 @@ class PlainTracker:
     def _associate(self, ahead: list[_Leaf], box: Floats, box_class: Ints) -> tuple[Ints, Ints]:
         """Detection of each leaf and parent of the new hypotheses, cheapest first; their costs are kept."""
         class_id = np.array([leaf.class_id for leaf in ahead], dtype=int)
-        mean = np.reshape([leaf.mean[:7] for leaf in ahead], (-1, 7))
+        mean = np.reshape([leaf.box for leaf in ahead], (-1, 7))
         gain = gains(mean, class_id, box, box_class, self._parameters)
         if self._greedy:
             chosen = [self._parameters[c].assignment == "greedy" for c in class_id]
@@ -100,20 +105,15 @@ class PlainTracker:
         """The track after taking a detection, -1 for none; without a leaf it is a new one."""
         box = None if detection < 0 else seen["detection_box"][detection]
         if box is not None:
-            variance = np.array([1.0] * 7 + [np.inf] * 3)
             velocity = seen["detection_velocity"][detection] if self._task.velocity else np.zeros(2)
-            if velocity.any():
-                variance[7:] = (VELOCITY_DEVIATION * self._task.dt) ** 2
-            measured = np.concatenate([box, velocity * self._task.dt, [0.0]])
+            state = updated(None if leaf is None else leaf.state, box, velocity, self._task.dt)
             if leaf is None:
-                class_id = int(seen["detection_class"][detection])
-                leaf = _Leaf(self._born, class_id, np.append(box, np.zeros(3)), AT_BIRTH)
-                variance[:7] = np.inf  # the box is where it begins
+                leaf = _Leaf(self._born, int(seen["detection_class"][detection]), state)
                 self._born += 1
             score = leaf.score + float(seen["detection_score"][detection])
-            leaf = replace(_updated(leaf, measured, variance), hits=leaf.hits + 1, score=score, age=0)
+            leaf = replace(leaf, state=state, hits=leaf.hits + 1, score=score, age=0)
         assert leaf is not None
-        past = (*leaf.past, (box is not None, leaf.mean[:7] if box is None else box))
+        past = (*leaf.past, (box is not None, leaf.box if box is None else box))
         return replace(leaf, detection=detection, past=past[-self._task.past :])
 
     def _output(self) -> Tracks:
@@ -126,7 +126,7 @@ class PlainTracker:
                 past[row, -back], valid[row, -back] = box, took
         return Tracks(
             track_id=np.array([leaf.track_id for leaf in out], dtype=int),
-            box=np.reshape([leaf.mean[:7] for leaf in out], (-1, 7)),
+            box=np.reshape([leaf.box for leaf in out], (-1, 7)),
             class_id=np.array([leaf.class_id for leaf in out], dtype=int),
             score=np.array([leaf.score / leaf.hits for leaf in out]),
             detection=np.array([leaf.detection for leaf in out], dtype=int),
@@ -137,25 +137,32 @@ class PlainTracker:
         )
 
 
-def _predicted(leaf: _Leaf) -> _Leaf:
-    covariance = MOVE @ leaf.covariance @ MOVE.T + PROCESS
-    return replace(leaf, mean=MOVE @ leaf.mean, covariance=covariance, age=leaf.age + 1)
+def predicted(state: State) -> State:
+    """The state one frame later."""
+    mean, covariance = state
+    return MOVE @ mean, MOVE @ covariance @ MOVE.T + PROCESS
 
 
-def _updated(leaf: _Leaf, measured: Floats, variance: Floats) -> _Leaf:
-    """The Kalman update with those of the ten numbers whose variance is finite."""
-    rows = np.flatnonzero(np.isfinite(variance))
-    innovation = measured - leaf.mean
+def updated(state: State | None, box: Floats, velocity: Floats, dt: float) -> State:
+    """The state after a detected box [7] and its velocity [2] in m/s, 0 0 if not measured; None: a new track."""
+    variance = np.array([1.0] * 7 + [np.inf] * 3)
+    if state is None:
+        state = np.append(box, np.zeros(3)), AT_BIRTH
+        variance[:7] = np.inf  # the box is where it begins
+    if velocity.any():
+        variance[7:] = (VELOCITY_DEVIATION * dt) ** 2
+    (mean, covariance), rows = state, np.flatnonzero(np.isfinite(variance))
+    innovation = np.concatenate([box, velocity * dt, [0.0]]) - mean
     while abs(innovation[3]) > np.pi / 2:  # nearest of the two directions of the box's axis
         innovation[3] -= np.pi * np.sign(innovation[3])
-    noisy = leaf.covariance[np.ix_(rows, rows)] + np.diag(variance[rows])
-    gain = leaf.covariance[:, rows] @ np.linalg.inv(noisy)
-    mean = leaf.mean + gain @ innovation[rows]
+    noisy = covariance[np.ix_(rows, rows)] + np.diag(variance[rows])
+    gain = covariance[:, rows] @ np.linalg.inv(noisy)
+    mean = mean + gain @ innovation[rows]
     if 3 in rows:
         mean[3] = np.arctan2(np.sin(mean[3]), np.cos(mean[3]))
     rest = np.eye(10) - gain @ np.eye(10)[rows]
-    covariance = rest @ leaf.covariance @ rest.T + gain @ np.diag(variance[rows]) @ gain.T  # loses the fewest digits
-    return replace(leaf, mean=mean, covariance=covariance)
+    # the form that loses the fewest digits
+    return mean, rest @ covariance @ rest.T + gain @ np.diag(variance[rows]) @ gain.T
 
 
 def _only_greedy_pairs(gain: Floats, rows: Ints) -> Floats:
