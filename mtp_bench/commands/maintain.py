@@ -15,6 +15,7 @@ class MaintainerCommands(LazyGroup):
     summaries: ClassVar[dict[str, str]] = {
         "seal": "Draw secret scenes of a simulated environment, or publish a secret.",
         "freeze": "Write the frozen event weights of a shipped environment.",
+        "intake": "Check the records and names of a pull request.",
     }
 
 

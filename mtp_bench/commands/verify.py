@@ -16,7 +16,6 @@ from ..errors import MtpBenchError, RecordError
 from ..records import checked_record, record_paths, trusted
 from ..records import verify as check_record
 from ..records.eligibility import LEAST_HIDDEN
-from ..records.intake import take_in
 from ..records.seal import Sealed, open_seal, open_seals
 from ..records.signing import require_signer
 from ..records.trust import Trust
@@ -70,16 +69,6 @@ class Signing:
 
 
 @dataclass(frozen=True)
-class TakingIn:
-    """Options of checking a pull request."""
-
-    intake: Annotated[
-        bool, typer.Option("--intake", help="Check files of a pull request; no code of a submission is run.")
-    ] = False
-    owner: Annotated[str | None, typer.Option(help="With --intake: login of its author.")] = None
-
-
-@dataclass(frozen=True)
 class _Work:
     """The check of every record."""
 
@@ -106,7 +95,6 @@ def verify(
     record: Annotated[list[Path], typer.Argument(help="Records, or folders: all records in them.")],
     again: RunningAgain,
     signing: Signing,
-    taking: TakingIn,
     root: DataOption = None,
     write: Annotated[bool, typer.Option("--write", help="Write today's numbers if scorer or weights changed.")] = False,
     jobs: JobsOption = 0,
@@ -125,18 +113,13 @@ def verify(
         ("--only-hidden", again.only_hidden or None, "--hidden", again.hidden),
         ("--sign", signing.sign, "--signer", signing.signer),
         ("--signer", signing.signer, "--sign", signing.sign),
-        ("--owner", taking.owner, "--intake", taking.intake),
     )
     _require_apart(
-        ("--intake", taking.intake, ("--rerun", again.rerun), ("--write", write), ("--sign", signing.sign)),
         ("--submissions", again.submissions, ("--submission", again.submission)),
         ("--write", write, ("--sign", signing.sign)),  # a record that is written needs a new level: sign it after
     )
     require_writable(json_file)
     trust = trusted(signing.base)
-    if taking.intake:
-        _take_in(record, trust, taking.owner, json_file)
-        return
     seals = _seals(again.hidden, again.commitment, trust)
     how = (again.stated_limits, again.no_sandbox, again.only_hidden)
     asked = Round(again.rerun, seals, again.submissions, again.submission, *how)
@@ -207,19 +190,6 @@ def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mappin
         return open_seals(hidden, trust.listed)
     sealed = open_seal(hidden, commitment, trust.listed)
     return {sealed.seeds.env: sealed}
-
-
-def _take_in(given: Sequence[Path], trust: Trust, owner: str | None, json_file: Path | None) -> None:
-    outcomes = [take_in(path, trust, owner) for path in given]
-    accepted = [path for outcome in outcomes for path in outcome.accepted]
-    refused = [text for outcome in outcomes for text in outcome.refused]
-    write_json(json_file, {"accepted": list(map(str, accepted)), "refused": refused})
-    for text in (*(f"{path}: can be taken in" for path in accepted), *(n for each in outcomes for n in each.notes)):
-        show(text)
-    if refused:
-        raise RecordError(some_of(refused))
-    if not accepted:
-        show(f"no record to take in: all are as in {trust.folder}")
 
 
 def _require_together(*pairs: tuple[str, object, str, object]) -> None:

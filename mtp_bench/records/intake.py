@@ -1,4 +1,4 @@
-"""Intake: check a proposed change of the leaderboard. Files are read; no code of a submission is run."""
+"""Intake: check the proposed leaderboard of a pull request. Files are read; no code of a submission is run."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from pathlib import Path
 
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
-from .attestation import LEVELS, SignedLevel, level_path, read_level
 from .consistency import checked_record
 from .eligibility import why_unranked
 from .record import Record
 from .shipped import shipped
-from .storage import LEVEL_SUFFIX, MOST_BYTES, ROLLOUTS
-from .trust import Trust, read_owners
+from .storage import LEVEL_SUFFIX, ROLLOUTS
+from .trust import OWNERS, Trust, read_owners
 
-OWNERS = Path("owners.toml")
 _RECORDS = "records"
 _LOOK_ALIKE = str.maketrans({"0": "o", "1": "l", "i": "l", "5": "s", "_": None, "-": None, ".": None})
 _DEPTH, _MOST_FILES = 3, 10_000
@@ -33,79 +31,49 @@ class Intake:
     notes: tuple[str, ...]
 
 
-def take_in(folder: Path, trust: Trust, owner: str | None = None) -> Intake:
-    """Check a proposed leaderboard at ``folder`` against the trusted one.
+def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
+    """Check the proposed leaderboard at ``folder`` against the trusted one, into which it would be merged.
 
-    Args:
-        folder: A folder ``leaderboard``, or its records, or one of them.
-        trust: The leaderboard that it would be merged into.
-        owner: Login of the author of the proposal; None: names are not compared with it.
-
-    Only records, trusted levels of them, and new names in owners.toml are accepted. Raises RecordError if there is no
-    such folder, or the trusted leaderboard is broken.
+    Only records and names of the author, whose login is ``owner``, are accepted. Raises RecordError if there is no such
+    folder, or the trusted leaderboard is broken.
     """
-    root = _root(folder)
+    if folder.is_symlink() or not folder.is_dir():
+        raise RecordError(f"{folder}: expected a folder leaderboard, not a link or a file")
+    trusted_files, trusted_names = _files(trust.folder), trust.owners
     try:
-        files = _files(root)
-        names = _owners(root / OWNERS, trust, owner)
+        files = _files(folder)
+        names = _proposed_owners(folder / OWNERS, trusted_names, owner)
     except MtpBenchError as error:
         return Intake((), (str(error),), ())
-    refused = _refused_as_a_whole(root, files, names, trust, owner, whole=folder.absolute() == root.absolute())
-    accepted: list[Path] = []
-    notes: list[str] = []
-    for name in sorted(files):
-        path = root / name
-        if name == OWNERS or _same(path, trust.folder / name) or not _within(path, folder):
-            continue
-        try:
-            record = _check_file(path, name, names, trust, owner)
-        except MtpBenchError as error:
-            refused.append(str(error))
-            continue
-        if record is not None:
-            accepted.append(path)
-            notes += _notes(path, record)
-    return Intake(tuple(accepted), tuple(refused), tuple(notes))
-
-
-def _root(folder: Path) -> Path:
-    """The folder ``leaderboard`` that holds ``folder``."""
-    if folder.is_symlink() or not folder.exists():
-        raise RecordError(f"{folder}: expected a folder leaderboard, not a link")
-    parts = folder.absolute().parts
-    if _RECORDS not in parts or (folder / _RECORDS).is_dir():
-        return folder
-    return Path(*parts[: len(parts) - 1 - parts[::-1].index(_RECORDS)])
-
-
-def _refused_as_a_whole(
-    root: Path, files: set[Path], names: Mapping[str, str], trust: Trust, owner: str | None, whole: bool
-) -> list[str]:
-    """Refusals of stored rollouts, and in a ``whole`` leaderboard also of removed files and names without a record."""
     refused = [
-        f"{path.relative_to(root)}: stored rollouts stay with their makers (of recorded scenes they must not be "
+        f"{path.relative_to(folder)}: stored rollouts stay with their makers (of recorded scenes they must not be "
         "published), expected records alone: take the folder out of the proposal"
-        for path in sorted(root.rglob(f"*{ROLLOUTS}"))
+        for path in sorted(folder.rglob(f"*{ROLLOUTS}"))
     ]
-    if not whole:
-        return refused
     refused += [
         f"{name}: is removed; only maintainers remove files (if the proposal did not: bring it up to date with the "
         "branch that it is for)"
-        for name in sorted(_files(trust.folder) - files)
-        if not _outdated_level(name, root, trust)
+        for name in sorted(trusted_files - files)
     ]
-    if owner is not None:
-        used = {name.parts[1] for name in files if name.parts[0] == _RECORDS and len(name.parts) == _DEPTH}
-        refused += [
-            f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record of it"
-            for name in sorted(names.keys() - trust.owners.keys() - used)
-        ]
-    return refused
-
-
-def _within(path: Path, folder: Path) -> bool:
-    return path.absolute() == folder.absolute() or folder.absolute() in path.absolute().parents
+    used = {name.parts[1] for name in files if name.parts[0] == _RECORDS and len(name.parts) == _DEPTH}
+    refused += [
+        f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record of it"
+        for name in sorted(names.keys() - trusted_names.keys() - used)
+    ]
+    accepted: list[Path] = []
+    notes: list[str] = []
+    for name in sorted(files - {Path(OWNERS)}):
+        path = folder / name
+        if _same(path, trust.folder / name):
+            continue
+        try:
+            record = _acceptable(path, name, names, owner)
+        except MtpBenchError as error:
+            refused.append(str(error))
+            continue
+        accepted.append(path)
+        notes += _notes(path, record)
+    return Intake(tuple(accepted), tuple(refused), tuple(notes))
 
 
 def _files(root: Path) -> set[Path]:
@@ -132,25 +100,14 @@ def _same(path: Path, other: Path) -> bool:
     return path.read_bytes() == other.read_bytes()
 
 
-def _outdated_level(name: Path, root: Path, trust: Trust) -> bool:
-    """True if a removed file was the level of a record that changes."""
-    record = name.with_name(name.name.removesuffix(LEVEL_SUFFIX) + ".json")
-    proposed = root / record
-    return name.name.endswith(LEVEL_SUFFIX) and proposed.is_file() and not _same(proposed, trust.folder / record)
-
-
-def _owners(path: Path, trust: Trust, owner: str | None) -> Mapping[str, str]:
+def _proposed_owners(path: Path, trusted_names: Mapping[str, str], owner: str) -> Mapping[str, str]:
     """Proposed owners; RecordError for any change but new names of ``owner``."""
-    trusted_owners = trust.owners
-    if path.is_file() and path.stat().st_size > MOST_BYTES:
-        raise RecordError(f"{OWNERS}: larger than {MOST_BYTES >> 20} MiB")
     proposed = read_owners(path)
-    changed = [name for name in trusted_owners if proposed.get(name) != trusted_owners[name]]
-    if changed:
-        name, login = changed[0], trusted_owners[changed[0]]
-        raise RecordError(f"{OWNERS}: {name!r} belongs to {login!r}: only maintainers change that")
-    for name in [name for name in proposed if name not in trusted_owners]:
-        if owner is not None and proposed[name].lower() != owner.lower():
+    for name, login in trusted_names.items():
+        if proposed.get(name) != login:
+            raise RecordError(f"{OWNERS}: {name!r} belongs to {login!r}: only maintainers change that")
+    for name in [name for name in proposed if name not in trusted_names]:
+        if proposed[name].lower() != owner.lower():
             raise RecordError(f"{OWNERS}: gives {name!r} to {proposed[name]!r}, expected {owner!r} who asks for it")
         others = (*baseline_names(), *(other for other in proposed if other != name))
         taken = next((other for other in others if _look(other) == _look(name)), None)
@@ -164,19 +121,15 @@ def _look(name: str) -> str:
     return name.lower().translate(_LOOK_ALIKE)
 
 
-def _check_file(path: Path, name: Path, names: Mapping[str, str], trust: Trust, owner: str | None) -> Record | None:
-    """The record in a file, None for a level; RecordError unless the file can be accepted."""
+def _acceptable(path: Path, name: Path, names: Mapping[str, str], owner: str) -> Record:
+    """The record in a file; RecordError unless it can be accepted."""
     if name.parts[0] != _RECORDS or len(name.parts) != _DEPTH or name.suffix != ".json":
         raise RecordError(f"{name}: expected {_RECORDS}/<submission>/<env id>.json and {OWNERS} alone in a proposal")
-    if path.stat().st_size > MOST_BYTES:
-        raise RecordError(f"{name}: has {path.stat().st_size} bytes, expected at most {MOST_BYTES >> 20} MiB")
-    if name.name.endswith(LEVEL_SUFFIX):
-        if owner is not None:  # else an old one could come back, or the best of many
-            newer = (trust.folder / name).is_file()
-            advice = "bring the proposal up to date with the main branch" if newer else "leave it out of the proposal"
-            raise RecordError(f"{name}: levels are written by those who check records: {advice}")
-        _check_level(path, name, trust)
-        return None
+    if name.name.endswith(LEVEL_SUFFIX):  # else an old one could come back, or the best of many
+        raise RecordError(
+            f"{name}: levels are written by those who check records: leave it out of the proposal, or bring that up to "
+            "date with the main branch"
+        )
     record = checked_record(path)
     stated, env = record.submission.name, record.env
     ships = shipped(env.id)
@@ -192,28 +145,9 @@ def _check_file(path: Path, name: Path, names: Mapping[str, str], trust: Trust, 
         raise RecordError(
             f'{name}: the name {stated!r} does not have an owner: add `"{stated}" = "LOGIN"` to {OWNERS}, with yours'
         )
-    if owner is not None and names[stated].lower() != owner.lower():
+    if names[stated].lower() != owner.lower():
         raise RecordError(f"{name}: the name {stated!r} belongs to {names[stated]!r}, not to {owner!r}")
     return record
-
-
-def _check_level(path: Path, name: Path, trust: Trust) -> None:
-    """Raise RecordError unless a level is signed, of the record beside it, and higher than the trusted one."""
-    of = path.with_name(path.name.removesuffix(LEVEL_SUFFIX) + ".json")
-    if not of.is_file() or level_path(of) != path:
-        raise RecordError(f"{name}: a level without its record")
-    record = checked_record(of)
-    signed, why = read_level(of, record, trust)
-    if signed is None:
-        raise RecordError(f"{name.parent}/{why}")
-    trusted_record = trust.folder / name.parent / of.name
-    trusted_level = read_level(trusted_record, record, trust)[0] if trusted_record.is_file() else None
-    if trusted_level is not None and _strength(signed) <= _strength(trusted_level):
-        raise RecordError(f"{name}: {signed.level} of {signed.statement.date} is not above the level that is there")
-
-
-def _strength(signed: SignedLevel) -> tuple[int, str]:
-    return LEVELS.index(signed.level), signed.statement.date
 
 
 def _notes(path: Path, record: Record) -> Iterator[str]:

@@ -16,6 +16,8 @@ from ..strict import Section, read_toml, validate
 from .seal import COMMITMENT, RETIRED, Commitment, ListedSeal, Retired, Sealed, commitment_of
 from .storage import read_as
 
+OWNERS = "owners.toml"
+
 
 class _Owners(Section):
     owners: dict[str, Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,39}$")]]  # name of a submission -> login
@@ -56,7 +58,7 @@ class Trust:
     @cached_property
     def owners(self) -> Mapping[str, str]:
         """Login by the name of a submission. Raises RecordError if the file is broken."""
-        return read_owners(self.folder / "owners.toml")
+        return read_owners(self.folder / OWNERS)
 
     def require_listed(self, seals: Iterable[Sealed]) -> None:
         """Raise RecordError for a seal that this leaderboard does not list: levels on it would not be shown."""

@@ -599,27 +599,18 @@ def proposal(leaderboard: Path, tmp_path: Path) -> Path:
     return folder
 
 
-def taken(cli: CommandLine, proposal: Path, leaderboard: Path, owner: str | None = "ada") -> str:
-    """What the intake says: nothing of the error where it takes all."""
-    who = () if owner is None else ("--owner", owner)
-    output = cli("verify", proposal, "--intake", "--base", leaderboard, *who)
+def taken(cli: CommandLine, proposal: Path, leaderboard: Path) -> str:
+    """The error of the intake; empty if it accepts the proposal."""
+    output = cli("maintain", "intake", proposal, "--base", leaderboard, "--owner", "ada")
     return "" if output.status == 0 else output.error
 
 
 def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
-    said = cli.ok("verify", proposal, "--intake", "--base", leaderboard, "--owner", "Ada")
+    said = cli.ok("maintain", "intake", proposal, "--base", leaderboard, "--owner", "Ada")
     assert f"newcomer/{MAIN}.json: can be taken in" in "".join(said.split("\n"))
     assert "does not name a source" in " ".join(said.split())
-    assert "no record to take in" in cli.ok("verify", leaderboard, "--intake", "--base", leaderboard)
-
-
-def test_a_proposal_may_lie_below_a_folder_of_any_name(
-    cli: CommandLine, proposal: Path, leaderboard: Path, tmp_path: Path
-) -> None:
-    moved = tmp_path / "records" / "pr" / "leaderboard"
-    shutil.copytree(proposal, moved)
-    assert taken(cli, moved, leaderboard) == ""
-    assert taken(cli, moved / "records" / "newcomer", leaderboard) == ""
+    said = cli.ok("maintain", "intake", leaderboard, "--base", leaderboard, "--owner", "Ada")
+    assert "no record to take in" in said
 
 
 def test_refusals_are_short(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
@@ -687,7 +678,7 @@ OLD: Content = {"versions": {"mtp-bench": "0.2.0"}}
 PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a level": (
         writes(f"records/newcomer/{MAIN}.level.json", "{}"),
-        "levels are written by those who check records: leave it out of the proposal",
+        "levels are written by those who check records: leave it out of the proposal, or bring",
     ),
     "a link": (as_link, "neither a file nor a folder, such as a link"),
     "a pipe": (lambda head, _: os.mkfifo(head / "records" / "newcomer" / "x.json"), "neither a file nor a folder"),
@@ -738,29 +729,3 @@ def test_a_proposal_is_refused_for(what: str, cli: CommandLine, proposal: Path, 
     change, message = PROPOSALS[what]
     change(proposal, leaderboard)
     assert message in taken(cli, proposal, leaderboard)
-
-
-def test_an_earlier_level_does_not_take_the_place_of_a_better_one(
-    cli: CommandLine, proposal: Path, leaderboard: Path, key: Path
-) -> None:
-    shutil.copytree(proposal, leaderboard, dirs_exist_ok=True)
-    path, base = (folder / "records" / "newcomer" / f"{MAIN}.json" for folder in (proposal, leaderboard))
-    record = load_record(path)
-    sign(base, record, key, "re-run")
-    sign(path, record, key, "re-scored")
-    said = "re-scored of 2030-01-01 is not above the level that is there"
-    assert said in taken(cli, proposal, leaderboard, owner=None)
-    sign(path, record, key, "re-run", date="2030-01-02")
-    assert taken(cli, proposal, leaderboard, owner=None) == ""
-    assert "bring the proposal up to date with the main branch" in taken(cli, proposal, leaderboard)
-
-
-def test_a_level_goes_with_the_record_that_it_was_of(
-    cli: CommandLine, proposal: Path, leaderboard: Path, key: Path
-) -> None:
-    shutil.copytree(proposal, leaderboard, dirs_exist_ok=True)
-    path, base = (folder / "records" / "newcomer" / f"{MAIN}.json" for folder in (proposal, leaderboard))
-    sign(base, load_record(base), key)
-    assert "is removed; only maintainers remove files" in taken(cli, proposal, leaderboard)
-    save_record(made_up("newcomer", 0.8), path)
-    assert taken(cli, proposal, leaderboard) == ""

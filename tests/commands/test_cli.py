@@ -108,7 +108,6 @@ WRONG_USAGE = {
     "no backend for it": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scheduler", "tcp://a:1"],
     "a page of another form": ["board", "-o", "RESULTS.md"],
     "a table of another form": ["board", "--table", "table.xls"],
-    "nothing is run at intake": ["verify", "records", "--intake", "--rerun"],
     "two places of submissions": ["verify", "a", "--rerun", "--submission", "a", "--submissions", "b"],
     "more scenes than are checked": ["check", "stp", "--scenes", "10"],
     "nothing known to fit": ["train", "motion-nosie", "--env", "MTP-KITTI-v0"],
