@@ -52,7 +52,7 @@ class Commands(LazyGroup):
         "submit": "Make a leaderboard record of a submission.",
         "verify": "Check records, and run their submissions again.",
         "board": "Show the leaderboard.",
-        "import": "Turn recordings of other formats into own scenes and a card.",
+        "import": "Turn tracks of other programs into tables.",
         "export": "Write the tracks of a stored run in the formats of other benchmarks.",
         "maintain": "Commands of the maintainers.",
     }

@@ -11,7 +11,7 @@ The columns of a table are `sources.files.columns.TRACKS`. A slash in the name o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +20,14 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import DataError
-from ..files import file_stem
+from ..files import file_stem, new_folder
 from ..types import Floats, Ints, Scene, StoredTracks, starts_of_sorted
-from .base import DataRoot, ReadTracks, SourcePackage, TrackForm
+from .base import DataRoot, ReadTracks, SceneSource, SourcePackage, TrackForm
 from .files.checks import check_boxes
 from .files.columns import FORMS
+from .files.save import box_columns
 from .files.scene import boxes_of, class_ids_of, find_table, ids_of, scores_of, velocities_of
-from .files.table import ColumnTable, read_table
+from .files.table import ColumnTable, read_table, write_table
 from .text import repeated
 
 FEWER = "--scenes N (scenes= in Python) takes the first N alone"  # advice if only some scenes have tracks
@@ -79,6 +80,29 @@ def stored_tracks(
 def table_path(folder: Path, scene: str) -> Path:
     """Path of the table that is written for a scene."""
     return folder / f"{file_stem(scene)}.csv"
+
+
+def import_tracks(
+    source: SceneSource, names: Sequence[str], card: Card, folder: Path, done: Callable[[str], object] = lambda _: None
+) -> tuple[int, int]:
+    """Write the stored tracks of the scenes ``names`` of ``source`` into ``folder``, a table for each scene.
+
+    Returns the numbers of scenes and of boxes. Raises DataError for wrong tracks, and MtpBenchError if the folder is
+    not empty; it then writes no file.
+    """
+    boxes = count = 0
+    classes = np.array(card.task.classes, dtype=np.str_)
+    with new_folder(folder.expanduser().absolute()) as part:
+        for scene in map(source.load, names):
+            tracks = scene.tracks
+            if tracks is None:
+                continue
+            columns = box_columns(tracks, classes)
+            table = {"frame": columns["frame"], "id": tracks.object_id, **columns, "score": tracks.score}
+            write_table(table_path(part, scene.name), table)
+            count, boxes = count + 1, boxes + len(tracks.box)
+            done(scene.name)
+    return count, boxes
 
 
 def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> StoredTracks:

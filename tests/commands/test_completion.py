@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
-from mtp_bench.commands.import_ import FORMS
 from mtp_bench.commands.submit import DIVISIONS
 from mtp_bench.detector import profile_names
 from mtp_bench.training.predictors import ON
@@ -63,7 +62,6 @@ WORDS = {
     "events runs/stp --kind": KINDS,
     "events runs/stp --sort": ORDERS,
     "view runs/stp --level": LEVELS,
-    "import kitti --form": FORMS,
     "train predictor modes --on": ON,
     "submit stp --division": DIVISIONS,
 }

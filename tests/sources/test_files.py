@@ -147,29 +147,12 @@ def test_tables_with_numbered_frames(tmp_path: Path, base: Card) -> None:
     assert (scene.detector, scene.truth_complete) == ("pointrcnn, stored detections", True)
 
 
-def test_frames_beyond_the_known_times_come_at_the_rate(tmp_path: Path, base: Card) -> None:
-    """A table with times does not know those of the frames that only another has."""
-    seen = ["frame,time,class,x,y,yaw,l,w,h", "1,7.1,car,2,0,0,4,1.8,1.5", "2,7.25,car,2,0,0,4,1.8,1.5"]
-    scene = only(base, write_tables(tmp_path, truth=[*TRUTH, f"4,1,car,4,0,{BOX}"], detections=seen))
-    np.testing.assert_allclose(scene.time, [7, 7.1, 7.25, 7.35, 7.45])
-
-
 def test_the_ego_table_says_which_frames_there_are(tmp_path: Path, base: Card) -> None:
     longer = [*EGO, "3,0.31,5,3,1,0.1"]
     scene = only(base, write_tables(tmp_path, ego=longer))
     np.testing.assert_array_equal(scene.time, [0, 0.1, 0.2, 0.31])
     np.testing.assert_array_equal(scene.ego[3], [5, 3, 1, 0.1])
     np.testing.assert_array_equal(scene.truth.counts, [1, 1, 1, 0])
-
-
-def test_rows_say_their_frame_by_its_time(tmp_path: Path, base: Card) -> None:
-    timed = [line.replace("frame", "time") for line in TRUTH]
-    timed = [timed[0], *(f"{0.1 * i + 7}{line[1:]}" for i, line in enumerate(timed[1:]))]
-    seen = ["time,class,x,y,yaw,l,w,h", "7.2004,car,2,0,0,4,1.8,1.5"]
-    scene = only(base, write_tables(tmp_path, truth=timed, detections=seen))
-    np.testing.assert_allclose(scene.time, [7, 7.1, 7.2])
-    np.testing.assert_array_equal(scene.detections.start, [0, 0, 0, 1])
-    assert (scene.detections.box[0, 2], scene.detections.score[0]) == (0.75, 1)  # on the ground; sure
 
 
 def test_words_are_ids_and_rows_come_in_any_order(tmp_path: Path, base: Card) -> None:
@@ -296,36 +279,13 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
         {"truth": [*TRUTH, f"99999999,1,car,0,0,{BOX}"]},
         "one: frames 0 to 99999999, expected at most 1000000 frames",
     ),
-    "frame and time": (
-        {"detections": ["time,class,x,y,yaw,l,w,h"]},
-        "one: truth has frame, detections has time: give both the same column, or an ego table with both",
-    ),
-    "two times of a frame": (
-        {"truth": [f"time,{TRUTH[0]}", f"0,{TRUTH[1]}", f"0.1,{TRUTH[2]}", f"0.15,1,2,car,5,5,{BOX}"]},
-        "truth.csv, line 4, column 'time': another time than that of its frame in the other rows",
-    ),
-    "a gap": (
-        {
-            "truth": ["time,id,class,x,y,z,yaw,l,w,h", *(f"{t},1,car,0,0,{BOX}" for t in (0, 0.1, 0.2, 0.4))],
-            "detections": ["time,class,x,y,z,yaw,l,w,h"],
-        },
-        "one: no row between 0.2 s and 0.4 s, at 10 frames per second; frames without rows need an ego table",
-    ),
     "ego that stands still": (
         {"ego": [*EGO, "3,0.2,0,0,0,0"]},
-        "ego.csv, line 5, column 'time': expected a time after that of the row before",
+        "one: time 0.2 of frame 3, expected a number above that of the frame before",
     ),
     "a frame that the ego has not": (
         {"ego": EGO[:3]},
         "truth.csv, line 4, column 'frame': no frame of the scene, which has 0 to 1",
-    ),
-    "frames without a number": (
-        {"ego": ["time", "0", "0.1", "0.2"]},
-        "truth.csv: frames by number, but the ego table has times only; add a column 'frame'",
-    ),
-    "a time that the ego has not": (
-        {"ego": ["time", "0", "0.1", "0.2"], "truth": ["time,id,class,x,y,z,yaw,l,w,h", f"0.05,1,car,0,0,{BOX}"]},
-        "truth.csv, line 2, column 'time': no frame of the ego table has this time",
     ),
     "an object of two classes": (
         {"truth": [*TRUTH[:2], TRUTH[2].replace("car", "pedestrian"), TRUTH[3]]},
@@ -337,7 +297,7 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     ),
     "another rate": (
         {"ego": ["frame,time", "0,0", "1,0.02", "2,0.04"]},
-        "one: frames are 0.02 s apart, but MTP-Small-v0 has 10 frames per second: keep every 5th frame, or take a card",
+        "one: frames are 0.02 s apart, but MTP-Small-v0 has 10 frames per second: keep frames of that rate",
     ),
 }  # fmt: skip
 
@@ -471,7 +431,7 @@ WRONG: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "far away": (with_column("detections", "box", 0, [5e5, *[1.0] * 6]), "detections, row 0, column 'x': 500000, exp"),
     "not finite": (with_column("detections", "score", 0, np.nan), "detections, row 0, column 'score': nan, expected"),
     "time": (lambda scene: replace(scene, time=np.zeros(8)), "time 0 of frame 1, expected a number above that of"),
-    "ego": (lambda scene: replace(scene, ego=np.full((8, 4), np.nan)), "the ego has a position that is not finite"),
+    "ego": (lambda scene: replace(scene, ego=np.full((8, 4), np.nan)), "x of the ego in frame 0 is nan, expected"),
     "detector": (
         lambda scene: replace(scene, detector="", detections=scene.detections.select(scene.detections.score > 9)),
         "no detections; without them a simulated detector runs at once",
@@ -512,13 +472,10 @@ def test_two_clips_are_no_scene(tmp_path: Path, base: Card) -> None:
     ("last", "said"),
     [
         ("0,0,0,90", r"yaw of the ego in frame 2 is 90, expected radians"),
-        ("-9e4,0,0,0", r"x of the ego in frame 2 is 180000 m from that of frame 0, expected at most 100000 m"),
         ("0,0,1e6,0", r"z of the ego in frame 2 is "),
     ],
 )
 def test_poses_that_nobody_can_have(last: str, said: str, tmp_path: Path, base: Card) -> None:
-    ego = [EGO[0], "0,0,9e4,0,0,0", "1,0.1,9e4,0,0,0", f"2,0.2,{last}"]
-    if "x of" not in said:
-        ego = [line.replace("9e4", "0") for line in ego]
+    ego = [EGO[0], "0,0,0,0,0,0", "1,0.1,0,0,0,0", f"2,0.2,{last}"]
     with pytest.raises(DataError, match=said):
         only(base, write_tables(tmp_path, ego=ego))

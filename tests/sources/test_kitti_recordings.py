@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.cards import load_card, with_split
+from mtp_bench.cards import load_card, with_detections, with_split
 from mtp_bench.scoring import evaluated, find_targets
-from mtp_bench.sources import describe, open_source
+from mtp_bench.sources import describe, load_scenes, open_source
 from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels, read_oxts
 from mtp_bench.sources.kitti.image import BOX_SIZES
 from mtp_bench.sources.kitti.layout import TYPES, VALIDATION
 from mtp_bench.sources.kitti.poses import FRAME_PERIOD, Poses, integrated_poses, poses_from_imu
 from mtp_bench.sources.kitti.source import read_poses
 from mtp_bench.types import Floats, Ints, Scene
-from tests.support.source_files import with_source
+from tests.support.source_files import with_source, write
 
 pytestmark = pytest.mark.data
 
@@ -227,3 +227,27 @@ def test_detections_lie_on_the_truth(scenes: dict[str, Scene], class_id: int, ra
             hits += (distance.min(axis=1, initial=np.inf) < radius).tolist()
     assert len(hits) > 500
     assert np.mean(hits) > recall
+
+
+def test_detections_of_kittis_text_are_those_of_the_original(tmp_path: Path, data_root: Path) -> None:
+    """AB3DMOT's folders from elsewhere, and the same rows in the columns of the benchmark."""
+    stored = data_root / "kitti_tracking" / "detections" / "pointrcnn"
+    rows = []
+    for code, kind in ((1, "Pedestrian"), (2, "Car"), (3, "Cyclist")):
+        for line in (stored / kind / "0012.txt").read_text().splitlines():
+            frame, told, *image, score, h, w, l, x, y, z, yaw, alpha = line.split(",")
+            assert int(told) == code
+            rows.append(" ".join([frame, "-1", kind, "0", "0", alpha, *image, h, w, l, x, y, z, yaw, score]))
+    write(tmp_path / "mine" / "0012.txt", *rows)
+    card = load_card("MTP-KITTI-v0")
+    (original,) = load_scenes(card, data_root, ["0012"])
+    digests = {card.digest}
+    for folder in (stored, tmp_path / "mine"):
+        other = with_detections(card, folder)
+        (scene,) = load_scenes(other, data_root, ["0012"])
+        for name in ("start", "box", "score", "class_id"):
+            found, expected = (getattr(one.detections, name) for one in (scene, original))
+            np.testing.assert_array_equal(found, expected)
+        assert scene.detector == f"pointrcnn-{folder.name}, stored detections"
+        digests.add(other.digest)
+    assert len(digests) == 3

@@ -1,4 +1,4 @@
-"""Checks of own scenes: boxes, objects, frames and the ego."""
+"""Checks of own scenes: frames, the ego, boxes and objects."""
 
 from __future__ import annotations
 
@@ -12,46 +12,101 @@ from ...types import Bools, Floats, Ints
 from ..text import LIMIT, RADIANS, TURN, refuse, repeated
 from .table import ColumnTable
 
-SMALLEST = 1e-6  # m, size of a box
+MOST_FRAMES = 1_000_000
 FARTHEST = 1e5  # m, x and y: rollouts keep boxes in single precision, which is coarser than centimetres farther away
 TOLERANCE = 0.2  # share by which the frame period of a scene may differ from the task's
 GAP = 10.5  # periods: a larger step between two frames means two scenes
+_NEAR = (
+    f"expected -{FARTHEST:g} to {FARTHEST:g} m: boxes are kept in single precision, so subtract a fixed origin from "
+    "all coordinates, such as the first position of the ego"
+)
+_SIZE = 1e-6, LIMIT, f"expected a number from 1e-06 to {LIMIT:g}"
+_VELOCITY = -LIMIT, LIMIT, f"expected a number from {-LIMIT:g} to {LIMIT:g}"
+RANGES = {  # column -> least, largest, message
+    **dict.fromkeys(("x", "y"), (-FARTHEST, FARTHEST, _NEAR)),
+    **dict.fromkeys(("l", "w", "h"), _SIZE),
+    **dict.fromkeys(("z", "vx", "vy", "score"), _VELOCITY),
+    "yaw": (-TURN, TURN, RADIANS),
+    "visible": (0.0, 1.0, "expected a number from 0 to 1"),
+}
+
+
+def scene_frames(where: str, tables: dict[str, ColumnTable], rate: float) -> tuple[Ints, Floats]:
+    """Numbers [F], rising, and times [F] in s of the frames: the rows of the ego table, else all numbers in use.
+
+    ``rate``: frames per second if there is no ego table with times. Raises DataError.
+    """
+    ego = tables.get("ego")
+    if ego is not None:
+        if not len(ego):
+            raise DataError(f"{ego.source} has no rows, expected one per frame")
+        number = ego.whole("frame")
+        falls = np.diff(number, prepend=number[0] - 1) <= 0
+        ego.refuse(falls, "frame", "expected a number above that of the row before")
+        return number, ego.numbers["time"] if ego.has("time") else (number - number[0]) / rate
+    used = np.unique(np.concatenate([table.whole("frame") for table in tables.values()]))
+    if not len(used):
+        raise DataError(f"{where}: its tables have no rows; an ego table defines the frames")
+    step = int(np.gcd.reduce(np.diff(used))) if len(used) > 1 else 1
+    if step > 1:
+        raise DataError(
+            f"{where}: rows have the frames {used[0]}, {used[1]}, ..., all {step} apart; number them 0, 1, 2, ..., or "
+            "define the frames by an ego table"
+        )
+    if used[-1] - used[0] >= MOST_FRAMES:
+        raise DataError(f"{where}: frames {used[0]} to {used[-1]}, expected at most {MOST_FRAMES} frames")
+    number = np.arange(used[0], used[-1] + 1)
+    return number, (number - number[0]) / rate
+
+
+def frame_index(table: ColumnTable, number: Ints) -> Ints:
+    """Index of each row's frame among the ``number`` [F] of a scene; DataError for an unknown frame."""
+    frame = table.whole("frame")
+    index = np.minimum(np.searchsorted(number, frame), len(number) - 1)
+    table.refuse(number[index] != frame, "frame", f"no frame of the scene, which has {number[0]} to {number[-1]}")
+    return index
+
+
+def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
+    """Raise DataError unless there are frames with rising times, the task's period and possible poses of the ego.
+
+    Some frames may be missing. Tracks and forecasts do not bridge a longer gap: two clips are two scenes.
+    """
+    if not len(time):
+        raise DataError(f"{where}: no frames, expected at least one")
+    wrong = ~((np.abs(time) < np.inf) & (np.diff(time, prepend=-np.inf) > 0))
+    expected = "expected a number above that of the frame before"
+    refuse(wrong, lambda t: f"{where}: time {time[t]:g} of frame {t}, {expected}")
+    place, yaw = ego[:, :3], ego[:, 3]
+    refuse(
+        ~(np.abs(place) <= FARTHEST).ravel(),
+        lambda i: f"{where}: {'xyz'[i % 3]} of the ego in frame {i // 3} is {place.flat[i]:.10g}, {_NEAR}",
+    )
+    refuse(~(np.abs(yaw) <= TURN), lambda t: f"{where}: yaw of the ego in frame {t} is {yaw[t]:g}, {RADIANS}")
+    period, step = 1.0 / card.task.rate, np.diff(time)
+    median = float(np.median(step)) if len(step) else period
+    if abs(median - period) > TOLERANCE * period:
+        raise DataError(
+            f"{where}: frames are {median:g} s apart, but {card.id} has {card.task.rate:g} frames per second: keep "
+            "frames of that rate alone, or take a card with the rate of the scene"
+        )
+    longest = f"expected at most {GAP * period:g} s; make a scene of each side"
+    refuse(step > GAP * period, lambda t: f"{where}: frame {t + 1} is {step[t]:g} s after the one before, {longest}")
 
 
 def check_boxes(table: ColumnTable, frame: Ints, frames: int) -> None:
     """Raise DataError for the first impossible value."""
     outside = (frame < 0) | (frame >= frames)
     table.refuse(outside, "frame", lambda row: f"frame {frame[row]}, but the scene has the frames 0 to {frames - 1}")
-    ranges = {**dict.fromkeys(("x", "y", "z"), (-LIMIT, LIMIT)), **dict.fromkeys(("l", "w", "h"), (SMALLEST, LIMIT))}
-    for column, (low, high) in {**ranges, "score": (-LIMIT, LIMIT), "visible": (0.0, 1.0)}.items():
-        if table.has(column):
-            _refuse_outside(table, column, low, high)
-    for column in ("x", "y"):
-        _refuse_far(table, column)
-    yaw = table.numbers["yaw"]
-    table.refuse(~(np.abs(yaw) <= TURN), "yaw", lambda row: f"{yaw[row]:g}, {RADIANS}")
-    for column in ("vx", "vy"):
-        if table.has(column):
-            value = table.numbers[column]
-            table.refuse(np.abs(value) > LIMIT, column, f"expected a number from {-LIMIT:g} to {LIMIT:g}")
+    for column in filter(table.has, RANGES):
+        _check_range(table, column)
 
 
-def _refuse_outside(table: ColumnTable, column: str, low: float, high: float) -> None:
+def _check_range(table: ColumnTable, column: str) -> None:
+    low, high, expected = RANGES[column]
     value = table.numbers[column]
-    bad = ~((value >= low) & (value <= high))
-    table.refuse(bad, column, lambda row: f"{value[row]:g}, expected a number from {low:g} to {high:g}")
-
-
-def _refuse_far(table: ColumnTable, column: str) -> None:
-    value = table.numbers[column]
-    table.refuse(np.abs(value) > FARTHEST, column, lambda row: _too_far(value[row]))
-
-
-def _too_far(value: float) -> str:
-    return (
-        f"{value:.10g}, expected -{FARTHEST:g} to {FARTHEST:g} m: boxes are kept in single precision, so subtract a "
-        "fixed origin from all coordinates, such as the first position of the ego"
-    )
+    unknown = np.isnan(value) & (column in ("vx", "vy"))
+    table.refuse(~(unknown | ((value >= low) & (value <= high))), column, lambda row: f"{value[row]:.10g}, {expected}")
 
 
 def check_objects(table: ColumnTable, frame: Ints, number: Ints, classes: Sequence[str]) -> None:
@@ -63,49 +118,3 @@ def check_objects(table: ColumnTable, frame: Ints, number: Ints, classes: Sequen
     changed: Bools = np.zeros(len(kind), dtype=bool)
     changed[order[1:]] = (np.diff(number[order]) == 0) & (kind[order[1:]] != kind[order[:-1]])
     table.refuse(changed, "class", lambda row: f"{str(kind[row])!r}, but this object has another class before")
-
-
-def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
-    """Raise DataError unless there are frames with rising times, the task's period and possible poses of the ego."""
-    if not len(time):
-        raise DataError(f"{where}: no frames, expected at least one")
-    wrong = ~((np.abs(time) < np.inf) & (np.diff(time, prepend=-np.inf) > 0))
-    expected = "expected a number above that of the frame before"
-    refuse(wrong, lambda t: f"{where}: time {time[t]:g} of frame {t}, {expected}")
-    if not (np.abs(ego) <= LIMIT).all():
-        raise DataError(f"{where}: the ego has a position that is not finite")
-    position, yaw = ego[:, :3], ego[:, 3]
-    moved = np.abs(position - position[0])  # agents see positions relative to the first one
-    refuse(
-        (np.abs(position) > FARTHEST).ravel(),
-        lambda i: f"{where}: {'xyz'[i % 3]} of the ego in frame {i // 3} is {_too_far(float(position.flat[i]))}",
-    )
-    refuse(
-        (moved > FARTHEST).ravel(),
-        lambda i: (
-            f"{where}: {'xyz'[i % 3]} of the ego in frame {i // 3} is {moved.flat[i]:g} m from that of frame 0, "
-            f"expected at most {FARTHEST:g} m; split the scene"
-        ),
-    )
-    refuse(np.abs(yaw) > TURN, lambda t: f"{where}: yaw of the ego in frame {t} is {yaw[t]:g}, {RADIANS}")
-    check_period(time, card, where)
-
-
-def check_period(time: Floats, card: Card, where: str) -> None:
-    """Raise DataError, which begins with ``where``, unless the frames have the period of the task of ``card``.
-
-    Some frames may be missing. Tracks and forecasts do not bridge a longer gap: two clips are two scenes.
-    """
-    period = 1.0 / card.task.rate
-    median = float(np.median(np.diff(time))) if len(time) > 1 else period
-    if abs(median - period) > TOLERANCE * period:
-        stride = round(period / median)
-        advice = "take a card with that rate"
-        if stride > 1 and abs(stride * median - period) <= TOLERANCE * period:
-            advice = f"keep every {stride}th frame, or {advice}" if stride > 3 else f"keep one frame of {stride}"
-        raise DataError(
-            f"{where}: frames are {median:g} s apart, but {card.id} has {card.task.rate:g} frames per second: {advice}"
-        )
-    step, longest = np.diff(time), GAP * period
-    expected = f"expected at most {longest:g} s; make a scene of each side"
-    refuse(step > longest, lambda t: f"{where}: frame {t + 1} is {step[t]:g} s after the one before, {expected}")

@@ -20,8 +20,7 @@ class TableColumn:
     flag: bool = False  # 1 or 0, true or false
 
 
-_FRAME = TableColumn("frame", "whole number of the frame", "the row's `time` decides it")
-_TIME = TableColumn("time", "s", "`frame` times the period of the task")
+_FRAME = TableColumn("frame", "whole number of the frame")
 _CENTRE = (
     TableColumn("x", "m, centre of the box"),
     TableColumn("y", "m, centre of the box"),
@@ -37,7 +36,6 @@ _VELOCITY = tuple(TableColumn(name, "m/s; empty: unknown", "unknown", gaps=True)
 TABLES: dict[str, tuple[TableColumn, ...]] = {
     "truth": (
         _FRAME,
-        _TIME,
         TableColumn("id", "the object: a number or a word, the same in all frames", text=True),
         _CLASS,
         *_CENTRE,
@@ -51,16 +49,16 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
         ),
         TableColumn("visible", "share in line of sight, 0 to 1, for simulated detectors", "computed from the boxes"),
     ),
-    "detections": (_FRAME, _TIME, _CLASS, *_CENTRE, _SCORE, *_VELOCITY),
+    "detections": (_FRAME, _CLASS, *_CENTRE, _SCORE, *_VELOCITY),
     "ego": (
         _FRAME,
-        _TIME,
+        TableColumn("time", "s", "`frame` times the period of the task"),
         *(TableColumn(name, "m, position of the sensors", "0") for name in "xyz"),
         TableColumn("yaw", "rad, heading of the sensors", "0"),
     ),
 }
 TRACKS = (  # of a table of stored tracks, which is a separate file
-    TableColumn("frame", "whole number of the frame, from 0"),
+    replace(_FRAME, meaning="whole number of the frame, from 0"),
     TableColumn("id", "the track: a number or a word, the same in all frames", text=True),
     replace(_CLASS, meaning=f"{_CLASS.meaning}; a class of the task in other letters is an error"),
     *_CENTRE,

@@ -15,9 +15,8 @@ from ...errors import DataError, closest
 from ...types import ID_LIMIT, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import class_ids, no_detections, section_of
 from ..motion import backward_velocity
-from .checks import check_boxes, check_frames, check_objects
+from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
 from .columns import BOX, FORMS, TABLES
-from .frames import scene_frames
 from .save import scene_tables
 from .table import ColumnTable, read_table
 
@@ -34,19 +33,19 @@ def read_scene(folder: Path, card: Card) -> Scene:
     if paths["truth"] is None:
         raise DataError(f"{folder}: no table truth.csv or truth.parquet, which the score needs")
     tables = {name: read_table(path, name) for name, path in paths.items() if path is not None}
-    frames = scene_frames(str(folder), tables, card.task.rate)
-    time, ego = frames.time, np.zeros((len(frames.time), 4))
+    number, time = scene_frames(str(folder), tables, card.task.rate)
+    ego = np.zeros((len(time), 4))
     for i, column in enumerate(("x", "y", "z", "yaw")):
         if "ego" in tables and tables["ego"].has(column):
             ego[:, i] = tables["ego"].numbers[column]
     check_frames(time, ego, card, str(folder))
     skipped: dict[str, int] = {}
-    truth, visible = _truth(tables["truth"], frames.index_of(tables["truth"]), time, card, skipped)
+    truth, visible = _truth(tables["truth"], frame_index(tables["truth"], number), time, card, skipped)
     scene = Scene(unquote(folder.name), time, ego, truth, no_detections(len(time)), visible=visible, skipped=skipped)
     if "detections" not in tables:
         return _for_card(scene, card, str(folder), detected=False)
     if card.detector is None:
-        index = frames.index_of(tables["detections"])
+        index = frame_index(tables["detections"], number)
         scene = replace(scene, detections=_detections(tables["detections"], index, len(time), card, skipped))
     return _for_card(scene, card, str(folder), detected=True)
 

@@ -30,7 +30,7 @@ DATASET = Dataset(
   <scene>/ego.csv                   frames and positions of the sensors (optional)""",
     licence="your own",
     citation="your own",
-    how_to_get="write them with mtp_bench.save_scene, or import them: mtp-bench import --help",
+    how_to_get="write them with mtp_bench.save_scene, or as docs/data/own.md shows",
 )
 
 

@@ -203,7 +203,7 @@ def _header(path: Path, stream: Any, table: str) -> list[str]:
         raise DataError(f"{path} is empty, expected a line with the names of the columns")
     known = {column.name for column in COLUMNS[table]}
     if known.isdisjoint(names) and any(name.removeprefix("-").replace(".", "", 1).isdigit() for name in names):
-        needed = ", ".join(dict.fromkeys(["frame", *(c.name for c in COLUMNS[table] if not c.without)]))
+        needed = ", ".join(column.name for column in COLUMNS[table] if not column.without)
         got = reprlib.repr(first.strip())
         raise DataError(f"{path}: line 1 is {got}, expected the names of the columns, such as {needed}")
     _check_names(path, names, table)
@@ -225,7 +225,5 @@ def _check_names(path: Path, names: Sequence[str], table: str) -> None:
     for column in COLUMNS[table]:
         if not column.without and column.name not in names:
             raise DataError(f"{path}: no column {column.name!r}: {column.meaning}; {found}")
-    if "frame" not in names and "time" not in names:
-        raise DataError(f"{path}: neither a column 'frame' nor 'time', expected one of them; {found}")
     if ("vx" in names) != ("vy" in names):
         raise DataError(f"{path}: one of the columns 'vx' and 'vy', expected both or none")
