@@ -1,7 +1,6 @@
-"""Wrappers of the env for agents of other libraries: a flat action, and an action that only associates."""
+"""A wrapper of the env for agents of other libraries: an action that only associates."""
 
 from .association import CONTINUE as CONTINUE
 from .association import IGNORE as IGNORE
 from .association import NEW as NEW
 from .association import AssociationOnly as AssociationOnly
-from .flat import FlattenAction as FlattenAction

@@ -12,10 +12,10 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from ..agent import Pipeline, Predictor, Presence
+from ..env import MTPEnv
 from ..errors import ActionError, MtpBenchError, describe_problem
 from ..geometry import rotate
-from ..types import Action, Floats, Ints, Observation
-from .flat import require_own_space, require_positive, task_of
+from ..types import Action, Floats, Ints, Observation, Task
 from .slots import FREE, Slots
 
 IGNORE = 0  # the choice that leaves a detection out
@@ -71,16 +71,14 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
 
         given: dict[str, Any] = {"detections": detections, "choices": choices, "near": near}
         for name, value in given.items():
-            require_positive(name, value, "AssociationOnly", whole=name != "near")
+            _require_positive(name, value, whole=name != "near")
         if choices > _MOST_TRACKS:
             most = f"at most {_MOST_TRACKS}, the number of tracks at a time"
             raise MtpBenchError(describe_problem(f"choices is {choices}", most, "AssociationOnly"))
         RecordConstructorArgs.__init__(self, predictor=predictor, presence=presence, **given)
         untyped: Any = env  # Gymnasium types the inner env like the outer one
         gymnasium.Wrapper.__init__(self, untyped)
-        self._env, self._task, self._near = env, task_of(env, "AssociationOnly"), near
-        require_own_space(env, "observation_space", "AssociationOnly")
-        require_own_space(env, "action_space", "AssociationOnly")
+        self._env, self._task, self._near = env, _task_of(env), near
         self._started = False
         self._slots = Slots(_MOST_TRACKS, _PATIENCE)
         self._agent = Pipeline(self._slots, predictor or KinematicPredictor(), KMeansSampler(), presence=presence)
@@ -178,3 +176,25 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         waited = self._slots.unseen[slot] / (_PATIENCE + 1)
         columns = np.stack([np.ones(slot.shape), nearness, certainty, waited], axis=2)
         return np.asarray(np.where(exists[:, :, None], columns, 0).reshape(len(slot), _OF_TRACK * self._choices))
+
+
+def _task_of(env: gymnasium.Env[Any, Any]) -> Task:
+    """The task of ``env``; raises MtpBenchError for an env of another library or with changed spaces."""
+    inner = env.unwrapped
+    if not isinstance(inner, MTPEnv):
+        expected = 'one of mtp_bench, such as gym.make("MTP-Roundabout-v0")'
+        raise MtpBenchError(describe_problem(f"the env is a {type(inner).__name__}", expected, "AssociationOnly"))
+    for name in ("observation_space", "action_space"):
+        space = getattr(env, name)
+        if not isinstance(space, gymnasium.spaces.Dict):
+            got, expected = f"the {name} of the env is a {type(space).__name__}", "the Dict that it has unwrapped"
+            raise MtpBenchError(describe_problem(got, expected, "AssociationOnly"))
+    return inner.task
+
+
+def _require_positive(name: str, value: Any, whole: bool) -> None:
+    """Raise MtpBenchError unless ``value`` is finite and above 0 (``whole``: an integer)."""
+    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
+    if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
+        expected = f"a {'whole' if whole else 'finite'} number above 0"
+        raise MtpBenchError(describe_problem(f"{name} is {value!r}", expected, "AssociationOnly"))

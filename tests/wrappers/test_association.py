@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mtp_bench import ActionError, MtpBenchError
 from mtp_bench.env import MTPEnv
 from mtp_bench.prediction import LearnedPresence
-from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly, FlattenAction
+from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly
 from tests.env.conftest import MakeEnv
 from tests.env.conftest import make_env as make_env
 from tests.env.test_gymnasium import make_small
@@ -126,8 +126,6 @@ def test_what_another_wrapper_shows_cannot_be_associated(env: AssociationOnly) -
     flat: Any = gym.wrappers.FlattenObservation(inner)
     with pytest.raises(MtpBenchError, match="the observation_space of the env is a Box, expected the Dict that it has"):
         AssociationOnly(flat)
-    with pytest.raises(MtpBenchError, match="the action_space of the env is a Box"):
-        AssociationOnly(FlattenAction(inner))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -174,10 +172,10 @@ def test_a_presence_and_a_predictor_can_be_given() -> None:
     assert reward(weighed, weighed.nearest) > reward(certain, certain.nearest)
 
 
-@pytest.mark.parametrize("wrapper", [AssociationOnly, FlattenAction])
-def test_an_env_of_another_library(wrapper: Any) -> None:
-    with pytest.raises(MtpBenchError, match=rf"is a CartPoleEnv, expected one of mtp_bench.*\({wrapper.__name__}\)"):
-        wrapper(gym.make("CartPole-v1"))
+def test_an_env_of_another_library() -> None:
+    untyped: Any = gym.make("CartPole-v1")
+    with pytest.raises(MtpBenchError, match=r"is a CartPoleEnv, expected one of mtp_bench"):
+        AssociationOnly(untyped)
 
 
 def test_both_checkers_accept_it(card: str, kitti: str) -> None:

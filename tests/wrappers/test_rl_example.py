@@ -30,7 +30,7 @@ def test_the_blocks_of_docs_environment_reinforcement_md_run(
 ) -> None:
     page = (repository / "docs/environment/reinforcement.md").read_text()
     found = re.findall(r"^```python\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
-    assert len(found) == 3
+    assert len(found) == 2
     for block in found:
         exec(compile(block, "reinforcement.md", "exec"), {})
     printed = capsys.readouterr().out
