@@ -10,14 +10,9 @@ import os
 import secrets
 import shutil
 import stat
-import struct
 import tempfile
-import tokenize
 import unicodedata
-import zipfile
-import zlib
-from collections.abc import Callable, Iterator
-from lzma import LZMAError
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import quote
@@ -25,18 +20,13 @@ from urllib.parse import quote
 from .errors import MtpBenchError
 
 ABSENT = "cannot be read: no such file"
-BROKEN_ARCHIVE = (  # errors of NumPy for an NPZ file with changed or missing bytes
-    OSError, TypeError, ValueError, LookupError, ArithmeticError, EOFError, MemoryError, RuntimeError, SyntaxError,
-    struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error, LZMAError,
-)  # fmt: skip
 _CHUNK = 1 << 20  # bytes hashed at once
-_EARLIER = ".earlier"  # suffix of a folder while its replacement is moved into place
 _FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
 _INVISIBLE = ("Cc", "Cf", "Cs")  # Unicode categories: controls, format marks, surrogates
 _JOINERS = "\u200c\u200d"  # invisible, but several scripts need them
 _FILE_KINDS = {
-    stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFSOCK: "socket", stat.S_IFCHR: "device",
-    stat.S_IFBLK: "device",
+    stat.S_IFREG: "", stat.S_IFDIR: "folder", stat.S_IFIFO: "FIFO", stat.S_IFSOCK: "socket",
+    stat.S_IFCHR: "device", stat.S_IFBLK: "device",
 }  # fmt: skip
 
 
@@ -47,9 +37,8 @@ class WriteError(MtpBenchError, OSError):
     """
 
     def __str__(self) -> str:
-        reason = describe_write_error(self, Path(self.filename))
         advice = "" if self.errno in _FULL_DISK else "; choose another folder"
-        return f"cannot write {self.filename}: {reason}{advice}"
+        return f"cannot write {self.filename}: {describe_write_error(self)}{advice}"
 
 
 @contextlib.contextmanager
@@ -77,15 +66,21 @@ def whole_folder(path: Path) -> Iterator[Path]:
     A symbolic link is followed and kept. After an error or an interruption the earlier folder is unchanged. Raises
     WriteError naming ``path`` if writing fails, and MtpBenchError if the folder cannot be replaced.
     """
-    path = _resolved(path)
+    path = _target(path)
     require_replaceable(path)
     part = _temporary(path)
+    earlier = part.with_suffix(".earlier")
     try:
         with _naming(path, part):
             part.mkdir(parents=True)
             yield part
-            _replace_folder(part, path)
+            if path.exists():
+                path.rename(earlier)
+            part.rename(path)
     finally:
+        if earlier.exists() and not path.exists():
+            earlier.rename(path)
+        shutil.rmtree(earlier, ignore_errors=True)
         shutil.rmtree(part, ignore_errors=True)
 
 
@@ -103,25 +98,15 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 def require_replaceable(folder: Path) -> None:
     """Raise MtpBenchError if ``folder`` is a mount point or the working directory, which cannot be replaced."""
-    if not folder.exists():
-        return
-    if os.path.ismount(folder.resolve()):
-        raise MtpBenchError(f"{folder} is the root of a disk, which cannot be replaced: choose a folder on it")
-    if Path.cwd().is_relative_to(folder.resolve()):
-        raise MtpBenchError(f"{folder} is the working folder, which cannot be replaced: choose a folder inside it")
+    if folder.exists() and (os.path.ismount(folder.resolve()) or Path.cwd().is_relative_to(folder.resolve())):
+        raise MtpBenchError(f"{folder} is the root of a disk or the working folder: choose a folder inside it")
 
 
 def remove_leftovers(*paths: Path) -> None:
-    """Remove temporary files that killed writers of ``paths`` left; no other process may be writing them.
-
-    A folder that was moved aside, and whose replacement never arrived, is moved back.
-    """
-    for path in paths:
-        target = _resolved(path)
-        for leftover in {*_temporaries(path), *_temporaries(target)}:  # files replace a link, folders its target
-            if leftover.name.endswith(_EARLIER) and not target.exists():
-                leftover.rename(target)
-            elif leftover.is_dir() and not leftover.is_symlink():
+    """Remove temporary files that killed writers of ``paths`` left; no other process may be writing them."""
+    for path in {*paths, *map(_target, paths)}:
+        for leftover in path.parent.glob(f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}"):
+            if leftover.is_dir() and not leftover.is_symlink():
                 shutil.rmtree(leftover, ignore_errors=True)
             else:
                 leftover.unlink(missing_ok=True)
@@ -164,13 +149,10 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
 
 
-def describe_write_error(error: OSError, path: Path) -> str:
-    """The reason why ``path`` could not be written; for a full disk with the free space and what to do."""
-    if error.errno not in _FULL_DISK:
-        return error.strerror or str(error)
-    nearest = _nearest_folder(path)
-    free = f", {shutil.disk_usage(nearest).free / 2**20:.1f} MiB are free at {nearest}" if nearest.exists() else ""
-    return f"{error.strerror}{free}: make room there, or choose another folder, and try again"
+def describe_write_error(error: OSError) -> str:
+    """The reason of a failure to write, for a full disk with what to do."""
+    advice = ": make room there, or choose another folder, and try again" if error.errno in _FULL_DISK else ""
+    return f"{error.strerror or error}{advice}"
 
 
 def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT) -> str:
@@ -194,20 +176,14 @@ def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str 
         raise error(f"{path}: not valid UTF-8: {cause.reason} at byte {cause.start}; save it as UTF-8") from None
 
 
-def describe_read_error(error: Exception) -> str:
-    """The reason why NumPy could not read an archive, without its advice to allow pickles."""
-    text = str(error)
-    return "it holds Python objects, which are never read" if "pickle" in text else text
-
-
 def open_regular(path: Path, links: bool = True) -> BinaryIO:
     """Open a regular file for reading; raises OSError for a FIFO, a device and others whose reading may never end.
 
     ``links``: follow a symbolic link to a regular file.
     """
-    follow = 0 if links else getattr(os, "O_NOFOLLOW", 0)
+    flags = getattr(os, "O_NONBLOCK", 0) | (0 if links else getattr(os, "O_NOFOLLOW", 0))
     _require_regular(path.stat() if links else path.lstat(), path)
-    stream = open(path, "rb", opener=_opener(follow | getattr(os, "O_NONBLOCK", 0)))  # noqa: SIM115  (pathlib has no opener)
+    stream = open(path, "rb", opener=lambda name, mode: os.open(name, mode | flags))  # noqa: SIM115  (pathlib has no opener)
     try:
         _require_regular(os.fstat(stream.fileno()), path)  # it may have been replaced meanwhile
     except OSError:
@@ -218,7 +194,7 @@ def open_regular(path: Path, links: bool = True) -> BinaryIO:
 
 def file_kind(mode: int) -> str:
     """The kind of a file that is not a regular one, from ``st_mode``: "folder", "FIFO", ...; "" for a regular file."""
-    return "" if stat.S_ISREG(mode) else _FILE_KINDS.get(stat.S_IFMT(mode), "link")
+    return _FILE_KINDS.get(stat.S_IFMT(mode), "link")
 
 
 def file_digest(path: Path, most: int | None = None) -> str:
@@ -271,15 +247,17 @@ def require_file(path: Path) -> None:
     if not path.parent.is_dir():
         raise MtpBenchError(f"cannot write {path}: there is no folder {path.parent}")
     _require_ordinary(path)
-    _require_access(path, path.parent)
+    with _naming(path):
+        tempfile.TemporaryFile(dir=path.parent).close()
 
 
 def require_folder(path: Path) -> None:
     """Raise MtpBenchError unless the folder ``path`` can be created or replaced."""
-    nearest = _nearest_folder(_resolved(path))
-    if not nearest.is_dir():
-        raise MtpBenchError(f"cannot write {path}: {nearest} is a file, expected a folder")
-    _require_access(path, nearest)
+    above = next(parent for parent in _target(path).absolute().parents if parent.exists())
+    if not above.is_dir():
+        raise MtpBenchError(f"cannot write {path}: {above} is a file, expected a folder")
+    with _naming(path):
+        tempfile.TemporaryFile(dir=above).close()
 
 
 @contextlib.contextmanager
@@ -289,9 +267,9 @@ def _naming(path: Path, part: Path | None = None) -> Iterator[None]:
         yield
     except OSError as error:
         named = error.filename
-        if isinstance(named, str | bytes | os.PathLike):  # an error about a descriptor has no name
-            file = Path(os.fsdecode(named))
-            if part is not None and {part, path}.isdisjoint([file, *file.parents]):
+        if part is not None and isinstance(named, str | os.PathLike):  # an error about a descriptor has no name
+            file = Path(named)
+            if {part, path}.isdisjoint([file, *file.parents]):
                 raise
         raise WriteError(error.errno, error.strerror or str(error) or type(error).__name__, str(path)) from error
 
@@ -302,52 +280,15 @@ def _require_ordinary(path: Path) -> None:
         raise MtpBenchError(f"cannot write {path}: it is not an ordinary file; choose another name")
 
 
-def _require_access(path: Path, folder: Path) -> None:
-    """Raise MtpBenchError unless files can be created in ``folder``."""
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise MtpBenchError(f"cannot write {path}: no permission to write in {folder}")
-    with _naming(path):  # os.access alone is not reliable, for root and on network file systems
-        tempfile.TemporaryFile(dir=folder).close()
-
-
 def _require_regular(state: os.stat_result, path: Path) -> None:
     if kind := file_kind(state.st_mode):
         raise OSError(errno.EINVAL, f"it is a {kind}, expected a file", str(path))
-
-
-def _opener(flags: int) -> Callable[[str, int], int]:
-    return lambda path, mode: os.open(path, mode | flags)
-
-
-def _nearest_folder(path: Path) -> Path:
-    """The nearest existing folder above ``path``."""
-    return next(parent for parent in path.absolute().parents if parent.exists())
 
 
 def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.stem}.{os.getpid()}.{secrets.token_hex(4)}.part{path.suffix}")
 
 
-def _temporaries(path: Path) -> Iterator[Path]:
-    """Files and folders that killed writers of ``path`` left beside it."""
-    return path.parent.glob(f".{glob.escape(path.stem)}.*.part{glob.escape(path.suffix)}*")
-
-
-def _resolved(path: Path) -> Path:
+def _target(path: Path) -> Path:
     """The target of a symbolic link, else ``path``."""
     return Path(os.path.realpath(path)) if path.is_symlink() else path
-
-
-def _replace_folder(part: Path, folder: Path) -> None:
-    """Move ``part`` to ``folder``; an earlier folder is moved back if that fails."""
-    if not folder.exists():
-        part.rename(folder)
-        return
-    earlier = part.with_name(part.name + _EARLIER)
-    folder.rename(earlier)
-    try:
-        part.rename(folder)
-    except OSError:
-        earlier.rename(folder)
-        raise
-    shutil.rmtree(earlier, ignore_errors=True)

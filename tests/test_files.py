@@ -88,35 +88,21 @@ def test_a_link_to_where_nothing_can_be_written_is_refused(tmp_path: Path) -> No
         require_folder(tmp_path / "out")
 
 
-def killed(folder: Path) -> Path:
-    """What is left of ``folder`` where its writer is killed between the two steps of replacing it."""
-    part = folder.with_name(f".{folder.stem}.7.0a.part{folder.suffix}")
-    fill(part, "new")
-    return folder.rename(part.with_name(f"{part.name}.earlier"))
-
-
-@pytest.mark.parametrize("linked", [False, True])
-def test_the_only_copy_comes_back_from_a_killed_replacement(linked: bool, tmp_path: Path) -> None:
-    real = path = tmp_path / "a.rollouts"
-    if linked:
-        real = tmp_path / "disk" / "a"
-        real.parent.mkdir()
-        path.symlink_to(real)
-    fill(path, "old")
-    killed(real)
-    remove_leftovers(path)
-    assert said(path) == "old"
-    assert list(real.parent.glob(".*")) == []
-
-
-def test_leftovers_go_where_the_folder_is_there(tmp_path: Path) -> None:
+def test_a_failed_replacement_leaves_the_earlier_folder(tmp_path: Path) -> None:
     path = tmp_path / "a.rollouts"
     fill(path, "old")
-    killed(path)
-    fill(path, "new")
-    (tmp_path / ".b.7.0a.part.rollouts").mkdir()  # of another one
-    remove_leftovers(path, tmp_path / "a.json")
-    assert said(path) == "new"
+    with pytest.raises(RuntimeError), whole_folder(path):
+        raise RuntimeError
+    assert said(path) == "old"
+    assert [each.name for each in tmp_path.iterdir()] == ["a.rollouts"]
+
+
+def test_leftovers_of_killed_writers_go(tmp_path: Path) -> None:
+    fill(tmp_path / "a.rollouts", "old")
+    for name in (".a.7.0a.part.rollouts", ".b.7.0a.part.rollouts"):
+        (tmp_path / name).mkdir()
+    (tmp_path / ".a.7.0b.part.json").touch()
+    remove_leftovers(tmp_path / "a.rollouts", tmp_path / "a.json")
     assert sorted(each.name for each in tmp_path.iterdir()) == [".b.7.0a.part.rollouts", "a.rollouts"]
 
 
@@ -141,7 +127,7 @@ def test_an_error_of_writing_names_what_was_asked_for_and_says_what_to_do(tmp_pa
 def test_an_error_of_writing_is_one_of_the_system_too(tmp_path: Path) -> None:
     """Who can do without the file catches it as such, and it comes home from other processes."""
     with (
-        pytest.raises(OSError, match=r"No space left on device, .* MiB are free at .*: make room there") as caught,
+        pytest.raises(OSError, match=r"No space left on device: make room there") as caught,
         whole_folder(tmp_path / "out") as folder,
         whole_file(folder / "scene.npz"),
     ):

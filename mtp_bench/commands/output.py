@@ -6,7 +6,6 @@ import io
 import json
 import os
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
@@ -57,7 +56,7 @@ def said_of(error: MtpBenchError | OSError) -> str:
     if isinstance(error, MtpBenchError):
         return str(error)
     named = error.filename or error.filename2
-    reason = describe_write_error(error, Path(named or tempfile.gettempdir()))
+    reason = describe_write_error(error)
     return f"{named}: {reason}" if named else reason
 
 

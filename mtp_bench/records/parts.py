@@ -57,7 +57,7 @@ class Parts:
             write_arrays(path, {**arrays, _OTHER_FIELDS: np.array(json.dumps(fields))}, brief=True)
         except OSError as error:
             raise MtpBenchError(
-                f"cannot write {path}: {describe_write_error(error, path)}; the scenes finished before are kept: "
+                f"cannot write {path}: {describe_write_error(error)}; the scenes finished before are kept: "
                 "--resume continues"
             ) from None
 

@@ -174,6 +174,6 @@ def unpacked(packed: Path) -> Path:
                     archive.extraction_filter = tarfile.data_filter
                 archive.extractall(part)
     except (OSError, tarfile.TarError, EOFError) as error:
-        why = describe_write_error(error, folder) if isinstance(error, OSError) else str(error)
+        why = describe_write_error(error) if isinstance(error, OSError) else str(error)
         raise MtpBenchError(f"{packed}: its records cannot be unpacked to {folder}: {why}") from None
     return folder / "records"

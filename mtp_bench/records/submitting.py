@@ -227,7 +227,7 @@ def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
                 for seed, rollouts in rollouts_of(runs).items():
                     save_run(seed_folder(folder, seed), info_of(plan, seed), rollouts)
     except OSError as error:
-        raise MtpBenchError(f"cannot write {target}: {describe_write_error(error, target)}") from None
+        raise MtpBenchError(f"cannot write {target}: {describe_write_error(error)}") from None
     return record
 
 

@@ -21,7 +21,7 @@ from ..types import Rollout, Scene
 from .options import CHANGES, DEFAULTS, RunOptions
 from .reading import total_skipped
 from .reference import reference_for
-from .rollout_files import Run, RunInfo, load_run, require_run_folder, require_storable, save_run
+from .rollout_files import Run, RunInfo, load_run, require_run_folder, save_run
 from .run import jobs_of, library_versions, run_jobs
 from .settings import Setting, setting_of, submission_of
 
@@ -121,7 +121,6 @@ def run(
     names = options.chosen(env.scene_names)
     jobs = jobs_of(submission, env_id, {"data": options.data, **keywords}, names, seed)
     info = run_info(env, setting, seed, keywords).model_copy(update={"card": env.card.stored()})
-    require_storable(info, names)
     results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _with_skipped)
     save_run(folder, info, [rollout for rollout, _ in results])
     rejected = sum(int(rollout.invalid.sum()) for rollout, _ in results)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .._bundle import baseline_names
 from ..errors import SubmissionError
-from ..files import describe_write_error, require_folder, whole_folder
+from ..files import require_folder, whole_folder
 from .manifest import BESIDE_RECORDS, MANIFEST, MOST_NAME, NAME_PATTERN
 
 TEMPLATE = Path(__file__).parent / "template"
@@ -32,11 +32,8 @@ def new_submission(name: str, parent: Path) -> Path:
     if folder.exists() or folder.is_symlink():
         raise SubmissionError(f"{folder} exists already, expected a new folder: choose another name, or remove it")
     require_folder(folder)
-    try:
-        with whole_folder(folder) as part:
-            for file in FILES:
-                text = (TEMPLATE / file).read_text(encoding="utf-8")
-                (part / file).write_text(re.sub(r"\bNAME\b", name, text), encoding="utf-8")
-    except OSError as error:
-        raise SubmissionError(f"cannot write {folder}: {describe_write_error(error, folder)}") from None
+    with whole_folder(folder) as part:
+        for file in FILES:
+            text = (TEMPLATE / file).read_text(encoding="utf-8")
+            (part / file).write_text(re.sub(r"\bNAME\b", name, text), encoding="utf-8")
     return folder
