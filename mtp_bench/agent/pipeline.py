@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 
@@ -45,7 +44,6 @@ class Pipeline:
             raise ShapeError(f"min_mass is {min_mass!r}, expected a weight from 0 to 1")
         self._tracker, self._predictor, self._sampler = tracker, predictor, sampler
         self._uniform, self._min_mass, self._presence = weighting == "uniform", min_mass, presence
-        self.seconds = {"tracking": 0.0, "prediction": 0.0}  # of the last frame
 
     def reset(self, task: Task) -> None:
         """Begin a new scene."""
@@ -60,11 +58,7 @@ class Pipeline:
         """Answer one frame."""
         # Copies, since the env may use its arrays again.
         self._seen.append({name: np.copy(value) for name, value in observation.items()})
-        started = perf_counter()
-        tracks = self._tracker.step(observation)
-        tracked = perf_counter()
-        action = self._action(tracks)
-        self.seconds = {"tracking": tracked - started, "prediction": perf_counter() - tracked}
+        action = self._action(self._tracker.step(observation))
         self._number += 1
         return action
 

@@ -1,7 +1,7 @@
 """Study of an env: the cost of tracking errors, where and how often they happen, and the gain of hypotheses.
 
-`plan` lists the runs, `runs` makes or reads them, `findings` holds their scores; `specs` declares the tables, `figures`
-the figures, `relations` compares with the paper, and `page` tells the story.
+`plan` lists the runs, `runs` makes or reads them, `findings` holds their scores; `rows` makes the tables, `figures` the
+figures, `relations` compares with the paper, and `page` shows all of it.
 """
 
 from __future__ import annotations

@@ -14,17 +14,9 @@ from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypothes
 from ..scoring.neutral import evaluated
 from ..scoring.ranking_error import Cuts
 from ..scoring.targets import find_targets, live_frames
-from ..types import Bools, Floats, Ints, Rollout, Scene, Truth
+from ..types import Bools, Ints, Rollout, Scene, Truth
 
 KINDS = ("ids", "lost", "reacquired", "frag")  # the last: lost or reacquired
-
-
-@dataclass(frozen=True, eq=False)
-class EventRows:
-    """Events of one kind on evaluated true boxes, targets or not."""
-
-    frame: Ints  # [E]
-    distance: Floats  # [E] m to the ego (BEV)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,10 +27,9 @@ class Circumstances:
     seen: Bools  # [n] a detection of the class lies inside the forecast gate
     age: Ints  # [n] frames since the track that holds it first appeared; -1: not held in the best hypothesis
     since: dict[str, Ints]  # [n] by KINDS: frames since the last event of the object, 0 for now; -1: none so far
-    own: dict[str, EventRows]  # by KINDS: along the lineage of the best hypothesis
-    shared: dict[str, EventRows]  # by KINDS: in every hypothesis
+    own: dict[str, int]  # by KINDS: events along the lineage of the best hypothesis, on targets or not
+    shared: dict[str, int]  # by KINDS: events that every hypothesis has
     objects: int  # evaluated true objects
-    boxes: int  # evaluated true boxes
     frames: int
 
 
@@ -61,10 +52,9 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
         seen=_seen(scene, card)[targets.row],
         age=_ages(rollout, track)[targets.row],
         since={kind: _since(truth, rows)[targets.row] for kind, rows in own.items()},
-        own={kind: _event_rows(scene, rows) for kind, rows in own.items()},
-        shared={kind: _event_rows(scene, in_all(truth, lineage, events, kind)) for kind in KINDS},
+        own={kind: int(rows.sum()) for kind, rows in own.items()},
+        shared={kind: int(in_all(truth, lineage, events, kind).sum()) for kind in KINDS},
         objects=len(np.unique(truth.object_id[~truth.neutral])),
-        boxes=int((~truth.neutral).sum()),
         frames=scene.frames,
     )
 
@@ -94,10 +84,3 @@ def _since(truth: Truth, happened: Bools) -> NDArray[np.int64]:
     known = last >= begin
     since[past.order[known]] = past.frame[known] - past.frame[last[known]]
     return since
-
-
-def _event_rows(scene: Scene, happened: Bools) -> EventRows:
-    truth, row = scene.truth, np.flatnonzero(happened)
-    frame = truth.frame_of_rows[row]
-    gap = truth.box[row, :2] - scene.ego[frame, :2]
-    return EventRows(frame, np.hypot(gap[:, 0], gap[:, 1]))

@@ -11,19 +11,17 @@ from ..cards import Card
 from ..errors import MtpBenchError
 from ..files import make_folder, require_folder, write_bytes, write_text
 from ..parallel import Done, Progress
-from ..running.compare import AtThreshold, at_threshold, scores_of, threshold_agents
 from ..running.options import DEFAULTS, RunOptions
-from ..running.perturbation import score_cuts
 from ..running.reference import frozen_reference, reference_for
-from ..running.settings import setting_of
-from ..scoring import Reference, summarise
 from ..sources import open_source
-from ..submission.loader import load_submission
 from ..tables import Table, to_csv, to_json
+from .figures import make_figures
 from .findings import Findings
-from .plan import HYPOTHESES, QUANTILES, StudyPlan, key_of, make_plan, with_cuts
-from .runs import RUNS, Bench, Measured, measure, open_bench, speed_of
-from .specs import make_tables
+from .gallery import draw_worst_events
+from .page import study_page
+from .plan import HYPOTHESES, key_of, make_plan
+from .rows import make_tables
+from .runs import RUNS, measure, open_bench
 
 QUICK_SCENES = 6
 QUICK_HYPOTHESES = (1, 5, 20)
@@ -58,7 +56,7 @@ def study(
         env_id: Id of the env, path of its card, or a card.
         folder: Output; its runs of an earlier study are used again if nothing has changed.
         options: Data, scenes, seeds (all for ranked runs, the first for others), workers and progress.
-        quick: A first look: the first scenes, one seed, fewer hypotheses, no score thresholds.
+        quick: A first look: the first scenes, one seed, fewer hypotheses.
         command: Command that makes the study again, shown on the page.
 
     Raises MtpBenchError for wrong arguments and broken data.
@@ -87,41 +85,15 @@ def find(names: Sequence[str], env_id: str | Card, folder: Path, options: RunOpt
     scenes = options.chosen(open_source(card, options.data).names)
     frozen = frozen_reference(card)
     weights = 0 if frozen is not None and frozen.holds(scenes) else _OF_WEIGHTS
-    cuts = 0 if quick else len(QUANTILES) * len(threshold_agents())
-    runs = len(plan.equal) * len(options.seeds) + len(plan.free) + cuts
+    runs = len(plan.equal) * len(options.seeds) + len(plan.free)
     options.progress.started(len(scenes) * (1 + weights + runs))
     options = replace(options, progress=Progress(done=options.progress.done))  # the parts are counted already
     bench = open_bench(env_id, folder, options)
     make_folder(folder)
-    plan = plan if quick else with_cuts(plan, bench.card, _cuts(bench))
     reference = reference_for(bench.card, bench.scenes, options)
-    work = [(s, options.seeds) for s in plan.equal] + [(s, options.seeds[:1]) for s in [*plan.free, *plan.cut]]
+    work = [(s, options.seeds) for s in plan.equal] + [(s, options.seeds[:1]) for s in plan.free]
     measured = {key_of(setting): measure(bench, setting, seeds, options.progress.done) for setting, seeds in work}
-    speed = tuple(speed_of(bench, setting) for setting in plan.subjects[0].equal.values())
-    return Findings(bench, plan, reference, measured, speed, _scores_at_cuts(bench, plan, reference, measured))
-
-
-def _cuts(bench: Bench) -> dict[float, dict[str, float]]:
-    """Least scores per class, by the share of true detections that they leave out."""
-    classes = bench.card.task.classes
-    return {
-        share: dict(zip(classes, score_cuts(bench.matched, len(classes), share), strict=True)) for share in QUANTILES
-    }
-
-
-def _scores_at_cuts(
-    bench: Bench, plan: StudyPlan, reference: Reference, measured: dict[str, Measured]
-) -> tuple[AtThreshold, ...]:
-    """Scores of the baselines with all detections, and with each score threshold."""
-    if not plan.cuts:
-        return ()
-    uncut = tuple(setting_of(load_submission(name), bench.card) for name in threshold_agents())
-    rows = []
-    for share, settings in {0.0: uncut, **plan.cuts}.items():
-        if all(key_of(setting) in measured for setting in settings):
-            agents = [scores_of(each, measured[key_of(each)].scores[:1], each.submission.name) for each in settings]
-            rows.append(at_threshold(share, agents, summarise(agents, bench.card, reference)))
-    return tuple(rows)
+    return Findings(bench, plan, reference, measured)
 
 
 def require_study_folder(folder: Path) -> None:
@@ -136,10 +108,6 @@ def require_study_folder(folder: Path) -> None:
 
 def write_study(folder: Path, findings: Findings, tables: dict[str, Table], command: str, done: Done) -> int:
     """Write all files of a study; returns the number of figures. ``done`` is called after each kind of file."""
-    from .figures import make_figures
-    from .gallery import gallery
-    from .page import study_page
-
     (folder / _MARK).touch()
     for name in (TABLES, FIGURES, EVENTS):  # an earlier study may have had others
         shutil.rmtree(folder / name, ignore_errors=True)
@@ -149,13 +117,10 @@ def write_study(folder: Path, findings: Findings, tables: dict[str, Table], comm
         write_text(folder / TABLES / f"{table.name}.json", to_json(table))
     figures = make_figures(findings, tables)
     done("figures")
-    pictures = gallery(findings)
-    named = [(FIGURES, figure) for figure in figures.values()] + [(EVENTS, picture.figure) for picture in pictures]
-    for name, figure in named:
-        write_text(folder / name / f"{figure.name}.svg", figure.svg_file)
-        write_bytes(folder / name / f"{figure.name}.png", figure.png)
-    for picture in pictures:
-        write_bytes(folder / EVENTS / f"{picture.figure.name}-focus.png", picture.focus)
+    for name, figure in figures.items():
+        write_text(folder / FIGURES / f"{name}.svg", figure.svg_file)
+        write_bytes(folder / FIGURES / f"{name}.png", figure.png)
+    pictures = draw_worst_events(findings, folder / EVENTS)
     done("pictures of events")
     write_text(folder / PAGE, study_page(findings, tables, figures, pictures, command))
     done("page")

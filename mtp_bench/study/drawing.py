@@ -1,4 +1,4 @@
-"""Look of every figure: colours for colour blindness, print and dark pages; title, sentence and number of targets.
+"""Look of every figure, with colours for colour blindness, print and dark pages.
 
 A figure is drawn once, in the colours of light paper. In its SVG they become CSS variables, so that the same drawing
 is right on a dark page; a file of its own defines both sets of them.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import re
-import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
@@ -34,7 +33,6 @@ COLORS = {
 SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
 LIGHT, DARK = (";".join(f"--{name}:{pair[i]}" for name, pair in COLORS.items()) for i in (0, 1))  # variables of CSS
 _FONTS = "font-family: system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
-_LETTERS = 14.5  # of the sentence, per inch
 
 
 def hex_color(name: str) -> str:
@@ -80,7 +78,7 @@ class Drawing:
     n: str  # number of targets, objects and scenes
     wide: bool  # needs the width of the page
     svg: str  # for a page: colours are CSS variables; title and sentence are its label
-    svg_file: str  # on its own: with title and sentence
+    svg_file: str  # on its own
     png: bytes
 
 
@@ -109,24 +107,18 @@ def draw(
         for each in axes:
             each.spines[["top", "right"]].set_visible(False)
             each.set_axisbelow(True)
-        canvas.draw_without_rendering()  # panels of equal scales find their places only then
-        canvas.set_layout_engine("none")
-        for legend in canvas.legends:  # stays in its place when the figure grows by title and sentence
-            legend.set_bbox_to_anchor((0, 1), canvas.transFigure)
         label = f'<svg role="img" aria-label="{escape(f"{title}. {sentence}")}" data-figure="{name}" '
         svg = _svg(canvas).replace("<svg ", label, 1)
-        foot = textwrap.fill(f"{sentence} n: {n}.", int(width * _LETTERS))
-        canvas.text(0.01, 1 + 0.05 / height, title, fontsize=12, weight="bold", va="bottom")
-        canvas.text(0.01, -0.05 / height, foot, fontsize=8.5, color=SOFT, va="top")
-        svg_file = _standalone(_svg(canvas).replace("<svg ", label, 1), title, sentence)
         png = io.BytesIO()
-        about = {"Title": title, "Description": sentence, "Software": None}
+        description = f"{sentence} n: {n}."
+        about = {"Title": title, "Description": description, "Software": None}
         canvas.savefig(png, format="png", dpi=DOTS, bbox_inches="tight", metadata=about, pil_kwargs={"optimize": True})
+    svg_file = _standalone(svg, title, description)
     return Drawing(name, title, sentence, n, width > WIDTH * 1.2, svg, svg_file, png.getvalue())
 
 
 def _svg(canvas: Any) -> str:
-    """The drawing as an element of a page, with all its texts: sized by its box, coloured by variables."""
+    """The drawing as an element of a page: sized by its box, coloured by variables."""
     text = io.StringIO()
     anonymous = dict.fromkeys(("Date", "Creator", "Format", "Type"))
     canvas.savefig(text, format="svg", facecolor="none", bbox_inches="tight", metadata=anonymous)
@@ -143,7 +135,7 @@ def _svg(canvas: Any) -> str:
 
 
 def _standalone(svg: str, title: str, sentence: str) -> str:
-    """The element as a file that needs no page: with both sets of colours."""
+    """The element as a file that needs no page, with both sets of colours; its description holds the sentence."""
     style = (
         f"<style>svg{{{LIGHT};background:var(--paper)}}@media(prefers-color-scheme:dark){{svg{{{DARK}}}}}"
         f"*{{stroke-linejoin:round;stroke-linecap:butt}}text{{{_FONTS}}}</style>"

@@ -1,208 +1,241 @@
-"""Figures of a study, as data: each is made of the rows of a table, and drawn by the drawers of `panels`."""
+"""Figures of a study, as data: each is made of the rows of tables, and drawn by the drawers of `panels`."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
-import numpy as np
-
-from ..running.compare import threshold_agents
-from .drawing import Drawing, draw
-from .error_rows import subset_name
+from ..tables import Table
+from ..viz.terminal.output import counted
+from .causes import CAUSES
+from .drawing import SERIES, Drawing, draw, hex_color
 from .findings import Findings
-from .panels import MARKERS, Map, Panel, Series, draw_panels
-from .part_figures import PART_FIGURES
-from .sketches import (
-    FROM_ZERO,
-    Sketch,
-    Tables,
-    agent_series,
-    called,
-    count_ticks,
-    few_and_most,
-    level_series,
-    n_of,
-    named_ticks,
-    paper_series,
-    pick,
-    series_of,
-    where,
-)
-from .specs import texts_of
+from .panels import HATCHES, MARKERS, Panel, Series, draw_panels
+from .rows import column, subset_name, texts_of
+
+Tables = dict[str, Table]  # by name
+CAUSE_COLORS = ("grey", "yellow", "orange", "green", "sky", "vermillion", "purple")
+EVENT_COLORS = {"ids": "vermillion", "lost": "orange", "reacquired": "sky", "frag": "blue"}
+FROM_ZERO = (0.0, None)
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """Content of a figure, without its title and sentence."""
+
+    panels: Sequence[Panel]
+    size: tuple[float, float] | None = None  # inches
+    rows: int = 1  # of panels
+    legend: int = 3  # columns
 
 
 def make_figures(findings: Findings, tables: Tables) -> dict[str, Drawing]:
     """Every figure whose table has the values that it shows, by name."""
     figures = {}
     for name, (table, sketch_of) in FIGURES.items():
-        sketch = sketch_of(findings, tables) if table in tables else Sketch(())
+        sketch = sketch_of(findings, tables[table].rows) if table in tables else Sketch(())
         if sketch.panels:
-            texts = texts_of("figures", name, findings, knees=sketch.knees)
             figures[name] = draw(
-                name, *texts, sketch.n or n_of(findings),
+                name, *texts_of("figures", name, findings), n_of(findings),
                 lambda *axes, sketch=sketch: draw_panels(axes, sketch.panels, sketch.legend),
                 len(sketch.panels), sketch.size, sketch.rows,
             )  # fmt: skip
     return figures
 
 
-def _pasts(findings: Findings, tables: Tables) -> Sketch:
-    rows = [row for row in where(tables["pasts"].rows, agent=findings.subject.name) if row.minADE is not None]
-    names, series = list(dict.fromkeys(pick(rows, "targets_of"))), []
-    for i, (past, color) in enumerate((("GT tracks", "green"), ("tracklets", "blue"))):
-        mine = where(rows, past=past)
-        x = [names.index(row.targets_of) for row in mine]
-        series.append(series_of(mine, past, color, x, "minADE", kind="bar"))
-        series.append(
-            paper_series(mine, [at + 0.38 * (i - 0.5) for at in x], "paper_minADE", "the paper's" if i else "")
-        )
+def n_of(findings: Findings) -> str:
+    """Numbers of targets, objects, scenes and seeds."""
+    row = findings.row(findings.subject.single, "all")
+    parts = ((row.targets, "target"), (row.objects, "object"), (row.scenes, "scene"), (row.seeds, "seed"))
+    return ", ".join(counted(*part) for part in parts)
+
+
+def _cost(findings: Findings, rows: Sequence[Any]) -> Sketch:
+    pasts = {"GT tracks": (findings.subject.truth, "green"), "tracklets": (findings.subject.reference, "blue")}
+    names = [row.targets_of for row in _where(rows, agent=pasts["tracklets"][0].label) if row.minADE is not None]
+    names, series = list(dict.fromkeys(names)), []
+    for i, (past, (setting, color)) in enumerate(pasts.items()):
+        own = [row for row in _where(rows, agent=setting.label) if row.targets_of in names]
+        own = list({row.targets_of: row for row in own}.values())
+        x = [float(names.index(row.targets_of)) for row in own]
+        series.append(_series_of(own, past, color, x, "minADE", kind="bar"))
+        series.append(_paper_series(own, [at + 0.38 * (i - 0.5) for at in x], "the paper's" if i else ""))
     counts = {row.targets_of: row.targets for row in rows}
-    ticks = named_ticks(f"{textwrap.fill(name, 10)}\nn = {counts[name]}" for name in names)
-    return Sketch([Panel(series, "targets with an event of this kind", "minADE, m", ticks, limits=FROM_ZERO)])
+    ticks = _named_ticks(f"{textwrap.fill(name, 10)}\nn = {counts[name]}" for name in names)
+    return Sketch([Panel(series, "targets with an event of this kind", "minADE, m", ticks, FROM_ZERO)])
 
 
-def _gain(findings: Findings, tables: Tables) -> Sketch:
+def _gain(findings: Findings, rows: Sequence[Any]) -> Sketch:
     subject, control, panels = findings.subject, findings.plan.same_samples, []
-    for table, subset in (("targeted", "paper_ids"), ("targeted", "ids"), ("global", "all")):
-        rows = where(tables[table].rows, targets_of=subset_name(subset))
-        if all(row.minADE is None for row in rows):
+    for subset in map(subset_name, ("paper_ids", "ids", "all")):
+        here = _where(rows, targets_of=subset)
+        if all(row.minADE is None for row in here):
             continue
-        single = where(rows, agent=subject.single.label, H=subject.single.hypotheses or 1)[:1]
+        single = _where(here, agent=subject.single.label, H=subject.single.hypotheses or 1)[:1]
         series = []
         for sampling, color, label in (("k of all", "vermillion", "k samples"), ("none", "sky", "H·k samples")):
-            mine = single + [r for r in where(rows, agent=subject.name, sampling=sampling) if r.H > 1]
-            series.append(series_of(mine, f"{subject.name}, {label}", color, "H", "minADE"))
+            own = single + [row for row in _where(here, agent=subject.name, sampling=sampling) if row.H > 1]
+            series.append(_series_of(own, f"{subject.name}, {label}", color, "H", "minADE", intervals=()))
             style = {"linestyle": ":", "marker": MARKERS[color]}
-            series.append(paper_series(mine, pick(mine, "H"), "paper_minADE", f"the paper's, {label}", color, **style))
+            series.append(_paper_series(own, _pick(own, "H"), f"the paper's, {label}", color, **style))
         for setting, color, line in ((control, "orange", "--"), (subject.truth, "green", "-")):
             if setting is not None:
-                level = pick(where(rows, agent=setting.label)[:1], "minADE")
-                series.append(level_series(setting.label, level, color, linestyle=line))
-        y = f"minADE on {subset_name(subset)}, m"
-        panels.append(Panel(series, "hypotheses H", y, count_ticks(pick(rows, "H")), limits=FROM_ZERO))
+                level = _pick(_where(here, agent=setting.label)[:1], "minADE")
+                series.append(_level(setting.label, level, color, linestyle=line))
+        ticks = _count_ticks(_pick(here, "H"))
+        panels.append(Panel(series, "hypotheses H", f"minADE on {subset}, m", ticks, FROM_ZERO))
     return Sketch(panels, size=(9.2, 3.7), legend=2)
 
 
-def _ranked(findings: Findings, tables: Tables) -> Sketch:
+def _ranked(findings: Findings, rows: Sequence[Any]) -> Sketch:
     subject, control, panels = findings.subject, findings.plan.same_samples, []
-    rows = [*tables["global"].rows, *tables["targeted"].rows]
     for subset in map(subset_name, ("all", "ids", "reacquired")):
-        here = where(rows, targets_of=subset)
-        mine = [r for r in where(here, agent=subject.name, sampling="k of all") if r.to_single is not None]
-        counts, differences = [1, *pick(mine, "H")], [0.0, *pick(mine, "to_single")]
-        intervals = [(0.0, 0.0), *pick(mine, "to_single_interval")]
+        here = _where(rows, targets_of=subset)
+        own = [r for r in _where(here, agent=subject.name, sampling="k of all") if r.to_single is not None]
+        counts, differences = [1, *_pick(own, "H")], [0.0, *_pick(own, "to_single")]
+        intervals = [(0.0, 0.0), *_pick(own, "to_single_interval")]
         series = [Series(subject.name, counts, differences, "vermillion", intervals=intervals)]
         if control is not None:
-            level = pick(where(here, agent=control.label)[:1], "to_single")
-            series.append(level_series(control.label, level, "orange", linestyle="--"))
-        series.append(level_series(subject.single.label, [0.0], "blue", linewidth=1.2))
-        panels.append(Panel(series, "hypotheses H", f"bADE on {subset}, m,\ndifference", count_ticks(counts)))
+            level = _pick(_where(here, agent=control.label)[:1], "to_single")
+            series.append(_level(control.label, level, "orange", linestyle="--"))
+        series.append(_level(subject.single.label, [0.0], "blue", linewidth=1.2))
+        panels.append(Panel(series, "hypotheses H", f"bADE on {subset}, m,\ndifference", _count_ticks(counts)))
     return Sketch(panels, size=(9.2, 3.3))
 
 
-def _speed(findings: Findings, tables: Tables) -> Sketch:
-    rows = sorted(tables["speed"].rows, key=lambda row: row.H)
-    stages = {"tracking": "blue", "prediction": "vermillion", "whole": "grey"}
-    series = [series_of(rows, "whole agent" if s == "whole" else s, color, "H", s) for s, color in stages.items()]
-    panel = Panel(series, "hypotheses H", "time of a frame, ms", count_ticks(pick(rows, "H")), limits=FROM_ZERO)
-    return Sketch([panel], f"{rows[0].frames} frames")
+def _events(findings: Findings, rows: Sequence[Any]) -> Sketch:
+    rows, lines = _where(rows, agent=findings.subject.name), []
+    single = _where(rows, H=1)
+    style = {"color": [hex_color(EVENT_COLORS[row.kind]) for row in single], "hatch": HATCHES[: len(single)]}
+    bars = _series_of(single, "", "blue", range(len(single)), "per_trajectory", kind="bar", style=style)
+    bars = replace(bars, texts=_pick(single, "events"))
+    one = _level("", [1.0], "soft", linestyle=":")
+    panels = [Panel([bars, one], "kind of event", "events per trajectory", _named_ticks(_pick(single, "kind")))]
+    for kind in ("ids", "lost", "reacquired"):
+        own = [row for row in _where(rows, kind=kind) if row.left is not None]
+        if own:
+            shares = [100 * row.left for row in own]
+            lines.append(Series(f"{kind} (n = {own[0].events})", _pick(own, "H"), shares, EVENT_COLORS[kind]))
+    if len(rows) > len(single):
+        y, ticks = "events in every hypothesis,\n% of those with one", _count_ticks(_pick(rows, "H"))
+        panels.append(Panel(lines, "hypotheses H", y, ticks, (0, 105)))
+    return Sketch(panels)
 
 
-def _k_curve(findings: Findings, tables: Tables) -> Sketch:
-    rows = few_and_most(tables["k_curve"].rows)
-    series, ticks = agent_series(findings, rows, "k", "minADE"), count_ticks(pick(rows, "k"))
-    x, y = "samples k (logarithmic)", "expected minADE, m"
-    return Sketch([Panel(series, x, y, ticks, limits=FROM_ZERO, log=True)])
+def _samples(findings: Findings, rows: Sequence[Any]) -> Sketch:
+    rows = _where(rows, agent=findings.subject.name)
+    colors = dict(zip(dict.fromkeys(_pick(rows, "H")), SERIES, strict=False))
+    series = [_series_of(_where(rows, H=h), f"H = {h}", color, "k", "minADE") for h, color in colors.items()]
+    ticks = _count_ticks(_pick(rows, "k"))
+    return Sketch([Panel(series, "samples k (logarithmic)", "expected minADE, m", ticks, FROM_ZERO, log=True)])
 
 
-def _gaps(findings: Findings, tables: Tables) -> Sketch:
-    rows, panels = tables["gaps"].rows, list[Panel]()
-    if all(row.closed is None for row in rows):
-        return Sketch(())
-    pairs = {"closed": ("of all agents", "blue", "o"), "closed_own_predictor": ("of its own", "vermillion", "s")}
-    rows = [row for row in few_and_most(rows) if any(getattr(row, field) is not None for field in pairs)]
-    labels = list(dict.fromkeys(map(called, rows)))[::-1]
-    known = [value for row in rows for field in pairs if (value := getattr(row, field)) is not None]
-    limits = {"x": (1.15 * min([-0.1, *known]), max([1.05, *known])), "y": (-0.6, len(labels) - 0.4)}
-    for subset in dict.fromkeys(pick(rows, "targets_of")):
-        here, series = where(rows, targets_of=subset), list[Series]()
-        for shift, (field, (label, color, marker)) in enumerate(pairs.items()):
-            mine = [row for row in here if getattr(row, field) is not None]
-            at = [labels.index(called(row)) + 0.16 - 0.32 * shift for row in mine]
-            name = f"reference pair {label}"
-            series.append(series_of(mine, name, color, at, field, kind="dots", style={"marker": marker}))
-        places = [float(labels.index(called(row))) for row in here]
-        series.append(paper_series(here, places, "paper_closed", "the paper's, by minADE"))
-        series += [level_series("", [0.0], "soft", linewidth=0.8), level_series("", [1.0], "green", linewidth=0.8)]
-        ticks = named_ticks(labels if not panels else [""] * len(labels))
-        x = f"gap closed on {subset}, %"
-        panels.append(Panel(series, "", x, ticks, limits=limits, across=True, percent=True))
-    return Sketch(panels, size=(8.1, 1.5 + 0.42 * len(labels)), legend=2)
-
-
-def _budgets(findings: Findings, tables: Tables) -> Sketch:
-    series = agent_series(findings, tables["budgets"].rows, "allowed", "error", style={"markersize": 3})
-    known = findings.table(findings.subject.single).budgets.false_known
-    x = "false forecasts allowed per target" if known else "forecasts allowed per live frame"
-    return Sketch([Panel(series, x, "error, m", limits=FROM_ZERO)], legend=2)
-
-
-def _cuts(findings: Findings, tables: Tables) -> Sketch:
-    rows, panels = tables["cuts"].rows, []
-    for field, subset in (("error", "all"), ("error_ids", "ids")):
-        series = []
-        for agent, color in zip(threshold_agents(), ("blue", "vermillion", "orange"), strict=True):
-            mine = where(rows, agent=agent)
-            shares = [100 * row.true_detections_below for row in mine]
-            series.append(series_of(mine, agent, color, shares, field))
-        if subset == "ids":  # the switches of the first agent, along the axis
-            texts = [f"{row.switches_of_stp} ids" for row in where(rows, agent=threshold_agents()[0])]
-            zeros = [0.0] * len(texts)
-            series.append(Series("", series[0].x, zeros, "soft", "dots", (), texts, {"marker": ""}))
-        y = f"bADE on {subset_name(subset)}, m"
-        panels.append(Panel(series, "true detections left out, %", y, limits=FROM_ZERO))
-    return Sketch(panels, n_of(findings, seeds=1))
-
-
-def _people(findings: Findings, tables: Tables) -> Sketch:
-    rows = tables["people"].rows
+def _causes(findings: Findings, rows: Sequence[Any]) -> Sketch:
+    rows = _where(rows, targets_of="all")
+    rows = [row for row in rows if row.H in (1, max(_pick(rows, "H")))][::-1]
     places = range(len(rows))
-    series = [series_of(rows, "minADE", "blue", places, "minADE", kind="bar")]
-    series.append(paper_series(rows, places, "paper_minADE", "the paper's"))
-    ticks = named_ticks(f"H = {row.H}\nre-tracking: {row.retracking}" for row in rows)
-    return Sketch([Panel(series, "SORT and Social-LSTM", "minADE, m", ticks)])
+    series = [
+        _series_of(rows, column(cause).title, color, places, cause, kind="bar")
+        for cause, color in zip(CAUSES, CAUSE_COLORS, strict=True)
+    ]
+    mark = {"marker": "|", "markersize": 17, "markeredgewidth": 2}
+    series.append(_series_of(rows, "bADE", "ink", places, "error", kind="dots", style=mark))
+    ends = [max(row.error, sum(max(getattr(row, cause), 0.0) for cause in CAUSES)) for row in rows]
+    texts = [f"{row.error:.2f}" for row in rows]
+    series.append(Series("", places, ends, "ink", "dots", (), texts, {"marker": ""}))
+    series.append(_level("", [0.0], "soft", linewidth=0.8))
+    x = "bADE, m, averaged over budgets of false forecasts"
+    panel = Panel(series, "", x, _named_ticks(map(_called, rows)), stacked=True)
+    return Sketch([panel], size=(8.1, 1.3 + 0.36 * len(rows)), legend=4)
 
 
-def _surface(findings: Findings, tables: Tables) -> Sketch:
-    rows = where(tables["surface"].rows, agent=findings.subject.name)
-    counts, ks = sorted({row.H for row in rows}), sorted({row.k for row in rows})
-    cost = {row.H: row.cost for row in rows}
-    names = [f"{h}" if cost[h] is None else f"{h}  ({cost[h]:.1f} ms)" for h in counts]
-    maps: list[Map] = []
-    for field, subset in (("minADE", "all"), ("minADE_ids", subset_name("ids"))):
-        value = np.full((len(counts), len(ks)), np.nan)
-        for row in rows:
-            known = getattr(row, field)
-            value[counts.index(row.H), ks.index(row.k)] = np.nan if known is None else known
-        if np.isfinite(value).any():
-            y = "" if maps else "hypotheses H (time of a frame)"
-            maps.append(Map(value, [str(k) for k in ks], names, f"minADE on {subset}, m", "samples k", y))
-    knees = [row for row in tables["knee"].rows if row.knee is not None] if "knee" in tables else []
-    bend = " ".join(f"Knee over {row.of}: {row.knee:g}." for row in knees) or "No knee: the error does not bend."
-    return Sketch(maps, size=(9.2, 3.2) if len(maps) > 1 else None, knees=bend)
+def _since(findings: Findings, rows: Sequence[Any]) -> Sketch:
+    panels = []
+    for since, field in (("last ids", "minADE"), ("last reacquired", "minADE"), ("first appearance", "plain_error")):
+        own = _where(rows, since=since)
+        panels += [_bins(findings, own, since, field)] if own else []
+    return Sketch(panels, size=(8.1, 2.7 * len(panels) + 0.4), rows=len(panels), legend=4)
 
 
-FIGURES: dict[str, tuple[str, Callable[[Findings, Tables], Sketch]]] = {  # name -> its table, and its content
-    "pasts": ("pasts", _pasts),
-    "gain": ("targeted", _gain),
-    "ranked": ("global", _ranked),
-    "speed": ("speed", _speed),
-    "surface": ("surface", _surface),
-    "k_curve": ("k_curve", _k_curve),
-    "gaps": ("gaps", _gaps),
-    "budgets": ("budgets", _budgets),
-    "cuts": ("cuts", _cuts),
-    "people": ("people", _people),
-    **PART_FIGURES,
+def _bins(findings: Findings, rows: Sequence[Any], since: str, field: str) -> Panel:
+    """One number of each agent in each bin, with its interval, and the number of targets in the bin."""
+    names, colors = list(dict.fromkeys(_pick(rows, "frames"))), _colors(findings)
+    rows, series = [row for row in rows if getattr(row, field) is not None], []
+    for i, (agent, count) in enumerate(dict.fromkeys((row.agent, row.H) for row in rows)):
+        own = _where(rows, agent=agent, H=count)
+        x = [names.index(row.frames) + 0.12 * (i - 1.5) for row in own]
+        series.append(_series_of(own, _called(own[0]), colors.get(agent, "grey"), x, field, kind="dots"))
+    counts = {row.frames: row.targets for row in rows}
+    ends = [pair[1] for pair in _pick(rows, f"{field}_interval") if pair is not None]
+    most = max(_pick(rows, field), default=1.0)  # intervals of a handful of targets must not squeeze the rest
+    top = max(most, min(max(ends, default=most), 1.35 * most)) * 1.07 or 1.0
+    ticks = _named_ticks(f"{textwrap.fill(name, 8)}\n{counts.get(name, 0)}" for name in names)
+    return Panel(series, f"frames since the {since}; below: targets", f"{column(field).title}, m", ticks, (0, top))
+
+
+def _colors(findings: Findings) -> dict[str, str]:
+    """Colour of every agent by its label, the same in all figures."""
+    first, plan = findings.subject, findings.plan
+    colors = {first.truth.label: "green", first.single.label: "blue"}
+    for control in plan.shown_controls:
+        colors[control.label] = "orange" if control is plan.same_samples else "purple"
+    colors.setdefault(first.most.label, "vermillion")
+    left = [name for name in SERIES if name not in colors.values()]
+    others = [s.label for subject in plan.subjects[1:] for s in (subject.most, subject.single, subject.truth)]
+    return dict(zip(others, left, strict=False)) | colors
+
+
+def _where(rows: Iterable[Any], **values: Any) -> list[Any]:
+    """Rows whose attributes have these values."""
+    return [row for row in rows if all(getattr(row, name) == value for name, value in values.items())]
+
+
+def _pick(rows: Iterable[Any], name: str) -> list[Any]:
+    """Values of the attribute ``name`` of each row."""
+    return [getattr(row, name) for row in rows]
+
+
+def _called(row: Any) -> str:
+    """Label of the agent of a row."""
+    return f"{row.agent}, H = {row.H}" if row.H > 1 else str(row.agent)
+
+
+def _series_of(rows: Sequence[Any], label: str, color: str, x: str | Sequence[float], y: str, **more: Any) -> Series:
+    """A series of the column ``y`` of rows over their column ``x`` or over given numbers, with its intervals if any."""
+    at = _pick(rows, x) if isinstance(x, str) else x
+    intervals = [getattr(row, f"{y}_interval", None) for row in rows]
+    return Series(label, at, _pick(rows, y), color, **{"intervals": intervals if any(intervals) else (), **more})
+
+
+def _paper_series(rows: Sequence[Any], x: Sequence[float], label: str, color: str = "ink", **style: Any) -> Series:
+    """The paper's minADE, at those rows for which the paper states one."""
+    known = {at: row.paper_minADE for at, row in zip(x, rows, strict=True) if row.paper_minADE is not None}
+    return Series(label if known else "", [*known], [*known.values()], color, "paper", style=style)
+
+
+def _level(label: str, values: Sequence[float | None], color: str, **style: Any) -> Series:
+    """Straight lines across a panel at these values."""
+    return Series(label, (), values, color, "level", style=style)
+
+
+def _named_ticks(names: Iterable[str]) -> list[tuple[float, str]]:
+    """Ticks 0, 1, 2, ... with these names."""
+    return [(float(i), name) for i, name in enumerate(names)]
+
+
+def _count_ticks(values: Iterable[int]) -> list[tuple[float, str]]:
+    """Ticks at these numbers."""
+    return [(float(value), str(value)) for value in sorted(set(values))]
+
+
+FIGURES: dict[str, tuple[str, Callable[[Findings, Sequence[Any]], Sketch]]] = {  # name -> its table, and its content
+    "cost": ("errors", _cost),
+    "gain": ("errors", _gain),
+    "ranked": ("errors", _ranked),
+    "events": ("events", _events),
+    "samples": ("samples", _samples),
+    "causes": ("causes", _causes),
+    "since": ("since", _since),
 }

@@ -8,18 +8,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..running.compare import AtThreshold, scores_of
+from ..running.compare import scores_of
 from ..running.settings import Setting
 from ..scoring import AgentScores, Ends, Reference, Report, summarise
 from ..scoring.report import paired_row
-from ..scoring.rows import Details, Interval, PairedRow, Row
+from ..scoring.rows import Interval, PairedRow, Row
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..scoring.subsets import Subset
 from ..scoring.table import AgentTable
 from ..types import Bools, Floats, Ints
 from .causes import causes
 from .plan import StudiedAgent, StudyPlan, key_of
-from .runs import Bench, Measured, Speed
+from .runs import Bench, Measured
 
 
 class Mean(NamedTuple):
@@ -39,8 +39,6 @@ class Findings:
     plan: StudyPlan
     reference: Reference
     measured: dict[str, Measured]  # by `key_of`
-    speed: tuple[Speed, ...] = ()  # of the subject
-    cuts: tuple[AtThreshold, ...] = ()  # scores of the baselines with detections left out
 
     @property
     def subject(self) -> StudiedAgent:
@@ -80,12 +78,6 @@ class Findings:
         own = self._scores(setting)
         key = own.agent, own.hypotheses, own.samples, own.budget, subset
         return next(r for r in self.report.rows if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key)
-
-    def details(self, setting: Setting) -> Details:
-        """Details of the report for a setting."""
-        own = self._scores(setting)
-        key = own.agent, own.hypotheses, own.samples, own.budget
-        return next(d for d in self.report.details if (d.agent, d.hypotheses, d.samples, d.budget) == key)
 
     def difference(self, setting: Setting, other: Setting, subset: Subset) -> PairedRow:
         """A setting minus another one: bADE, and minADE over targets that both cover."""

@@ -13,11 +13,10 @@ from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
 from ..viz.terminal.verdict import verdict
 from .drawing import DARK, LIGHT, Drawing
+from .figures import n_of
 from .findings import Findings
 from .gallery import EventPicture
-from .plan import only_people, retracking_baselines
-from .sketches import n_of
-from .specs import TEXTS
+from .rows import TEXTS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -38,7 +37,6 @@ def study_page(
     """
     colors = f":root{{{LIGHT}}}@media(prefers-color-scheme:dark){{:root{{{DARK}}}}}"
     style = f"{colors}\n{text_of(_HERE, 'page.css')}"
-    notes = {"people": people_missing(findings)}
     policy = (
         f"default-src 'none'; style-src-elem {source_of(style)}; style-src-attr 'unsafe-inline'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
@@ -46,7 +44,7 @@ def study_page(
     content = _templates().get_template("page.html").render(
         env=findings.bench.card.id, subject=findings.subject.name, summary=summary(findings), facts=facts(findings),
         relations=tables.get("relations"), figures=figures, tables=tables, pictures=pictures, command=command,
-        chapters=TEXTS["chapters"], notes=notes, style=style, policy=policy,
+        chapters=TEXTS["chapters"], style=style, policy=policy,
     )  # fmt: skip
     return f"{content}\n"
 
@@ -109,15 +107,3 @@ def facts(findings: Findings) -> list[tuple[str, str]]:
         ("trained on", trained),
     ]
     return [(name, text) for name, text in facts if text]
-
-
-def people_missing(findings: Findings) -> str:
-    """Way to get the table on pedestrians; empty if it is there, or others than pedestrians are forecast."""
-    if not only_people(findings.bench.card) or findings.plan.retracking:
-        return ""
-    plain, again, _ = retracking_baselines()
-    return (
-        f"The table of re-tracking ({plain.name}, {again.name} and both with hypotheses) needs a network that was not "
-        f"trained on this machine: mtp-bench train predictor social_lstm --env {findings.bench.card.id}, then the same "
-        "study again."
-    )

@@ -1,24 +1,19 @@
-"""Plan of a study: each agent with one to many hypotheses, with and without sampling, and the controls."""
+"""Settings of a study: each agent with one to many hypotheses, with and without sampling, and the controls."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
-from .._bundle import baseline_names
 from ..cards import Card
 from ..errors import MtpBenchError
-from ..networks import network_files
 from ..records.canonical import digest_of
-from ..running.compare import PARAMETER, control_names, threshold_agents
+from ..running.compare import control_names
 from ..running.settings import Setting, all_settings, setting_of
 from ..scoring.rows import Budget
 from ..submission.loader import Submission, controls, load_submission
 
 HYPOTHESES = (1, 2, 5, 10, 20)
-QUANTILES = (0.1, 0.25, 0.5)  # shares of the detections of true objects that a score threshold leaves out
-RETRACKING = "retracking"  # parameter of baselines that re-track the past
 
 
 @dataclass(frozen=True)
@@ -45,8 +40,6 @@ class StudyPlan:
 
     subjects: tuple[StudiedAgent, ...]
     controls: tuple[Setting, ...]
-    retracking: tuple[Setting, ...] = ()  # rows of the paper's table on pedestrians
-    cuts: dict[float, tuple[Setting, ...]] = field(default_factory=dict)  # by share of true detections left out
 
     @property
     def shown_controls(self) -> list[Setting]:
@@ -60,8 +53,8 @@ class StudyPlan:
 
     @property
     def equal(self) -> list[Setting]:
-        """Every setting with the k samples of the env that the report ranks, each once; the controls first."""
-        settings = [*self.controls, *self.retracking]
+        """Every setting with the k samples of the env, each once; the controls first."""
+        settings = [*self.controls]
         for subject in self.subjects:
             settings += [subject.single, subject.reference, subject.truth, *subject.equal.values()]
         return unique(settings)
@@ -70,11 +63,6 @@ class StudyPlan:
     def free(self) -> list[Setting]:
         """Every setting with more than k samples."""
         return unique(setting for subject in self.subjects for setting in subject.free.values())
-
-    @property
-    def cut(self) -> list[Setting]:
-        """Every setting with a score threshold."""
-        return [setting for settings in self.cuts.values() for setting in settings]
 
 
 def key_of(setting: Setting) -> str:
@@ -93,7 +81,7 @@ def unique(settings: Iterable[Setting]) -> list[Setting]:
 def make_plan(
     names: Sequence[str], card: Card, hypotheses: Sequence[int] = HYPOTHESES, free: Sequence[int] = HYPOTHESES[1:]
 ) -> StudyPlan:
-    """The plan for submissions on a card, without score thresholds, which depend on the detections.
+    """The plan for submissions on a card.
 
     ``hypotheses``: numbers of hypotheses to run an agent with, if it has such a parameter; ``free``: those of them to
     run with all samples too. Raises MtpBenchError without a name and for two submissions of one name, and
@@ -103,7 +91,7 @@ def make_plan(
         raise MtpBenchError("a study needs an agent: name at least one")
     all_settings(names, card)  # checks the names and manifests
     subjects = tuple(subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
-    return StudyPlan(subjects, tuple(all_settings(control_names(), card)), retracking_settings(card))
+    return StudyPlan(subjects, tuple(all_settings(control_names(), card)))
 
 
 def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> StudiedAgent:
@@ -154,42 +142,3 @@ def _reference_pair(setting: Setting, card: Card) -> tuple[Setting, Setting, boo
     changed = [f"{k} = {v}" for k, v in single.parameters.items() if k != counted and setting.parameters.get(k) != v]
     name = ", ".join([setting.submission.name, *changed])  # no other run has this name
     return replace(single, label=f"{name}, H = 1"), replace(truth, label=f"{name}, GT tracks"), True
-
-
-def with_cuts(plan: StudyPlan, card: Card, cuts: dict[float, dict[str, float]]) -> StudyPlan:
-    """The plan with score thresholds: share of true detections left out -> least score per class."""
-    settings = {
-        share: tuple(setting_of(load_submission(name), card, {PARAMETER: cut}) for name in threshold_agents())
-        for share, cut in cuts.items()
-    }
-    return replace(plan, cuts=settings)
-
-
-def only_people(card: Card) -> bool:
-    """True if pedestrians alone are forecast."""
-    return card.task.classes == ("pedestrian",)
-
-
-def retracking_baselines() -> list[Submission]:
-    """Baselines with a parameter for re-tracking: plain, with re-tracking, with it and many hypotheses."""
-    baselines = [s for s in map(load_submission, baseline_names()) if RETRACKING in s.parameters]
-
-    def effort(submission: Submission) -> Any:
-        counted = submission.compare.hypotheses
-        return (submission.parameters.get(counted, 1) if counted else 1), submission.parameters[RETRACKING]
-
-    return sorted(baselines, key=effort)
-
-
-def retracking_settings(card: Card) -> tuple[Setting, ...]:
-    """Settings of the paper's table on pedestrians: plain, re-tracking, hypotheses, both.
-
-    Empty where others than pedestrians are forecast, and where their network was not trained on this machine.
-    """
-    if not only_people(card):
-        return ()
-    plain, again, both = retracking_baselines()
-    if not network_files(plain.networks, card.id, card.weights_of):
-        return ()
-    hypotheses = setting_of(both, card, {RETRACKING: False})
-    return setting_of(plain, card), setting_of(again, card), hypotheses, setting_of(both, card)

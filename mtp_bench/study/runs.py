@@ -1,14 +1,13 @@
-"""Runs of a study: stored as `mtp-bench run` stores them, read back while nothing has changed, and timed."""
+"""Runs of a study: stored as `mtp-bench run` stores them, and read back while nothing has changed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..agent import Agent
 from ..cards import Card
 from ..cards.own import scenes_digest
 from ..env.environment import MTPEnv
@@ -18,22 +17,19 @@ from ..networks import network_files
 from ..parallel import Progress, parallel_map
 from ..records.canonical import digest_of
 from ..running.options import RunOptions
-from ..running.perturbation import MatchedDetections, matched_detections
 from ..running.reference import ranked_scenes
 from ..running.rollout_files import load_run, save_run
-from ..running.run import agent_task, jobs_of, run_jobs, run_scene
+from ..running.run import jobs_of, run_jobs
 from ..running.settings import Setting
 from ..running.stored import run_info
 from ..scoring import SceneScore, score_scene
 from ..sources import open_source
-from ..submission.loader import load_submission
-from ..types import Action, Observation, Rollout, Scene, Task
+from ..types import Rollout, Scene
 from ..viz.terminal.paper import unchanged
 from .circumstances import Circumstances, circumstances
 from .plan import key_of
 
 RUNS = "runs"  # folder of the stored runs
-TIMED_FRAMES = 120  # at least, per number of hypotheses
 _LIBRARY = Path(__file__).resolve().parent.parent
 # Parts of the library that only judge and show; baselines have digests of their own.
 _NO_MAKERS = {
@@ -60,7 +56,6 @@ class Bench:
     card: Card  # with all changes
     scenes: tuple[str, ...]
     content: str  # digest of the truth and of everything that agents are shown
-    matched: tuple[MatchedDetections, ...]  # detections of true objects, per scene
     folder: Path
     options: RunOptions
 
@@ -75,14 +70,12 @@ def open_bench(env_id: str | Card, folder: Path, options: RunOptions) -> Bench:
     env = MTPEnv(env_id, **options.env_keywords)
     scenes = options.chosen(ranked_scenes(env.card, env.scene_names))
     calls = [(env.card, options.data, name) for name in scenes]
-    read = parallel_map(_read, calls, options.workers, lambda i: options.progress.done(scenes[i]))
-    content = digest_of([env.card.digest, *(digest for digest, _ in read)])
-    return Bench(env_id, env.card, scenes, content, tuple(matched for _, matched in read), folder, options)
+    digests = parallel_map(_scene_digest, calls, options.workers, lambda i: options.progress.done(scenes[i]))
+    return Bench(env_id, env.card, scenes, digest_of([env.card.digest, *digests]), folder, options)
 
 
-def _read(card: Card, data: str | None, name: str) -> tuple[str, MatchedDetections]:
-    scene = open_source(card, data).load(name)
-    return scenes_digest([scene]), matched_detections(scene, card)
+def _scene_digest(card: Card, data: str | None, name: str) -> str:
+    return scenes_digest([open_source(card, data).load(name)])
 
 
 def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable[[str], object]) -> Measured:
@@ -170,52 +163,3 @@ def library_files() -> list[str]:
     """Paths in the library that `library_digest` covers."""
     names = (path.relative_to(_LIBRARY) for path in _LIBRARY.rglob("*") if path.is_file())
     return sorted(name.as_posix() for name in names if not _NO_MAKERS.intersection(name.parts))
-
-
-@dataclass(frozen=True)
-class Speed:
-    """Mean time of a frame with some number of hypotheses."""
-
-    hypotheses: int
-    tracking: float | None  # ms; None if the agent does not measure its stages
-    prediction: float | None  # ms, with sampling and presence
-    whole: float  # ms
-    frames: int
-
-
-@dataclass
-class _TimedAgent:
-    """An agent, and the seconds that its stages have taken."""
-
-    agent: Agent
-    stages: dict[str, float] = field(default_factory=dict)
-
-    def reset(self, task: Task) -> None:
-        self.agent.reset(task)
-
-    def act(self, observation: Observation) -> Action:
-        action = self.agent.act(observation)
-        for stage, seconds in getattr(self.agent, "seconds", {}).items():
-            self.stages[stage] = self.stages.get(stage, 0.0) + seconds
-        return action
-
-
-def speed_of(bench: Bench, setting: Setting) -> Speed:
-    """Time of a frame of the first scenes in this process, the faster of two rounds after a scene to warm up."""
-    env = MTPEnv(bench.env_id, **bench.options.env_keywords, **env_changes(bench, setting), evaluation=True)
-    agent = load_submission(setting.submission.path).build(agent_task(env, 0), **setting.parameters)
-    run_scene(agent, env, bench.scenes[0], 0, setting.label)
-    return min((_timed(bench, agent, env, setting) for _ in range(2)), key=lambda speed: speed.whole)
-
-
-def _timed(bench: Bench, agent: Agent, env: MTPEnv, setting: Setting) -> Speed:
-    timed, frames, seconds = _TimedAgent(agent), 0, 0.0
-    for scene in bench.scenes:
-        rollout = run_scene(timed, env, scene, 0, setting.label)
-        frames, seconds = frames + rollout.frames, seconds + float(rollout.seconds.sum())
-        if frames >= TIMED_FRAMES:
-            break
-    stages = {stage: 1e3 * spent / frames for stage, spent in timed.stages.items()}
-    return Speed(
-        setting.hypotheses or 1, stages.get("tracking"), stages.get("prediction"), 1e3 * seconds / frames, frames
-    )

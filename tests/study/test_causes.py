@@ -15,7 +15,6 @@ from mtp_bench.scoring.ranking_error import Budgets, budgets_of, errors_at
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.study.causes import CAUSES, causes, causes_at
 from mtp_bench.study.circumstances import Circumstances, circumstances
-from mtp_bench.study.error_rows import knee
 from mtp_bench.types import Detections, Rollout, Scene
 from tests.support.scoring_scenes import (
     WALKER,
@@ -146,10 +145,8 @@ def test_time_since_an_event_and_age_of_the_track() -> None:
     assert near.since["lost"].tolist() == [-1, -1, -1, -1, 0, 1]
     assert near.since["reacquired"].tolist() == [-1, -1, -1, -1, -1, 0]
     assert near.age.tolist() == [1, 2, 0, 1, -1, 3]
-    assert {kind: rows.frame.tolist() for kind, rows in near.own.items()} == {
-        "ids": [3], "lost": [5], "reacquired": [6], "frag": [5, 6],
-    }  # fmt: skip
-    assert (near.objects, near.boxes, near.frames) == (1, 10, 10)
+    assert near.own == {"ids": 1, "lost": 1, "reacquired": 1, "frag": 2}
+    assert (near.objects, near.frames) == (1, 10)
 
 
 def test_an_event_that_one_hypothesis_does_not_have_is_not_shared() -> None:
@@ -160,22 +157,4 @@ def test_an_event_that_one_hypothesis_does_not_have_is_not_shared() -> None:
     rollout = make_rollout(tracks, samples=1, hypotheses=2, log_weight=np.log([[0.6, 0.4]] * 5))
     parents = replace(rollout, hypothesis_parent=np.tile([0, 1], (5, 1)))
     near = circumstances(make_scene(cars), parents, SMALL)
-    assert len(near.own["ids"].frame) == 1
-    assert len(near.shared["ids"].frame) == 0
-
-
-KNEES = {  # cost, error, index of the knee
-    "falls at once, then hardly": ((1, 2, 3, 4), (10, 2, 1.5, 1), 1),
-    "falls late": ((1, 2, 3, 4), (10, 9.9, 9.8, 1), None),
-    "a straight line": ((1, 2, 3), (3, 2, 1), None),
-    "it does not fall": ((1, 2, 3), (1, 0.5, 1), None),
-    "two points": ((1, 2), (2, 1), None),
-    "the third point is nearly free": ((1, 1.1, 1.2, 10), (10, 8, 2, 1), 2),
-    "equal costs": ((1, 1, 1), (3, 1, 0.5), None),
-}
-
-
-@pytest.mark.parametrize("name", KNEES)
-def test_knees(name: str) -> None:
-    cost, error, place = KNEES[name]
-    assert knee(cost, error) == place
+    assert (near.own["ids"], near.shared["ids"]) == (1, 0)

@@ -47,10 +47,10 @@ def unchanged(env_id: str, digest: str | None) -> str:
 PAPER_HYPOTHESES = 20  # of MTP in the paper's tables
 
 
-def paper_facts(env_id: str, name: str) -> dict[str, Any]:
-    """Other facts of the paper for an env: "objects", "speed", "shared", "near", "people"; empty where it has none."""
+def shared_events(env_id: str) -> dict[str, dict[str, int]]:
+    """The paper's events of "one" hypothesis, and of "all" 20 of them, by kind; empty where it has none."""
     paper = _paper()
-    return dict(paper.get(paper["dataset"].get(env_id, ""), {}).get(name, {}))
+    return dict(paper.get(paper["dataset"].get(env_id, ""), {}).get("shared", {}))
 
 
 def figures_of(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:

@@ -1,0 +1,240 @@
+"""Tables of a study: rows are made by functions, texts and units are data (`texts.toml`)."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace as Row
+from typing import Any
+
+import numpy as np
+
+from ..running.settings import Setting
+from ..scoring.statistics import ratio
+from ..scoring.subsets import Subset
+from ..tables import Column, Table
+from ..types import Bools
+from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
+from .causes import CAUSES
+from .circumstances import KINDS
+from .findings import Findings
+from .plan import StudiedAgent, unique
+from .relations import relation_rows
+
+TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
+PAPER = "the paper's"  # group of the columns with figures of the paper
+SUBSETS: tuple[Subset, ...] = ("all", "paper_ids", "paper_frag", "ids", "reacquired")
+_SUBSET_NAMES = {"ids": "identity switch", "paper_ids": "IDS", "paper_frag": "FRAG"}
+_UNIT_OF = {key: unit for unit, keys in TEXTS["units"].items() for key in keys.split()}
+
+
+def make_tables(findings: Findings) -> dict[str, Table]:
+    """Every table that has rows, by name."""
+    tables = {}
+    for name, make in ROWS.items():
+        rows = list(make(findings))
+        if rows:
+            title, sentence = texts_of("tables", name, findings)
+            tables[name] = Table(name, title, sentence, rows, [column(key) for key in vars(rows[0])])
+    return tables
+
+
+def texts_of(kind: str, name: str, findings: Findings) -> tuple[str, str]:
+    """Title and sentence of a table or figure, filled in; those of a figure may be those of the table."""
+    texts = TEXTS["tables"].get(name, {}) | TEXTS[kind].get(name, {})
+    return texts["title"], texts["sentence"].format(single=findings.subject.single.label)
+
+
+def column(key: str) -> Column:
+    """The column of a key: "paper_" marks figures of the paper, "_interval" the 95 % interval of the column before."""
+    name = key.removeprefix("paper_").removesuffix("_interval")
+    unit = _UNIT_OF.get(name, "")
+    return Column(
+        key=key,
+        heading=TEXTS["headings"].get(name, ""),
+        unit=unit,
+        format=".1%" if unit == "share" else "",
+        group=PAPER if key.startswith("paper_") else "",
+        optional=True,
+        interval=key.endswith("_interval"),
+    )
+
+
+def subset_name(subset: str) -> str:
+    """Name of a subset for readers."""
+    return _SUBSET_NAMES.get(subset, subset)
+
+
+def settings_of_rows(findings: Findings) -> Iterator[tuple[StudiedAgent, Setting]]:
+    """Settings of the tables over H and k, each with the studied agent whose rows it belongs to."""
+    for subject in findings.plan.subjects:
+        equal = [subject.reference, subject.single, *findings.plan.shown_controls, *subject.equal.values()]
+        for setting in unique([subject.truth, *equal, *subject.free.values()]):
+            yield subject, setting
+
+
+def shown_settings(findings: Findings) -> list[Setting]:
+    """Settings of figures over all agents: GT tracks, one hypothesis, the control, the most hypotheses."""
+    control = findings.plan.same_samples
+    picked = []
+    for subject in findings.plan.subjects:
+        picked += [subject.truth, subject.single, *([control] if control else []), subject.most]
+    return unique(picked)
+
+
+def error_rows(findings: Findings) -> Iterator[Row]:
+    """Tables I to III of the paper: errors of each setting on all targets, and on those with events."""
+    for subset in SUBSETS:
+        for subject, setting in settings_of_rows(findings):
+            yield _error_row(findings, subject, setting, subset)
+
+
+def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subset: Subset) -> Row:
+    row, table, difference = findings.row(setting, subset), findings.table(setting), None
+    if setting.budget == "equal" and setting is not subject.single:
+        difference = findings.difference(setting, subject.single, subset)
+    papers = _paper_figures(findings, subject, setting, subset)
+    return Row(
+        targets_of=subset_name(subset),
+        agent=setting.label,
+        H=row.hypotheses,
+        k=row.samples,
+        sampling="–" if row.hypotheses == 1 else "k of all" if setting.budget == "equal" else "none",
+        minADE=row.minADE,
+        minADE_interval=findings.mean_ade(table, table.weight[subset]).interval,
+        minFDE=row.minFDE,
+        error=row.error,
+        error_interval=row.interval,
+        to_single=difference and difference.error,
+        to_single_interval=difference and difference.interval,
+        p=difference and difference.p,
+        coverage=row.coverage,
+        targets=row.targets,
+        objects=row.objects,
+        ms_per_frame=row.ms_per_frame,
+        paper_minADE=papers[0],
+        paper_minFDE=papers[1],
+    )
+
+
+def _paper_figures(
+    findings: Findings, subject: StudiedAgent, setting: Setting, subset: Subset
+) -> Sequence[float | None]:
+    """The paper's minADE and minFDE for the role of a setting; None where it has none."""
+    role = "truth_past" if setting == subject.truth else "stp" if setting == subject.single else "mtp"
+    if setting in findings.plan.controls and role == "mtp":
+        return None, None
+    figures = figures_of(findings.bench.of_paper, role, setting.budget, setting.hypotheses or 1)
+    return figures.get(PAPER_SUBSETS.get(subset, ""), (None, None))
+
+
+def event_rows(findings: Findings) -> Iterator[Row]:
+    """Events with one hypothesis, and those in every one of several hypotheses."""
+    papers = shared_events(findings.bench.of_paper)
+    for subject in findings.plan.subjects:
+        several = {count: setting for count, setting in subject.equal.items() if count > 1}
+        for kind in KINDS:
+            paper = papers.get(kind, {})
+            single = sum(scene.own[kind] for scene in findings.of(subject.single).around[0])
+            for count, setting in ({1: subject.single} | several).items():
+                near = findings.of(setting).around[0]
+                events = sum((scene.own if count == 1 else scene.shared)[kind] for scene in near)
+                yield Row(
+                    kind=kind,
+                    agent=subject.name,
+                    H=count,
+                    events=events,
+                    per_trajectory=events / max(1, sum(scene.objects for scene in near)),
+                    per_frame=events / max(1, sum(scene.frames for scene in near)),
+                    left=events / single if single else None,
+                    paper_events=paper.get({1: "one", PAPER_HYPOTHESES: "all"}.get(count, "")),
+                )
+
+
+def sample_rows(findings: Findings) -> Iterator[Row]:
+    """Expected minADE over H and k, of settings with all samples."""
+    for subject in findings.plan.subjects if findings.subject.free else ():
+        for count, setting in {1: subject.single, **subject.free}.items():
+            table = findings.table(setting)
+            ids = table.weight["ids"]
+            for k, curve in zip(findings.of(setting).scores[0][0].ks, table.curve.T, strict=True):
+                yield Row(
+                    agent=subject.name,
+                    H=count,
+                    k=k,
+                    minADE=ratio(curve.sum(), table.covered.sum()),
+                    minADE_ids=ratio(float((curve * ids).sum()), float((table.covered * ids).sum())),
+                )
+
+
+def cause_rows(findings: Findings) -> Iterator[Row]:
+    """The ranking error as a sum of its causes."""
+    rows: list[Row] = []
+    for subset in SUBSETS[:1] + SUBSETS[3:]:
+        for subject, setting in settings_of_rows(findings):
+            weight = findings.table(setting).weight[subset]
+            if setting.budget != "equal" or not weight.sum():
+                continue
+            row = findings.row(setting, subset)
+            parts = findings.causes(subject, setting, subset) @ weight / weight.sum()
+            cause = Row(
+                targets_of=subset_name(subset),
+                agent=row.agent,
+                H=row.hypotheses,
+                error=row.error,
+                **dict(zip(CAUSES, parts.tolist(), strict=True)),
+                targets=row.targets,
+                objects=row.objects,
+            )
+            rows += [] if cause in rows else [cause]  # a control stands beside every subject
+    yield from rows
+
+
+def since_rows(findings: Findings) -> Iterator[Row]:
+    """Errors over the frames since an event, and over the age of the track."""
+    past, near = findings.bench.card.task.past, findings.of(findings.subject.single).around[0]
+    for kind in ("ids", "lost", "reacquired"):
+        since, steps = np.concatenate([scene.since[kind] for scene in near]), 2 * past
+        bins = {str(step): since == step for step in range(steps + 1)}
+        yield from _bin_rows(
+            findings, f"last {kind}", bins | {f"over {steps}": since > steps, "never so far": since < 0}
+        )
+    age, edges = np.concatenate([scene.age for scene in near]), sorted({0, 1, 2, 3, past, 2 * past, 4 * past})
+    bins = {"no track": age < 0}
+    for low, high in pairwise(edges):
+        bins[str(low) if high == low + 1 else f"{low} to {high - 1}"] = (age >= low) & (age < high)
+    yield from _bin_rows(findings, "first appearance", bins | {f"{edges[-1]} or more": age >= edges[-1]})
+
+
+def _bin_rows(findings: Findings, since: str, bins: Mapping[str, Bools]) -> Iterator[Row]:
+    """A row for each of the ``bins`` [n] with targets, and each agent of the figures."""
+    for setting in shown_settings(findings):
+        table = findings.table(setting)
+        for name, chosen in bins.items():
+            mean = findings.mean(table, table.capped, chosen)
+            if mean.targets:
+                ade = findings.mean_ade(table, chosen)
+                yield Row(
+                    since=since,
+                    frames=name,
+                    agent=setting.label,
+                    H=table.setting.hypotheses,
+                    plain_error=mean.value,
+                    plain_error_interval=mean.interval,
+                    minADE=ade.value,
+                    minADE_interval=ade.interval,
+                    targets=mean.targets,
+                    objects=mean.objects,
+                )
+
+
+ROWS = {
+    "errors": error_rows,
+    "events": event_rows,
+    "samples": sample_rows,
+    "causes": cause_rows,
+    "since": since_rows,
+    "relations": relation_rows,
+}
