@@ -55,7 +55,7 @@ def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
 
 
 def predictor(
-    network: Annotated[str, typer.Argument(metavar="NAME", help="modes, ptp, social_lstm, tracking_free or affinity.")],
+    network: Annotated[str, typer.Argument(metavar="NAME", help="modes, ptp, tracking_free or affinity.")],
     on: EnvScenes,
     pasts: Annotated[
         str | None,

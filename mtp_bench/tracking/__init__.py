@@ -9,6 +9,4 @@ from .online import OnlineTracker as OnlineTracker
 from .parameters import ClassParameters as ClassParameters
 from .parameters import detector_parameters as detector_parameters
 from .parameters import score_thresholds as score_thresholds
-from .parameters import sort_parameters as sort_parameters
-from .retracking import ReTracker as ReTracker
 from .tracker import HypothesisTracker as HypothesisTracker

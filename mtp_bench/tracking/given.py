@@ -10,8 +10,7 @@ import numpy as np
 from ..agent import Observation
 from ..errors import SubmissionError
 from ..tracks import UNBORN, Tracks
-from ..types import Floats, Ints, Task
-from .repair import bridged
+from ..types import Bools, Floats, Ints, Task
 
 
 @dataclass
@@ -94,7 +93,24 @@ class Histories:
                 column = length - 1 - self._frame + frame
                 if column >= 0:
                     past[i, column:], taken[i, column:], taken[i, column], reported[i, column] = box, -1, row, True
-        return bridged(past, reported)[0], taken
+        return bridged(past, reported), taken
+
+
+def bridged(past: Floats, valid: Bools) -> Floats:
+    """Pasts [N, P, 7], oldest first, whose gaps between two reports, ``valid`` [N, P], lie on the straight line.
+
+    Only x and y are changed.
+    """
+    length = valid.shape[1]
+    frame = np.arange(length)
+    before = np.maximum.accumulate(np.where(valid, frame, -1), axis=1)
+    after = np.minimum.accumulate(np.where(valid, frame, length)[:, ::-1], axis=1)[:, ::-1]
+    row, gap = np.nonzero((before >= 0) & (after < length) & ~valid)
+    low, high = before[row, gap], after[row, gap]
+    share = ((gap - low) / (high - low))[:, None]
+    whole = past.copy()
+    whole[row, gap, :2] = (1 - share) * past[row, low, :2] + share * past[row, high, :2]
+    return whole
 
 
 class GivenTracker:

@@ -73,24 +73,6 @@ def score_thresholds(task: Task) -> dict[str, float]:
     return {name: least for name, least in content.get("min_detection_score", {}).items() if name in task.classes}
 
 
-def sort_parameters(
-    classes: Sequence[str], gate: float = 1.5, min_hits: int = 3, max_age: int = 1
-) -> tuple[ClassParameters, ...]:
-    """SORT's life cycle (Bewley et al. 2016) for people on a ground plane, the same for each class.
-
-    ``gate``: m, largest distance of a detection from the forecast place. ``min_hits``: a track is output from so many
-    detections on. ``max_age``: frames without a detection that a track survives, as SORT counts them; a
-    `ClassParameters.max_age` is one more.
-
-    Differences from SORT: it tracks boxes in an image, by their centre, area and aspect ratio, and matches by IoU of
-    at least 0.3; people on a ground plane at 2 Hz leave their own box between two frames, so the distance of centres
-    takes its place, as in Yu, Zhou 2021. The filter is AB3DMOT's, whose velocity noise is SORT's. SORT needs
-    ``min_hits`` detections in a row and hides a track in a frame without a detection; here they need not be in a row,
-    and a track is output until it ends.
-    """
-    return (ClassParameters("hungarian", "center_distance", gate, min_hits, max_age + 1),) * len(classes)
-
-
 def _tracker_table(name: str) -> dict[str, ClassParameters]:
     """Parameters by class in the file of a detector, on top of those of ``tracker_like``; empty without any."""
     content = read_detector(name) or {}

@@ -15,7 +15,6 @@ Tensors = dict[str, torch.Tensor]
 Loss = Callable[[Network, Tensors, Tensors, Sizes, float, torch.Generator], torch.Tensor]
 
 MODE_WEIGHT = 0.2  # of the log-likelihood of the best mode, beside metres
-PATH_WEIGHT = 2.0  # of the distance of the mean path, m, beside its log-likelihood, which objects at rest dominate
 PRESENT_WEIGHT = 0.5  # of the error of the present position
 # Of PTP, beside errors in units of their scale:
 DIVERGENCE_WEIGHT = 0.02  # of a code from the prior
@@ -44,24 +43,6 @@ def winner_takes_all(
     present = _present_error(output["present"], batch)
     loss = (1 - relaxed) * best + relaxed * distance.mean(dim=1)
     return _weighted_mean(loss + MODE_WEIGHT * likelihood + PRESENT_WEIGHT * present, batch)
-
-
-def gaussian_path(
-    network: Network, weights: Tensors, batch: Tensors, sizes: Sizes, progress: float, generator: torch.Generator
-) -> torch.Tensor:
-    """Negative log-likelihood of the future under a normal distribution at each step, and distance of the means.
-
-    The network's output has ``path`` [n, T, 2], the means, and ``root`` [n, T, 2, 2], lower triangular square roots of
-    the covariances, m.
-    """
-    output = network.forward(weights, batch, sizes)
-    root, error = output["root"], batch["future"] - output["path"]
-    first = error[..., 0] / root[..., 0, 0]
-    second = (error[..., 1] - root[..., 1, 0] * first) / root[..., 1, 1]
-    loss = 0.5 * (first**2 + second**2) + root[..., 0, 0].log() + root[..., 1, 1].log()
-    loss = (loss * batch["known"]).sum(-1) / batch["known"].sum(-1).clip(1)
-    loss = loss + PATH_WEIGHT * mode_distance(output["path"][:, None], batch["future"], batch["known"])[:, 0]
-    return _weighted_mean(loss + PRESENT_WEIGHT * _present_error(output["present"], batch), batch)
 
 
 def autoencoder(

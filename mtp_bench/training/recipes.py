@@ -10,7 +10,7 @@ import torch
 from ..errors import MtpBenchError
 from ..running.options import require_seed
 from .augmentation import vary_detections, vary_tracks
-from .losses import Loss, Tensors, autoencoder, diverse, gaussian_path, winner_takes_all
+from .losses import Loss, Tensors, autoencoder, diverse, winner_takes_all
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,6 @@ RECIPES = {
     ),
     "tracking_free": NetworkRecipe(plan=TrainingPlan(epochs=40), on="tracklets", vary=vary_detections),
     "affinity": NetworkRecipe(on="tracklets", vary=vary_detections),
-    "social_lstm": NetworkRecipe((Stage(gaussian_path),), TrainingPlan(epochs=40, batch=128), by_frame=True),
 }
 
 

@@ -109,8 +109,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return cards
 
 
-FOR_PEOPLE = ("sort_social_lstm", "sort_social_lstm_retracking", "mtp_social_lstm_retracking")
-TRAINED_FIRST = {"MTP-Intersection-v0": FOR_PEOPLE, "MTP-Merge-v0": (*FOR_PEOPLE, "tracking_free", "affinity")}
+TRAINED_FIRST = {"MTP-Intersection-v0": (), "MTP-Merge-v0": ("tracking_free", "affinity")}
 
 
 @pytest.fixture(autouse=True)

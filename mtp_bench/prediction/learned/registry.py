@@ -7,10 +7,9 @@ from .affinity import AffinityNetwork
 from .modes import Modes
 from .network import Network
 from .ptp import Ptp
-from .social_lstm import SocialLstm
 from .tracking_free import TrackingFree
 
-_ALL: tuple[Network, ...] = (Modes(), Ptp(), SocialLstm(), TrackingFree(), AffinityNetwork())
+_ALL: tuple[Network, ...] = (Modes(), Ptp(), TrackingFree(), AffinityNetwork())
 NETWORKS: dict[str, Network] = {network.name: network for network in _ALL}
 AROUND = ("affinity", "tracking_free")  # their input is the detections around an object, not its track
 

@@ -23,7 +23,6 @@ from mtp_bench.prediction.learned.local import Arrays, local_future, local_input
 from mtp_bench.prediction.learned.modes import LEAST_SPREAD, spread_of
 from mtp_bench.prediction.learned.network import Network
 from mtp_bench.prediction.learned.registry import AROUND, NETWORKS
-from mtp_bench.prediction.learned.social_lstm import SocialLstm, points
 from mtp_bench.prediction.learned.tracking_free import TrackingFree, support
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth
 from mtp_bench.training.augmentation import vary_detections
@@ -35,7 +34,6 @@ OBJECTS, SCENES = 6, 2
 EVERY = pytest.mark.parametrize("network", NETWORKS.values(), ids=NETWORKS)
 OF_DETECTIONS = pytest.mark.parametrize("network", [NETWORKS[name] for name in AROUND], ids=AROUND)
 OF_TRACKS = pytest.mark.parametrize("name", [name for name in NETWORKS if name not in AROUND])
-OF_FRAMES = pytest.mark.parametrize("network", [NETWORKS["ptp"], NETWORKS["social_lstm"]], ids=["ptp", "social_lstm"])
 
 
 def table(box: Floats, class_id: Ints, counts: Ints, before: Ints, seed: int = 0) -> Surroundings:
@@ -183,17 +181,15 @@ def test_an_object_without_detections_around_it(network: Network, distance: floa
     assert all(np.isfinite(value).all() for value in output(network, windows, moment, seen).values())
 
 
-@OF_FRAMES
-def test_many_frames_at_once_are_each_frame_alone(network: Network) -> None:
-    windows, moment = random_windows()
+def test_many_frames_at_once_are_each_frame_alone() -> None:
+    network, (windows, moment) = NETWORKS["ptp"], random_windows()
     parts = [output(network, windows.select(moment == t), moment[moment == t])["modes"] for t in range(3)]
     np.testing.assert_allclose(output(network, windows, moment)["modes"], np.concatenate(parts), rtol=0, atol=1e-4)
 
 
-@OF_FRAMES
 @pytest.mark.parametrize("change", ["nearer", "absent", "far", "another hypothesis", "the same object"])
-def test_which_objects_a_window_sees(network: Network, change: str) -> None:
-    windows, moment = random_windows([2], seed=5)
+def test_which_objects_a_window_sees(change: str) -> None:
+    network, (windows, moment) = NETWORKS["ptp"], random_windows([2], seed=5)
     box, best = windows.box.copy(), windows.best.copy()
     offset = {"the same object": 0.0, "far": 1000.0}.get(change, 1.5)
     box[1, :, :2] += box[0, -1, :2] - box[1, -1, :2] + offset
@@ -202,20 +198,6 @@ def test_which_objects_a_window_sees(network: Network, change: str) -> None:
     got = output(network, replace(windows, box=box, best=best).select(rows), moment[rows])["modes"][0]
     alone = output(network, windows.select(slice(0, 1)), moment[:1])["modes"][0]
     assert np.allclose(got, alone, rtol=0, atol=1e-4) == (change != "nearer")
-
-
-def test_one_future_of_social_lstm_is_the_mean() -> None:
-    windows, moment = random_windows()
-    network, sizes = SocialLstm(), replace(SIZES, modes=1)
-    got = network.forward(weights_of(network), network.inputs(windows, moment, NOTHING_SEEN, sizes), sizes)
-    np.testing.assert_array_equal(got["modes"][:, 0], got["path"])
-
-
-@pytest.mark.parametrize("count", [30, 300])
-def test_points_represent_the_standard_normal_distribution(count: int) -> None:
-    found = np.array(points(count))
-    np.testing.assert_allclose(found.mean(axis=0), 0, atol=0.15)
-    np.testing.assert_allclose(np.cov(found.T), np.eye(2), atol=0.25)
 
 
 def test_there_and_back() -> None:
