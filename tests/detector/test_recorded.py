@@ -15,14 +15,13 @@ from mtp_bench.detector.variants import with_variant
 from mtp_bench.detector.visibility import Sensor, Visibility, visibility_of
 from mtp_bench.sources import open_source
 from mtp_bench.types import Scene
-from tests.support.detector_scenes import assert_alike
 from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
 pytestmark = pytest.mark.data
 
 CLASSES = ("car", "pedestrian", "cyclist")
 AHEAD = Sensor(reach=80.0, field_of_view=np.pi / 2)
-SEEDS = range(8)
+SEEDS = range(4)
 
 Table = dict[str, ClassStatistics]
 Recorded = list[tuple[Scene, Visibility]]
@@ -77,7 +76,11 @@ def test_the_shipped_profile_behaves_as_the_detector(
     name: str, recall: float, odds: float, gap: float, real: Table, simulated: Table
 ) -> None:
     true, made = real[name], simulated[name]
-    assert_alike(made, true, recall, odds, gap)
+    assert made.recall == pytest.approx(true.recall, abs=recall)
+    assert made.undetected_odds_ratio == pytest.approx(true.undetected_odds_ratio, rel=odds)
+    assert made.gap_length == pytest.approx(true.gap_length, rel=gap)
+    assert made.radial_autocorrelation == pytest.approx(true.radial_autocorrelation, rel=0.15)
+    assert made.tangential_autocorrelation == pytest.approx(true.tangential_autocorrelation, rel=0.15)
     assert made.radial_scale == pytest.approx(true.radial_scale, rel=0.1)
     assert made.tangential_scale == pytest.approx(true.tangential_scale, rel=0.12)
     assert made.score_true == pytest.approx(true.score_true, rel=0.05)
@@ -91,5 +94,5 @@ def test_without_memory_the_recall_stays_and_gaps_scatter(
         true, made = real[name], scattered[name]
         assert made.recall == pytest.approx(simulated[name].recall, abs=0.03)
         assert made.gaps > 2 * true.gaps
-        assert (made.gap_length or 0.0) < 0.65 * (true.gap_length or 0.0)
-        assert abs(made.radial_autocorrelation or 0.0) < 0.1
+        assert made.gap_length < 0.65 * true.gap_length
+        assert abs(made.radial_autocorrelation) < 0.1

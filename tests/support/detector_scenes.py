@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 
 from mtp_bench.detector import Profile
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.visibility import Sensor, Visibility
 from mtp_bench.types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
-from tests.support.detector_statistics import ClassStatistics
 
 SIZE = (4.0, 2.0, 1.6)
 SPACING = 20.0  # m between the objects of a crowd
@@ -112,17 +110,6 @@ def correlation(one: Floats, other: Floats) -> float:
     """Correlation of the pairs of finite numbers."""
     finite = np.isfinite(one) & np.isfinite(other)
     return float(np.corrcoef(one[finite], other[finite])[0, 1])
-
-
-def assert_alike(
-    after: ClassStatistics, before: ClassStatistics, recall: float = 0.02, odds: float = 0.15, gap: float = 0.2
-) -> None:
-    """Recall, gaps and correlations agree; ``recall``: tolerance; ``odds`` and ``gap``: relative ones."""
-    assert after.recall == pytest.approx(before.recall, abs=recall)
-    assert after.undetected_odds_ratio == pytest.approx(before.undetected_odds_ratio, rel=odds)
-    assert after.gap_length == pytest.approx(before.gap_length, rel=gap)
-    assert after.radial_autocorrelation == pytest.approx(before.radial_autocorrelation, rel=0.15)
-    assert after.tangential_autocorrelation == pytest.approx(before.tangential_autocorrelation, rel=0.15)
 
 
 def no_objects(frames: int) -> Truth:

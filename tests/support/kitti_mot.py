@@ -1,4 +1,4 @@
-"""3D multi-object tracking scores of KITTI, as AB3DMOT's evaluation defines them (Weng et al. 2020).
+"""Hits and misses of 3D tracking on KITTI, as AB3DMOT's evaluation defines them (Weng et al. 2020).
 
 Per frame and class: Hungarian matching of 3D boxes with an IoU of at least 0.25. Not counted, neither for nor against a
 tracker: truth that is truncated, heavily occluded or of a neighbour class; unmatched tracks that are at most 25 pixels
@@ -7,7 +7,7 @@ high in the image or lie in a DontCare region.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ SCORE_THRESHOLD = {"car": 3.240738, "pedestrian": 2.683133, "cyclist": 3.645319}
 
 @dataclass(frozen=True, eq=False)
 class TrackRows:
-    """What a tracker put out over a scene, one row per track and frame."""
+    """Output of a tracker over a scene, one row per track and frame."""
 
     frame: Ints  # [R]
     track_id: Ints  # [R]
@@ -38,11 +38,8 @@ class TrackRows:
     image_box: Floats  # [R, 4] of the detection taken last, px
 
     def keep(self, mask: Bools) -> TrackRows:
-        """The rows where ``mask`` holds."""
-        return TrackRows(
-            frame=self.frame[mask], track_id=self.track_id[mask], class_id=self.class_id[mask], box=self.box[mask],
-            score=self.score[mask], image_box=self.image_box[mask],
-        )  # fmt: skip
+        """The rows where ``mask`` is true."""
+        return TrackRows(**{name: rows[mask] for name, rows in vars(self).items()})
 
     def above(self, threshold: float) -> TrackRows:
         """The tracks whose mean score reaches ``threshold``."""
@@ -69,24 +66,6 @@ def hidden_in_image(labels: LabelRows) -> Bools:
     return np.asarray((labels.table.whole("truncated") > 0) | (labels.table.whole("occluded") > MAX_OCCLUSION))
 
 
-@dataclass
-class Counts:
-    """Sums over frames and scenes."""
-
-    truth: int = 0
-    misses: int = 0
-    false: int = 0
-    switches: int = 0
-    fragments: int = 0
-    matched: dict[tuple[str, int], list[tuple[int, bool]]] = field(default_factory=dict, repr=False)
-    """Per object the track id (-1: none) and whether it is ignored, frame by frame."""
-
-    @property
-    def mota(self) -> float:
-        """Multiple object tracking accuracy, in percent."""
-        return 100 * (1 - (self.misses + self.false + self.switches) / self.truth)
-
-
 def read_annotations(root: Path, scene: Scene, ego_motion: bool) -> Annotations:
     """LabelRows of ``scene``, whose boxes are in the world if ``ego_motion``, else in each frame's own sensor frame."""
     labels = read_labels(root / f"training/label_02/{scene.name}.txt")
@@ -108,10 +87,11 @@ def detection_image_boxes(root: Path, scene: Scene, classes: tuple[str, ...]) ->
     return image_box
 
 
-def count_scene(name: str, frames: int, truth: Annotations, tracks: TrackRows, class_name: str, counts: Counts) -> None:
-    """Add one scene's rows of one class to ``counts``."""
+def count_scene(frames: int, truth: Annotations, tracks: TrackRows, class_name: str) -> Ints:
+    """Of one class of a scene the number of true boxes, of misses and of false positives [3]."""
     kind, ignored = truth.labels.type, truth.ignored(class_name)
     evaluated = np.isin(kind, (TYPES[class_name][0], *NEIGHBOURS[class_name]))
+    count = np.zeros(3, dtype=np.int64)
     for t in range(frames):
         now = np.flatnonzero(evaluated & (truth.labels.frame == t))
         here = tracks.keep(tracks.frame == t)
@@ -120,13 +100,9 @@ def count_scene(name: str, frames: int, truth: Annotations, tracks: TrackRows, c
         free = np.ones(len(here.frame), dtype=bool)
         free[column[hit]] = False
         areas = truth.labels.image_box[(kind == "DontCare") & (truth.labels.frame == t)]
-        counts.false += int((free & ~excused(here.image_box, areas)).sum())
-        counts.truth += int((~ignored[now]).sum())
-        counts.misses += int((~hit & ~ignored[now]).sum())
-        ids = np.where(hit, np.append(here.track_id, -1)[column], -1)
-        for row, track_id in zip(now, ids.tolist(), strict=True):
-            story = counts.matched.setdefault((name, int(truth.labels.object_id[row])), [])
-            story.append((track_id, bool(ignored[row])))
+        false = free & ~excused(here.image_box, areas)
+        count += (~ignored[now]).sum(), (~hit & ~ignored[now]).sum(), false.sum()
+    return count
 
 
 def matched_columns(truth: Floats, tracks: Floats) -> Ints:
@@ -148,22 +124,3 @@ def excused(image_box: Floats, areas: Floats) -> Bools:
     common = np.maximum(other - corner, 0.0).prod(axis=2)
     size = (image_box[:, 2:] - image_box[:, :2]).prod(axis=1)
     return np.asarray(low | (common > 0.5 * size[:, None]).any(axis=1))
-
-
-def finish(counts: Counts) -> Counts:
-    """Count switches and fragments along the stories of the objects."""
-    for story in counts.matched.values():
-        ids = [track_id for track_id, _ in story]
-        if all(ignored for _, ignored in story) or all(i == -1 for i in ids):
-            continue
-        last = ids[0]
-        for f in range(1, len(story)):
-            if story[f][1]:
-                last = -1
-                continue
-            counts.switches += last != ids[f] and -1 not in (last, ids[f], ids[f - 1])
-            again = ids[f] != ids[f - 1] and last != -1 and ids[f] != -1
-            # A match of a single frame does not count, except as the last one of the object's life.
-            counts.fragments += again and (f == len(story) - 1 or ids[f + 1] != -1)
-            last = ids[f] if ids[f] != -1 else last
-    return counts
