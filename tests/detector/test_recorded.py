@@ -21,7 +21,7 @@ pytestmark = pytest.mark.data
 
 CLASSES = ("car", "pedestrian", "cyclist")
 AHEAD = Sensor(reach=80.0, field_of_view=np.pi / 2)
-SEEDS = range(4)
+SEEDS = range(8)
 
 Table = dict[str, ClassStatistics]
 Recorded = list[tuple[Scene, Visibility]]

@@ -10,19 +10,20 @@ from mtp_bench.scoring.rows import Bin, Clear, Details, Errors, PairedRow, Relia
 Setting = tuple[str, int, int, str]  # agent, hypotheses, samples, budget
 
 
+def row_content(**values: Any) -> dict[str, Any]:
+    """A row as JSON whose other fields are missing."""
+    return {**dict.fromkeys(Row.model_fields), **values}
+
+
 def row(setting: Setting, subset: str, **values: Any) -> Row:
-    """A row of which most errors are .345 m; ``values`` replace fields."""
-    error = dict.fromkeys(("error", "energy_score"), 0.345)
-    undefined = ("difference_to_stp", "difference_interval", "p", "gap_closed", "gap_interval", "rank", "events")
-    base = {
-        **_setting(setting), "subset": subset, "minADE": 0.123, "minFDE": 0.234, **error, "interval": (0.31, 0.38),
-        "error_by_score": 0.111, "plain_error": 0.789, "fixed_error": 0.456, "localisation": 0.567, "missed": 0.678,
-        "coverage": 0.9, "gap_closed_same_predictor": None,
-        "gap_same_predictor_interval": None, "unranked_because": None, **dict.fromkeys(undefined),
-        "targets": 40, "effective_targets": 38.0, "objects": 25, "effective_objects": 24.0, "scenes": 11,
-        "effective_units": 10.5, "seeds": 3, "ms_per_frame": 1.5,
-    }  # fmt: skip
-    return Row.model_validate({**base, **values})
+    """A row with an error of .345 m; ``values`` replace fields."""
+    content = row_content(
+        **_setting(setting), subset=subset, minADE=0.123, minFDE=0.234, error=0.345, energy_score=0.345,
+        interval=(0.31, 0.38), error_by_score=0.111, plain_error=0.789, fixed_error=0.456, localisation=0.567,
+        missed=0.678, coverage=0.9, targets=40, effective_targets=38.0, objects=25, effective_objects=24.0, scenes=11,
+        effective_units=10.5, seeds=3, ms_per_frame=1.5,
+    )  # fmt: skip
+    return Row.model_validate(content | values)
 
 
 def rows(*settings: Setting, **values: Any) -> list[Row]:

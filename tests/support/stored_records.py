@@ -1,4 +1,4 @@
-"""Records written by hand: whatever is not said follows from the sums of their scenes."""
+"""Records written by hand: other fields follow from the sums of their scenes."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, ratio
 from mtp_bench.scoring.subsets import Subset
 from mtp_bench.scoring.weights import scene_key
+from tests.support.report_rows import row_content
 
 EVENTS = ("lost", "frag")  # subsets that have weight in `scene_part`
 SIMULATED = "MTP-Merge-v0"
@@ -51,23 +52,18 @@ def make_row(agent: str, subset: Subset, scenes: Sequence[Mapping[str, Any]], **
     """A row as JSON that follows from the sums of ``scenes``, each of its errors the same."""
     weight = [value for scene in scenes for value in scene["weight"][subset]]
     errors = [value for scene in scenes for value in scene["error"][subset]]
-    total, units = sum(weight), effective_number(weight)
-    error, interval = ratio(sum(errors), total), bootstrap_interval(errors, weight) if weight else None
+    total, objects = sum(weight), changed.pop("objects", 25)
     targets = round(total + 0.499)
-    objects = min(changed.pop("objects", 25), targets)
-    return {
-        "agent": agent, "hypotheses": 1, "samples": 4, "budget": "equal", "subset": subset, "minADE": error,
-        "minFDE": error, "error": error, "interval": interval and list(interval),
-        "localisation": error if error is None else 0.7 * error,
-        "missed": error if error is None else 0.3 * error, "error_by_score": error, "plain_error": error,
-        "fixed_error": None, "energy_score": error, "coverage": 1.0, "difference_to_stp": None,
-        "difference_interval": None, "p": None, "gap_closed": None, "gap_interval": None,
-        "gap_closed_same_predictor": None, "gap_same_predictor_interval": None, "rank": None,
-        "unranked_because": None, "targets": targets, "effective_targets": total, "events": None,
-        "objects": objects, "effective_objects": float(objects),
-        "scenes": sum(sum(scene["weight"][subset]) > 0 for scene in scenes), "effective_units": units, "seeds": 3,
-        "ms_per_frame": None, **changed,
-    }  # fmt: skip
+    error, interval = ratio(sum(errors), total), bootstrap_interval(errors, weight) if weight else None
+    content = row_content(
+        agent=agent, hypotheses=1, samples=4, budget="equal", subset=subset, interval=interval and list(interval),
+        localisation=error and 0.7 * error, missed=error and 0.3 * error, coverage=1.0, targets=targets,
+        effective_targets=total, objects=min(objects, targets), effective_objects=float(min(objects, targets)),
+        scenes=sum(sum(scene["weight"][subset]) > 0 for scene in scenes), effective_units=effective_number(weight),
+        seeds=3,
+    )  # fmt: skip
+    same = ("minADE", "minFDE", "error", "error_by_score", "plain_error", "energy_score")
+    return {**content, **dict.fromkeys(same, error), **changed}
 
 
 def make_record(
@@ -110,27 +106,28 @@ def make_record(
     }  # fmt: skip
     content = merged(content, changed)
     content.setdefault("hashes", {"seals": hex_of(name), "rollouts": hex_of(name)})
-    content.setdefault("status", _status(content))
+    env, lost, runs = content["env"], content["missed"], len(content["per_scene"]) * len(content["seeds"])
+    counts = env["scenes"], env["scenes_of_split"], lost["crashed_scenes"], runs
+    content.setdefault("status", status_of(*counts, lost["reasons"], env["keywords"].get("split"))[0])
     return sealed(Record.model_validate(content))
 
 
-def _status(content: Mapping[str, Any]) -> str:
-    env, lost = content["env"], content["missed"]
-    runs, split = len(content["per_scene"]) * len(content["seeds"]), env["keywords"].get("split")
-    return status_of(env["scenes"], env["scenes_of_split"], lost["crashed_scenes"], runs, lost["reasons"], split)[0]
+def _scenes(errors: Sequence[float]) -> list[dict[str, Any]]:
+    names = [*"abcdefghijklmnopqrstuvwxyz", *(f"z{i}" for i in range(len(errors)))]
+    return [scene_part(scene, 10, error).model_dump() for scene, error in zip(names, errors, strict=False)]
+
+
+def _rows(name: str, scenes: list[dict[str, Any]], objects: int = 40, **changed: Any) -> list[dict[str, Any]]:
+    counts = {subset: objects if subset == "all" else 5 for subset in SUBSETS}
+    return [make_row(name, subset, scenes, objects=count, **changed) for subset, count in counts.items()]
 
 
 def write_record(
     *errors: float, name: str = "echo", objects: int = 40, budget: str = "equal", **changed: Any
 ) -> Record:
     """A record on ten targets per scene, one unit each, with these mean errors. ``changed`` replaces fields."""
-    names = [*"abcdefghijklmnopqrstuvwxyz", *(f"z{i}" for i in range(len(errors)))]
-    scenes = [scene_part(scene, 10, error).model_dump() for scene, error in zip(names, errors, strict=False)]
-    scenes = changed.pop("per_scene", scenes)
-    rows = [
-        make_row(name, subset, scenes, budget=budget, objects=objects if subset == "all" else 5) for subset in SUBSETS
-    ]
-    return make_record(name, rows, scenes, **changed)
+    scenes = changed.pop("per_scene", None) or _scenes(errors)
+    return make_record(name, _rows(name, scenes, objects, budget=budget), scenes, **changed)
 
 
 def ships_of(*records: Record, simulated: bool = False) -> Ships:
@@ -147,16 +144,15 @@ def ships_of(*records: Record, simulated: bool = False) -> Ships:
 
 
 def hidden_part(*errors: float, name: str = "echo", seal: str = "first", **changed: Any) -> HiddenPart:
-    """What was scored on as many hidden scenes as there are ``errors``, of one unit each."""
-    scenes = [scene_part(str(i), 10, error).model_dump() for i, error in enumerate(errors)]
-    rows = [make_row(name, subset, scenes, objects=40 if subset == "all" else 5) for subset in SUBSETS]
+    """The scores on as many hidden scenes as there are ``errors``, of one unit each."""
+    scenes = _scenes(errors)
     sums = {
         part: {subset: [value for scene in scenes for value in scene[part][subset]] for subset in SUBSETS}
         for part in ("weight", "error")
     }
     content = {
         "commitment": hex_of(seal), "weights": hex_of(f"weights {seal}"), "scenes": len(scenes),
-        "rows": rows, "silence": None, **sums,
+        "rows": _rows(name, scenes), "silence": None, **sums,
     }  # fmt: skip
     return HiddenPart.model_validate(content | changed)
 
