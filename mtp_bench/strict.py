@@ -91,16 +91,11 @@ def explain(errors: Sequence[ErrorDetails], model: type[BaseModel]) -> str:
     """The first of pydantic's ``errors`` on a ``model`` in one sentence: the key, what was got, what was expected."""
     # A misspelt required key is both missing and unknown: the unknown one says what to do.
     first = min(errors, key=lambda detail: detail["type"] != "extra_forbidden")
-    where, sections = _locate(model, first["loc"])
+    where, section = _locate(model, first["loc"])
     if first["type"] == "extra_forbidden":
-        known = {key for section in sections for key in section.model_fields}
-        return f"unknown key {where!r}{nearest(str(first['loc'][-1]), known)}"
+        return f"unknown key {where!r}{nearest(str(first['loc'][-1]), section.model_fields)}"
     if first["type"] == "missing":
         return f"key {where!r} is missing"
-    if first["type"].startswith("union_tag"):
-        got = first["input"].get("name") if isinstance(first["input"], dict) else first["input"]
-        names = [name for section in sections for name in _names(section)]
-        return f"{where}.name: got {got!r}, expected one of {', '.join(map(repr, names))}"
     expected = first["msg"].replace("tuple", "list").removeprefix("Value error, ")
     if first["type"] in ("model_type", "model_attributes_type"):
         expected = "expected a table"
@@ -158,36 +153,21 @@ def _reason(cause: ValueError | RecursionError) -> str:
     return "a number has thousands of digits" if "set_int_max_str_digits" in str(cause) else str(cause)
 
 
-def _locate(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, list[type[BaseModel]]]:
-    """The key of ``loc`` as the user wrote it, and the sections that may stand there (for a value: around it).
-
-    Of a union pydantic adds the chosen member to ``loc``, which the user did not write.
-    """
-    path: list[str] = []
-    sections: list[type[BaseModel]] = [model]
-    for part in loc:
-        chosen = [section for section in sections if part in (section.__name__, *_names(section))]
-        if chosen and not any(part in section.model_fields for section in sections):
-            sections = chosen
-            continue
-        path.append(str(part))
-        fields = [section.model_fields[str(part)] for section in sections if str(part) in section.model_fields]
-        sections = [inner for field in fields for inner in _sections_in(field.annotation)] or sections
-    return clean_text(".".join(path), _MOST_SHOWN), sections
+def _locate(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, type[BaseModel]]:
+    """The key of ``loc``, and the section that it stands in."""
+    section = model
+    for part in loc[:-1]:
+        field = section.model_fields.get(str(part))
+        section = next(_sections_in(field.annotation), section) if field else section
+    return clean_text(".".join(map(str, loc)), _MOST_SHOWN), section
 
 
 def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """The sections that an annotation names, such as the members of a union."""
+    """The sections that an annotation names."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in get_args(annotation):
         yield from _sections_in(inner)
-
-
-def _names(section: type[BaseModel]) -> tuple[str, ...]:
-    """The values of the key ``name`` that choose this section in a union."""
-    field = section.model_fields.get("name")
-    return tuple(name for name in get_args(field.annotation) if isinstance(name, str)) if field else ()
 
 
 def _short(value: Any) -> str:

@@ -6,7 +6,6 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import wraps
-from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +20,6 @@ from .output import json_alone, table_file
 if TYPE_CHECKING:
     from ..running.options import RunOptions
 
-ALONE = {"--cuts": ".1,.2,.3"}  # option -> its value if none follows
 SEVERAL = {"run": "`mtp-bench compare` takes several agents"}  # command -> advice for too many arguments
 DataOption = Annotated[
     str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
@@ -127,22 +125,13 @@ class WorkerChoice:
             raise typer.BadParameter(str(error), param_hint="--backend, --scheduler") from None
 
 
-def _is_option(word: str) -> bool:
-    """True for an option, not for a negative number."""
-    return word.startswith("-") and not word[1:2].isdigit() and word[1:2] != "."
-
-
 class Command(TyperCommand):
-    """A command with options whose value may be left out."""
+    """A command that says what to do about too many arguments."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse ``args`` after filling in omitted values; fails for too many arguments."""
-        whole: list[str] = []
-        for word, following in zip_longest(args, args[1:], fillvalue=""):
-            alone = word in ALONE and (not following or _is_option(following))
-            whole += [word, *([ALONE[word]] if alone else [])]
+        """Parse ``args``; fails for too many of them."""
         ctx.allow_extra_args = ctx.info_name in SEVERAL
-        extra = super().parse_args(ctx, whole)
+        extra = super().parse_args(ctx, args)
         if extra and not ctx.resilient_parsing:
             ctx.fail(f"unexpected {', '.join(map(repr, extra))}: {SEVERAL[ctx.info_name]}")
         return extra

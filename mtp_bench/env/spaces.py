@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.spaces import utils as flattening
-from gymnasium.vector import utils as batching
-from numpy.typing import DTypeLike, NDArray
+from numpy.typing import NDArray
 
 from ..types import ID_LIMIT, Task
 from .action import (
@@ -32,6 +29,7 @@ from .checks import examine
 SCORE_LIMIT = 1e6
 VELOCITY_LIMIT = 1e3  # m/s
 TIME_LIMIT = 1e6  # s
+_IDS_DRAWN = 10  # per row: the space draws ids below this number, few of them twice
 
 Box = spaces.Box
 AnySpaces = dict[str, spaces.Space[Any]]
@@ -71,10 +69,10 @@ def observation_numbers(task: Task) -> int:
 
 def _space_of(field: Field, task: Task) -> spaces.Space[Any]:
     shape, content = field.shape_in(task), field.content
-    if content is ID:
-        return Numbers(0, ID_LIMIT, shape, content.dtype)
+    if content is ID:  # a Box of ids would not pass Gymnasium's checker, which wants vectors within [-1, 1]
+        return spaces.MultiDiscrete(np.full(shape, _IDS_DRAWN * shape[0]))
     if content is LOG_WEIGHT:
-        return Numbers(ABSENT, 0.0, shape, content.dtype)
+        return Box(-1.0, 1.0, shape, np.float32) if len(shape) == 1 else Box(ABSENT, 0.0, shape, np.float32)
     if content is MASK:
         return spaces.MultiBinary(shape)
     if content is BOX:
@@ -104,8 +102,8 @@ class ActionSpace(spaces.Dict):
 
     A log-weight of -inf or below -1e30 means absent; ``track_class`` -1 means not stated. Every drawn row is sound,
     unless an id occurs twice in a hypothesis or all samples of an object are absent. The space holds more than its
-    fields draw: any content of absent rows, missing optional fields, any finite angle and log-weight, boxes of any size
-    above 0, and forecasts up to 327 m in length, of which the field is the inscribed square.
+    fields draw: any content of absent rows, missing optional fields, any finite angle and log-weight, any id, boxes of
+    any size above 0, and forecasts up to 327 m in length, of which the field is the inscribed square.
     """
 
     def __init__(self, task: Task) -> None:
@@ -115,67 +113,3 @@ class ActionSpace(spaces.Dict):
     def contains(self, x: Any) -> bool:
         """True if a strict env accepts ``x`` as an action."""
         return not examine(x, self._task).outside
-
-
-class Numbers(spaces.Space[NDArray[Any]]):
-    """Arrays of ``shape`` with entries from ``low`` to ``high``: a Box that is not a continuous control.
-
-    Gymnasium's checker asks every one-dimensional Box of an action space to lie in [-1, 1]. Ids and log-weights cannot,
-    so they have a space of their own, which Gymnasium treats as a Box everywhere else.
-    """
-
-    def __init__(
-        self, low: float, high: float, shape: tuple[int, ...], dtype: DTypeLike, seed: int | None = None
-    ) -> None:
-        self._box = spaces.Box(low, high, shape, np.dtype(dtype).type)
-        self.low, self.high = self._box.low, self._box.high
-        super().__init__(shape, self._box.dtype, seed)
-
-    @property
-    def is_np_flattenable(self) -> bool:
-        """True, as for a Box."""
-        return True
-
-    def seed(self, seed: int | None = None) -> int | list[int] | dict[str, int]:
-        """Seed the random draws."""
-        return self._box.seed(seed)
-
-    def sample(self, mask: Any | None = None, probability: Any | None = None) -> NDArray[Any]:
-        """A random element, drawn as from a Box."""
-        return self._box.sample(mask, probability)
-
-    def contains(self, x: Any) -> bool:
-        """True if ``x`` has the shape, the type and the range."""
-        return self._box.contains(x)
-
-    def to_jsonable(self, sample_n: Iterable[NDArray[Any]]) -> list[Any]:
-        """Elements as lists of numbers."""
-        return self._box.to_jsonable(list(sample_n))
-
-    def from_jsonable(self, sample_n: Sequence[Any]) -> list[NDArray[Any]]:
-        """Elements from lists of `to_jsonable`."""
-        return self._box.from_jsonable(sample_n)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Numbers) and self._box == other._box
-
-    def __hash__(self) -> int:
-        return hash((self.shape, str(self.dtype)))
-
-    def __repr__(self) -> str:
-        return self._box.__repr__().replace("Box", "Numbers")
-
-
-_SINGLE_DISPATCH: tuple[Any, ...] = (
-    batching.batch_space,
-    batching.concatenate,
-    batching.create_empty_array,
-    batching.iterate,
-    flattening._flat_dtype,
-    flattening.flatdim,
-    flattening.flatten,
-    flattening.flatten_space,
-    flattening.unflatten,
-)
-for _function in _SINGLE_DISPATCH:
-    _function.register(Numbers, _function.dispatch(spaces.Box))

@@ -1,29 +1,37 @@
-"""Agents side by side on one env, with the controls that separate hypotheses from sampling; `sensitivity` to scores."""
+"""Agents side by side on one env, with the controls that separate hypotheses from sampling."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..cards import Card
 from ..env.environment import MTPEnv
-from ..scoring import AgentScores, Ends, Reference, Report, SceneScore, score_scene, stated_hypotheses, summarise
+from ..scoring import (
+    AgentScores,
+    Reference,
+    ReferencePair,
+    Report,
+    SceneScore,
+    score_scene,
+    stated_hypotheses,
+    summarise,
+)
 from ..scoring.rows import Count, Interval
 from ..strict import Section
-from ..submission.loader import controls, load_submission
+from ..submission.loader import controls
 from ..submission.manifest import Role
 from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
 from .reference import ranked_scenes, reference_for
 from .run import Job, jobs_of, run_jobs
-from .settings import Setting, all_settings, require_list, setting_of
+from .settings import Setting, all_settings, require_list
 
+PARAMETER = "min_detection_score"  # of baselines that leave out detections
 CONTROLS: tuple[Role, ...] = ("ground_truth", "single", "same_samples", "hedged")  # protocol, "Controls"
-SCORE_THRESHOLDS = (0.1, 0.2, 0.3)  # of detections
-PARAMETER = "min_detection_score"
 
 
 @dataclass(frozen=True)
@@ -75,12 +83,12 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     agents = score_settings([*settings, *references], env_id, card, scenes, options)
     scores = agents[len(settings) :]
     own = {
-        label: Ends(*(scores[references.index(each)] for each in pair)) if pair else None
+        label: ReferencePair(*(scores[references.index(each)] for each in pair)) if pair else None
         for label, pair in pairs.items()
     }
     reference = reference_for(card, scenes, options)
     report = summarise(
-        agents[: len(settings)], card, reference, stp=role["single"], truth=role["ground_truth"], own_ends=own
+        agents[: len(settings)], card, reference, stp=role["single"], truth=role["ground_truth"], gap_references=own
     )
     report.condition.update(_training_notes(settings, card.id))
     if len(ranked) < len(env.scene_names):
@@ -120,26 +128,6 @@ def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: 
         ideal=setting.ideal,
         stored_tracks=setting.observe == "tracks",
     )
-
-
-def sensitivity(
-    env_id: str, reference: Reference, options: RunOptions = DEFAULTS, thresholds: Sequence[float] = SCORE_THRESHOLDS
-) -> list[AtThreshold]:
-    """Scores of `threshold_agents` at each threshold, on the same targets with the same weights.
-
-    ``reference``: event weights of the scenes. Raises MtpBenchError for errors that the user can mend.
-    """
-    env = MTPEnv(env_id, **options.env_keywords)
-    card, scenes = env.card, options.chosen(ranked_scenes(env.card, env.scene_names))
-    submissions = [load_submission(name) for name in threshold_agents()]
-    settings = [setting_of(each, card, {PARAMETER: value}) for value in thresholds for each in submissions]
-    scored = score_settings(settings, env_id, card, scenes, options)
-    agents = [replace(each, agent=s.submission.name) for each, s in zip(scored, settings, strict=True)]
-    found = []
-    for i, value in enumerate(thresholds):
-        part = agents[i * len(submissions) : (i + 1) * len(submissions)]
-        found.append(at_threshold(value, part, summarise(part, card, reference)))
-    return found
 
 
 def threshold_agents() -> tuple[str, str, str]:

@@ -10,7 +10,6 @@ from .displacement import Displacement as Displacement
 from .displacement import displacement as displacement
 from .displacement import energy_score as energy_score
 from .displacement import k_curve as k_curve
-from .events import EventList as EventList
 from .events import Events as Events
 from .events import find_events as find_events
 from .events import history as history
@@ -20,7 +19,7 @@ from .neutral import evaluated as evaluated
 from .neutral import unconfirmable as unconfirmable
 from .pairs import Pairs as Pairs
 from .rank import ranks_by_test as ranks_by_test
-from .report import Ends as Ends
+from .report import ReferencePair as ReferencePair
 from .report import Report as Report
 from .report import summarise as summarise
 from .score import SceneScore as SceneScore
@@ -30,7 +29,6 @@ from .score import score_scene as score_scene
 from .statistics import bootstrap_interval as bootstrap_interval
 from .statistics import effective_number as effective_number
 from .statistics import paired_difference as paired_difference
-from .statistics import paired_interval as paired_interval
 from .statistics import sign_flip_test as sign_flip_test
 from .subsets import SUBSETS as SUBSETS
 from .table import AgentScores as AgentScores

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..errors import ShapeError
+from ..types import Floats, Ints
 from .events import History, clear_identity, find_events, history
 from .matching import match, match_sticky
 from .pairs import Pairs, near_pairs
@@ -31,7 +34,7 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
     """
     if not (np.isfinite(gate) and gate >= 0):
         raise ShapeError(f"gate is {gate}, expected a distance of 0 m or more")
-    truth, tracks = read_frames(frames)
+    truth, tracks = _read_frames(frames)
     pairs = Pairs(*near_pairs(truth.frame, truth.xy, tracks.frame, tracks.xy, gate))
     if mode == "frame":
         matched = match(pairs, len(truth))
@@ -60,36 +63,46 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
 
 
 @dataclass(frozen=True, eq=False)
-class PositionTable:
-    """Rows of all frames of all scenes, numbered through; sorted by frame."""
+class _Positions:
+    """Rows of all frames of all scenes, sorted by scene and time."""
 
-    frame: NDArray[np.intp]  # [R]
-    identity: NDArray[np.int64]  # [R] unique over the scenes
-    xy: NDArray[np.float64]  # [R, 2] m
+    frame: Ints  # [R]
+    identity: Ints  # [R] unique over the scenes
+    xy: Floats  # [R, 2] m
     history: History
 
     def __len__(self) -> int:
         return len(self.frame)
 
 
-def read_frames(frames: Iterable[Frame]) -> tuple[PositionTable, PositionTable]:
-    """Truth and tracks of ``frames``, each (scene, t, true ids, true xy, track ids, track xy).
-
-    Scenes may be interleaved; within a scene frames follow one another in the order of t. Ids are integers or strings.
-    Raises ShapeError, with the scene and t, for ids or positions of another shape or type, an id twice in a frame, a
-    frame given twice, or a time or a position that is not finite.
-    """
-    ordered = list(frames)
+def _read_frames(frames: Iterable[Frame]) -> tuple[_Positions, _Positions]:
+    """Truth and tracks of ``frames``; raises ShapeError, with the scene and t, for what `tracking_counts` names."""
+    given = list(frames)
     scenes: dict[Hashable, int] = {}
-    scene = np.array([scenes.setdefault(f[0], len(scenes)) for f in ordered], dtype=np.intp)
-    time = np.array([_time(f) for f in ordered], dtype=np.float64)
-    order = np.lexsort((time, scene))
-    scene, time = scene[order], time[order]
-    again = np.flatnonzero((scene[1:] == scene[:-1]) & (time[1:] == time[:-1]))
-    if len(again):
-        raise ShapeError(f"frame {_where(ordered[order[again[0]]])} is given twice, expected once")
-    ordered = [ordered[i] for i in order]
-    return _table(ordered, 2, "true", scene), _table(ordered, 4, "track", scene)
+    keys = [(scenes.setdefault(frame[0], len(scenes)), _time(frame)) for frame in given]
+    order = sorted(range(len(given)), key=keys.__getitem__)
+    for before, after in pairwise(order):
+        if keys[before] == keys[after]:
+            raise ShapeError(f"frame {_where(given[after])} is given twice, expected once")
+    ordered = [given[i] for i in order]
+    return _positions(ordered, 2, "true"), _positions(ordered, 4, "track")
+
+
+def _positions(frames: Sequence[Frame], place: int, name: str) -> _Positions:
+    """The ids at ``place`` of each frame, and the positions behind them."""
+    codes: dict[tuple[Hashable, Hashable], int] = {}
+    identity: list[int] = []
+    points: list[Floats] = [np.zeros((0, 2))]
+    count: list[int] = []
+    for frame in frames:
+        ids = _ids(frame, place, name)
+        if len(set(ids)) < len(ids):
+            raise ShapeError(f"{name} ids of {_where(frame)} are {ids}, expected each id once")
+        identity += [codes.setdefault((frame[0], i), len(codes)) for i in ids]
+        points.append(_points(frame, place + 1, len(ids), name))
+        count.append(len(ids))
+    rows, numbers = np.repeat(np.arange(len(frames)), count), np.array(identity, dtype=np.int64)
+    return _Positions(rows, numbers, np.concatenate(points), history(rows, numbers))
 
 
 def _where(frame: Frame) -> str:
@@ -107,78 +120,28 @@ def _time(frame: Frame) -> float:
     return time
 
 
-def _ids(frame: Frame, given: Any, name: str) -> NDArray[Any]:
-    """Ids [M] of a frame: integers, text, or objects that are one of both."""
+def _ids(frame: Frame, place: int, name: str) -> list[int | str]:
+    """Ids [M] of a frame."""
+    given: Any = frame[place]
     try:
-        ids = np.asarray(given)
-    except ValueError:
-        raise _no_ids(frame, name, "are lists of several lengths") from None
-    if ids.ndim != 1:
-        raise _no_ids(frame, name, f"have shape {ids.shape}")
-    if not len(ids) or ids.dtype.kind in "iu" or (ids.dtype.kind == "U" and isinstance(given, np.ndarray)):
-        return ids
-    each = list(ids if isinstance(given, np.ndarray) else given)
-    odd = [type(i).__name__ for i in each if isinstance(i, bool) or not isinstance(i, int | str | np.integer)]
+        ids = list(given.tolist() if isinstance(given, np.ndarray) else given)
+    except TypeError:
+        ids = [given]
+    odd = [i for i in ids if isinstance(i, bool) or not isinstance(i, int | str | np.integer)]
     if odd:
-        raise _no_ids(frame, name, f"have type {odd[0] if ids.dtype.kind in 'UO' else ids.dtype}")
-    return np.array(each, dtype=object)  # numpy itself would make text of 1 beside "a"
+        raise ShapeError(f"{name} ids of {_where(frame)} hold {odd[0]!r}, expected a list of integers or strings")
+    return ids
 
 
-def _no_ids(frame: Frame, name: str, got: str) -> ShapeError:
-    return ShapeError(f"{name} ids {got}, expected integers or strings, one per object {_where(frame)}")
-
-
-def _points(frame: Frame, given: Any, count: int, name: str) -> NDArray[np.float64]:
+def _points(frame: Frame, place: int, count: int, name: str) -> Floats:
     """Positions [M, 2] of a frame with ``count`` ids, m."""
     try:
-        xy = np.asarray(given, dtype=np.float64)
+        xy = np.asarray(frame[place], dtype=np.float64)
     except (TypeError, ValueError):
-        raise ShapeError(
-            f"{name} xy of {_where(frame)} is not an array of numbers, expected {(count, 2)} metres"
-        ) from None
-    if xy.shape != (count, 2) and not (count == 0 and xy.size == 0):
-        raise ShapeError(f"{name} xy of {_where(frame)} has shape {xy.shape}, expected {(count, 2)}: one per id")
+        xy = np.zeros(0)
+    if xy.size == count == 0:
+        return np.zeros((0, 2))
+    if xy.shape != (count, 2) or not np.isfinite(xy).all():
+        got = f"{name} xy of {_where(frame)} is {reprlib.repr(frame[place])}"
+        raise ShapeError(f"{got}, expected finite metres of shape {(count, 2)}")
     return xy
-
-
-def _table(frames: Sequence[Frame], place: int, name: str, scene: NDArray[np.intp]) -> PositionTable:
-    ids = [_ids(f, f[place], name) for f in frames]
-    points = [_points(f, f[place + 1], len(i), name) for f, i in zip(frames, ids, strict=True)]
-    count = np.array([len(i) for i in ids], dtype=np.intp)
-    filled = [i for i in range(len(frames)) if count[i] > 0]
-    xy = np.concatenate([points[i] for i in filled]) if filled else np.zeros((0, 2))
-    frame, of_scene = np.repeat(np.arange(len(frames), dtype=np.intp), count), np.repeat(scene, count)
-    bad = np.flatnonzero(~np.isfinite(xy).all(axis=1))
-    if len(bad):
-        at = _where(frames[int(frame[bad[0]])])
-        raise ShapeError(f"{name} xy of {at} holds {xy[bad[0]].tolist()}, expected finite metres")
-    code = _codes([ids[i] for i in filled])
-    identity = of_scene * (int(code.max(initial=0)) + 1) + code
-    try:
-        past = history(frame, identity)
-    except ShapeError:
-        raise ShapeError(_twice(frames, ids, name)) from None
-    return PositionTable(frame, identity, xy, past)
-
-
-def _codes(ids: list[NDArray[Any]]) -> NDArray[np.int64]:
-    """Numbers from 0 on, equal for equal ids."""
-    if ids and all(part.dtype.kind in "iu" for part in ids):
-        whole = np.concatenate(ids)
-        least, most = int(whole.min()), int(whole.max())
-        if whole.dtype.kind in "iu" and most - least < 1 << 31 and most < 1 << 62 and least > -(1 << 62):
-            return np.asarray(whole.astype(np.int64) - least)
-    # of several kinds: 1 and "1" are two ids
-    codes: dict[Hashable, int] = {}
-    return np.array([codes.setdefault(i, len(codes)) for part in ids for i in part.tolist()], dtype=np.int64)
-
-
-def _twice(frames: Sequence[Frame], ids: list[NDArray[Any]], name: str) -> str:
-    """The text of the error about an id that occurs twice in a frame."""
-    for frame, part in zip(frames, ids, strict=True):
-        known: set[Hashable] = set()
-        for i in part.tolist():
-            if i in known:
-                return f"{name} id {i!r} occurs twice in frame {_where(frame)}, expected once"
-            known.add(i)
-    return f"a {name} id occurs twice in a frame, expected once"

@@ -38,10 +38,7 @@ def details(table: AgentTable, card: Card) -> Details:
     brier, reliability = _calibration(table)
     false = sum(score.false_forecasts for score in table.scores)
     return Details(
-        agent=setting.agent,
-        hypotheses=setting.hypotheses,
-        samples=setting.samples,
-        budget=setting.budget,
+        **setting.key,
         seeds=len(setting.seeds),
         silence=ratio(table.miss_error.sum(), count),
         miss_rate=ratio(count * len(setting.seeds) - table.hit.sum(), count * len(setting.seeds)),

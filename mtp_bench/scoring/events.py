@@ -3,49 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ShapeError
 from ..types import Bools, Ints, Truth
 from .matching import Matched
-
-
-@dataclass(frozen=True, eq=False)
-class EventList:
-    """Events of one kind, sorted by row of the truth."""
-
-    row: Ints  # [E] row of the truth
-    frame: Ints  # [E]
-    object_id: Ints  # [E]
-
-    def __len__(self) -> int:
-        return len(self.row)
+from .pairs import Rows
 
 
 @dataclass(frozen=True, eq=False)
 class Events:
-    """The three kinds; ``frag`` is lost or reacquired."""
+    """Rows of the truth where something happens to the identity of an object, ascending."""
 
-    ids: EventList
-    lost: EventList
-    wrong: Bools  # [lost] True: the old id is output, but outside the gate; False ("under"): it is not output
-    reacquired: EventList
+    ids: Rows
+    lost: Rows
+    wrong: Rows  # those lost whose old id is output outside the gate; that of the others is not output
+    reacquired: Rows
 
 
 @dataclass(frozen=True, eq=False)
 class History:
     """Rows of a ragged table by identity, then frame, with their predecessors."""
 
-    order: NDArray[np.intp]  # [R]
+    order: Rows  # [R]
     identity: Ints  # [R] in that order
     frame: Ints  # [R] in that order
     follows: Bools  # [R] the row before is the same identity, at any earlier frame
     consecutive: Bools  # [R] ... in the frame just before
 
-    def previous(self) -> NDArray[np.intp]:
+    def previous(self) -> Rows:
         """Row of the same identity in the frame just before [R], -1 for none; in the order of the table."""
         earlier = np.full(len(self.order), -1, dtype=np.intp)
         place = np.flatnonzero(self.consecutive)
@@ -86,20 +73,18 @@ def find_events(objects: History, matched: Matched, tracks: History, track_id: I
     before = np.roll(column, 1)
     ids = np.append(np.asarray(track_id, dtype=np.int64), -1)  # row -1: no track
     follows_match = objects.consecutive & (before >= 0)
-    switch = np.flatnonzero(follows_match & held & (ids[before] != ids[column]))
     lost = np.flatnonzero(follows_match & ~held)
-    back = np.flatnonzero(_matched_again(objects.consecutive, held))
     went_on = np.zeros(len(tracks.order), dtype=bool)  # tracks that are output in the next frame too
     went_on[tracks.order[np.flatnonzero(tracks.consecutive) - 1]] = True
     return Events(
-        ids=_list(objects, switch),
-        lost=_list(objects, lost),
-        wrong=_sorted(went_on[before[lost]], objects, lost),
-        reacquired=_list(objects, back),
+        ids=np.sort(objects.order[follows_match & held & (ids[before] != ids[column])]),
+        lost=np.sort(objects.order[lost]),
+        wrong=np.sort(objects.order[lost[went_on[before[lost]]]]),
+        reacquired=np.sort(objects.order[_matched_again(objects.consecutive, held)]),
     )
 
 
-def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[Rows, Rows]:
     """Rows of CLEAR-IDS (the last id of any age differs) and of CLEAR-FRAG (a matched run begins, not the first)."""
     column = matched[objects.order]
     place = np.flatnonzero(column >= 0)
@@ -117,13 +102,3 @@ def _matched_again(follows: Bools, held: Bools) -> Bools:
     at_start = np.maximum.accumulate(np.where(follows, 0, count - held))
     before = count - held - at_start > 0
     return np.asarray(held & follows & ~np.roll(held, 1) & before)
-
-
-def _list(objects: History, place: NDArray[np.intp]) -> EventList:
-    """Events at places of the history, sorted by row."""
-    columns = objects.order[place], objects.frame[place], objects.identity[place]
-    return EventList(*(_sorted(column, objects, place) for column in columns))
-
-
-def _sorted(column: NDArray[Any], objects: History, place: NDArray[np.intp]) -> NDArray[Any]:
-    return column[np.argsort(objects.order[place])]

@@ -41,14 +41,16 @@ class Report:
         return content
 
 
-class Ends(NamedTuple):
+class ReferencePair(NamedTuple):
     """Reference pair of a gap: the single-hypothesis pipeline, and the same on ground-truth tracks."""
 
     stp: AgentScores
     truth: AgentScores
 
 
-class _EndTables(NamedTuple):
+class _Pair(NamedTuple):
+    """The tables of a `ReferencePair`; None if the agent is absent."""
+
     stp: AgentTable | None
     truth: AgentTable | None
 
@@ -60,34 +62,35 @@ def summarise(
     stp: str = "stp",
     truth: str = "truth_past",
     controls: Sequence[str] = ("stp", "stp_same_budget"),
-    own_ends: Mapping[str, Ends | None] | None = None,
+    gap_references: Mapping[str, ReferencePair | None] | None = None,
 ) -> Report:
     """Report of ``agents`` on the same scenes of ``card``.
 
     ``reference``: event weights, and the false forecasts of STP that set budgets; without it only "all" has targets.
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
-    given; all of them with equal k, and left out if absent. ``own_ends``: by agent, the reference pair with its own
-    predictor and presence model; None if that is ``stp`` and ``truth``, missing if unknown.
+    given; all of them with equal k, and left out if absent. ``gap_references``: by agent, the reference pair with its
+    own predictor and presence model; None if that is ``stp`` and ``truth``, missing if unknown.
     One agent alone has no rank. Raises RolloutError if agents differ in scenes or targets.
     """
     tables = [agent_table(setting, reference) for setting in agents]
     for setting in agents[1:]:
         who = f"agents {agents[0].agent!r} and {setting.agent!r}"
         require_same_targets(agents[0].seeds[0], setting.seeds[0], who)
-    for agent, pair in (own_ends or {}).items():
-        for end in pair or ():
-            require_same_targets(agents[0].seeds[0], end.seeds[0], f"{agents[0].agent!r} and an end of {agent!r}")
-    ends = _EndTables(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
+    for agent, pair in (gap_references or {}).items():
+        for each in pair or ():
+            who = f"{agents[0].agent!r} and a gap reference of {agent!r}"
+            require_same_targets(agents[0].seeds[0], each.seeds[0], who)
+    shared = _Pair(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
     own = {
-        agent: _EndTables(agent_table(pair.stp, reference), agent_table(pair.truth, reference)) if pair else ends
-        for agent, pair in (own_ends or {}).items()
+        agent: _Pair(agent_table(pair.stp, reference), agent_table(pair.truth, reference)) if pair else shared
+        for agent, pair in (gap_references or {}).items()
     }
     others = [table for name in controls if (table := _with_equal_budget(tables, name)) is not None]
-    rows = [_row(table, subset, ends, own.get(table.setting.agent)) for table in tables for subset in SUBSETS]
+    rows = [_row(table, subset, shared, own.get(table.setting.agent)) for table in tables for subset in SUBSETS]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
-        rows=_with_ranks(rows, tables, ends, own),
+        rows=_with_ranks(rows, tables, shared, own),
         paired=[
             paired_row(table, other, subset)
             for other in others
@@ -126,10 +129,7 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     ade = table.per_unit(_mean_over_seeds(table) - _mean_over_seeds(other), both)
     shared = table.unit_weight(both)
     return PairedRow(
-        agent=setting.agent,
-        hypotheses=setting.hypotheses,
-        samples=setting.samples,
-        budget=setting.budget,
+        **setting.key,
         other=other.setting.agent,
         subset=subset,
         error=error and error.mean,
@@ -143,13 +143,13 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     )
 
 
-def _row(table: AgentTable, subset: Subset, ends: _EndTables, own: _EndTables | None) -> Row:
+def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None) -> Row:
     setting, weight, ranked = table.setting, table.weight[subset], table.ranking_error(subset)
     total, some = float(weight.sum()), weight > 0
     covered = float((weight * table.covered).sum())
     unit_weight = table.unit_weight(weight)
-    gap, same = _gap(table, subset, ends), _gap(table, subset, own)
-    beside = ends.stp if ends.stp is not None and ends.stp.setting.samples == setting.samples else None
+    gap, same = _gap(table, subset, shared), _gap(table, subset, own)
+    beside = shared.stp if shared.stp is not None and shared.stp.setting.samples == setting.samples else None
     stp = paired_difference(table.errors(subset), beside.errors(subset), unit_weight) if beside else None
 
     def mean(value: Any) -> float | None:
@@ -159,10 +159,7 @@ def _row(table: AgentTable, subset: Subset, ends: _EndTables, own: _EndTables | 
         return ratio(float((summed * weight).sum()), covered)
 
     return Row(
-        agent=setting.agent,
-        hypotheses=setting.hypotheses,
-        samples=setting.samples,
-        budget=setting.budget,
+        **setting.key,
         subset=subset,
         minADE=mean_covered(table.min_ade),
         minFDE=mean_covered(table.min_fde),
@@ -209,18 +206,16 @@ def _effective_objects(table: AgentTable, subset: Subset) -> float:
     return effective_number(np.bincount(table.person, weights=table.weight[subset]))
 
 
-def _gap(table: AgentTable, subset: Subset, ends: _EndTables | None) -> Gap | None:
+def _gap(table: AgentTable, subset: Subset, pair: _Pair | None) -> Gap | None:
     """Share of the gap that an agent closes; None without a reference pair of its k."""
-    stp, truth = ends or (None, None)
+    stp, truth = pair or (None, None)
     if stp is None or truth is None or len({each.setting.samples for each in (table, stp, truth)}) > 1:
         return None
     error, high, low = (each.errors(subset) for each in (table, stp, truth))
     return gap_closed(error, high, low, table.unit_weight(table.weight[subset]))
 
 
-def _with_ranks(
-    rows: list[Row], tables: Sequence[AgentTable], ends: _EndTables, own: Mapping[str, _EndTables]
-) -> list[Row]:
+def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: _Pair, own: Mapping[str, _Pair]) -> list[Row]:
     """The rows, by agent and then by subset, with their ranks or the reason why they have none."""
     total = [_mean_error(table) for table in tables]
     done = list(rows)
@@ -233,7 +228,7 @@ def _with_ranks(
             weight = table.unit_weight(table.weight[subset])
             reason = reason or why_not_on(subset, _effective_objects(table, subset), weight)
             if subset != "all" and reason is None:
-                limits = [None if each is None else each.stp for each in (ends, own.get(setting.agent))]
+                limits = [None if each is None else each.stp for each in (shared, own.get(setting.agent))]
                 reason = guard(of_all, *(None if limit is None else _mean_error(limit) for limit in limits))
             # alone, even an agent that predicts nothing would be the first
             why.append(ALONE if reason is None and len(tables) == 1 else reason)

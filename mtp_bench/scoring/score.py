@@ -28,6 +28,7 @@ from .ranking_error import Cuts, capped_error, fixed_error
 from .stream import StreamCounts, stream_counts
 from .targets import Targets, find_targets, live_frames, recording_of, units
 
+_MOST = np.finfo(np.float64).max
 KINDS = ("ids", "lost", "wrong", "reacquired")
 
 
@@ -231,60 +232,36 @@ def _outcomes(
 
 
 def check_rollout(scene: Scene, rollout: Rollout, card: Card) -> None:
-    """Raise RolloutError for a rollout of another scene, or of another number of frames or classes.
+    """Raise RolloutError for a rollout of another scene or card, and for values that no env records.
 
-    Also for values that no env records: a file of rollouts may have been edited.
+    A file of rollouts may have been edited.
     """
-    if rollout.scene != scene.name:
-        raise RolloutError(f"rollout is of scene {rollout.scene!r}, expected {scene.name!r}")
-    if rollout.frames != scene.frames:
-        raise RolloutError(
-            f"rollout of scene {scene.name!r} has {rollout.frames} frames, the scene {scene.frames}; was it run on "
-            "another card?"
-        )
-    horizon = rollout.forecast.shape[2]
-    if horizon != card.task.future:
-        raise RolloutError(f"rollout of scene {scene.name!r} forecasts {horizon} frames, expected {card.task.future}")
-    classes = rollout.malformed.shape[1] - 1
-    if classes != len(card.task.classes):
-        raise RolloutError(
-            f"rollout of scene {scene.name!r} knows {classes} classes, expected {len(card.task.classes)}"
-        )
-    for name, box, ids, least in (
-        ("track", rollout.track_box, rollout.track_class, -1),  # not stated, fits every class
-        ("object", rollout.object_box, rollout.object_class, 0),
+    where, classes = f"rollout of scene {rollout.scene!r}", len(card.task.classes)
+    for what, got, wanted in (
+        ("name of the scene", rollout.scene, scene.name),
+        ("number of frames", rollout.frames, scene.frames),
+        ("number of future frames", rollout.forecast.shape[2], card.task.future),
+        ("number of classes", rollout.malformed.shape[1] - 1, classes),
     ):
-        bad = ids[(ids < least) | (ids >= classes)]
-        if len(bad):
-            raise RolloutError(
-                f"{name} class {bad[0]} in the rollout of scene {scene.name!r}, expected {least} to {classes - 1}"
-            )
-        if not np.isfinite(box).all():
-            raise RolloutError(f"{name} box in the rollout of scene {scene.name!r} is not finite")
-    confidence = rollout.object_confidence
-    if not ((confidence >= 0) & (confidence <= 1)).all():
-        row = int(np.argmax(~((confidence >= 0) & (confidence <= 1))))
-        raise RolloutError(
-            f"rollout of scene {scene.name!r}: object_confidence contains {confidence[row]} (frame "
-            f"{rollout.objects.frame_of_rows[row]}); expected values in [0, 1]"
-        )
-    _check_numbers(rollout)
-
-
-def _check_numbers(rollout: Rollout) -> None:
-    """Raise RolloutError for parents, counts and times that no env records."""
-    hypotheses = rollout.hypothesis_parent.shape[1]
+        if got != wanted:
+            raise RolloutError(f"{where}: the {what} is {got!r}, expected {wanted!r}; was it run on another card?")
+    parents = rollout.hypothesis_parent.shape[1]
     for name, least, most, expected in (
-        ("hypothesis_parent", -1, hypotheses - 1, f"-1 to {hypotheses - 1}"),
-        ("malformed", 0, np.inf, "0 or more"),
-        ("invalid", 0, np.inf, "0 or more"),
-        ("dropped", 0, np.inf, "0 or more"),
-        ("seconds", 0, np.finfo(np.float64).max, "a finite time of 0 s or more"),
+        ("track_box", -_MOST, _MOST, "finite numbers"),
+        ("track_class", -1, classes - 1, f"-1 to {classes - 1}"),  # -1: not stated, fits every class
+        ("hypothesis_parent", -1, parents - 1, f"-1 to {parents - 1}"),
+        ("object_box", -_MOST, _MOST, "finite numbers"),
+        ("object_class", 0, classes - 1, f"0 to {classes - 1}"),
+        ("object_confidence", 0, 1, "values in [0, 1]"),
+        ("invalid", 0, _MOST, "0 or more"),
+        ("malformed", 0, _MOST, "0 or more"),
+        ("dropped", 0, _MOST, "0 or more"),
+        ("seconds", 0, _MOST, "a finite time of 0 s or more"),
     ):
         array = np.asarray(getattr(rollout, name))
         bad = ~((array >= least) & (array <= most))  # NaN is bad
         if bad.any():
-            raise RolloutError(
-                f"{name} in the rollout of scene {rollout.scene!r} is {array[bad][0]}, expected {expected} (frame "
-                f"{np.argwhere(bad)[0][0]}); run the agent again"
-            )
+            row = int(np.argwhere(bad)[0][0])
+            table = {"track": rollout.tracks, "object": rollout.objects}.get(name.split("_")[0])
+            frame = row if table is None else table.frame_of_rows[row]
+            raise RolloutError(f"{where}: {name} contains {array[bad][0]} (frame {frame}); expected {expected}")

@@ -22,7 +22,6 @@ LEAST_UNITS = 3  # of an interval
 EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
 ROUNDING = 1e-12  # share of a number by which another may differ and be equal to it
-_KEPT = 400  # units of which resamples are kept in memory: 64 times 6 MB
 _SEED = 20_250_101
 
 
@@ -80,11 +79,6 @@ def effective_number(weight: ArrayLike) -> float:
     array = np.asarray(weight, dtype=np.float64)
     square = float((array**2).sum())
     return float(array.sum()) ** 2 / square if square > 0 else 0.0
-
-
-def paired_interval(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> tuple[float, float] | None:
-    """Interval of the difference a - b of two means over the same targets: numerators [U], [U], denominator [U]."""
-    return bootstrap_interval(as_sums("a", a) - as_sums("b", b), denominator)
 
 
 class PairedDifference(NamedTuple):
@@ -182,18 +176,12 @@ def _signs(units: int) -> NDArray[np.int8]:
     return np.random.default_rng(_SEED).choice([-1.0, 1.0], size=(FLIPS, units)).astype(np.int8)
 
 
+@lru_cache(maxsize=8)
 def _resamples(units: int) -> Floats:
-    """Number of times each unit occurs in each resample [RESAMPLES, U]; cached for few units."""
-    return _kept(units) if units <= _KEPT else _drawn(units)
-
-
-def _drawn(units: int) -> Floats:
+    """Number of times each unit occurs in each resample [RESAMPLES, U]."""
     rng = np.random.default_rng([_SEED, units])
     counts = rng.multinomial(units, np.full(units, 1.0 / units), size=RESAMPLES)
     return counts.astype(np.float64)
-
-
-_kept = lru_cache(maxsize=64)(_drawn)
 
 
 class Gap(NamedTuple):
@@ -212,7 +200,7 @@ def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: Array
     """
     high: Floats = as_sums("stp", stp)
     low = as_sums("truth", truth)
-    interval = paired_interval(high, low, weight)
+    interval = bootstrap_interval(high - low, weight)
     if interval is None or interval[0] <= 0.0:
         return None
     closed, whole = high - as_sums("error", error), high - low

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints
 from .ranking_error import BudgetErrors, Budgets, budgets_of, errors_at
-from .rows import Budget
+from .rows import AgentSetting, Budget
 from .score import SceneScore
 from .subsets import SUBSETS
 from .weights import Reference
@@ -30,6 +30,11 @@ class AgentScores:
     seeds: tuple[tuple[SceneScore, ...], ...]
     ideal: bool = False  # saw the truth: shown, never ranked
     stored_tracks: bool = False  # was given tracks that may have seen the future: shown, never ranked
+
+    @property
+    def key(self) -> dict[str, Any]:
+        """Fields of an `AgentSetting`."""
+        return {name: getattr(self, name) for name in AgentSetting.model_fields}
 
 
 @dataclass(frozen=True, eq=False)

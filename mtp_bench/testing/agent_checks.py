@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
@@ -16,11 +15,10 @@ from ..running.run import MakeAgent, agent_task
 from ..scoring import mean_plain_error
 from ..types import Observation, Task, starts_of
 from .findings import AgentError, Finding
-from .playing import Suite, another_clock, first_difference, play, play_made_up, score_of
+from .playing import Suite, first_difference, play, play_made_up, score_of
 
 Findings = Iterator[Finding]
 SCENES = 2  # checked unless scenes are named
-LARGEST_PICKLE = 1 << 20  # bytes
 MOTION_TOLERANCE = 0.05  # of the score, for the rounding of forecasts and for draws along the axes
 _FEW = 6  # frames that show if other sizes work
 _SMALL = {"detections": 4, "tracks": 3, "objects": 2, "hypotheses": 1, "samples": 1}
@@ -86,20 +84,6 @@ def _builds(suite: Suite) -> Findings:
     return iter(())
 
 
-def _travels(suite: Suite) -> Findings:
-    expected = "a path or a name"
-    try:
-        size = len(pickle.dumps(suite.make))
-    except Exception as error:
-        got = f"cannot be pickled ({type(error).__name__}: {error})"
-        advice = "give a function of a module; `mtp-bench` itself sends the folder's path"
-        yield Finding("warning", "", got, expected, "", advice)
-        return
-    if size > LARGEST_PICKLE:
-        advice = "load weights in build, not before it"
-        yield Finding("warning", "", f"pickles as {size >> 20} MiB", expected, "", advice)
-
-
 def _contract(suite: Suite) -> Findings:
     """Play all scenes with one agent, and check each action."""
     agent = suite.agent()
@@ -127,13 +111,6 @@ def _deterministic(suite: Suite) -> Findings:
         yield Finding(
             "error", "", "a second agent with the same seed acts differently", "the same actions", where, advice
         )
-        return
-    with another_clock():
-        later = suite.play()
-    where = first_difference(suite.passes[0], later)
-    if where:
-        advice = "count steps, not seconds: a run cannot be repeated otherwise"
-        yield Finding("warning", "", "actions depend on the clock", "the same actions", where, advice)
 
 
 def _forgets(suite: Suite) -> Findings:
@@ -241,7 +218,6 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
 # name, check, text shown if it finds nothing
 _CHECKS: tuple[tuple[str, Callable[[Suite], Findings], str], ...] = (
     ("build", _builds, "builds an agent"),
-    ("travels", _travels, "goes to other processes as a path or a name"),
     ("contract", _contract, "every row of every action is sound"),
     ("determinism", _deterministic, "same seed, same actions"),
     ("reset", _forgets, "no state is carried from one scene to the next"),

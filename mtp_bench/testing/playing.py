@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -71,26 +70,6 @@ def play(
 def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
     """Play observations made up for a check, each with its description; raises AgentError."""
     return _play(agent, task, _listed(frames), "made-up scene", scribble=False)
-
-
-@contextmanager
-def another_clock() -> Iterator[None]:
-    """Set the clocks of `time` an hour ahead, running three times as fast."""
-    names = [name + unit for name in ("time", "monotonic", "perf_counter", "process_time") for unit in ("", "_ns")]
-    clocks = {name: getattr(time, name) for name in names}
-    try:
-        for name, clock in clocks.items():
-            setattr(time, name, _fast(clock, 3600 * 10**9 if name.endswith("_ns") else 3600))
-        yield
-    finally:
-        for name, clock in clocks.items():
-            setattr(time, name, clock)
-
-
-def _fast(clock: Callable[[], float], ahead: int) -> Callable[[], float]:
-    """A clock three times as fast, ``ahead`` in the unit of ``clock``; integers stay integers."""
-    begin = clock()
-    return lambda: begin + ahead + 3 * (clock() - begin)
 
 
 def first_difference(a: Played, b: Played) -> str:

@@ -257,33 +257,6 @@ def test_a_seed_beyond_what_files_hold_is_refused(command: str, cli: CommandLine
         RunOptions(seeds=(0, 2**31))
 
 
-CUTS: dict[str, tuple[list[str], str | None]] = {
-    "none": ([], None),
-    "alone": (["--cuts"], ".1,.2,.3"),
-    "before an option": (["--cuts", "--full"], ".1,.2,.3"),
-    "a word": (["--cuts", "abc"], "abc"),
-    "numbers": (["--cuts", ".25,.5"], ".25,.5"),
-    "numbers below 0": (["--cuts", "-1,0"], "-1,0"),
-    "a fraction below 0": (["--cuts", "-.5"], "-.5"),
-    "one number": (["--cuts=.5"], ".5"),
-}
-
-
-@pytest.mark.parametrize(("words", "cuts"), CUTS.values(), ids=CUTS)
-def test_an_option_that_may_stand_alone(words: list[str], cuts: str | None) -> None:
-    context = registered()["compare"].make_context("compare", ["stp", "--env", "MTP-KITTI-v0", *words])
-    assert context.params["cuts"] == cuts
-    assert context.params["agents"] == ["stp"]
-
-
-@pytest.mark.parametrize("cuts", ["abc", "mtp", ".1,", ".1;.2", "nan", ".1,inf"])
-def test_cuts_that_are_no_numbers_are_refused(cuts: str, cli: CommandLine) -> None:
-    output = cli("compare", "stp", "--env", "MTP-KITTI-v0", "--cuts", cuts)
-    assert (output.status, output.out) == (2, "")
-    said = " ".join(output.err.replace("│", " ").split())
-    assert f"Invalid value for --cuts: {cuts!r}, expected numbers such as .1,.2,.3, or nothing after it" in said
-
-
 def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
     printed = cli.ok("data", "--data", kitti, "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")

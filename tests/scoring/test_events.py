@@ -70,16 +70,11 @@ def events_of(stream: str) -> Any:
 @pytest.mark.parametrize(("stream", "want"), EVENTS.items(), ids=EVENTS.keys())
 def test_events_of_one_object(stream: str, want: tuple[list[int], ...]) -> None:
     found = events_of(stream)
-    got = found.ids.frame, found.lost.frame, found.lost.frame[found.wrong], found.reacquired.frame
-    assert tuple(g.tolist() for g in got) == want
+    frame = np.array([t for t, c in enumerate(stream) if c != "."], dtype=int)
+    got = found.ids, found.lost, found.wrong, found.reacquired
+    assert tuple(frame[rows].tolist() for rows in got) == want
     counts = tracking_counts(frames_of(stream))
     assert (counts["ids"], counts["lost"], counts["reacquired"]) == tuple(len(want[i]) for i in (0, 1, 3))
-
-
-def test_events_name_object_and_frame() -> None:
-    found = events_of("aab-b")
-    for events, want in ((found.ids, (7, 2)), (found.lost, (7, 3)), (found.reacquired, (7, 4))):
-        assert (*events.object_id, *events.frame) == want
 
 
 @pytest.mark.parametrize("later", [(1, 2), (2, 1)])
@@ -89,7 +84,7 @@ def test_a_wrong_loss_is_that_of_its_object_in_any_order_of_rows(later: tuple[in
     ids = np.array([11, 12, 11])
     tracks = history(np.array([0, 0, 1]), ids)
     found = find_events(objects, np.array([0, 1, -1, -1]), tracks, ids)
-    assert dict(zip(found.lost.object_id.tolist(), found.wrong.tolist(), strict=True)) == {1: True, 2: False}
+    assert (found.lost.tolist(), found.wrong.tolist()) == ([2, 3], [2 + later.index(1)])
 
 
 def test_an_identity_twice_in_a_frame_is_an_error() -> None:
@@ -203,36 +198,26 @@ def test_gate_zero_matches_what_coincides() -> None:
 
 
 GOOD: Any = ("s", 3, [1, 2], [[0, 0], [1, 1]], [5], [[0, 0]])
+IDS, XY = "expected a list of integers or strings", "expected finite metres of shape"
 BAD: dict[str, tuple[Any, str]] = {
-    "NaN": ([(*GOOD[:3], [[0, 0], [1, float("nan")]], *GOOD[4:])], r"true xy of \(scene 's', t 3\) holds \[1.0, nan\]"),
+    "NaN": ([(*GOOD[:3], [[0, 0], [1, float("nan")]], *GOOD[4:])], rf"true xy of \(scene 's', t 3\) is .*nan.*{XY}"),
     "infinite": ([(*GOOD[:5], [[np.inf, 0]])], r"track xy of \(scene 's', t 3\)"),
-    "true id twice": ([(*GOOD[:2], [1, 1], *GOOD[3:])], "true id 1 occurs twice in frame"),
-    "track id twice": ([(*GOOD[:4], ["a", "a"], [[0, 0], [1, 1]])], "track id 'a' occurs twice in frame"),
-    "lengths differ": ([(*GOOD[:3], [[0, 0]], *GOOD[4:])], r"true xy .* has shape \(1, 2\), expected \(2, 2\)"),
-    "three coordinates": ([(*GOOD[:5], [[0, 0, 0]])], r"track xy .* has shape \(1, 3\), expected \(1, 2\)"),
+    "true id twice": (
+        [(*GOOD[:2], [1, 1], *GOOD[3:])],
+        r"true ids of \(scene 's', t 3\) are \[1, 1\], expected each",
+    ),
+    "track id twice": ([(*GOOD[:4], ["a", "a"], [[0, 0], [1, 1]])], "track ids of .*'a', 'a'"),
+    "lengths differ": ([(*GOOD[:3], [[0, 0]], *GOOD[4:])], rf"true xy .*{XY} \(2, 2\)"),
+    "three coordinates": ([(*GOOD[:5], [[0, 0, 0]])], rf"track xy .*{XY} \(1, 2\)"),
+    "ragged": ([(*GOOD[:3], [[0, 0], [1]], *GOOD[4:])], f"true xy .*{XY}"),
+    "text": ([(*GOOD[:5], [["a", "b"]])], f"track xy .*{XY}"),
     "frame twice": ([GOOD, GOOD], r"frame \(scene 's', t 3\) is given twice"),
-    "ids are floats": ([(*GOOD[:4], [0.5], [[0, 0]])], "track ids have type float64, expected integers or strings"),
-    "a float beside a text": (
-        [(*GOOD[:2], [0.5, "a"], *GOOD[3:])],
-        r"true ids have type float, expected integers or strings, one per object \(scene 's', t 3\)",
-    ),
-    "ids are flags": ([(*GOOD[:2], [True, False], *GOOD[3:])], "true ids have type bool, expected integers or strings"),
-    "an id is nothing": ([(*GOOD[:2], [1, None], *GOOD[3:])], "true ids have type NoneType, expected integers"),
-    "no ids": ([(*GOOD[:2], None, [], *GOOD[4:])], r"true ids have shape \(\), expected integers or strings"),
-    "ids as a column": (
-        [(*GOOD[:2], [[1], [2]], *GOOD[3:])],
-        r"true ids have shape \(2, 1\), expected integers or strings, one per object \(scene 's', t 3\)",
-    ),
-    "ragged ids": ([(*GOOD[:2], [[1], [2, 3]], *GOOD[3:])], "true ids are lists of several lengths, expected integers"),
-    "ragged": (
-        [(*GOOD[:3], [[0, 0], [1]], *GOOD[4:])],
-        r"true xy of \(scene 's', t 3\) is not an array of numbers, expected \(2, 2\) metres",
-    ),
-    "text": ([(*GOOD[:5], [["a", "b"]])], r"track xy of .* is not an array of numbers, expected \(1, 2\)"),
-    "no time": (
-        [("s", float("nan"), *GOOD[2:])],
-        r"t of frame \(scene 's', t nan\) is nan, expected a finite number",
-    ),
+    "ids are floats": ([(*GOOD[:4], [0.5], [[0, 0]])], rf"track ids of \(scene 's', t 3\) hold 0.5, {IDS}"),
+    "a float beside a text": ([(*GOOD[:2], [0.5, "a"], *GOOD[3:])], f"hold 0.5, {IDS}"),
+    "ids are flags": ([(*GOOD[:2], [True, False], *GOOD[3:])], f"hold True, {IDS}"),
+    "no ids": ([(*GOOD[:2], None, [], *GOOD[4:])], f"hold None, {IDS}"),
+    "ids as a column": ([(*GOOD[:2], np.array([[1], [2]]), *GOOD[3:])], rf"hold \[1\], {IDS}"),
+    "no time": ([("s", float("nan"), *GOOD[2:])], r"t of frame \(scene 's', t nan\) is nan, expected a finite number"),
     "a time in words": ([("s", "noon", *GOOD[2:])], r"t of frame .* is 'noon', expected a finite number"),
 }
 

@@ -216,8 +216,8 @@ def test_one_hypothesis_is_one_stream(seed: int) -> None:
         object_history(scene.truth), matched[:, 0], history(track_frame, rollout.track_id), rollout.track_id
     )
     for name in ("ids", "lost", "reacquired"):
-        assert np.flatnonzero(getattr(got, name)[:, 0]).tolist() == getattr(want, name).row.tolist()
-    assert np.flatnonzero(got.wrong[:, 0]).tolist() == want.lost.row[want.wrong].tolist()
+        assert np.flatnonzero(getattr(got, name)[:, 0]).tolist() == getattr(want, name).tolist()
+    assert np.flatnonzero(got.wrong[:, 0]).tolist() == want.wrong.tolist()
 
 
 @settings(derandomize=True, deadline=None, max_examples=40)

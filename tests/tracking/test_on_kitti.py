@@ -127,10 +127,10 @@ def count_events(runs: list[Run], card: Card, vans: bool = False) -> Counter[str
         total["ids"] += len(events.ids)
         total["lost"] += len(events.lost)
         total["reacquired"] += len(events.reacquired)
-        total["lost, seen"] += int((~hidden(run, keep)[events.lost.row]).sum())
-        total["ids with future"] += int(future[events.ids.row].sum())
-        total["lost with future"] += int(future[events.lost.row].sum())
-        total["objects"] += len(np.unique(events.ids.object_id))
+        total["lost, seen"] += int((~hidden(run, keep)[events.lost]).sum())
+        total["ids with future"] += int(future[events.ids].sum())
+        total["lost with future"] += int(future[events.lost].sum())
+        total["objects"] += len(np.unique(object_id[events.ids]))
     return total
 
 

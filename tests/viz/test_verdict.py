@@ -12,7 +12,6 @@ import pytest
 from rich.console import Console
 
 from mtp_bench import load_card, load_submission
-from mtp_bench.running.compare import AtThreshold
 from mtp_bench.running.reading import skipped_line, total_skipped
 from mtp_bench.scoring import SUBSETS, Report
 from mtp_bench.scoring.rank import NOT_CAUSAL
@@ -22,7 +21,7 @@ from mtp_bench.tables import Table
 from mtp_bench.viz.terminal.listings import env_table
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, report_table, show, show_command, show_lines, show_numbers
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
-from mtp_bench.viz.terminal.tables import full_tables, main_table, sensitivity_table
+from mtp_bench.viz.terminal.tables import full_tables, main_table
 from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, notes, verdict
 from tests.support.command_line import TERMINAL
 from tests.support.report_rows import Setting, detail, pair, row, rows
@@ -280,19 +279,6 @@ def test_the_counts_of_subsets_in_words() -> None:
         "ids: 40 targets on 25 objects (38.0 and 24.0 effective) in 11 scenes",
     ]
     assert "If nothing is predicted: 20.00." in notes(report(table))[0]
-
-
-def test_the_table_of_sensitivity() -> None:
-    errors: dict[str, float | None] = {"stp": 12.3, "mtp": 11.1, "stp_same_budget": 9.9}
-    at = AtThreshold(
-        threshold=0.1, switches=1234, switches_on_targets=567, ids=errors, all=errors,
-        beyond_control={"ids": -0.25, "all": 0.5}, interval={"ids": (-0.75, 0.125), "all": None},
-        p={"ids": 0.1, "all": 1.0},
-    )  # fmt: skip
-    text = render(sensitivity_table([at]))
-    assert max(map(len, text.splitlines())) <= TEXT_WIDTH
-    assert lines_of(text, "0.1") == [["0.1", "1234", "567", "12.30", "11.10", "12.30", "11.10", "−0.250", "+0.500"]]
-    assert "−0.750 +0.125" in text
 
 
 def test_every_figure_of_the_paper_is_in_its_table(repository: Path) -> None:

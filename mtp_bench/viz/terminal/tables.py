@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from textwrap import wrap
 from typing import Annotated, Any
 
-from ...running.compare import AtThreshold
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS
 from ...scoring.rows import AgentSetting, Clear, Details, PairedRow, Row
@@ -153,32 +152,6 @@ def _curve_error(place: int) -> Callable[[AgentLine], Value]:
 
 def _bin_error(by: str, place: int) -> Callable[[AgentLine], Value]:
     return lambda line: [part for part in line.details.bins if part.by == by][place].errors.error
-
-
-def sensitivity_table(cuts: Sequence[AtThreshold]) -> Table:
-    """Errors against the score threshold of the input, with the difference of mtp to its control stp_same_budget."""
-    group = "mtp less control"
-    signed = Column(format="+.3f", group=group)
-    columns = [
-        Column("score", format="g", key="threshold"),
-        Column("of stp", group="switches", key="switches"),
-        Column("on targets", group="switches", key="switches_on_targets"),
-        *(
-            Column(agent, group=subset, key=f"{subset}_{agent}", read=_cut_error(subset, agent))
-            for subset in ("ids", "all")
-            for agent in ("stp", "mtp")
-        ),
-        replace(signed, key="ids", read=lambda at: at.beyond_control.get("ids")),
-        Column(key="ids_interval", format="+.3f", interval=True, read=lambda at: at.interval.get("ids")),
-        replace(signed, key="all", read=lambda at: at.beyond_control.get("all")),
-        Column(key="all_interval", format="+.3f", interval=True, read=lambda at: at.interval.get("all")),
-    ]
-    title = "Detections above a score: bADE (m); control: stp_same_budget, 95 % interval"
-    return Table("cuts", title, "", cuts, columns)
-
-
-def _cut_error(subset: str, agent: str) -> Callable[[AtThreshold], Value]:
-    return lambda at: (at.ids if subset == "ids" else at.all).get(agent)
 
 
 def blocks_of(report: Report) -> list[dict[Subset, Row]]:
