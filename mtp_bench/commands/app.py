@@ -21,7 +21,6 @@ INTERRUPTED = 130  # exit status, as shells have it
 AFTER = {  # command -> note after Ctrl-C
     "submit": "finished scenes are kept: the same command with --resume continues",
     "study": "finished runs are kept: the same command continues",
-    "train": "checkpoints are kept: the same command continues from the last one",
     "data": "finished parts are kept",
     "verify": "levels and records written so far are kept",
     "board": "files written so far are kept",

@@ -55,7 +55,7 @@ def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
 
 
 def predictor(
-    network: Annotated[str, typer.Argument(metavar="NAME", help="modes, ptp, tracking_free or affinity.")],
+    network: Annotated[str, typer.Argument(metavar="NAME", help="A network, such as modes.")],
     on: EnvScenes,
     pasts: Annotated[
         str | None,
@@ -81,23 +81,20 @@ def predictor(
 ) -> None:
     """Train a predictor on the training split of an environment (or another).
 
-    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones. An interrupted training goes on
-    where it was.
+    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
     """
-    from ..prediction.learned.registry import NETWORKS
-    from ..training.fitting import device_of
+    from ..prediction.learned.network import network_of, networks
+    from ..training.fitting import TrainingPlan, device_of
     from ..training.predictors import ON, TrainingRequest, train_predictor, training_windows
-    from ..training.recipes import recipe_of
     from ..viz.terminal.output import progress_bar
 
-    one_of(network, tuple(NETWORKS), "NAME")
-    recipe = recipe_of(network)
+    one_of(network, tuple(networks()), "NAME")
+    recipe = network_of(network).recipe
     chosen = recipe.on if pasts is None else pasts
     one_of(chosen, ON, "--on")
     one_of(device, ("auto", "cpu", "cuda"), "--device")
     require_writable(output)
-    changed = {"seed": seed} if epochs is None else {"seed": seed, "epochs": epochs}
-    plan = replace(recipe.plan, **changed)
+    plan = TrainingPlan(epochs or recipe.epochs, seed=seed)
     options, without = _learnt_from(on, jobs)
     _require_place(output, options)
     request = TrainingRequest(network, on.env, chosen, hypotheses, without, tuple(also or ()), plan, device)

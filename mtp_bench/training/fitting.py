@@ -1,29 +1,53 @@
-"""Training of a network: batches, schedule, early stop. It is deterministic, and goes on where it was interrupted."""
+"""Training of a network: batches, schedule, early stop. Equal plans, data and machines give equal weights."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
 
 from ..errors import MtpBenchError
 from ..prediction.learned.local import Arrays
-from ..prediction.learned.network import Network, Sizes
-from .checkpoint import Checkpoint, CheckpointFile, optimizer_state, restore_optimizer
-from .losses import Tensors, mode_distance
-from .recipes import NetworkRecipe, Stage, TrainingPlan, recipe_of
-from .window_cache import code_digest
+from ..prediction.learned.network import Network, Sizes, Stage
+from ..running.options import require_seed
+from .augmentation import vary_detections, vary_tracks
+from .losses import LOSSES, Tensors, mode_distance
 
 EpochCallback = Callable[[int, float], object]  # number of an epoch, from 1 on, and its validation minADE, m
 
-_CODE = ("training", "prediction/learned")  # a training does not go on under other code
 WARM_UP = 0.2  # share of a training in which the learning rate rises
 _LABELS = ("future", "known", "present", "weight")
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """Length and speed of a training."""
+
+    epochs: int = 60  # of all stages
+    batch: int = 512  # windows
+    rate: float = 2e-3  # highest of the schedule (one cycle: Smith, Topin 2019)
+    decay: float = 1e-4  # of AdamW (Loshchilov, Hutter 2019)
+    patience: int = 20  # epochs without a better validation error, in a stage's second half, after which it stops
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("epochs", "batch", "patience"):
+            if getattr(self, name) < 1:
+                raise MtpBenchError(f"{name} is {getattr(self, name)}, expected at least 1")
+        require_seed(self.seed)
+
+
+@dataclass
+class FittedNetwork:
+    """The best weights of a training so far, and its errors."""
+
+    curve: list[float] = field(default_factory=list)  # validation minADE, m, after each epoch
+    best_epoch: int = 0
+    best: Arrays = field(default_factory=dict)  # weights of that epoch
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,32 +98,24 @@ def fit(
     plan: TrainingPlan,
     device: torch.device,
     callback: EpochCallback,
-    checkpoint_path: Path,
-) -> Checkpoint:
-    """Train a network by its recipe; ``best`` holds the weights of the epoch with the best validation minADE.
-
-    After each epoch ``checkpoint_path`` holds a checkpoint. A training with the same plan, data and code goes on from
-    it, and ends with the same weights as one that was never interrupted.
-    """
+) -> FittedNetwork:
+    """Train a network by its recipe; ``best`` holds the weights of the epoch with the best validation minADE."""
     inputs = _TrainingInputs.of(network, sizes, training_set, plan, device)
-    file = CheckpointFile(checkpoint_path, _digest(network, sizes, training_set, plan, device))
-    checkpoint = file.read(inputs.weights)
-    while checkpoint.stage < len(inputs.recipe.stages):
-        _fit_stage(inputs, checkpoint, file, callback)
+    fitted = FittedNetwork()
+    for stage in network.recipe.stages:
+        _fit_stage(inputs, stage, fitted, callback)
         with torch.no_grad():
             for name, value in inputs.weights.items():
-                value.copy_(torch.from_numpy(checkpoint.best[name]))
-        checkpoint.stage, checkpoint.first, checkpoint.optimizer = checkpoint.stage + 1, checkpoint.epoch, {}
-    return checkpoint
+                value.copy_(torch.from_numpy(fitted.best[name]))
+    return fitted
 
 
 @dataclass(frozen=True, eq=False)
 class _TrainingInputs:
-    """Network, recipe, weights and data of one training."""
+    """Network, plan, weights and data of one training."""
 
     network: Network
     sizes: Sizes
-    recipe: NetworkRecipe
     plan: TrainingPlan
     weights: Tensors
     data: Tensors
@@ -116,13 +132,12 @@ class _TrainingInputs:
         start = network.start(own, training_set.future[learnt], known, sizes, plan.seed)
         weights = {name: torch.from_numpy(np.asarray(value, np.float32)).to(device) for name, value in start.items()}
         rows = [torch.from_numpy(np.flatnonzero(part)).to(device) for part in (learnt, training_set.validation)]
-        data = training_set.tensors(device)
-        return cls(network, sizes, recipe_of(network.name), plan, weights, data, *rows)
+        return cls(network, sizes, plan, weights, training_set.tensors(device), *rows)
 
     @property
     def moment(self) -> torch.Tensor | None:
         """The frame of each window, if batches are of whole frames."""
-        return self.data["moment"] if self.recipe.by_frame else None
+        return self.data["moment"] if self.network.recipe.by_frame else None
 
     def batch(self, rows: torch.Tensor) -> Tensors:
         """The data of these rows."""
@@ -137,55 +152,43 @@ class _TrainingInputs:
         return [self.weights[name] for name in names]
 
 
-def _fit_stage(inputs: _TrainingInputs, checkpoint: Checkpoint, file: CheckpointFile, callback: EpochCallback) -> None:
-    """Train the stage of ``checkpoint`` to its end."""
-    stage, plan = inputs.recipe.stages[checkpoint.stage], inputs.plan
+def _fit_stage(inputs: _TrainingInputs, stage: Stage, fitted: FittedNetwork, callback: EpochCallback) -> None:
+    """Train a stage until its epochs are over, or the error has not fallen for long."""
+    plan, first = inputs.plan, len(fitted.curve)
+    epochs = max(1, round(stage.share * plan.epochs))
     optimizer = torch.optim.AdamW(inputs.trained_weights(stage), lr=plan.rate, weight_decay=plan.decay)
-    restore_optimizer(optimizer, checkpoint.optimizer)
-    while not _stage_is_over(checkpoint, plan, stage.epochs(plan)):
-        _train_epoch(inputs, stage, optimizer, checkpoint)
-        error = _end_epoch(inputs, checkpoint)
-        checkpoint.optimizer = optimizer_state(optimizer)
-        file.write(checkpoint, inputs.weights)
-        callback(checkpoint.epoch, error)
-
-
-def _stage_is_over(checkpoint: Checkpoint, plan: TrainingPlan, epochs: int) -> bool:
-    """True after all ``epochs``, or if the error has not fallen for long."""
-    done = checkpoint.epoch - checkpoint.first
-    idle = checkpoint.epoch - max(checkpoint.best_epoch, checkpoint.first)
-    return done >= epochs or (done >= epochs // 2 and idle >= plan.patience)
+    for done in range(epochs):
+        idle = first + done - max(fitted.best_epoch, first)
+        if done >= epochs // 2 and idle >= plan.patience:
+            break
+        _train_epoch(inputs, stage, optimizer, first + done, done, epochs)
+        error = _validation_error(inputs)
+        if not math.isfinite(error):
+            raise MtpBenchError(f"the training of {inputs.network.name} broke down in epoch {first + done + 1}")
+        if not fitted.curve or error < min(fitted.curve):
+            fitted.best_epoch = first + done + 1
+            fitted.best = {name: value.detach().cpu().numpy().copy() for name, value in inputs.weights.items()}
+        fitted.curve.append(error)
+        callback(first + done + 1, error)
 
 
 def _train_epoch(
-    inputs: _TrainingInputs, stage: Stage, optimizer: torch.optim.Optimizer, checkpoint: Checkpoint
+    inputs: _TrainingInputs, stage: Stage, optimizer: torch.optim.Optimizer, epoch: int, done: int, epochs: int
 ) -> None:
-    """One pass over the data; the random numbers depend on seed and epoch alone."""
-    plan = inputs.plan
-    generator = torch.Generator().manual_seed(plan.seed * 100_003 + checkpoint.epoch)
+    """One pass over the data; the random numbers depend on seed and ``epoch``; ``done`` of the stage's ``epochs``."""
+    network, plan = inputs.network, inputs.plan
+    vary = vary_detections if network.around else vary_tracks
+    generator = torch.Generator().manual_seed(plan.seed * 100_003 + epoch)
     batches = shuffled_batches(inputs.training_rows, inputs.moment, plan.batch, generator)
     for number, rows in enumerate(batches):
-        progress = (checkpoint.epoch - checkpoint.first + number / len(batches)) / stage.epochs(plan)
+        progress = (done + number / len(batches)) / epochs
         for group in optimizer.param_groups:
             group["lr"] = plan.rate * one_cycle(progress)
-        batch = inputs.recipe.vary(inputs.batch(rows), generator)
-        loss = stage.loss(inputs.network, inputs.weights, batch, inputs.sizes, progress, generator)
+        batch = vary(inputs.batch(rows), generator)
+        loss = LOSSES[stage.loss](network, inputs.weights, batch, inputs.sizes, progress, generator)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
-
-
-def _end_epoch(inputs: _TrainingInputs, checkpoint: Checkpoint) -> float:
-    """The validation error, m, of an epoch; its weights are kept if they are the best."""
-    error = _validation_error(inputs)
-    if not math.isfinite(error):
-        raise MtpBenchError(f"the training of {inputs.network.name} broke down in epoch {checkpoint.epoch + 1}")
-    checkpoint.epoch += 1
-    if not checkpoint.curve or error < min(checkpoint.curve):
-        checkpoint.best_epoch = checkpoint.epoch
-        checkpoint.best = {name: value.detach().cpu().numpy().copy() for name, value in inputs.weights.items()}
-    checkpoint.curve.append(error)
-    return error
 
 
 @torch.no_grad()
@@ -232,12 +235,3 @@ def _split_by_rank(rows: torch.Tensor, rank: torch.Tensor, size: int) -> tuple[t
     first = torch.searchsorted(rank[order], rank[order])  # the row at which each one's frame begins
     _, count = torch.unique_consecutive(first // size, return_counts=True)
     return torch.split(rows[order], count.tolist())
-
-
-def _digest(network: Network, sizes: Sizes, training_set: TrainingSet, plan: TrainingPlan, device: torch.device) -> str:
-    """Digest that invalidates a checkpoint: another plan, other data and other code start again."""
-    from ..sources.cache import content_hash
-
-    labels = {name: getattr(training_set, name) for name in (*_LABELS, "validation")}
-    data = content_hash({**training_set.inputs, **labels})
-    return f"{network.name} {asdict(sizes)} {asdict(plan)} {data} {device.type} {code_digest(_CODE)}"

@@ -106,3 +106,7 @@ def _similarity(modes: torch.Tensor) -> torch.Tensor:
     samples = modes.shape[1]
     similar: torch.Tensor = (-distance).exp().sum((1, 2)) - samples  # without each mode's similarity to itself
     return similar / max(1, samples * (samples - 1))
+
+
+# By name, as a `mtp_bench.prediction.learned.network.Stage` states it.
+LOSSES: dict[str, Loss] = {loss.__name__: loss for loss in (winner_takes_all, autoencoder, diverse)}

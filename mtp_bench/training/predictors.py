@@ -14,14 +14,11 @@ from ..files import WriteError, make_folder
 from ..networks import VARIABLE as WEIGHTS_VARIABLE
 from ..networks import file_name, weights_folder
 from ..prediction.learned.local import local_future
-from ..prediction.learned.network import Network, Sizes
-from ..prediction.learned.registry import network_of
+from ..prediction.learned.network import Network, Sizes, network_of
 from ..prediction.learned.weights import StoredWeights, write_weights
 from ..running.options import DEFAULTS, Fold, RunOptions, held_out
 from ..types import Bools, Task
-from .checkpoint import Checkpoint
-from .fitting import EpochCallback, TrainingSet, device_of, fit
-from .recipes import TrainingPlan, recipe_of
+from .fitting import EpochCallback, FittedNetwork, TrainingPlan, TrainingSet, device_of, fit
 from .split import open_split
 from .tracklets import TRUTH, Windows, concatenate, windows
 
@@ -44,17 +41,16 @@ class TrainingRequest:
     device: str = "auto"
 
     def __post_init__(self) -> None:
-        network_of(self.network)
+        stages, epochs = len(network_of(self.network).recipe.stages), self.chosen_plan.epochs
         if self.on not in ON:
             raise UnknownNameError("value of --on", self.on, ON)
-        stages, epochs = len(recipe_of(self.network).stages), self.chosen_plan.epochs
         if epochs < stages:
             raise MtpBenchError(f"epochs is {epochs}, expected at least {stages}: {self.network} has {stages} stages")
 
     @property
     def chosen_plan(self) -> TrainingPlan:
         """The plan, or the one of the network's recipe."""
-        return self.plan or recipe_of(self.network).plan
+        return self.plan or TrainingPlan(network_of(self.network).recipe.epochs)
 
 
 def training_windows(request: TrainingRequest, options: RunOptions = DEFAULTS) -> Windows:
@@ -109,7 +105,7 @@ def _windows_of_env(env_id: str, request: TrainingRequest, options: RunOptions, 
     labelled = has_future(found)
     if not labelled.any():
         raise MtpBenchError(f"{env_id}: no track of its training scenes follows an object with a known future")
-    return found.select(labelled | found.best if recipe_of(request.network).by_frame else labelled)
+    return found.select(labelled | found.best if network_of(request.network).recipe.by_frame else labelled)
 
 
 def has_future(found: Windows) -> Bools:
@@ -168,11 +164,9 @@ def train_predictor(
         make_folder(path.parent)
     except WriteError as error:
         raise MtpBenchError(f"{error} for weights with {WEIGHTS_VARIABLE}") from None
-    checkpoint = path.with_name(f"{path.name}.checkpoint")  # longer than the name of any weights
-    end = fit(network, sizes, data, request.chosen_plan, device_of(request.device), callback, checkpoint)
+    end = fit(network, sizes, data, request.chosen_plan, device_of(request.device), callback)
     card = model_card(request, found, data, end)
     write_weights(path, StoredWeights(end.best, network.name, sizes, card))
-    checkpoint.unlink(missing_ok=True)
     return path, card
 
 
@@ -194,7 +188,7 @@ def _counts(data: TrainingSet) -> tuple[int, int]:
     return int((weighted & ~data.validation).sum()), int((weighted & data.validation).sum())
 
 
-def model_card(request: TrainingRequest, found: Windows, data: TrainingSet, end: Checkpoint) -> dict[str, Any]:
+def model_card(request: TrainingRequest, found: Windows, data: TrainingSet, end: FittedNetwork) -> dict[str, Any]:
     """The model card of a file of weights: data, plan and validation error of its training."""
     learnt, validated = _counts(data)
     return {

@@ -1,10 +1,8 @@
-"""The training of networks on tiny data: it learns, it can be interrupted, stages train what they say."""
+"""The training of networks on tiny data: it learns, stages train what they say."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,15 +13,12 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from mtp_bench.prediction.learned.affinity import AffinityNetwork
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
-from mtp_bench.prediction.learned.neighbours import absolute
 from mtp_bench.prediction.learned.network import Network
-from mtp_bench.prediction.learned.ptp import Ptp
+from mtp_bench.prediction.learned.ptp import Ptp, turned
 from mtp_bench.prediction.learned.tracking_free import TrackingFree
 from mtp_bench.prediction.windows import Surroundings
 from mtp_bench.training.augmentation import vary_tracks
-from mtp_bench.training.checkpoint import Checkpoint
-from mtp_bench.training.fitting import EpochCallback, TrainingSet, fit, ordered_batches, shuffled_batches
-from mtp_bench.training.recipes import RECIPES, TrainingPlan
+from mtp_bench.training.fitting import FittedNetwork, TrainingPlan, TrainingSet, fit, ordered_batches, shuffled_batches
 from mtp_bench.types import starts_of
 from tests.support.random_windows import SIZES, random_training_set, random_windows
 
@@ -47,42 +42,23 @@ def training_set_around(network: Network) -> TrainingSet:
     return replace(random_training_set(Modes(), FRAMES), inputs=inputs)
 
 
-class StoppedError(Exception):
-    """What stops a training in these tests."""
-
-
-def trained(
-    network: Network, folder: Path, plan: TrainingPlan = PLAN, callback: EpochCallback = lambda *_: None
-) -> Checkpoint:
-    folder.mkdir(exist_ok=True)
-    return fit(network, SIZES, random_training_set(network), plan, CPU, callback, folder / "checkpoint")
-
-
-def stop(epoch: int, done: int, error: float) -> None:
-    if done == epoch:
-        raise StoppedError
-
-
-def assert_equal(one: Arrays, other: Arrays) -> None:
-    assert one.keys() == other.keys()
-    for name in one:
-        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+def trained(network: Network, data: TrainingSet | None = None, plan: TrainingPlan = PLAN) -> FittedNetwork:
+    return fit(network, SIZES, data or random_training_set(network), plan, CPU, lambda *_: None)
 
 
 @NETWORKS
-def test_it_learns(network: Network, tmp_path: Path) -> None:
-    curve = trained(network, tmp_path, replace(PLAN, epochs=20)).curve
+def test_it_learns(network: Network) -> None:
+    curve = trained(network, plan=replace(PLAN, epochs=20)).curve
     assert min(curve) < 0.9 * curve[0]
 
 
 @pytest.mark.parametrize("network", [TrackingFree(), AffinityNetwork()], ids=lambda network: network.name)
-def test_it_learns_from_detections(network: Network, tmp_path: Path) -> None:
-    data = training_set_around(network)
-    curve = fit(network, SIZES, data, replace(PLAN, epochs=20), CPU, lambda *_: None, tmp_path / "checkpoint").curve
+def test_it_learns_from_detections(network: Network) -> None:
+    curve = trained(network, training_set_around(network), replace(PLAN, epochs=20)).curve
     assert min(curve) < 0.7 * curve[0]
 
 
-def test_it_works_on_one_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_works_on_one_core(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sums of several threads come in any order: OpenMP's too, with which scikit-learn finds codes."""
     seen: list[int] = []
     start = Modes.start
@@ -93,49 +69,18 @@ def test_it_works_on_one_core(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(Modes, "start", counted)
     with threadpool_limits(2):
-        trained(Modes(), tmp_path)
+        trained(Modes())
         assert {pool["num_threads"] for pool in threadpool_info()} == {2}
     assert set(seen) == {1}
 
 
-@NETWORKS
-def test_an_interrupted_training_ends_with_the_same_weights(network: Network, tmp_path: Path) -> None:
-    whole = trained(network, tmp_path / "whole")
-    for epoch in (2, 4, 5) if network.name == "ptp" else (3,):  # in its first stage, at its end, in its second stage
-        folder = tmp_path / f"parts {epoch}"
-        with pytest.raises(StoppedError):
-            trained(network, folder, callback=partial(stop, epoch))
-        callback: list[int] = []
-        rest = trained(network, folder, callback=lambda done, _, callback=callback: callback.append(done))  # type: ignore[misc]
-        assert callback == list(range(epoch + 1, 7))
-        assert rest.curve == whole.curve
-        assert_equal(rest.best, whole.best)
-
-
-@NETWORKS
-def test_another_plan_begins_anew(network: Network, tmp_path: Path) -> None:
-    plan = replace(PLAN, epochs=2)
-    trained(network, tmp_path / "used", plan)
-    found, expected = (trained(network, tmp_path / name, replace(plan, seed=1)) for name in ("used", "new"))
-    assert found.curve == expected.curve
-
-
-def test_other_code_begins_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(StoppedError):
-        trained(Modes(), tmp_path, callback=partial(stop, 2))
-    monkeypatch.setattr("mtp_bench.training.fitting.code_digest", lambda parts: "other")
-    callback: list[int] = []
-    trained(Modes(), tmp_path, callback=lambda done, _: callback.append(done))
-    assert callback[0] == 1
-
-
-def test_each_stage_of_ptp_trains_its_own_weights(tmp_path: Path) -> None:
+def test_each_stage_of_ptp_trains_its_own_weights() -> None:
     """The first stage leaves the sampling function as k draws of the prior, the second leaves the rest as it is."""
     network, data = Ptp(), random_training_set(Ptp())
     learnt = ~data.validation
     inputs = {name: value[learnt] for name, value in data.inputs.items()}
     start = network.start(inputs, data.future[learnt], data.known[learnt], SIZES, PLAN.seed)
-    first, last = after_stages(network, 1, tmp_path / "first"), after_stages(network, 2, tmp_path / "last")
+    first, last = after_stages(1), after_stages(2)
     for name in start:
         assert np.array_equal(first[name], start[name]) or name.startswith("cvae."), name
         assert np.array_equal(last[name], first[name]) or name.startswith("sampler."), name
@@ -143,13 +88,12 @@ def test_each_stage_of_ptp_trains_its_own_weights(tmp_path: Path) -> None:
     assert not np.array_equal(last["sampler.1.weight"], first["sampler.1.weight"])
 
 
-def after_stages(network: Network, count: int, folder: Path) -> Arrays:
-    """The best weights after so many stages of three epochs."""
-    recipe = RECIPES[network.name]
-    stages = tuple(replace(stage, share=0.5) for stage in recipe.stages[:count])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(RECIPES, network.name, replace(recipe, stages=stages))
-        return trained(network, folder, replace(PLAN, rate=0.01)).best
+def after_stages(count: int) -> Arrays:
+    """The best weights of PTP after so many stages of three epochs."""
+    network = Ptp()
+    stages = tuple(replace(stage, share=0.5) for stage in network.recipe.stages[:count])
+    network.recipe = replace(network.recipe, stages=stages)
+    return trained(network, plan=replace(PLAN, rate=0.01)).best
 
 
 def test_windows_of_a_frame_are_mirrored_together() -> None:
@@ -164,7 +108,7 @@ def test_a_varied_window_is_where_it_was() -> None:
     """Futures, put back from the heading frame into the frame of the observations, are the old ones, or mirrored."""
     batch = random_training_set(Ptp()).tensors(CPU)
     out = vary_tracks(batch, torch.Generator().manual_seed(0))
-    before, after = (absolute(part, part["future"]) for part in (batch, out))
+    before, after = (part["place"][:, None, :2] + turned(part, part["future"], 1) for part in (batch, out))
     np.testing.assert_allclose(after[..., 0], before[..., 0], rtol=0, atol=1e-4)
     np.testing.assert_allclose(after[..., 1].abs(), before[..., 1].abs(), rtol=0, atol=1e-4)
 

@@ -1,4 +1,4 @@
-"""The training of networks: it learns, it repeats itself, and it goes on where it was interrupted."""
+"""The training of networks: it learns, and it repeats itself."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ import torch
 
 from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import MtpBenchError, UnknownNameError
-from mtp_bench.prediction.learned.registry import network_of
+from mtp_bench.prediction.learned.network import network_of
 from mtp_bench.prediction.learned.weights import find_weights, read_weights, require_fit
 from mtp_bench.running.options import Fold, RunOptions, fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.augmentation import vary_tracks
-from mtp_bench.training.fitting import device_of, one_cycle
+from mtp_bench.training.fitting import TrainingPlan, device_of, one_cycle
 from mtp_bench.training.losses import Tensors, mode_distance
 from mtp_bench.training.predictors import (
     TrainingRequest,
@@ -28,9 +28,8 @@ from mtp_bench.training.predictors import (
     training_windows,
     validation_rows,
 )
-from mtp_bench.training.recipes import TrainingPlan
 from mtp_bench.training.split import open_split
-from mtp_bench.training.tracklets import Windows, concatenate, join_scenes, scene_arrays
+from mtp_bench.training.tracklets import Windows, concatenate, windows_of_scene
 from mtp_bench.types import Bools
 from tests.support.command_line import CommandLine, write_training
 from tests.support.small_scenes import make_scene, task, write_card, write_kitti
@@ -46,8 +45,8 @@ def found(tmp_path: Path) -> Windows:
 def windows_of_scenes(folder: Path, names: str, frames: int) -> Windows:
     """The windows that are learnt from, of a scene for each letter of ``names``."""
     card = load_card(write_card(folder))
-    parts = [scene_arrays(make_scene(name, frames=frames), card, task(), HypothesisTracker()) for name in names]
-    whole = join_scenes(parts, list(names), task())
+    scenes = [make_scene(name, frames=frames) for name in names]
+    whole = concatenate([windows_of_scene(scene, card, task(), HypothesisTracker()) for scene in scenes])
     return whole.select(has_future(whole))
 
 
@@ -63,35 +62,6 @@ def test_training_lowers_the_error_and_repeats_itself(found: Windows, tmp_path: 
     assert path.read_bytes() == again.read_bytes()
     assert [file.suffix for file in tmp_path.iterdir() if "one" in file.name] == [".safetensors"]
     require_fit(read_weights(path, network_of("modes")).sizes, found.task, path)
-
-
-class InterruptionError(Exception):
-    """An interruption by the user."""
-
-
-@pytest.mark.parametrize("name", ["mine.safetensors", "mine.checkpoint", "mine"])
-def test_an_interrupted_training_ends_with_the_same_weights(name: str, found: Windows, tmp_path: Path) -> None:
-    """Weights may have any name; only they stay."""
-    request = TrainingRequest("modes", "small", plan=QUICK)
-    whole, _ = train_predictor(found, request, tmp_path / "whole.safetensors")
-
-    def stop(epoch: int, _: float) -> None:
-        if epoch == 3:
-            raise InterruptionError
-
-    with pytest.raises(InterruptionError):
-        train_predictor(found, request, tmp_path / name, stop)
-    assert not (tmp_path / name).exists()
-    rest: list[int] = []
-    part, _ = train_predictor(found, request, tmp_path / name, lambda epoch, _: rest.append(epoch))
-    assert rest == [4, 5, 6]
-    assert part.read_bytes() == whole.read_bytes()
-    assert list(tmp_path.glob("mine*")) == [part]
-
-
-def test_a_broken_checkpoint_is_ignored(found: Windows, tmp_path: Path) -> None:
-    (tmp_path / "b.safetensors.checkpoint").write_bytes(b"broken")
-    train_predictor(found, TrainingRequest("modes", "small", plan=QUICK), tmp_path / "b.safetensors")
 
 
 def test_it_stops_where_nothing_gets_better(found: Windows, tmp_path: Path) -> None:
@@ -116,7 +86,7 @@ def test_validation_is_of_whole_scenes_where_there_are_enough(found: Windows) ->
 def test_no_scene_is_learnt_from_whose_twin_of_another_env_is_validated_on(names: str, tmp_path: Path) -> None:
     """Two envs may show the same traffic, each with its own detector."""
     one = windows_of_scenes(tmp_path, names, frames=12)
-    both = concatenate([one, replace(one, task=task(env_id="MTP-SmallRaw-v0"))])
+    both = concatenate([one, replace(one, task=task(env_id="MTP-SmallRaw-v0"), envs=("MTP-SmallRaw-v0",))])
     rows = validation_rows(both)
     validated, learnt = shown_in(both, rows), shown_in(both, ~rows)
     assert validated

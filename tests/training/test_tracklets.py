@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from mtp_bench.cards import load_card
 from mtp_bench.env.observation import LocalFrame
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.files import file_digest
 from mtp_bench.running.options import RunOptions
-from mtp_bench.sources.cache import Arrays
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
 from mtp_bench.tracks import Tracks
-from mtp_bench.training import window_cache
 from mtp_bench.training.labels import UNKNOWN
-from mtp_bench.training.tracklets import Windows, concatenate, join_scenes, scene_arrays, windows
-from mtp_bench.training.window_cache import cached_windows
+from mtp_bench.training.tracklets import Windows, concatenate, windows, windows_of_scene
 from mtp_bench.types import ImageField, Observation, Scene
 from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
@@ -32,8 +26,7 @@ def windows_of_scenes(tmp_path: Path, *scenes: Scene, truth: bool = False, hypot
     card = load_card(write_card(tmp_path))
     task = small_task(observe="truth" if truth else "detections")
     tracker = TruthTracker() if truth else HypothesisTracker(hypotheses)
-    parts = [scene_arrays(scene, card, task, tracker) for scene in scenes]
-    return join_scenes(parts, [scene.name for scene in scenes], task)
+    return concatenate([windows_of_scene(scene, card, task, tracker) for scene in scenes])
 
 
 def test_true_pasts_have_their_own_futures(tmp_path: Path) -> None:
@@ -90,8 +83,8 @@ def test_a_track_that_was_not_seen_in_its_whole_window_is_left_out(tmp_path: Pat
     seen = seen.select((seen.class_id == 0) | (seen.frame_of_rows < 4))
     rules = tuple(ClassParameters("hungarian", "center_distance", 2.0, 1, 9) for _ in range(2))
     card, task = load_card(write_card(tmp_path)), small_task()
-    part = scene_arrays(replace(scene, detections=seen), card, task, HypothesisTracker(parameters=rules))
-    followed = {t: set(part["object_id"][part["frame"] == t].tolist()) for t in range(8)}
+    found = windows_of_scene(replace(scene, detections=seen), card, task, HypothesisTracker(parameters=rules))
+    followed = {t: set(found.object_id[found.frame == t].tolist()) for t in range(8)}
     assert followed == {t: {3, 5, 7} if t < 5 else {3, 7} for t in range(8)}
 
 
@@ -153,7 +146,7 @@ def test_folds_are_whole_scenes(tmp_path: Path) -> None:
 
 def test_a_fold_takes_a_scene_out_of_all_envs_that_show_it(tmp_path: Path) -> None:
     one = windows_of_scenes(tmp_path, *(make_scene(name) for name in "abcd"))
-    both = concatenate([one, replace(one, task=small_task(env_id="MTP-SmallRaw-v0"))])
+    both = concatenate([one, replace(one, task=small_task(env_id="MTP-SmallRaw-v0"), envs=("MTP-SmallRaw-v0",))])
     for number in (1, 2, 3, 4):
         parts = both.split((number, 4))
         learnt, away = ({both.names[scene] for scene in part.scene.tolist()} for part in parts)
@@ -179,86 +172,21 @@ def test_a_tracker_whose_boxes_are_not_finite(tmp_path: Path) -> None:
 
     card = load_card(write_card(tmp_path))
     with pytest.raises(MtpBenchError, match=r"scene .*, frame 0: the tracker gave a box that is not finite"):
-        scene_arrays(make_scene(), card, small_task(), Lost(1))
+        windows_of_scene(make_scene(), card, small_task(), Lost(1))
 
 
-def _nothing_is_made(*_: object) -> None:
-    raise AssertionError("it is in the cache")
-
-
-def test_from_a_data_root_and_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    root, card = write_kitti(tmp_path), write_card(tmp_path)
-    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
-    options = RunOptions(root, split="val")
+def test_from_a_data_root(tmp_path: Path) -> None:
+    card, options = write_card(tmp_path), RunOptions(write_kitti(tmp_path), split="val")
     first = windows(card, "val", 2, options=options)
-    files = list((tmp_path / "cache" / "windows").iterdir())
-    assert files
-    with monkeypatch.context() as patch:
-        patch.setattr("mtp_bench.training.tracklets.scene_arrays", _nothing_is_made)
-        again = windows(card, "val", 2, options=options)
-    np.testing.assert_array_equal(first.box, again.box)
-    own = windows(card, "val", HypothesisTracker(2), options=options)  # a tracker of one's own is not cached
+    own = windows(card, "val", HypothesisTracker(2), options=options)
     np.testing.assert_array_equal(first.future, own.future)
-    assert len(list((tmp_path / "cache" / "windows").iterdir())) == len(files)
     wrong: dict[str, Any] = {"scene of": ["nowhere"], "number of": {"one"}, "a list": True, "twice": ["0008", "0008"]}
     for message, scenes in wrong.items():
         with pytest.raises(MtpBenchError, match=message):
             windows(card, "val", 1, scenes=scenes, options=options)
-    with pytest.raises(MtpBenchError, match="own_names is '0000', expected a list of names"):
-        first.of_scenes("0000")
 
 
 @pytest.mark.parametrize("wrong", ["Truth", 0, True, 2.0, None, HypothesisTracker], ids=lambda value: repr(value)[:20])
 def test_values_that_are_not_a_tracker(wrong: Any) -> None:
     with pytest.raises(MtpBenchError, match=r"expected 'truth', a number of hypotheses .*, or a tracker of your own"):
         windows("MTP-Intersection-v0", tracker=wrong, scenes=1)
-
-
-def test_as_a_data_set_of_torch(tmp_path: Path) -> None:
-    found = windows_of_scenes(tmp_path, make_scene())
-    data = found.dataset()
-    assert len(data) == len(found)
-    item = data[3]
-    assert item["box"].dtype == torch.float32
-    np.testing.assert_array_equal(item["box"], found.box[3])
-    loader = torch.utils.data.DataLoader(data, batch_size=5)
-    assert next(iter(loader))["future"].shape == (5, 3, 2)
-
-
-@pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path))
-    window_cache.code_digest.cache_clear()
-    yield
-    window_cache.code_digest.cache_clear()
-
-
-def made(scene: Scene) -> bool:
-    """True if windows of the scene had to be made."""
-    calls: list[int] = []
-
-    def make() -> Arrays:
-        calls.append(1)
-        return {"box": np.zeros(1)}
-
-    cached_windows(scene, ("asked",), make)
-    return bool(calls)
-
-
-@pytest.mark.parametrize("changes", [{"truth_complete": False}, {"listed_targets": True}, {"name": "two"}])
-def test_windows_of_a_changed_scene_are_made_again(changes: dict[str, object], cache: None) -> None:
-    scene = make_scene()
-    assert made(scene)
-    assert not made(scene)
-    assert made(replace(scene, **changes))  # type: ignore[arg-type]
-    assert not made(scene)
-
-
-@pytest.mark.parametrize("name", ["env/action.py", "tracking/kernels/enumeration.py", "tracking/detectors/megvii.toml"])
-def test_windows_are_made_again_after_a_change_of_code(name: str, cache: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert made(make_scene())
-    monkeypatch.setattr(
-        window_cache, "file_digest", lambda path: file_digest(path) + str(path).endswith(name) * "changed"
-    )
-    window_cache.code_digest.cache_clear()
-    assert made(make_scene())

@@ -16,8 +16,8 @@ from ..windows import Surroundings, TrackWindows
 from .around import FINE, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear_shapes, mlp, namespace
 from .local import Arrays, one_hot
-from .modes import Modes
-from .network import Sizes
+from .modes import NETWORK as MODES
+from .network import Recipe, Sizes
 
 HIDDEN = 32
 PAIR = 18  # features of `_pairs` without those of the object
@@ -25,13 +25,14 @@ GATE = 0.5  # m from the expected position: before training, a detection there i
 SPEED = 6.0  # m/s by which this distance grows with age, while few detections determine the velocity
 FADE = 2.0  # log-odds lost per such distance
 DOUBT = 0.1  # weight of the expected position for the share of "none", beside that of a detection
-MODES = Modes()  # the network after the soft past
 
 
 class AffinityNetwork:
     """Network "affinity"."""
 
     name = "affinity"
+    around = True
+    recipe = Recipe(on="tracklets")
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
         """The detections around each window's present box, without its track."""
@@ -51,6 +52,9 @@ class AffinityNetwork:
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
         """Modes, their log-weights (not normalised) and the present position."""
         return MODES.forward(weights, soft_past(weights, inputs, sizes), sizes)
+
+
+NETWORK = AffinityNetwork()
 
 
 class _Backward(NamedTuple):

@@ -12,7 +12,7 @@ from ...types import Ints
 from ..windows import Surroundings, TrackWindows
 from .layers import Array, Weights, initial, linear_shapes, mlp, namespace
 from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
-from .network import Sizes
+from .network import Recipe, Sizes
 
 HIDDEN = 256
 LAYERS = 3
@@ -23,6 +23,8 @@ class Modes:
     """Network "modes"."""
 
     name = "modes"
+    around = False
+    recipe = Recipe()
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
         """The past of each window alone: tracks that share a window share its forecasts."""
@@ -56,6 +58,9 @@ class Modes:
             "log_weight": out[:, split : split + sizes.modes],
             "present": out[:, split + sizes.modes :] * weights["output.spread"][0],
         }
+
+
+NETWORK = Modes()
 
 
 PER_STATIC = 4  # features of a window beside its past; they come twice, the second time 0 unless the track coasts

@@ -1,12 +1,17 @@
-"""Interface of a network, for agents and for training."""
+"""Interface of a network, for agents and for training, and the networks of this folder."""
 
 from __future__ import annotations
 
+import pkgutil
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
+from ...errors import UnknownNameError
 from ...types import Ints, Task
 from ..windows import Surroundings, TrackWindows
 from .layers import Array, Weights
@@ -29,10 +34,31 @@ class Sizes:
         return cls(task.classes, task.past, task.future, task.k, task.dt)
 
 
+@dataclass(frozen=True)
+class Stage:
+    """A part of a training, which begins with the best weights of the stage before."""
+
+    loss: str  # a function of `mtp_bench.training.losses`
+    trains: str = ""  # prefix of the names of the weights that are trained; the others stay as they are
+    share: float = 1.0  # of the epochs
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Training of a network, unless another one is asked for."""
+
+    stages: tuple[Stage, ...] = (Stage("winner_takes_all"),)
+    epochs: int = 60  # of all stages
+    on: str = "truth"  # pasts to learn from: "truth" or "tracklets"
+    by_frame: bool = False  # batches hold whole frames, for networks whose inputs state the ``moment``
+
+
 class Network(Protocol):
     """Futures of tracks as a function of weights; arrays of NumPy and tensors of torch alike."""
 
-    name: str
+    name: str  # also of its module in this folder, which holds it as NETWORK
+    around: bool  # its input is the detections around an object, not its track
+    recipe: Recipe
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
         """Its input for n windows, each array [n, ...]; ``moment`` [n]: the frame of each in ``seen``."""
@@ -49,3 +75,18 @@ class Network(Protocol):
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
         """Output in the heading frame: ``modes`` [n, S, T, 2] m, ``log_weight`` [n, S] and ``present`` [n, 2] m."""
         ...
+
+
+@cache
+def networks() -> dict[str, Network]:
+    """The networks by name: those of the modules of this folder that have one."""
+    names = [module.name for module in pkgutil.iter_modules([str(Path(__file__).parent)])]
+    modules = [import_module(f"{__package__}.{name}") for name in names]
+    return {module.NETWORK.name: module.NETWORK for module in modules if hasattr(module, "NETWORK")}
+
+
+def network_of(name: str) -> Network:
+    """The network of this name; raises UnknownNameError."""
+    if name not in networks():
+        raise UnknownNameError("network", name, networks())
+    return networks()[name]

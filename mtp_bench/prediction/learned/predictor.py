@@ -14,7 +14,7 @@ from ...types import Task
 from ..windows import shown_as_truth, surroundings_of, windows_of
 from .around import detections_of_tracks
 from .local import to_absolute
-from .registry import AROUND, network_of
+from .network import network_of
 from .weights import StoredWeights, find_weights, read_weights, require_fit
 
 ASSOCIATIONS = ("network", "track")
@@ -44,12 +44,9 @@ class LearnedPredictor:
     ) -> None:
         if association not in ASSOCIATIONS:
             raise SubmissionError(f"association is {association!r}, expected one of: {', '.join(ASSOCIATIONS)}")
-        if association == "track" and network not in AROUND:
-            raise SubmissionError(
-                f"association is 'track' for network {network!r}, which gets tracks anyway; it is for: "
-                f"{', '.join(AROUND)}"
-            )
         self._network, self._by_track = network_of(network), association == "track"
+        if self._by_track and not self._network.around:
+            raise SubmissionError(f"association is 'track' for network {network!r}, which gets tracks anyway")
         self._on, self._given = on, None if weights is None else Path(weights)
 
     def reset(self, task: Task) -> None:

@@ -30,10 +30,9 @@ from .layers import (
     namespace,
     relu,
 )
-from .local import PER_FRAME, Arrays, history, mean_velocity, one_hot
+from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
 from .modes import LEAST_SPREAD, step_spread, straight
-from .neighbours import frame_inputs, in_view, offsets, turned
-from .network import Sizes
+from .network import Recipe, Sizes, Stage
 
 TRACKLET = 64  # size of the state of a tracklet, and of an object in the graph
 ROUNDS = 2  # of messages
@@ -50,6 +49,8 @@ class Ptp:
     """Network "ptp"."""
 
     name = "ptp"
+    around = False
+    recipe = Recipe((Stage("autoencoder", "cvae.", 0.6), Stage("diverse", "sampler.", 0.4)), epochs=80, by_frame=True)
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
         """The past of each window, and the other objects of its frame."""
@@ -81,6 +82,9 @@ class Ptp:
             "log_weight": code[:, :, 0] * 0,
             "present": linear(weights, "cvae.present", context),
         }
+
+
+NETWORK = Ptp()
 
 
 def _trained_shapes(sizes: Sizes) -> dict[str, tuple[int, ...]]:
@@ -186,3 +190,36 @@ def posterior(weights: Weights, context: Array, steps: Array, known: Array) -> t
     future = lstm(weights, "cvae.future", xp.clip(steps, -10, 10), known)
     out = linear(weights, "cvae.code", xp.concatenate([future, context], 1))
     return out[:, :CODE], xp.clip(out[:, CODE:], -8, 8)
+
+
+def frame_inputs(windows: TrackWindows, moment: Ints) -> Arrays:
+    """`local_inputs`, and of each window the place of its heading frame and the number of its frame.
+
+    place [n, 3] x y m, yaw rad, in the frame of the observations · best [n] · moment [n], equal in the same frame.
+    """
+    place = windows.box[:, -1, [0, 1, 3]].astype(np.float32)
+    return {**local_inputs(windows), "place": place, "best": windows.best.astype(np.float32), "moment": moment}
+
+
+def in_view(inputs: dict[str, Array]) -> Array:
+    """Mask [n, n]: window i sees window j.
+
+    A window sees the objects of the same frame that the heaviest hypothesis holds, other than its own: a window that
+    ends in exactly the same place is of the same object, in another hypothesis.
+    """
+    xy, moment = inputs["place"][:, :2], inputs["moment"]
+    elsewhere = (xy[:, None] != xy[None]).any(-1)
+    return (moment[:, None] == moment[None]) & (inputs["best"][None] > 0) & elsewhere
+
+
+def offsets(inputs: dict[str, Array], xy: Array) -> Array:
+    """Offsets [n, n, 2] m from i to j, in the heading frame of i; ``xy`` [n, 2] absolute."""
+    return turned(inputs, xy[None] - xy[:, None], -1)
+
+
+def turned(inputs: dict[str, Array], vectors: Array, sense: int) -> Array:
+    """Vectors [n, S, 2] out of the heading frame of each window (``sense`` 1) or into it (-1)."""
+    xp, yaw = namespace(vectors), inputs["place"][:, 2]
+    cos, sin = xp.cos(yaw)[:, None], sense * xp.sin(yaw)[:, None]
+    x, y = vectors[:, :, 0], vectors[:, :, 1]
+    return xp.stack([cos * x - sin * y, sin * x + cos * y], -1)

@@ -14,7 +14,7 @@ from .around import FINE, ages, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear, linear_shapes, mlp, namespace, relu, sigmoid
 from .local import Arrays, one_hot
 from .modes import LEAST_SPREAD, spread_of
-from .network import Sizes
+from .network import Recipe, Sizes
 
 HIDDEN = 48  # features per detection
 VALUES = 16  # features that are pooled from each frame
@@ -32,6 +32,8 @@ class TrackingFree:
     """Network "tracking_free"."""
 
     name = "tracking_free"
+    around = True
+    recipe = Recipe(epochs=40, on="tracklets")
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
         """The detections around each window's present box, without its track."""
@@ -63,6 +65,9 @@ class TrackingFree:
             "log_weight": out[:, split : split + sizes.modes],
             "present": out[:, split + sizes.modes :] * weights["output.spread"][0] * RESIDUAL,
         }
+
+
+NETWORK = TrackingFree()
 
 
 def _trained(sizes: Sizes) -> dict[str, tuple[int, ...]]:

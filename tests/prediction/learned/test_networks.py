@@ -21,16 +21,17 @@ from mtp_bench.prediction.learned.around import (
 from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
 from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
 from mtp_bench.prediction.learned.modes import LEAST_SPREAD, spread_of
-from mtp_bench.prediction.learned.network import Network
-from mtp_bench.prediction.learned.registry import AROUND, NETWORKS
+from mtp_bench.prediction.learned.network import Network, networks
 from mtp_bench.prediction.learned.tracking_free import TrackingFree, support
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth
-from mtp_bench.training.augmentation import vary_detections
-from mtp_bench.training.recipes import recipe_of
+from mtp_bench.training.augmentation import vary_detections, vary_tracks
+from mtp_bench.training.losses import LOSSES
 from mtp_bench.types import Floats, Ints, starts_of
 from tests.support.random_windows import NOTHING_SEEN, SIZES, random_windows
 
 OBJECTS, SCENES = 6, 2
+NETWORKS = networks()
+AROUND = [name for name, network in NETWORKS.items() if network.around]
 EVERY = pytest.mark.parametrize("network", NETWORKS.values(), ids=NETWORKS)
 OF_DETECTIONS = pytest.mark.parametrize("network", [NETWORKS[name] for name in AROUND], ids=AROUND)
 OF_TRACKS = pytest.mark.parametrize("name", [name for name in NETWORKS if name not in AROUND])
@@ -147,9 +148,10 @@ def test_gradients_are_finite(network: Network, away: float) -> None:
     batch = tensors(network.inputs(windows, moment, moved(seen, away), SIZES))
     batch |= {"future": torch.ones(12, 3, 2), "known": torch.ones(12, 3), "present": torch.zeros(12, 2)}
     batch["weight"] = torch.ones(12)
-    random, recipe = torch.Generator(), recipe_of(network.name)
-    for stage in recipe.stages:
-        stage.loss(network, weights, recipe.vary(batch, random), SIZES, 0.1, random).backward()  # type: ignore[no-untyped-call]
+    random, vary = torch.Generator(), vary_detections if network.around else vary_tracks
+    for stage in network.recipe.stages:
+        loss = LOSSES[stage.loss](network, weights, vary(batch, random), SIZES, 0.1, random)
+        loss.backward()  # type: ignore[no-untyped-call]
     assert all(bool(torch.isfinite(value.grad).all()) for value in weights.values() if value.grad is not None)
 
 
