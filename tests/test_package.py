@@ -15,6 +15,7 @@ from types import ModuleType
 
 import gymnasium as gym
 import pytest
+import yaml
 
 import mtp_bench
 from mtp_bench import _bundle
