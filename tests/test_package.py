@@ -1,15 +1,17 @@
-"""Public names of the package, modules that it loads, and the content of its wheel."""
+"""What the package promises as a whole: its names, what it loads, and what its wheel holds."""
 
 from __future__ import annotations
 
 import ast
 import json
+import os
 import runpy
 import subprocess
 import sys
 import tarfile
 import tomllib
 import zipfile
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -30,9 +32,17 @@ PUBLIC = {
     "card_ids", "make_action",
 }  # fmt: skip
 LAZY_NAMES = {
-    "Card", "MTPEnv", "Report", "Submission", "compare", "load_card", "load_scenes", "load_submission", "run",
-    "save_scene", "score", "windows",
-}  # fmt: skip
+    "Card",
+    "MTPEnv",
+    "Report",
+    "Submission",
+    "compare",
+    "load_card",
+    "load_scenes",
+    "load_submission",
+    "windows",
+}
+LAZY_NAMES |= {"run", "save_scene", "score"}
 LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
 SLOW |= {"stable_baselines3", "jinja2", "pygame", "safetensors", "PIL", "av"}
@@ -61,17 +71,22 @@ def test_the_public_names_are_exactly_these() -> None:
     assert all(getattr(mtp_bench, name).__name__ == name for name in LAZY_NAMES)
 
 
-def test_parts_are_imported_when_they_are_used() -> None:
-    """Modules with the names of functions are parts of packages, not attributes of the whole."""
+@pytest.mark.parametrize("name", sorted(LAZY))
+def test_parts_are_imported_when_they_are_used(name: str) -> None:
     out = python(
         "import sys, mtp_bench\n"
-        f"names = {sorted(LAZY)}\n"
-        "print(sorted(name for name in names if f'mtp_bench.{name}' in sys.modules))\n"
-        "print([getattr(mtp_bench, name).__name__.removeprefix('mtp_bench.') for name in names] == names)\n"
-        "import mtp_bench.running.run, mtp_bench.scoring.score, mtp_bench.running.compare, mtp_bench.commands.app\n"
-        "print(all(callable(getattr(mtp_bench, name)) for name in ('run', 'score', 'compare')))"
+        f"print('mtp_bench.{name}' in sys.modules, mtp_bench.{name}.__name__, 'mtp_bench.{name}' in sys.modules)"
     )
-    assert out.splitlines() == ["[]", "True", "True"]
+    assert out.split() == ["False", f"mtp_bench.{name}", "True"]
+
+
+def test_functions_stay_functions_whatever_was_imported_before() -> None:
+    """Modules of these names are parts of packages, and no attributes of the whole."""
+    out = python(
+        "import mtp_bench.running.run, mtp_bench.scoring.score, mtp_bench.running.compare, mtp_bench.commands.app\n"
+        "print(*(callable(getattr(mtp_bench, name)) for name in ('run', 'score', 'compare')))"
+    )
+    assert out.split() == ["True"] * 3
 
 
 def test_a_run_is_made_and_scored_by_public_names(card: str, kitti: str, tmp_path: Path) -> None:
@@ -80,6 +95,11 @@ def test_a_run_is_made_and_scored_by_public_names(card: str, kitti: str, tmp_pat
     report = mtp_bench.score(str(tmp_path / "run"), options, card).report
     assert isinstance(report, mtp_bench.Report)
     assert report.rows[0].agent == "stp"
+
+
+def test_an_unknown_attribute_is_an_attribute_error() -> None:
+    with pytest.raises(AttributeError, match="module 'mtp_bench' has no attribute 'trackign'"):
+        _ = mtp_bench.trackign  # type: ignore[attr-defined]  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def test_the_import_loads_nothing_heavy() -> None:
@@ -166,6 +186,10 @@ def test_the_records_of_the_wheel_are_those_of_the_checkout(
         unpacked(packed)
 
 
+def test_the_wheel_is_small(wheel: Path) -> None:
+    assert wheel.stat().st_size < 5_000_000
+
+
 def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: Path) -> None:
     public = ["keys/allowed_signers", "owners.toml", "seals/a.commitment.json"]
     record = "records/mine/MTP-KITTI-v0.json"
@@ -220,6 +244,28 @@ def test_heavy_packages_are_dependencies_and_lazy(repository: Path) -> None:
         assert package in declared
 
 
+def test_tests_on_real_data_are_deselected_visibly(repository: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "--collect-only",
+        "tests/running/test_runner.py",
+    ]
+    environment = {key: value for key, value in os.environ.items() if key != "MTP_BENCH_DATA"}
+    run = partial(subprocess.run, command, cwd=repository, capture_output=True, text=True, check=False)
+    without = run(env=environment)
+    assert without.returncode == 0
+    assert "what_an_honest_agent_says_of_a_real_log" not in without.stdout
+    assert "1 tests need real data and did not run: set MTP_BENCH_DATA" in without.stdout
+    wrong = run(env=environment | {"MTP_BENCH_DATA": "/nowhere/at/all"})
+    assert wrong.returncode == pytest.ExitCode.USAGE_ERROR
+    assert "MTP_BENCH_DATA is '/nowhere/at/all', expected an existing folder" in wrong.stderr
+
+
 def test_only_a_release_that_is_switched_on_is_published(repository: Path) -> None:
     """No token: the step that publishes has an identity of its own, and no other step may do it."""
     workflow = yaml.safe_load((repository / ".github" / "workflows" / "release.yml").read_text())
@@ -230,3 +276,11 @@ def test_only_a_release_that_is_switched_on_is_published(repository: Path) -> No
     assert (publish["needs"], publish["if"]) == ("build", "vars.PUBLISH == 'true'")
     assert publish["permissions"] == {"id-token": "write"}
     assert "secrets." not in (repository / ".github" / "workflows" / "release.yml").read_text()
+
+
+def test_the_tools_of_the_release_are_those_of_the_tests(repository: Path) -> None:
+    extras = tomllib.loads((repository / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    (pinned,) = [name for name in extras["dev"] if name.startswith("build==")]
+    assert f" {pinned} " in (repository / ".github" / "workflows" / "release.yml").read_text()
+    assert "mtp-bench[docs]" in extras["dev"]
+    assert all("==" in name for name in extras["docs"])

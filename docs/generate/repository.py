@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import os.path
 import re
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
-from tempfile import TemporaryDirectory
-
-from mtp_bench.commands.board import read_board
-from mtp_bench.parallel import NO_PROGRESS
-from mtp_bench.records import load_record, record_paths, trusted
-from mtp_bench.viz.board import board_files
-from mtp_bench.viz.board.clips import can_have_clip, write_clip
 
 ROOT = Path(__file__).resolve().parents[2]
 PLACES = {  # file of the repository -> place in the site
@@ -35,7 +27,7 @@ PLACES = {  # file of the repository -> place in the site
 }
 SOURCES = {place: source for source, place in PLACES.items()}
 BOARD, _PARTS = "leaderboard/index.html", "leaderboard/index.parts"
-_LINKED = re.compile(r'(?:href|src)=\\?"\./([^"\\]+\.(?:json|webp))\\?"')  # in the page, or in the JSON of a part
+_LINKED = re.compile(r'(?:href|src)=\\?"\./([^"\\]+\.json)\\?"')  # in the page, or in the JSON of a part
 _GUIDE = ('href="./SUBMITTING.md"', 'href="submitting.html"')
 _BASELINE, _BASELINES = re.compile(r"\./\.\./baselines/\w+"), "../agents/baselines.html"
 _FENCED = re.compile(r"^(```.*?^```)", flags=re.MULTILINE | re.DOTALL)
@@ -48,53 +40,16 @@ def files() -> dict[str, str]:
 
 
 def board() -> dict[str, str | bytes]:
-    """The board, its parts, and the records and clips that they link to, by their places in the site.
+    """The board, its parts, and the records that they link to, by their places in the site.
 
-    Links to pages of the repository lead to those of the site. Clips are drawn where rollouts of simulated records are
-    stored.
+    Links to pages of the repository lead to those of the site.
     """
-    clips = _clips()
-    made = _board_with(clips) if clips else _committed_board()
-    linked = {name for text in made.values() for name in _LINKED.findall(text)} - clips.keys()
-    pages = {place: _BASELINE.sub(_BASELINES, text.replace(*_GUIDE)) for place, text in made.items()}
-    files = {name: (ROOT / "leaderboard" / name).read_bytes() for name in linked} | clips
-    return {**pages, **{f"leaderboard/{name}": files[name] for name in sorted(files)}}
-
-
-def _committed_board() -> dict[str, str]:
     parts = sorted(path for path in (ROOT / _PARTS).rglob("*") if path.is_file())
-    texts = {path.relative_to(ROOT).as_posix(): path.read_text() for path in parts}
-    return {PLACES[BOARD]: (ROOT / BOARD).read_text()} | texts
-
-
-def _clips() -> dict[str, bytes]:
-    """Clips of the costliest events, by their addresses from the board."""
-    clips: dict[str, bytes] = {}
-    for path in record_paths(ROOT / "leaderboard" / "records"):
-        if not path.with_suffix(".rollouts").is_dir():
-            continue
-        record = load_record(path)
-        with TemporaryDirectory() as folder:
-            clip = Path(folder) / "clip.webp"
-            if can_have_clip(path, record) and write_clip(clip, path, record):
-                clips[_clip_of(path.relative_to(ROOT / "leaderboard").as_posix())] = clip.read_bytes()
-    return clips
-
-
-def _clip_of(link: str) -> str:
-    """Address of the clip of the record at ``link``."""
-    return PurePosixPath(link).with_suffix(".webp").as_posix()
-
-
-def _board_with(clips: dict[str, bytes]) -> dict[str, str]:
-    """The board made anew, with links to clips."""
-    content = read_board(ROOT / "leaderboard" / "records", (), None, ROOT / BOARD, trusted(None), NO_PROGRESS)
-    entries = [
-        replace(entry, clip=clip if entry.link and (clip := _clip_of(entry.link)) in clips else None)
-        for entry in content.entries
-    ]
-    made = board_files(entries, guide="SUBMITTING.md")
-    return {PLACES[BOARD]: made.page} | {f"{_PARTS}/{name}": text for name, text in made.parts.items()}
+    texts = {PLACES[BOARD]: (ROOT / BOARD).read_text()}
+    texts |= {path.relative_to(ROOT).as_posix(): path.read_text() for path in parts}
+    linked = sorted({name for text in texts.values() for name in _LINKED.findall(text)})
+    pages = {place: _BASELINE.sub(_BASELINES, text.replace(*_GUIDE)) for place, text in texts.items()}
+    return {**pages, **{f"leaderboard/{name}": (ROOT / "leaderboard" / name).read_bytes() for name in linked}}
 
 
 def source_of(place: str) -> str:

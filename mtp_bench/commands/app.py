@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import importlib
 import io
+import keyword
 import os
 import sys
 import warnings
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+from typer.main import get_command
 
 from .._version import __version__
 from ..errors import MtpBenchError
 from ..files import clean_text
-from .lazy import LazyGroup
 from .output import fail, said_of, say
 
 INTERRUPTED = 130  # exit status, as shells have it
@@ -27,34 +30,67 @@ AFTER = {  # command -> note after Ctrl-C
 }
 
 
+SUMMARIES = {
+    "envs": "List the environments.",
+    "data": "Show which data is found, what is missing and how to get it.",
+    "run": "Run an agent and store its rollouts.",
+    "score": "Score stored rollouts.",
+    "compare": "Compare agents on the same scenes.",
+    "study": "Measure what tracking errors cost on an environment: tables, figures and a page.",
+    "view": "Show stored rollouts in rerun, or draw them.",
+    "events": "List identity switches and other events with their cost.",
+    "video": "Write a video of a scene.",
+    "train": "Fit predictors and other parameters on training splits.",
+    "fit-noise": "Fit the noise of the simulated detector to real detections.",
+    "new": "Create a folder with a new submission.",
+    "check": "Check a submission or a card.",
+    "submit": "Make a leaderboard record of a submission.",
+    "verify": "Check records, and run their submissions again.",
+    "board": "Show the leaderboard.",
+    "import": "Turn tracks of other programs into tables.",
+    "export": "Write the tracks of a stored run in the formats of other benchmarks.",
+    "maintain": "Commands of the maintainers.",
+}
+
+
 class InterruptedCommandError(Exception):
     """An interruption by Ctrl-C."""
 
 
-class Commands(LazyGroup):
-    """All commands; `main` reports an interruption in one line, and wrong usage with the value that was got."""
+class Commands(TyperGroup):
+    """All commands, imported when they are used, so that ``--help`` starts at once.
 
-    summaries: ClassVar[dict[str, str]] = {
-        "envs": "List the environments.",
-        "data": "Show which data is found, what is missing and how to get it.",
-        "run": "Run an agent and store its rollouts.",
-        "score": "Score stored rollouts.",
-        "compare": "Compare agents on the same scenes.",
-        "study": "Measure what tracking errors cost on an environment: tables, figures and a page.",
-        "view": "Show stored rollouts in rerun, or draw them.",
-        "events": "List identity switches and other events with their cost.",
-        "video": "Write a video of a scene.",
-        "train": "Fit predictors and other parameters on training splits.",
-        "fit-noise": "Fit the noise of the simulated detector to real detections.",
-        "new": "Create a folder with a new submission.",
-        "check": "Check a submission or a card.",
-        "submit": "Make a leaderboard record of a submission.",
-        "verify": "Check records, and run their submissions again.",
-        "board": "Show the leaderboard.",
-        "import": "Turn tracks of other programs into tables.",
-        "export": "Write the tracks of a stored run in the formats of other benchmarks.",
-        "maintain": "Commands of the maintainers.",
-    }
+    The command ``x-y`` is the function, or the group, ``x_y`` of the module ``mtp_bench.commands.x_y``. An interruption
+    is reported in one line, and wrong usage with the value that was got.
+    """
+
+    def __init__(self, *arguments: Any, **keywords: Any) -> None:
+        super().__init__(*arguments, **keywords)
+        names: Any = dict.fromkeys(SUMMARIES)
+        self.commands = names  # typer takes its suggestions for a misspelt name from here
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names of all commands, in the order of ``--help``."""
+        return list(SUMMARIES)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command, imported now; None for an unknown name."""
+        if cmd_name not in SUMMARIES:
+            return None
+        name = cmd_name.replace("-", "_") + "_" * keyword.iskeyword(cmd_name)
+        content = getattr(importlib.import_module(f"mtp_bench.commands.{name}"), name)
+        if isinstance(content, typer.Typer):
+            return get_command(content)
+        from .options import opened
+
+        alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+        alone.command(cmd_name)(opened(content))
+        return get_command(alone)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the names and summaries without importing a command."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(SUMMARIES.items()))
 
     def invoke(self, ctx: Any) -> Any:
         """Run the chosen command."""

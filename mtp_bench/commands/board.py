@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +18,7 @@ from ..records import Record, Trust, load_record, read_level, record_paths, trus
 from ..records.eligibility import why_not_genuine
 from ..records.storage import shipped_records
 from ..viz.board import (
+    Entry,
     Found,
     board_files,
     board_json,
@@ -29,11 +30,10 @@ from ..viz.board import (
     style_of,
 )
 from ..viz.board import write_board as write_page
-from ..viz.board.entries import Entry
-from ..viz.board.markdown import fill
-from ..viz.terminal.output import counted, progress_bar, report_table, show, show_lines, show_numbers
-from .options import JsonOption, TableOption
-from .output import require_writable, write_json, write_table
+from ..viz.board.tables import fill
+from ..viz.terminal.output import counted, progress_bar, show, show_lines, show_table
+from .options import BaseOption, JsonOption, TableOption, file_option
+from .output import write_json, write_table
 
 
 @dataclass(frozen=True)
@@ -51,25 +51,21 @@ def board(
     ] = None,
     records: Annotated[Path | None, typer.Option(help="Folder of records; those that ship by default.")] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Also write a page (.html) with its parts beside it.")
+        Path | None,
+        file_option("-o", "--output", text="Also write a page (.html) with its parts beside it.", suffixes=(".html",)),
     ] = None,
     env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
     pages: Annotated[
         list[Path] | None,
         typer.Option("--fill", help="A Markdown page: write its marked tables anew from the records; repeatable."),
     ] = None,
-    base: Annotated[
-        Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted. Default: the one that ships.")
-    ] = None,
+    base: BaseOption = None,
     strict: Annotated[bool, typer.Option("--strict", help="Status 1 where a record is broken.")] = False,
     table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
-    require_writable(json_file, output, table_file)
     if output is not None:
-        if output.suffix != ".html":
-            raise typer.BadParameter(f"{output}: expected a name that ends in .html", param_hint="--output")
         require_parts(output)
     with progress_bar("records") as progress:
         content = read_board(records, further or (), env, output, trusted(base), progress)
@@ -77,18 +73,17 @@ def board(
     changed = _fill(pages, content, whole=not (env or further)) if pages else []
     write_json(json_file, board_json(entries))
     write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
-    if output is not None:
-        submitting = (records or shipped_records()).parent / "SUBMITTING.md"
-        guide = relative_address(submitting, output) if submitting.exists() else None
-        write_page(output, board_files(entries, parts_folder(output).name, guide))
     for table, notes in tables:
-        show_numbers(report_table(table, style_of))
+        show_table(table, style=style_of)
         show("")
         show_lines(notes)
     show_lines([*content.notes, *(f"refused: {text}" for text in content.refused)])
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if output is not None:
+        submitting = (records or shipped_records()).parent / "SUBMITTING.md"
+        guide = _relative(submitting, output) if submitting.exists() else None
+        write_page(output, board_files(entries, parts_folder(output).name, guide))
         show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
     show_lines(changed)
     if strict and content.refused:
@@ -115,13 +110,28 @@ def read_board(
     if folder is not None and not folder.is_dir():
         raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
     folder = folder or shipped_records()
-    start = _Start(page, trust, folder.absolute().parent.parent / "baselines")
+    baselines = folder.absolute().parent.parent / "baselines"
+
+    def read(path: Path, added: bool) -> Found:
+        record = load_record(path)
+        signed, note = read_level(path, record, trust)
+        name = record.submission.name
+        code = baselines / name if name in baseline_names() and not why_not_genuine(record) else None
+        return Found(record, signed, _link(path, page), added, note, _link(code, page))
+
     refused: list[str] = []
+    found: dict[str, Found] = {}
     paths = record_paths(folder, env_id or "")
     progress.started(len(paths))
-    found = {each.record.digest: each for each in _sound(paths, start, refused, progress)}
+    for path in paths:
+        try:
+            each = read(path, added=False)
+            found[each.record.digest] = each
+        except RecordError as error:
+            refused.append(str(error))
+        progress.done(path.parent.name)
     for path in further:
-        each = _read(path, start, added=True)
+        each = read(path, added=True)
         if each.record.digest not in found:
             place = _place(each.record)
             found = {digest: other for digest, other in found.items() if _place(other.record) != place}
@@ -148,47 +158,15 @@ def _fill(pages: Sequence[Path], content: Board, whole: bool) -> list[str]:
     return [f"{page}: {'tables written anew' if fill(page, content.entries) else 'unchanged'}" for page in pages]
 
 
-def relative_address(path: Path, page: Path) -> str | None:
+def _link(path: Path | None, page: Path | None) -> str | None:
+    """Relative address of a file or folder; None without a page, and where the file is missing."""
+    return _relative(path, page) if path is not None and page is not None and path.exists() else None
+
+
+def _relative(path: Path, page: Path) -> str | None:
     """Relative path from the folder of ``page`` to ``path``; None from another drive."""
     try:
         relative = os.path.relpath(path.absolute(), page.absolute().parent)
     except ValueError:
         return None
     return Path(relative).as_posix()
-
-
-@dataclass(frozen=True)
-class _Start:
-    """The page and the trust that records are read for."""
-
-    page: Path | None  # the file that links start from; None: there are none
-    trust: Trust
-    baselines: Path  # beside the leaderboard
-
-    def link(self, path: Path) -> str | None:
-        """Relative address of a file or folder; None without a page, and where the file is missing."""
-        return relative_address(path, self.page) if self.page is not None and path.exists() else None
-
-
-def _sound(paths: Sequence[Path], start: _Start, refused: list[str], progress: Progress) -> Iterator[Found]:
-    """The records that can be read; the reasons of the others go to ``refused``."""
-    for path in paths:
-        try:
-            yield _read(path, start, added=False)
-        except RecordError as error:
-            refused.append(str(error))
-        progress.done(path.parent.name)
-
-
-def _read(path: Path, start: _Start, added: bool) -> Found:
-    record = load_record(path)
-    signed, note = read_level(path, record, start.trust)
-    return Found(record, signed, start.link(path), added, note, _code_of(record, start))
-
-
-def _code_of(record: Record, start: _Start) -> str | None:
-    """Address of the folder of a baseline that ships; None for a submission of others, also under such a name."""
-    name = record.submission.name
-    if start.page is None or name not in baseline_names() or why_not_genuine(record):
-        return None
-    return start.link(start.baselines / name)

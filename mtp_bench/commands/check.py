@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from ..errors import SubmissionError
 from ..parallel import Workers, cores
 from ..records.checking import SCENES, SubmissionCheck, check_submission
 from ..running.options import RunOptions
 from ..submission.loader import load_submission
-from ..tables import BLANK
-from ..viz.terminal.output import command_line, counted, new_table, number, show, show_numbers
-from .options import DataOption, JsonOption, ScenesOption, SubmissionArgument, TracksOption, absolute
-from .output import prepare, require_writable, working, write_json
+from ..tables import Column, Table
+from ..testing import Finding
+from ..viz.terminal.output import SCENE_WIDTH, command_line, counted, show, show_table
+from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
+from .output import prepare, working, write_json
 
-_STYLE = {"error": "bold red", "warning": "yellow", "ok": "green"}
+_STYLE = {"error": "bold red", "warning": "yellow", "ok": ""}  # of a row
 
 
 def check(
@@ -27,22 +27,19 @@ def check(
     ] = "MTP-Intersection-v0",
     root: DataOption = None,
     tracks: TracksOption = None,
-    scenes: ScenesOption = None,
+    scenes: Annotated[int, typer.Option(min=1, max=SCENES, help="Scenes to compare on.")] = SCENES,
     json_file: JsonOption = None,
 ) -> None:
     """Check that a submission keeps the contract, and compare up to three scenes with STP. Status 1 for errors."""
-    require_writable(json_file)
-    if scenes is not None and scenes > SCENES:
-        raise typer.BadParameter(f"{scenes}, expected at most {SCENES}: the limit of a check", param_hint="--scenes")
-    options = RunOptions(root, scenes or SCENES, track_file=absolute(tracks), workers=Workers(cores()))
+    options = RunOptions(root, scenes, track_file=absolute(tracks), workers=Workers(cores()))
     options.require_tracks_used([load_submission(path)])
     prepare(env, options)
     with working("check", options) as watched:
         checked = check_submission(path, env, watched)
     write_json(json_file, checked.to_json())
-    show(finding_table(checked))
+    show_table(_finding_table(checked), style=lambda row: _STYLE[row.level], wrapped=("found",))
     if checked.scores:
-        show_numbers(_score_table(checked))
+        show_table(_score_table(checked), first_width=SCENE_WIDTH)
     if checked.errors:
         errors = counted(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {errors}, see the table")
@@ -51,35 +48,28 @@ def check(
     show(f"{checked.submission} passes; next: `{compare}`")
 
 
-def finding_table(checked: SubmissionCheck) -> Table:
-    """Table of the findings, with expected value, place and advice below each that is not ok."""
-    from rich.markup import escape
+def _finding_table(checked: SubmissionCheck) -> Table:
+    columns = Column(key="level"), Column(key="check"), Column(key="found", read=_found)
+    return Table("findings", f"{checked.submission} on {checked.env}", "", checked.findings, columns)
 
-    table = Table(title=escape(f"{checked.submission} on {checked.env}"), title_justify="left")
-    table.add_column("", no_wrap=True)
-    table.add_column("check", no_wrap=True)
-    table.add_column("found", overflow="fold")
-    for finding in checked.findings:
-        lines = [finding.got, *(f"  {line}" for line in finding.traceback)]
-        for label, text in (("expected", finding.expected), ("where", finding.where), ("to do", finding.advice)):
-            lines += [f"{label}: {text}"] if text else []
-        style = _STYLE[finding.level]
-        table.add_row(f"[{style}]{finding.level}[/{style}]", finding.check, escape("\n".join(lines)))
-    return table
+
+def _found(finding: Finding) -> str:
+    """The finding, then its expected value, place and advice on lines of their own."""
+    labels = (("expected", finding.expected), ("where", finding.where), ("to do", finding.advice))
+    further = [f"{label}: {text}" for label, text in labels if text]
+    return "\n".join([finding.got, *(f"  {line}" for line in finding.traceback), *further])
 
 
 def _score_table(checked: SubmissionCheck) -> Table:
     """Plain error and false forecasts per scene, beside those of the reference."""
-    from rich.markup import escape
-
-    own, other = escape(checked.submission), checked.reference
-    headings = ("scene", "targets", own, other, "covered", f"false, {own}", f"false, {other}")
-    table = new_table("plain error (m), lower is better, and false forecasts", headings, left=("scene",))
-    for row in checked.scores:
-        covered = BLANK if row["coverage"] is None else f"{row['coverage']:.0%}"
-        errors = (number(row[key]) for key in ("plain_error", other))
-        false = (
-            BLANK if row[key] is None else str(row[key]) for key in ("false_forecasts", f"{other}_false_forecasts")
-        )
-        table.add_row(escape(row["scene"]), str(row["targets"]), *errors, covered, *false)
-    return table
+    own, other = checked.submission, checked.reference
+    columns = (
+        Column(key="scene"),
+        Column(key="targets"),
+        Column(own, "m", key="plain_error", group="plain error"),
+        Column(other, "m", key=other, group="plain error"),
+        Column("covered", "share", key="coverage"),
+        Column(own, key="false_forecasts", group="false"),
+        Column(other, key=f"{other}_false_forecasts", group="false"),
+    )
+    return Table("scores", "plain error (m), lower is better, and false forecasts", "", checked.scores, columns)

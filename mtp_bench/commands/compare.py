@@ -10,16 +10,15 @@ from ..running.compare import compare as run_comparison
 from ..running.compare import control_names
 from ..viz.terminal.output import counted, show, show_lines
 from ..viz.terminal.verdict import verdict
-from .completion import submissions
-from .options import SEEDS, EnvScenes, FullOption, JsonOption, TableOption, WorkerChoice
-from .output import prepare, require_writable, show_report, working, write_json
+from .options import SEEDS, AgentScenes, FullOption, JsonOption, TableOption, WorkerChoice, submissions
+from .output import prepare, show_report, working, write_json
 
 
 def compare(
     agents: Annotated[
         list[str], typer.Argument(help="Names of baselines or folders of submissions.", autocompletion=submissions)
     ],
-    on: EnvScenes,
+    on: AgentScenes,
     workers: WorkerChoice,
     seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws.")] = SEEDS,
     full: FullOption = False,
@@ -27,13 +26,11 @@ def compare(
     json_file: JsonOption = None,
 ) -> None:
     """Run agents side by side, with ground-truth tracks and the controls: the verdict, and one table."""
-    require_writable(json_file, table_file)
     options = on.options(workers, range(seeds))
     prepare(on.env, options, agents)
     with working("compare", options) as watched:
         result = run_comparison(agents, on.env, watched)
-    content = result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped}
-    write_json(json_file, content)
+    write_json(json_file, result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped})
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)
     show_lines(verdict(result.report, [name for name in ran if name in agents or name not in control_names()]), "- ")
     show("")

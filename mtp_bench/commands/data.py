@@ -10,11 +10,10 @@ from .._bundle import card_ids
 from ..cards import changed_card, load_card
 from ..errors import MtpBenchError
 from ..running.reading import read_status
-from ..viz.terminal.listings import data_report, status_json
-from ..viz.terminal.output import progress_bar, show
-from .completion import env_ids
-from .options import DataOption, JsonOption, SplitOption
-from .output import require_writable, write_json
+from ..viz.terminal.listings import data_lines, status_json, status_table
+from ..viz.terminal.output import progress_bar, show, show_table
+from .options import DataOption, JsonOption, SplitOption, env_ids
+from .output import write_json
 
 
 def data(
@@ -27,7 +26,6 @@ def data(
 
     Status 1 for broken files; with --env also for data that is not there.
     """
-    require_writable(json_file)
     if split is not None and env is None:
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
     cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
@@ -38,7 +36,8 @@ def data(
             statuses[card.id] = read_status(card, root)
             progress.done(card.id)
     write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
-    show(data_report(statuses))
+    show_table(status_table(statuses), first_width=None)
+    show("\n".join(data_lines(statuses)))
     lacking = [env_id for env_id, status in statuses.items() if status.problems or (env and not status.usable)]
     if lacking:
         raise MtpBenchError(f"data is missing or broken for {', '.join(lacking)}; see the listing above")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .._bundle import card_ids
 from ..cards import load_card
 from ..viz.terminal.listings import env_table
-from ..viz.terminal.output import show_numbers
+from ..viz.terminal.output import show_table
 from .options import JsonOption
 from .output import write_json
 
@@ -14,4 +14,4 @@ def envs(json_file: JsonOption = None) -> None:
     """List the environments."""
     cards = [load_card(env_id) for env_id in card_ids()]
     write_json(json_file, {card.id: {**card.model_dump(mode="json"), "digest": card.digest} for card in cards})
-    show_numbers(env_table(cards))
+    show_table(env_table(cards), first_width=None, wrapped=("classes", "summary"))

@@ -21,10 +21,9 @@ from ..viz.terminal.event_table import (
     longest_only,
     tally_line,
 )
-from ..viz.terminal.output import progress_bar, show, show_command, show_lines, show_numbers
-from .completion import words
-from .options import DataOption, FolderArgument, JsonOption, RunCardOption, one_of
-from .output import require_writable, write_json
+from ..viz.terminal.output import SCENE_WIDTH, progress_bar, show, show_command, show_lines, show_table
+from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice
+from .output import write_json
 
 
 def events(
@@ -32,27 +31,15 @@ def events(
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
     kind: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Only ids, lost, reacquired or spurious (false forecasts); repeatable.",
-            autocompletion=words("ids", "lost", "reacquired", "spurious"),
-        ),
+        choice(KINDS, text="Only ids, lost, reacquired or spurious (false forecasts); repeatable."),
     ] = None,
-    sort: Annotated[
-        str,
-        typer.Option(
-            help="cost: the largest error first; time: by scene and frame.", autocompletion=words("cost", "time")
-        ),
-    ] = "time",
+    sort: Annotated[str, choice(ORDERS, text="cost: the largest error first; time: by scene and frame.")] = "time",
     top: Annotated[int | None, typer.Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
     env: RunCardOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """List identity switches, losses, re-acquisitions and false forecasts, and how to look at each."""
-    for name in kind or ():
-        one_of(name, KINDS, "--kind")
-    one_of(sort, ORDERS, "--sort")
-    require_writable(json_file)
     tally = Tally()
     rows: list[EventRow] = []
     with progress_bar("events") as progress:
@@ -68,7 +55,7 @@ def events(
     write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
     listed = rows if kind or top else longest_only(rows)
     if listed:
-        show_numbers(event_table(listed))
+        show_table(event_table(listed), first_width=SCENE_WIDTH, wrapped=("object", "track"))
         show("")
         show_lines([CAPTION, LOOK])
         show_command(listed[0].view)

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from ..training.noise_profile import fit_noise as fit
-from .options import EnvScenes, TextOption, require_no_tracks
-from .output import prepare, print_or_write, require_writable, working
+from .options import EnvScenes, TextOption
+from .output import prepare, print_or_write, working
 
 
 def fit_noise(
@@ -26,8 +26,6 @@ def fit_noise(
     output: TextOption = None,
 ) -> None:
     """Fit the noise of a simulated detector to the detections of an environment; the output is a section of a card."""
-    require_writable(output)
-    require_no_tracks(on)
     options = on.options()
     prepare(on.env, options)
     with working("read", options) as watched:

@@ -1,4 +1,4 @@
-"""``mtp-bench import``: tracks of other programs as tables."""
+"""``mtp-bench import``."""
 
 from __future__ import annotations
 
@@ -11,32 +11,19 @@ from ..running.options import RunOptions
 from ..sources import open_source, with_tracks
 from ..sources.stored_tracks import import_tracks
 from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
-from .options import DataOption, ScenesOption, SplitOption
+from .options import DataOption, EnvOption, ScenesOption, SplitOption
 from .output import prepare
 
-import_ = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    help="Turn files of other programs into tables.",
-)
 
-
-@import_.callback()
-def _group() -> None:
-    """Keep ``tracks`` a command of its own."""
-
-
-@import_.command()
-def tracks(
+def import_(
     file: Annotated[Path, typer.Argument(help="A tracking submission of nuScenes, or KITTI's result files.")],
-    env: Annotated[str, typer.Option("--env", help="Environment or card whose scenes they are of.")],
+    env: EnvOption,
     output: Annotated[Path, typer.Option("-o", "--output", help="New folder for the tables.")],
     root: DataOption = None,
     scenes: ScenesOption = None,
     split: SplitOption = None,
 ) -> None:
-    """Import tracks of another program as tables, one for each scene."""
+    """Write the tracks of another program as tables, one for each scene."""
     options = RunOptions(root, scenes, split=split)
     prepare(env, options)
     card = options.card(env)

@@ -1,27 +1,86 @@
-"""``mtp-bench maintain``: commands of the maintainers."""
+"""``mtp-bench maintain``: commands of the maintainers of the leaderboard and of the environments."""
 
 from __future__ import annotations
 
-from typing import ClassVar
+import shlex
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
-from .lazy import LazyGroup
+from .. import records
+from ..errors import RecordError
+from ..records.eligibility import LEAST_HIDDEN
+from ..records.intake import take_in
+from ..records.seal import COMMITMENT, SEALS, beside
+from ..running.reference import freeze as write
+from ..viz.terminal.output import counted, show
+from .options import BaseOption, DataOption, EnvOption, EnvScenes, JobsOption, JsonOption, WorkerChoice
+from .output import prepare, some_of, working, write_json
+
+maintain = typer.Typer(
+    no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Commands of the maintainers."
+)
 
 
-class MaintainerCommands(LazyGroup):
-    """Commands that only maintainers of the leaderboard and of the environments need."""
+@maintain.command(short_help="Draw secret scenes, or publish a secret.")
+def seal(
+    env: Annotated[str | None, typer.Option(help="Environment id, or path of a card.")] = None,
+    scenes: Annotated[
+        int | None, typer.Option("--count", min=1, max=1000, help="Number of hidden scenes; ranks need 50.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="File of the secret, beside its commitment. With --retire: folder."),
+    ] = None,
+    retire: Annotated[
+        Path | None, typer.Option(help="Publish this secret in the folder of seals: it ranks no further submission.")
+    ] = None,
+) -> None:
+    """Draw secret scenes of a simulated environment and commit to them, or publish a secret."""
+    if retire is not None:
+        if env is not None or scenes is not None:
+            raise typer.BadParameter("publishes a secret: leave --env and --count out", param_hint="--retire")
+        path = records.retire(retire, output or SEALS)
+        show(f"{path}: the secret is public from now on; draw another seal for the next round")
+        return
+    if env is None or scenes is None or output is None:
+        raise typer.BadParameter("--env, --count and --output are needed, or --retire")
+    promise, public = records.seal(env, scenes, output), beside(output, COMMITMENT)
+    show(
+        f"{public}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env} in "
+        f"leaderboard/seals, sha256 {promise.commitment}"
+    )
+    if scenes < LEAST_HIDDEN:
+        show(f"for trials alone: {counted(scenes, 'scene')} are too few to rank, ranks need {LEAST_HIDDEN}")
+    show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {shlex.quote(str(output))}` runs them")
 
-    summaries: ClassVar[dict[str, str]] = {
-        "seal": "Draw secret scenes of a simulated environment, or publish a secret.",
-        "freeze": "Write the frozen event weights of a shipped environment.",
-        "intake": "Check the records and names of a pull request.",
-    }
+
+@maintain.command()
+def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> None:
+    """Write the frozen event weights of a shipped environment."""
+    options = EnvScenes(env, root).options(WorkerChoice(jobs))
+    prepare(env, options)
+    with working("freeze", options) as watched:
+        path, reference = write(env, watched)
+    totals = ", ".join(f"{name} {total}" for name, total in reference.totals["sum_of_weights"].items())
+    show(f"{path}: {counted(reference.totals['targets'], 'target')}, sum of weights {totals}; hash {reference.digest}")
 
 
-maintain = typer.Typer(cls=MaintainerCommands, no_args_is_help=True, add_completion=False, rich_markup_mode=None)
-
-
-@maintain.callback()
-def about() -> None:
-    """Commands of the maintainers."""
+@maintain.command(short_help="Check the records of a pull request.")
+def intake(
+    leaderboard: Annotated[Path, typer.Argument(help="Folder leaderboard that a pull request proposes.")],
+    owner: Annotated[str, typer.Option(help="Login of its author.")],
+    base: BaseOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """Check the records and names of a pull request; no code of a submission is run."""
+    trust = records.trusted(base)
+    outcome = take_in(leaderboard, trust, owner)
+    write_json(json_file, {"accepted": list(map(str, outcome.accepted)), "refused": list(outcome.refused)})
+    for text in (*(f"{path}: can be taken in" for path in outcome.accepted), *outcome.notes):
+        show(text)
+    if outcome.refused:
+        raise RecordError(some_of(outcome.refused))
+    if not outcome.accepted:
+        show(f"no record to take in: all are as in {trust.folder}")

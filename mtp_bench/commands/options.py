@@ -3,24 +3,87 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, is_dataclass
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, is_dataclass, replace
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
 
+from .._bundle import baseline_names, card_ids
 from ..errors import MtpBenchError, closest
+from ..files import require_file
 from ..parallel import Workers, cores
-from .completion import detectors, env_ids, submissions
-from .output import json_alone, table_file
+from ..running.options import RunOptions, fold_of
+from ..tables import SUFFIXES
+from .output import json_alone
 
-if TYPE_CHECKING:
-    from ..running.options import RunOptions
+SEEDS = 3  # default of commands that compare or submit
 
-SEVERAL = {"run": "`mtp-bench compare` takes several agents"}  # command -> advice for too many arguments
+
+def env_ids(incomplete: str) -> list[str]:
+    """Completions: ids of the shipped environments, and files of cards."""
+    return _offered([*card_ids(), *_beside(incomplete, "*.toml")], incomplete)
+
+
+def submissions(incomplete: str) -> list[str]:
+    """Completions: names of the baselines, and folders of submissions."""
+    own = [path.removesuffix("/submission.toml") for path in _beside(incomplete, "*/submission.toml")]
+    return _offered([*baseline_names(), *own], incomplete)
+
+
+def detectors(incomplete: str) -> list[str]:
+    """Completions: names of the shipped profiles and variants, and files of profiles."""
+    from ..detector import profile_names
+
+    return _offered(["iid", "hard", *profile_names(), *_beside(incomplete, "*.toml")], incomplete)
+
+
+def _beside(incomplete: str, pattern: str) -> list[str]:
+    """Files of ``pattern`` in the folder that is being named."""
+    folder = incomplete[: incomplete.rfind("/") + 1]
+    return [f"{folder}{path.relative_to(folder)}" for path in sorted(Path(folder).glob(pattern))]
+
+
+def _offered(names: Iterable[str], incomplete: str) -> list[str]:
+    return [name for name in names if name.startswith(incomplete)]
+
+
+def choice(known: Sequence[str], *names: str, text: str) -> Any:
+    """An option whose values are ``known`` words, with completion; ``text``: its help."""
+
+    def check(value: Any) -> Any:
+        for word in [value] if isinstance(value, str) else value or ():
+            one_of(word, known)
+        return value
+
+    return typer.Option(
+        *names, help=text, callback=check, autocompletion=lambda incomplete: _offered(known, incomplete)
+    )
+
+
+def one_of(value: str, known: Sequence[str], option: str | None = None) -> None:
+    """Raise BadParameter unless ``value`` is one of ``known``."""
+    if value not in known:
+        close = closest(value, known)
+        meant = f"; did you mean {close!r}?" if close else ""
+        raise typer.BadParameter(f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option)
+
+
+def file_option(*names: str, text: str, suffixes: Sequence[str] = ()) -> Any:
+    """An option that names a file to write: its suffix and its folder are checked before the work."""
+
+    def check(path: Path | None) -> Path | None:
+        if path is not None:
+            if suffixes and path.suffix.lower() not in suffixes:
+                raise typer.BadParameter(f"{path}: expected a name that ends in {' or '.join(suffixes)}")
+            require_file(path)
+        return path
+
+    return typer.Option(*names, help=text, callback=check)
+
+
 DataOption = Annotated[
     str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
 ]
@@ -30,10 +93,10 @@ JsonOption = Annotated[
 ]
 TableOption = Annotated[
     Path | None,
-    typer.Option(
+    file_option(
         "--table",
-        callback=table_file,
-        help="Write the table to this file: .csv or .json with all numbers, .md or .tex as it is shown.",
+        suffixes=SUFFIXES,
+        text="Write the table to this file: .csv or .json with all numbers, .md or .tex as it is shown.",
     ),
 ]
 FullOption = Annotated[bool, typer.Option("--full", help="All tables, not only the first.")]
@@ -45,9 +108,8 @@ ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only 
 SplitOption = Annotated[
     str | None, typer.Option("--split", help="Another split of the environment, such as train or val.")
 ]
-TextOption = Annotated[Path | None, typer.Option("-o", "--output", help="Write here instead of printing.")]
+TextOption = Annotated[Path | None, file_option("-o", "--output", text="Write here instead of printing.")]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
-SEEDS = 3  # default of commands that compare or submit
 TracksOption = Annotated[
     Path | None,
     typer.Option(
@@ -62,6 +124,28 @@ RunCardOption = Annotated[
 SubmissionArgument = Annotated[
     str, typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
 ]
+BaseOption = Annotated[
+    Path | None,
+    typer.Option("--base", help="Leaderboard whose keys and seals are trusted. Default: the one that ships."),
+]
+
+
+@dataclass(frozen=True)
+class WorkerChoice:
+    """The workers of a command."""
+
+    jobs: JobsOption = 0
+    backend: Annotated[str, typer.Option(help="loky: processes here. dask: workers of a Dask cluster.")] = "loky"
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of the Dask scheduler, such as tcp://10.0.0.1:8786.")
+    ] = None
+
+    def workers(self) -> Workers:
+        """The workers; raises BadParameter at once for a backend that cannot work."""
+        try:
+            return Workers(self.jobs or cores(), self.backend, self.scheduler)
+        except MtpBenchError as error:
+            raise typer.BadParameter(str(error), param_hint="--backend, --scheduler") from None
 
 
 @dataclass(frozen=True)
@@ -87,54 +171,32 @@ class EnvScenes:
         Path | None,
         typer.Option(help="Stored detections: a file as submitted to nuScenes; for KITTI a folder of text files."),
     ] = None
-    tracks: TracksOption = None
     files: Annotated[Path | None, typer.Option(help="Folder of scenes of your own, in place of the environment's.")] = (
         None
     )
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
-        from ..running.options import RunOptions, fold_of
-
-        file, tracks, files = absolute(self.detections), absolute(self.tracks), absolute(self.files)
+        file, files = absolute(self.detections), absolute(self.files)
         chosen = (workers or WorkerChoice()).workers()
         try:
             fold = None if self.fold is None else fold_of(self.fold)
         except MtpBenchError as error:
             raise typer.BadParameter(str(error), param_hint="--fold") from None
         return RunOptions(
-            self.data, self.scenes, seeds, self.split, self.detector, fold, file, tracks, chosen, files=files
+            self.data, self.scenes, seeds, self.split, self.detector, fold, file, workers=chosen, files=files
         )
 
 
 @dataclass(frozen=True)
-class WorkerChoice:
-    """The workers of a command."""
+class AgentScenes(EnvScenes):
+    """Scenes that agents run on, which may get stored tracks."""
 
-    jobs: JobsOption = 0
-    scheduler: Annotated[
-        str | None,
-        typer.Option(help="Run on the workers of the Dask scheduler at this address, such as tcp://10.0.0.1:8786."),
-    ] = None
+    tracks: TracksOption = None
 
-    def workers(self) -> Workers:
-        """The workers; raises BadParameter for a scheduler without Dask."""
-        try:
-            return Workers(self.jobs or cores(), self.scheduler)
-        except MtpBenchError as error:
-            raise typer.BadParameter(str(error), param_hint="--scheduler") from None
-
-
-class Command(TyperCommand):
-    """A command that says what to do about too many arguments."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse ``args``; fails for too many of them."""
-        ctx.allow_extra_args = ctx.info_name in SEVERAL
-        extra = super().parse_args(ctx, args)
-        if extra and not ctx.resilient_parsing:
-            ctx.fail(f"unexpected {', '.join(map(repr, extra))}: {SEVERAL[ctx.info_name]}")
-        return extra
+    def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
+        """These scenes under ``seeds`` as options of a run, with the stored tracks."""
+        return replace(super().options(workers, seeds), track_file=absolute(self.tracks))
 
 
 def opened(command: Callable[..., None]) -> Callable[..., None]:
@@ -159,20 +221,6 @@ def opened(command: Callable[..., None]) -> Callable[..., None]:
     return call
 
 
-def require_no_tracks(on: EnvScenes) -> None:
-    """Raise BadParameter for stored tracks in a command that does not read them."""
-    if on.tracks is not None:
-        raise typer.BadParameter("this command does not learn from stored tracks: leave it out", param_hint="--tracks")
-
-
 def absolute(path: Path | None) -> str | None:
     """An absolute path, valid from any working folder."""
     return None if path is None else str(path.expanduser().absolute())
-
-
-def one_of(value: str, known: Sequence[str], option: str) -> None:
-    """Raise BadParameter unless ``value`` is one of ``known``."""
-    if value not in known:
-        close = closest(value, known)
-        meant = f"; did you mean {close!r}?" if close else ""
-        raise typer.BadParameter(f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option)

@@ -16,7 +16,7 @@ import typer
 
 from ..errors import MtpBenchError
 from ..files import clean_text, describe_write_error, require_file, write_text
-from ..tables import SUFFIXES, Table, tables_text
+from ..tables import Table, tables_text
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
@@ -79,14 +79,14 @@ def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool,
     ``file``: where they are written too, in the format of its suffix.
     """
     from ..running.reading import skipped_line
-    from ..viz.terminal.output import report_table, show, show_lines, show_numbers
+    from ..viz.terminal.output import show, show_lines, show_table
     from ..viz.terminal.tables import data_table, full_tables, main_table
     from ..viz.terminal.verdict import notes
 
     condition = report.condition
     main, further = main_table(report), list(full_tables(report)) if full else []
     write_table(file, [main, *further], data_table(report))
-    show_numbers(report_table(main, lambda row: "dim" if row.is_from_paper else ""))
+    show_table(main, style=lambda row: "dim" if row.is_from_paper else "")
     show_lines(notes(report))
     own = "own scenes, settings of the environment; " if condition["source"] == "files" else ""
     data = f"{own}split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
@@ -94,27 +94,13 @@ def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool,
     show_lines([line for line in [skipped_line(skipped)] if line is not None])
     for table in further:
         show("")
-        show_numbers(report_table(table))
+        show_table(table)
 
 
 def write_table(path: Path | None, shown: Sequence[Table], data: Table) -> None:
     """Write tables to the file that is named, in the format of its suffix; see `tables_text`."""
     if path is not None:
         write_text(path, tables_text(path.suffix, shown, data))
-
-
-def table_file(path: Path | None) -> Path | None:
-    """Check the suffix of the file that ``--table`` names; wrong usage for another."""
-    if path is not None and path.suffix not in SUFFIXES:
-        raise typer.BadParameter(f"{path}: expected a name that ends in {', '.join(SUFFIXES)}")
-    return path
-
-
-def require_writable(*paths: Path | None) -> None:
-    """Raise MtpBenchError, before the work, for files that cannot be written."""
-    for path in paths:
-        if path is not None and path != STANDARD_OUTPUT:
-            require_file(path)
 
 
 class _Muted(io.StringIO):
@@ -126,10 +112,12 @@ class _Muted(io.StringIO):
 
 
 def json_alone(context: typer.Context, path: Path | None) -> Path | None:
-    """The path of ``--json``; if it is standard output, nothing else is printed there."""
+    """The path of ``--json``, which can be written; if it is standard output, nothing else is printed there."""
     if path == STANDARD_OUTPUT:
         output = context.with_resource(_standard_output_apart())
         context.with_resource(redirect_stdout(_Muted(output)))
+    elif path is not None:
+        require_file(path)
     return path
 
 

@@ -12,13 +12,13 @@ from ..running.stored import require_free
 from ..running.stored import run as run_agent
 from ..viz.terminal.output import command_line, counted, show
 from ..viz.terminal.verdict import rejected_line
-from .options import EnvScenes, SubmissionArgument, WorkerChoice
+from .options import AgentScenes, SubmissionArgument, WorkerChoice
 from .output import prepare, working
 
 
 def run(
     agent: SubmissionArgument,
-    on: EnvScenes,
+    on: AgentScenes,
     workers: WorkerChoice,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the rollouts.")],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the run.")] = 0,

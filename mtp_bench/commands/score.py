@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..running.options import RunOptions
 from ..running.stored import score as score_run
 from .options import DataOption, FolderArgument, FullOption, JsonOption, RunCardOption, TableOption
-from .output import require_writable, show_report, working, write_json
+from .output import show_report, working, write_json
 
 
 def score(
@@ -17,7 +17,6 @@ def score(
     json_file: JsonOption = None,
 ) -> None:
     """Score stored rollouts."""
-    require_writable(json_file, table_file)
     with working("score", RunOptions(root)) as options:
         scored = score_run(folder, options, env)
     report = scored.report

@@ -11,19 +11,20 @@ import typer
 from ..study import study as run_study
 from ..study.conduct import QUICK_SCENES, quick_options, require_study_folder
 from ..study.page import summary
+from ..submission.loader import controls
 from ..viz.terminal.output import command_line, show, show_lines
-from .completion import submissions
-from .options import SEEDS, EnvScenes, WorkerChoice
+from .options import SEEDS, AgentScenes, WorkerChoice, submissions
 from .output import prepare, working
 
 
 def study(
-    on: EnvScenes,
+    on: AgentScenes,
     workers: WorkerChoice,
     agent: Annotated[
         list[str] | None,
         typer.Option(
-            help="Name of a baseline or folder of a submission; repeatable, the story is about the first. Else mtp.",
+            help="Name of a baseline or folder of a submission; repeatable, the story is about the first. "
+            f"Default: {controls()['several']}.",
             autocompletion=submissions,
         ),
     ] = None,
@@ -47,7 +48,7 @@ def study(
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())
     with working("study", options) as watched:
-        made = run_study(agent or ["mtp"], on.env, output, watched, quick, command_line(*sys.argv[1:]))
+        made = run_study(agent or [controls()["several"]], on.env, output, watched, quick, command_line(*sys.argv[1:]))
     show_lines(summary(made.findings), "- ")
     show("")
     show(f"{len(made.tables)} tables and {made.figures} figures: {made.page}")

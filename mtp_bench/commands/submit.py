@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
@@ -21,37 +20,38 @@ from ..records.parts import Start, require_new
 from ..records.submitting import record_path, require_kept, require_writable
 from ..running.options import RunOptions
 from ..submission.loader import Submission, load_submission
-from ..viz.terminal.output import counted, new_table, number, show, show_numbers
-from .completion import env_ids, submissions, words
-from .options import SEEDS, DataOption, TracksOption, WorkerChoice, absolute, one_of
+from ..tables import Table, columns_of
+from ..viz.terminal.output import counted, show, show_table
+from .options import SEEDS, DataOption, TracksOption, WorkerChoice, absolute, choice, env_ids, submissions
 from .output import prepare, said_of, say, some_of, working
-from .submit_all import last_line, make_all, summary_table
+from .submit_all import make_all, summary_table
 
 DIVISIONS = ("closed", "open")
+SHOWN = ("subset", "error", "interval", "plain_error", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
 
 
 @dataclass(frozen=True)
 class EntryOptions:
     """Options of the entry on the leaderboard."""
 
-    division: Annotated[str, typer.Option(help="closed or open.", autocompletion=words(*DIVISIONS))] = "closed"
+    division: Annotated[str, choice(DIVISIONS, text="closed or open.")] = "closed"
     training_data: Annotated[list[str] | None, typer.Option(help="Training data beyond that of its manifest.")] = None
     commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
     cuda: Annotated[bool, typer.Option("--cuda", help="Give the agent the graphics cards: open division.")] = False
     tracks: TracksOption = None
 
     def arguments(self) -> dict[str, Any]:
-        """Arguments of `records.submit`; BadParameter for an unknown division, and options that it does not have."""
-        one_of(self.division, DIVISIONS, "--division")
+        """Arguments of `records.submit`; BadParameter for options that a division does not have."""
         if self.cuda and self.division != "open":
             raise typer.BadParameter("only with --division open", param_hint="--cuda")
         if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
             raise typer.BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
-        limits = Limits(cuda=self.cuda)
         return {
-            "division": self.division, "training_data": self.training_data or (), "commit": self.commit,
-            "limits": limits,
-        }  # fmt: skip
+            "division": self.division,
+            "training_data": self.training_data or (),
+            "commit": self.commit,
+            "limits": Limits(cuda=self.cuda),
+        }
 
 
 @dataclass(frozen=True)
@@ -65,19 +65,6 @@ class Runs:
     split: Annotated[str | None, typer.Option(help="Another split, such as train: a partial record, never ranked.")] = (
         None
     )
-
-
-@dataclass(frozen=True)
-class Every:
-    """Options of making all records of a leaderboard."""
-
-    everything: Annotated[
-        bool,
-        typer.Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones."),
-    ] = False
-    minutes: Annotated[
-        float | None, typer.Option(min=0, help="With --all: begin no further record after this time.")
-    ] = None
 
 
 @dataclass(frozen=True)
@@ -100,7 +87,6 @@ class Restart:
 def submit(
     workers: WorkerChoice,
     entry: EntryOptions,
-    every: Every,
     again: Restart,
     runs: Runs,
     path: Annotated[
@@ -108,6 +94,10 @@ def submit(
         typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions),
     ] = None,
     env: Annotated[list[str] | None, typer.Option(help="Environment id; repeatable.", autocompletion=env_ids)] = None,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones."),
+    ] = False,
     root: DataOption = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
@@ -116,13 +106,10 @@ def submit(
     """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
     more, tracks = entry.arguments(), absolute(entry.tracks)
     options = RunOptions(root, runs.scenes, range(runs.seeds), runs.split, track_file=tracks, workers=workers.workers())
-    if every.everything:
+    if everything:
         _refuse_with_all(entry, again, runs)
-        more = {"start": "resume", "replace": again.force}
-        _submit_all(path, env or (), options, output, more, every.minutes)
+        _submit_all(path, env or (), options, output, {"start": "resume", "replace": again.force})
         return
-    if every.minutes is not None:
-        raise typer.BadParameter("only with --all", param_hint="--minutes")
     if path is None:
         raise typer.BadParameter("name a submission, or --all", param_hint="PATH")
     if not env:
@@ -142,12 +129,7 @@ def _refuse_with_all(entry: EntryOptions, again: Restart, runs: Runs) -> None:
 
 
 def _submit_all(
-    path: str | None,
-    env_ids: Sequence[str],
-    options: RunOptions,
-    output: Path | None,
-    more: Mapping[str, Any],
-    minutes: float | None,
+    path: str | None, env_ids: Sequence[str], options: RunOptions, output: Path | None, more: Mapping[str, Any]
 ) -> None:
     """Make the records of every baseline, or the named one, on every environment, or the named ones."""
 
@@ -155,9 +137,8 @@ def _submit_all(
         return _one(piece.submission, piece.env, options, piece.target.parent, more)
 
     listed = inventory(env_ids, () if path is None else (path,), output)
-    lines = make_all(listed, options, make, minutes)
-    show_numbers(summary_table(lines))
-    show(last_line(lines))
+    lines = make_all(listed, options, make)
+    show_table(summary_table(lines), first_width=None)
     if all(line.outcome == "not here" for line in lines):
         raise RecordError(f"no record can be made here, the first: {lines[0].note}")
     failed = [
@@ -189,7 +170,7 @@ def _submit_one(
             failed.append(f"{env_id}: {said_of(error)}")
             say(failed[-1])
             continue
-        show_numbers(_record_table(record))
+        show_table(_record_table(record))
         show(f"{target}: {_sentence(record)}")
         if record.status in ("crashed", "rejected"):
             failed.append(f"{record.env.id}: {record.status}: {record.status_reason}")
@@ -209,14 +190,7 @@ def _one(
 def _record_table(record: Record) -> Table:
     """One line per subset."""
     title = f"{record.submission.name} on {record.env.id}: error at the false-forecast budgets (m, less is better)"
-    names = ("subset", "error", "interval", "plain", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
-    table = new_table(title, names, left=("subset",))
-    for row in record.rows:
-        shown = "–" if row.interval is None else f"{row.interval[0]:.3f} to {row.interval[1]:.3f}"
-        numbers = [number(value) for value in (row.plain_error, row.minADE, row.minFDE, row.coverage)]
-        counts = [str(value) for value in (row.targets, row.objects, row.scenes)]
-        table.add_row(row.subset, number(row.error), shown, *numbers, *counts)
-    return table
+    return Table("record", title, "", record.rows, [each for each in columns_of(type(record.row)) if each.key in SHOWN])
 
 
 def _sentence(record: Record) -> str:

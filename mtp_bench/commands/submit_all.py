@@ -5,19 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
-
-from rich.table import Table
+from typing import Literal, get_args
 
 from ..errors import DataError, MtpBenchError
 from ..records import Record
 from ..records.inventory import Piece, standing_record, why_impossible
 from ..running.options import RunOptions
-from ..viz.terminal.output import counted, new_table
+from ..tables import Column, Table
 from .output import said_of, say
 
-Outcome = Literal["made", "kept", "not here", "failed", "left"]
-_OUTCOMES: tuple[Outcome, ...] = ("made", "kept", "not here", "failed", "left")
+Outcome = Literal["made", "kept", "not here", "failed"]
 MIB = 2**20
 
 
@@ -37,19 +34,15 @@ class Line:
         return f"{line}: {self.note}" if self.note else line
 
 
-def make_all(
-    pieces: Sequence[Piece], options: RunOptions, make: Callable[[Piece], Record], minutes: float | None
-) -> list[Line]:
+def make_all(pieces: Sequence[Piece], options: RunOptions, make: Callable[[Piece], Record]) -> list[Line]:
     """Make the missing records; the failure of one does not stop the others.
 
-    ``minutes``: no record is begun later. After an interruption the same command continues with the next scene.
+    After an interruption the same command continues with the next scene.
     """
-    begun, lines = time.monotonic(), []
-    for place, piece in enumerate(pieces):
-        late = minutes is not None and time.monotonic() - begun > 60 * minutes
-        lines.append(Line(piece, "left") if late else _make_one(piece, options, make))
-        if not late:
-            say(f"{place + 1} of {len(pieces)}: {lines[-1]}")
+    lines: list[Line] = []
+    for piece in pieces:
+        lines.append(_make_one(piece, options, make))
+        say(f"{len(lines)} of {len(pieces)}: {lines[-1]}")
     return lines
 
 
@@ -80,26 +73,24 @@ def _line(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) 
 
 
 def summary_table(lines: Sequence[Line]) -> Table:
-    """One line per environment: numbers of records by outcome, and the time they took."""
-    headings = ("environment", *_OUTCOMES, "minutes", "MiB")
-    table = new_table("Records with their rollouts", headings, left=("environment",))
-    for env_id in dict.fromkeys(line.piece.env for line in lines):
-        own = [line for line in lines if line.piece.env == env_id]
-        outcomes = [line.outcome for line in own]
-        counts = [str(outcomes.count(name)) for name in _OUTCOMES]
-        minutes, size = _minutes_and_size(own)
-        table.add_row(env_id, *counts, f"{minutes:.1f}", f"{size:.1f}")
-    return table
+    """One line per environment and one of all: numbers of records by outcome, and the time they took."""
+    envs = dict.fromkeys(line.piece.env for line in lines)
+    rows = [_summary(env_id, [line for line in lines if line.piece.env == env_id]) for env_id in envs]
+    outcomes = (Column(key=name) for name in get_args(Outcome))
+    columns = [
+        Column("environment", key="env"),
+        *outcomes,
+        Column(key="minutes", format=".1f"),
+        Column("MiB", key="size", format=".1f"),
+    ]
+    return Table("records", "Records with their rollouts", "", [*rows, _summary("all", lines)], columns)
 
 
-def last_line(lines: Sequence[Line]) -> str:
-    """All outcomes in one sentence."""
+def _summary(name: str, lines: Sequence[Line]) -> dict[str, str | float]:
     outcomes = [line.outcome for line in lines]
-    minutes, size = _minutes_and_size(lines)
-    made = f"{counted(outcomes.count('made'), 'record')} made in {minutes:.1f} minutes, {outcomes.count('kept')} kept"
-    left = outcomes.count("left")
-    return f"{made}, {size:.0f} MiB with rollouts" + (f"; {left} left: the same command continues" if left else "")
-
-
-def _minutes_and_size(lines: Sequence[Line]) -> tuple[float, float]:
-    return sum(line.seconds for line in lines) / 60, sum(line.piece.size for line in lines) / MIB
+    return {
+        "env": name,
+        **{outcome: outcomes.count(outcome) for outcome in get_args(Outcome)},
+        "minutes": sum(line.seconds for line in lines) / 60,
+        "size": sum(line.piece.size for line in lines) / MIB,
+    }

@@ -2,35 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from ..errors import MtpBenchError
-from .completion import words
+from ..running.options import Fold, RunOptions
+from ..viz.terminal.output import progress_bar
 from .options import (
     DataOption,
     EnvScenes,
     JobsOption,
     TextOption,
     WorkerChoice,
+    choice,
+    file_option,
     one_of,
     opened,
-    require_no_tracks,
 )
-from .output import prepare, print_or_write, require_writable, working
+from .output import prepare, print_or_write, working
 
-if TYPE_CHECKING:
-    from ..running.options import Fold, RunOptions
-
-
-ObserveOption = Annotated[str, typer.Option(help="Pasts from detections, tracked, or from truth.")]
+OBSERVE = ("detections", "truth")
+ON = ("truth", "tracklets")
+DEVICES = ("auto", "cpu", "cuda")
 
 
 def motion_noise(
-    on: EnvScenes, observe: ObserveOption = "detections", jobs: JobsOption = 0, output: TextOption = None
+    on: EnvScenes,
+    observe: Annotated[str, choice(OBSERVE, text="Pasts from detections, tracked, or from truth.")] = "detections",
+    jobs: JobsOption = 0,
+    output: TextOption = None,
 ) -> None:
     """Fit the motion noise of the kinematic predictors on the training split of an environment (or another).
 
@@ -38,7 +42,6 @@ def motion_noise(
     """
     from ..training.motion_noise import fit_env
 
-    require_writable(output)
     options, without = _learnt_from(on, jobs)
     prepare(on.env, options)
     with working("read", options) as watched:
@@ -48,7 +51,6 @@ def motion_noise(
 
 def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
     """The options of a training, and the fold that it leaves out: another command scores its scenes."""
-    require_no_tracks(on)
     options = on.options(WorkerChoice(jobs)).on_split("train")
     return replace(options, fold=None), options.fold
 
@@ -58,24 +60,21 @@ def predictor(
     on: EnvScenes,
     pasts: Annotated[
         str | None,
-        typer.Option(
+        choice(
+            ON,
             "--on",
-            help="truth: ground-truth tracks. tracklets: tracks of a tracker. Default: truth; for affinity and "
-            "tracking_free tracklets.",
-            autocompletion=words("truth", "tracklets"),
+            text="truth: ground-truth tracks. tracklets: tracks of a tracker. Default: as the network states.",
         ),
     ] = None,
     also: Annotated[list[str] | None, typer.Option(help="Learn from this environment too; may be repeated.")] = None,
     hypotheses: Annotated[int, typer.Option(min=1, help="Hypotheses of the tracker of the tracklets.")] = 20,
     epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; default: by network.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")] = 0,
-    device: Annotated[
-        str,
-        typer.Option(help="auto (a GPU if there is one), cpu or cuda.", autocompletion=words("auto", "cpu", "cuda")),
-    ] = "auto",
+    device: Annotated[str, choice(DEVICES, text="auto (a GPU if there is one), cpu or cuda.")] = "auto",
     jobs: JobsOption = 0,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File of the weights; default: where agents look for them.")
+        Path | None,
+        file_option("-o", "--output", text="File of the weights; default: where agents look for them."),
     ] = None,
 ) -> None:
     """Train a predictor on the training split of an environment (or another).
@@ -84,19 +83,14 @@ def predictor(
     """
     from ..prediction.learned.network import network_of, networks
     from ..training.fitting import TrainingPlan, device_of
-    from ..training.predictors import ON, TrainingRequest, train_predictor, training_windows
-    from ..viz.terminal.output import progress_bar
+    from ..training.predictors import TrainingRequest, train_predictor, training_windows
 
     one_of(network, tuple(networks()), "NAME")
     recipe = network_of(network).recipe
-    chosen = recipe.on if pasts is None else pasts
-    one_of(chosen, ON, "--on")
-    one_of(device, ("auto", "cpu", "cuda"), "--device")
-    require_writable(output)
     plan = TrainingPlan(epochs or recipe.epochs, seed=seed)
     options, without = _learnt_from(on, jobs)
     _require_place(output, options)
-    request = TrainingRequest(network, on.env, chosen, hypotheses, without, tuple(also or ()), plan, device)
+    request = TrainingRequest(network, on.env, pasts or recipe.on, hypotheses, without, tuple(also or ()), plan, device)
     device_of(device)  # before the scenes are read
     for env in (on.env, *request.also):
         options.card(env)
@@ -124,23 +118,33 @@ def _require_place(output: Path | None, options: RunOptions) -> None:
         )
 
 
-def presence(
-    detector: Annotated[str, typer.Argument(help="A detector with a file in mtp_bench/tracking/detectors.")],
-    data: DataOption = None,
-    output: TextOption = None,
-) -> None:
-    """Fit the probability that a track's object is there, on the training scenes of a detector."""
-    from ..running.options import RunOptions
-    from ..training.presence import fit_detector
-    from ..training.presence_rows import PresenceRecipe, fitted_detectors
+DetectorArgument = Annotated[str, typer.Argument(help="A detector with a file in mtp_bench/tracking/detectors.")]
 
-    require_writable(output)
-    one_of(detector, fitted_detectors(), "DETECTOR")
+
+def presence(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
+    """Fit the probability that a track's object is there, on the training scenes of a detector."""
+    from ..training.presence import fit_detector
+
+    _of_detector(detector, data, output, fit_detector)
+
+
+def score_thresholds(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
+    """Choose the least scores of detections to track, by MOTA on the training scenes of a detector."""
+    from ..training.score_thresholds import fit_detector
+
+    _of_detector(detector, data, output, fit_detector)
+
+
+def _of_detector(detector: str, data: str | None, output: Path | None, fit: Callable[[str, RunOptions], str]) -> None:
+    from ..tracking.parameters import detector_names
+    from ..training.presence_rows import PresenceRecipe
+
+    one_of(detector, detector_names(), "DETECTOR")
     options = RunOptions(data)
-    for choice in PresenceRecipe.of(detector).scenes:
-        prepare(choice.env, choice.options(options))
+    for part in PresenceRecipe.of(detector).choices(detector):
+        prepare(part.env, part.options(options))
     with working("read", options) as watched:
-        text = fit_detector(detector, watched)
+        text = fit(detector, watched)
     print_or_write(output, text)
 
 
@@ -148,3 +152,4 @@ train = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode
 train.command("motion-noise")(opened(motion_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))
+train.command("score-thresholds")(opened(score_thresholds))

@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from ..errors import MtpBenchError, RecordError
+from ..files import clean_text
 from ..records import checked_record, record_paths, trusted
 from ..records import verify as check_record
+from ..records.canonical import Difference
 from ..records.eligibility import LEAST_HIDDEN
 from ..records.seal import Sealed, open_seal, open_seals
 from ..records.signing import require_signer
 from ..records.trust import Trust
 from ..records.verifying import Round, Verification, attest, confirm
 from ..running.options import RunOptions
-from ..viz.terminal.output import counted, new_table, number, show, show_numbers
-from .options import DataOption, JobsOption, JsonOption, TracksOption, WorkerChoice, absolute
-from .output import require_writable, said_of, some_of, working, write_json
+from ..submission.manifest import MANIFEST
+from ..tables import Column, Table, short
+from ..viz.terminal.output import counted, show, show_lines, show_table
+from .options import BaseOption, DataOption, JobsOption, JsonOption, TracksOption, WorkerChoice, absolute
+from .output import said_of, some_of, working, write_json
 
 MOST_DIFFERENCES = 20  # shown per record
 MOST_LETTERS = 60  # of a value in the table
@@ -34,17 +37,14 @@ class RunningAgain:
     """Options of running submissions again."""
 
     rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False
-    submission: Annotated[Path | None, typer.Option(help="Folder to run again; else the baseline of that name.")] = None
-    submissions: Annotated[
-        Path | None, typer.Option(help="Folder of the submissions to run again, each by its name.")
+    submission: Annotated[
+        Path | None,
+        typer.Option(help="Submission to run again, or a folder of them by name; else the baseline of that name."),
     ] = None
     hidden: Annotated[
         Path | None,
         typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."),
     ] = None
-    commitment: Annotated[Path | None, typer.Option(help="Commitment of the secret. Default: the file beside it.")] = (
-        None
-    )
     stated_limits: Annotated[
         bool,
         typer.Option("--stated-limits", help="Also under higher limits, which records of the open division may state."),
@@ -63,9 +63,7 @@ class Signing:
 
     sign: Annotated[Path | None, typer.Option(help="Private SSH key: sign the level that is reached.")] = None
     signer: Annotated[str | None, typer.Option(help="Name of its owner, as in keys/allowed_signers.")] = None
-    base: Annotated[
-        Path | None, typer.Option(help="Leaderboard whose keys and seals are trusted. Default: the one that ships.")
-    ] = None
+    base: BaseOption = None
 
 
 @dataclass(frozen=True)
@@ -90,6 +88,16 @@ class _Result:
     failed: str = ""
     seconds: float = 0.0
 
+    @property
+    def name(self) -> str:
+        """Name of the submission and id of the env."""
+        return f"{self.path.parent.name}/{self.path.stem}"
+
+    @property
+    def note(self) -> str:
+        """Reason why the record has no level."""
+        return "error" if "error" in self.verdict else "does not hold" if self.failed else ""
+
 
 def verify(
     record: Annotated[list[Path], typer.Argument(help="Records, or folders: all records in them.")],
@@ -105,24 +113,26 @@ def verify(
     """Check records: digest, card, data, and stored rollouts scored again. Status 1 if one does not hold."""
     _require_together(
         ("--submission", again.submission, "--rerun", again.rerun),
-        ("--submissions", again.submissions, "--rerun", again.rerun),
         ("--hidden", again.hidden, "--rerun", again.rerun),
-        ("--commitment", again.commitment, "--hidden", again.hidden),
         ("--stated-limits", again.stated_limits or None, "--rerun", again.rerun),
         ("--no-sandbox", again.no_sandbox or None, "--rerun", again.rerun),
         ("--only-hidden", again.only_hidden or None, "--hidden", again.hidden),
         ("--sign", signing.sign, "--signer", signing.signer),
         ("--signer", signing.signer, "--sign", signing.sign),
     )
-    _require_apart(
-        ("--submissions", again.submissions, ("--submission", again.submission)),
-        ("--write", write, ("--sign", signing.sign)),  # a record that is written needs a new level: sign it after
-    )
-    require_writable(json_file)
+    if write and signing.sign:  # a record that is written needs a new level: sign it after
+        raise typer.BadParameter("does not go with --sign: leave one of them out", param_hint="--write")
     trust = trusted(signing.base)
-    seals = _seals(again.hidden, again.commitment, trust)
-    how = (again.stated_limits, again.no_sandbox, again.only_hidden)
-    asked = Round(again.rerun, seals, again.submissions, again.submission, *how)
+    one = again.submission is not None and (again.submission / MANIFEST).is_file()
+    asked = Round(
+        again.rerun,
+        _seals(again.hidden, trust),
+        submissions=None if one else again.submission,
+        submission=again.submission if one else None,
+        stated_limits=again.stated_limits,
+        no_sandbox=again.no_sandbox,
+        only_hidden=again.only_hidden,
+    )
     options = RunOptions(root, track_file=absolute(tracks), workers=WorkerChoice(jobs).workers())
     _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
 
@@ -137,7 +147,7 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
     with ExitStack() as ends:  # hidden scenes are made once for all records
         results = [_check_one(path, work, ends, alone=list(given) == [path]) for path in paths]
     if len(results) > 1:
-        show_numbers(_summary(results))
+        show_table(_summary(results), first_width=None, wrapped=("note",))
     write_json(json_file, {"records": [result.verdict for result in results]})
     failed = [result.failed for result in results if result.failed]
     if failed:
@@ -169,7 +179,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
         again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits, asked.no_sandbox)
         checked = check_record(path, watched, work.env, *again, asked.shown(path, record, work.trust))
     if checked.differences:
-        show_numbers(_difference_table(checked))
+        _show_differences(checked)
     show(_verdict(checked))
     written = work.write and checked.updated is not None
     if written:
@@ -180,15 +190,13 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
     return _Result(path, _as_json(checked), "" if checked.holds or written else differ)
 
 
-def _seals(hidden: Path | None, commitment: Path | None, trust: Trust) -> Mapping[str, Sealed]:
+def _seals(hidden: Path | None, trust: Trust) -> Mapping[str, Sealed]:
     """Seals by env."""
     if hidden is None:
         return {}
     if hidden.is_dir():
-        if commitment is not None:
-            raise typer.BadParameter("belongs to one secret: name that with --hidden", param_hint="--commitment")
         return open_seals(hidden, trust.listed)
-    sealed = open_seal(hidden, commitment, trust.listed)
+    sealed = open_seal(hidden, None, trust.listed)
     return {sealed.seeds.env: sealed}
 
 
@@ -199,42 +207,28 @@ def _require_together(*pairs: tuple[str, object, str, object]) -> None:
             raise typer.BadParameter(f"needs {needed}", param_hint=option)
 
 
-def _require_apart(*options: tuple[Any, ...]) -> None:
-    """Raise BadParameter for an option beside another that excludes it."""
-    for option, given, *others in options:
-        beside = next((name for name, there in others if there), None)
-        if given and beside is not None:
-            raise typer.BadParameter(f"does not go with {beside}: leave one of them out", param_hint=option)
+def _show_differences(checked: Verification) -> None:
+    shown = checked.differences[:MOST_DIFFERENCES]
+    columns = [Column(key=key, read=_cut(key)) for key in ("what", "recorded", "found")]
+    show_table(Table("differences", f"{checked.path}: differences", "", shown, columns), first_width=None)
+    more = len(checked.differences) - len(shown)
+    show_lines([f"and {more} more"] if more else [])
 
 
-def _difference_table(checked: Verification) -> Table:
-    from rich.markup import escape
-
-    headings = ("what", "recorded", "found")
-    table = new_table(escape(f"{checked.path}: differences"), headings, left=headings)
-    for difference in checked.differences[:MOST_DIFFERENCES]:
-        texts = [str(value) for value in difference]
-        short = [text if len(text) <= MOST_LETTERS else f"{text[: MOST_LETTERS - 3]}..." for text in texts]
-        table.add_row(*map(escape, short))
-    more = len(checked.differences) - MOST_DIFFERENCES
-    if more > 0:
-        table.add_row(f"and {more} more", "", "")
-    return table
+def _cut(key: str) -> Callable[[Difference], str]:
+    return lambda difference: clean_text(str(getattr(difference, key)), MOST_LETTERS)
 
 
 def _summary(results: Sequence[_Result]) -> Table:
     """One line per record."""
-    from rich.markup import escape
-
-    headings = ("record", "level", "hidden error", "minutes", "note")
-    table = new_table("records", headings, left=("record", "level", "note"))
-    for result in results:
-        verdict = result.verdict
-        note = "error" if "error" in verdict else "does not hold" if result.failed else ""
-        name, level = f"{result.path.parent.name}/{result.path.stem}", str(verdict.get("level", "–"))
-        cells = (name, level, number(verdict.get("hidden_error")))
-        table.add_row(*map(escape, cells), f"{result.seconds / 60:.1f}", note)
-    return table
+    columns = (
+        Column("record", key="name"),
+        Column(key="level", read=lambda result: result.verdict.get("level")),
+        Column(key="hidden error", read=lambda result: result.verdict.get("hidden_error")),
+        Column(key="minutes", format=".1f", read=lambda result: result.seconds / 60),
+        Column(key="note"),
+    )
+    return Table("records", "records", "", results, columns)
 
 
 def _as_json(checked: Verification) -> dict[str, Any]:
@@ -255,5 +249,5 @@ def _verdict(checked: Verification) -> str:
     sentences = [f"{subject}: holds, {checked.level}" if checked.holds else f"{subject}: does not hold"]
     if hidden is not None:
         few = "" if hidden.scenes >= LEAST_HIDDEN else f", too few to rank: ranks need {LEAST_HIDDEN}"
-        sentences.append(f"error {number(hidden.row.error)} m on {counted(hidden.scenes, 'hidden scene')}{few}")
+        sentences.append(f"error {short(hidden.row.error)} m on {counted(hidden.scenes, 'hidden scene')}{few}")
     return ". ".join([*sentences, *checked.notes])

@@ -11,13 +11,13 @@ from ..running.stored import open_run
 from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
 from ..viz.replay import replay
 from ..viz.terminal.output import progress_bar, show
-from .options import DataOption, FolderArgument, RunCardOption
-from .output import require_writable, say
+from .options import DataOption, FolderArgument, RunCardOption, file_option
+from .output import say
 
 
 def video(
     folder: FolderArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", help="File to write: .mp4 or .gif.")],
+    output: Annotated[Path, file_option("-o", "--output", text="File to write: .mp4 or .gif.", suffixes=KINDS)],
     scene: Annotated[str | None, typer.Option(help="Which scene. Default: the first of the run.")] = None,
     at: Annotated[
         str | None,
@@ -30,11 +30,7 @@ def video(
     env: RunCardOption = None,
 ) -> None:
     """Write a scene of a stored rollout as a video, seen from above."""
-    suffix = output.suffix.lower()
-    if suffix not in KINDS:
-        raise typer.BadParameter(f"{output}: expected a name that ends in {' or '.join(KINDS)}", param_hint="--output")
-    require_writable(output)
-    require_encoder(suffix)
+    require_encoder(output.suffix.lower())
     with progress_bar("video") as progress:
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)

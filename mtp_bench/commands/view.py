@@ -6,19 +6,19 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from ..errors import MtpBenchError
-from .completion import words
-from .options import DataOption, RunCardOption, one_of
-from .output import require_writable, say
-
-if TYPE_CHECKING:
-    from ..running.stored import OpenedRun
-    from ..viz.focus import Focus
-    from ..viz.replay import Replay
+from ..running.stored import OpenedRun, open_run
+from ..viz.drawing.report import save_report
+from ..viz.focus import Focus
+from ..viz.replay import Replay, replay
+from ..viz.rerun.contents import LEVELS
+from ..viz.terminal.output import show
+from .options import DataOption, RunCardOption, choice, file_option
+from .output import say
 
 
 def view(
@@ -30,55 +30,45 @@ def view(
         str | None, typer.Option(help="Open at this event of the first run; `mtp-bench events` lists them.")
     ] = None,
     level: Annotated[
-        str,
-        typer.Option(
-            help="off, tracks, top (3 samples per object) or all (every sample and hypothesis).",
-            autocompletion=words("off", "tracks", "top", "all"),
-        ),
+        str, choice(LEVELS, text="off, tracks, top (3 samples per object) or all (every sample and hypothesis).")
     ] = "top",
-    save: Annotated[Path | None, typer.Option(help="Write a recording (.rrd) instead.")] = None,
+    save: Annotated[
+        Path | None, file_option("--save", text="Write a recording (.rrd) instead.", suffixes=(".rrd",))
+    ] = None,
     png: Annotated[
-        Path | None, typer.Option(help="Write a picture of the event (.png) instead; needs --at, no screen, no rerun.")
+        Path | None,
+        file_option(
+            "--png",
+            text="Write a picture of the event (.png) instead; needs --at, no screen, no rerun.",
+            suffixes=(".png",),
+        ),
     ] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine instead.")] = False,
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
-    from ..viz.focus import Focus
-    from ..viz.rerun.contents import LEVELS
-    from ..viz.terminal.output import show
-
-    one_of(level, LEVELS, "--level")
     if (save is not None) + web + (png is not None) > 1:
         raise typer.BadParameter("choose one of them", param_hint="--save, --web, --png")
-    for path, suffix, option in ((save, ".rrd", "--save"), (png, ".png", "--png")):
-        if path is not None and path.suffix.lower() != suffix:
-            raise typer.BadParameter(f"{path}: expected a name that ends in {suffix}", param_hint=option)
     if png is not None and at is None:
         raise typer.BadParameter(
             "a picture shows one event: name it with --at; `mtp-bench events` lists them", param_hint="--png"
         )
-    require_writable(save, png)
     runs = _opened(folders, root, env)
-    if png is None and save is None and not web:
-        from ..viz.rerun.viewer import require_display
+    if png is None:
+        from ..viz.rerun.log import save_recording
+        from ..viz.rerun.viewer import require_display, serve_recording, show_recording
 
-        require_display()
+        if save is None and not web:
+            require_display()
     replays = _replays(runs, scene, at is not None)
     incident = None if at is None else replays[0].incident(at)
     focuses = [] if incident is None else Focus.of_all(replays, incident)
     shown = _sentence(replays, focuses)
     if png is not None:
-        from ..viz.drawing.report import save_report
-
         save_report(png, *focuses)
         show(f"{png}: {shown}")
-        return
-    from ..viz.rerun.log import save_recording
-    from ..viz.rerun.viewer import serve_recording, show_recording
-
-    if save is not None:
+    elif save is not None:
         save_recording(save, replays, level, incident)
         show(f"{save}: {shown}; open it with `rerun {shlex.quote(str(save))}`")
     elif web:
@@ -90,8 +80,6 @@ def view(
 
 def _opened(folders: Sequence[Path], data: str | None, env_id: str | None) -> list[OpenedRun]:
     """The runs in ``folders``; raises MtpBenchError if they were made for different cards."""
-    from ..running.stored import open_run
-
     runs = [open_run(folder, data, env_id) for folder in folders]
     first = runs[0]
     for run in runs[1:]:
@@ -109,8 +97,6 @@ def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list
     Runs of one agent with different numbers of hypotheses have these in their names. Raises UnknownNameError for a run
     without the scene.
     """
-    from ..viz.replay import replay
-
     first = runs[0]
     name = first.first(scene).scene
     content = first.drawn(name, say)

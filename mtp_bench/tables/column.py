@@ -29,7 +29,7 @@ class Column:
     optional: bool = False  # left out where no row has a value
     interval: bool = False  # values are pairs (low, high)
     key: str = ""
-    read: Callable[[Any], Value] | None = None  # value of a row; None: its attribute named as the key
+    read: Callable[[Any], Value] | None = None  # value of a row; None: its attribute or item of the key
 
     @property
     def title(self) -> str:
@@ -43,7 +43,9 @@ class Column:
 
     def value(self, row: Any) -> Value:
         """Value of one row; None where it is missing, also in rows that are older than the column."""
-        return self.read(row) if self.read is not None else getattr(row, self.key, None)
+        if self.read is not None:
+            return self.read(row)
+        return row.get(self.key) if isinstance(row, dict) else getattr(row, self.key, None)
 
     def text(self, value: Value) -> str:
         """A value as it is shown; a dash where it is missing."""

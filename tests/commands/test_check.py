@@ -8,11 +8,9 @@ from typing import Any
 
 import pytest
 
-from mtp_bench.commands.check import finding_table
 from mtp_bench.gateway import SceneRun
-from mtp_bench.records.checking import SubmissionCheck, gateway_findings
+from mtp_bench.records.checking import gateway_findings
 from mtp_bench.submission.starting import new_submission
-from mtp_bench.testing import Finding
 from mtp_bench.types import Rollout
 from tests.support.command_line import CommandLine, read_json
 from tests.support.runs import run_scenes
@@ -167,15 +165,3 @@ def test_what_the_gateway_says_becomes_findings(card: str, kitti: str) -> None:
     assert {(finding.level, finding.where) for finding in found} == {("error", "scene 0006")}
     (other,) = gateway_findings([run(one)], [two])
     assert (other.level, other.got, other.where) == ("warning", "answers differ in a process of its own", "scene 0001")
-
-
-def test_what_a_user_wrote_is_no_markup() -> None:
-    from rich.console import Console
-
-    finding = Finding("error", "contract", "[red]x[/red]", "[bold]", "[link=a]", "do", ("agent.py, line 1, in [x]",))
-    console = Console(width=120, record=True, file=None, quiet=True)
-    with console.capture() as captured:
-        console.quiet = False
-        console.print(finding_table(SubmissionCheck("mine", "MTP-X-v0", (finding,), ())))
-    for text in ("[red]x[/red]", "expected: [bold]", "where: [link=a]", "to do: do", "in [x]"):
-        assert text in captured.get()

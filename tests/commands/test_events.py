@@ -19,7 +19,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring.score import KINDS as OWN_EVENTS
 from mtp_bench.viz.replay import Incident
 from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, event_table, in_order
-from mtp_bench.viz.terminal.output import command_line, show_numbers
+from mtp_bench.viz.terminal.output import SCENE_WIDTH, command_line, show_table
 from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.stored_runs import write_ghosts
 
@@ -89,7 +89,9 @@ def test_long_cells_are_folded_at_80_columns() -> None:
     )  # fmt: skip
     row = EventRow("intersection-010001", 12.3, "construction vehicle", incident, "")
     printed = io.StringIO()
-    show_numbers(event_table([row]), Console(width=80, file=printed))
+    show_table(
+        event_table([row]), Console(width=80, file=printed), first_width=SCENE_WIDTH, wrapped=("object", "track")
+    )
     lines = printed.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
     assert len(lines) <= 7

@@ -45,7 +45,7 @@ class Ends(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """Random draws for n units."""
+    """What is drawn for n units."""
 
     units: Drawn
     signs: Drawn

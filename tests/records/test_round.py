@@ -45,7 +45,7 @@ def test_a_round_goes_through_all_records_and_goes_on_when_started_again(
     (records / "broken" / f"{CARD_ID}.json").write_text("{")
     arguments = (
         "verify", records, "--env", card, "--data", kitti, "--jobs", 1, "--json", found, "--base", leaderboard,
-        "--rerun", "--submissions", made / "submissions", "--sign", key, "--signer", SIGNER,
+        "--rerun", "--submission", made / "submissions", "--sign", key, "--signer", SIGNER,
     )  # fmt: skip
     output = cli(*arguments)
     assert output.status == 1
@@ -95,7 +95,7 @@ def test_a_disk_that_fails_once_stops_no_round(
 
     monkeypatch.setattr("mtp_bench.commands.verify.check_record", failing)
     output = cli("verify", made / "records", "--env", card, "--data", kitti, "--jobs", 1)
-    assert output.error.startswith("/cache/scene.npz: No space left on device, ")
+    assert output.error.startswith("/cache/scene.npz: No space left on device")
     assert output.out.count("holds, re-scored") == 2
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.viz.board import Entry
-from mtp_bench.viz.board.markdown import filled
+from mtp_bench.viz.board.tables import filled
 from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
 
 

@@ -26,7 +26,7 @@ _POINTS = TypeAdapter(list[Point])
 _MOST_POINTS = 50
 _LARGEST = 1e9  # of a number in a drawing: a record may hold any here
 _TICKS = {True: (0.0, 0.2, 0.5, 1.0, 2.0, 5.0), False: (1.0, 5.0, 10.0, 20.0, 40.0, 80.0)}
-_LABEL = {True: "false forecasts allowed per target", False: "forecasts allowed per frame"}
+_AXIS = {True: "false forecasts allowed per target", False: "forecasts allowed per frame"}
 
 
 @dataclass(frozen=True)
@@ -145,14 +145,14 @@ def _errors(entry: Entry) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class CurveFrame:
-    """A drawing of curves: its size in user units, and the ends of its axes."""
+    """A drawing of curves: the ends of its axes, and its size in user units."""
 
-    width: float
-    height: float
-    left: float
-    bottom: float
     most: float  # of the horizontal axis, which is one of square roots: it begins at 0
     scale: Scale  # of the vertical axis, m
+    width: float = 340.0
+    height: float = 180.0
+    left: float = 34.0
+    bottom: float = 20.0
 
     def x(self, value: float) -> float:
         """Horizontal place of a number of false forecasts."""
@@ -174,10 +174,11 @@ class CurveFrame:
 
 @dataclass(frozen=True)
 class CurveChart:
-    """The larger drawing of one entry."""
+    """The drawing of one entry."""
 
     frame: CurveFrame
-    label: str  # of the horizontal axis
+    axis: str  # text of the horizontal one
+    label: str  # in words
     ticks: tuple[float, ...]
     own: str
     reference: str  # of STP; empty without one, and for STP itself
@@ -193,27 +194,17 @@ def curve_of(entry: Entry) -> list[Point]:
     return sorted(curve)[:_MOST_POINTS] if sound else []
 
 
-def small_frame(entries: Sequence[Entry]) -> CurveFrame | None:
-    """The frame of all small drawings of one environment; None without a curve."""
-    shown = [entry for entry in entries if entry.compared] or entries  # the others may have any error
-    return _frame([curve_of(entry) for entry in shown], 64.0, 20.0, 1.0, 0.0)
-
-
 def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
-    """The larger drawing of an entry, with the curve of ``reference`` beside it; None without a curve."""
+    """The curve of an entry, with that of ``reference`` beside it; None without a curve."""
     own = curve_of(entry)
     beside = [] if reference is None or reference is entry else curve_of(reference)
-    frame = _frame([own, beside], 340.0, 180.0, 34.0, 20.0)
-    if frame is None or not own:
+    points = [*own, *beside]
+    most = max((at for at, _ in points), default=0.0)
+    if not own or most <= 0:
         return None
+    errors = [error for _, error in points]
+    frame = CurveFrame(most, nice_scale(min(errors), max(errors)))
     known = entry.record.env.truth_complete
-    ticks = tuple(tick for tick in _TICKS[known] if tick <= frame.most)
-    return CurveChart(frame, _LABEL[known], ticks, frame.line(own), frame.line(beside))
-
-
-def _frame(curves: Sequence[list[Point]], width: float, height: float, left: float, bottom: float) -> CurveFrame | None:
-    most = max((at for curve in curves for at, _ in curve), default=0.0)
-    if most <= 0:
-        return None
-    errors = [error for curve in curves for _, error in curve]
-    return CurveFrame(width, height, left, bottom, most, nice_scale(min(errors), max(errors)))
+    ticks = tuple(tick for tick in _TICKS[known] if tick <= most)
+    label = f"error from {own[0][1]:.2f} m to {own[-1][1]:.2f} m"
+    return CurveChart(frame, _AXIS[known], label, ticks, frame.line(own), frame.line(beside))

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
+from ..._bundle import card_ids
+from ...cards import load_card
 from ...records.attestation import Checked, Level
 from ...records.ranking import Standing, standings
 from ...scoring.definitions import SIGNIFICANT
@@ -13,8 +16,8 @@ from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
 from ...scoring.subsets import Subset
 from ...submission.loader import ON_SCORED
-from .order import env_place
 
+_LAST = 1000  # behind all envs whose card states a place
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "checked by its authors alone",
     "re-scored": "scored again from the stored rollouts",
@@ -31,7 +34,6 @@ class Found(Checked):
     added: bool = False  # not part of the leaderboard, shown at its place there
     note: str = ""  # reason why the level beside it is not shown
     code: str | None = None  # relative address of its folder, where that ships
-    clip: str | None = None  # relative address of a clip of its costliest event
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,11 +108,6 @@ class Entry(Found):
         return self.row_of("all")
 
     @property
-    def rows(self) -> list[Row]:
-        """The ranking numbers of each subset."""
-        return [self.row_of(row.subset) for row in self.record.rows]
-
-    @property
     def error(self) -> float | None:
         """The ranking error over all targets, metres."""
         return self.row.error
@@ -161,5 +158,18 @@ def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
 def _order(entry: Entry) -> tuple[str, tuple[int, str], float, bool, float, str, str]:
     rank = math.inf if entry.rank is None else entry.rank
     error = math.inf if entry.error is None else entry.error
-    place = env_place(entry.env)
+    place = _env_place(entry.env)
     return entry.version, place, rank, not entry.compared, error, entry.name, entry.record.digest
+
+
+@cache
+def _env_place(env_id: str) -> tuple[int, str]:
+    """Sort key of environments: the place that the card states, then recorded ones, then simulated ones."""
+    place = load_card(env_id).board if env_id in card_ids() else None
+    return _LAST + simulated(env_id) if place is None else place, env_id
+
+
+@cache
+def simulated(env_id: str) -> bool:
+    """Return True if the scenes of an environment are simulated; False for one that does not ship."""
+    return env_id in card_ids() and load_card(env_id).simulated

@@ -17,12 +17,10 @@ from ...scoring.definitions import DEFINITIONS
 from ...scoring.rows import Row
 from ...scoring.subsets import SUBSETS
 from ...sources import about
-from ...tables import Column, Table, columns_of
-from ..terminal.output import number
+from ...tables import BLANK, Column, Table, columns_of
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
-from .drawings import CurveFrame, bar_of, curve_chart, curve_of, scale_of, scene_chart, small_frame, zero_of
-from .entries import Entry, empty_error
-from .order import simulated
+from .drawings import bar_of, curve_chart, scale_of, scene_chart, zero_of
+from .entries import Entry, empty_error, simulated
 from .overview import p_value
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
@@ -38,7 +36,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
     compared = [entry for entry in entries if entry.compared]
     first = next(iter(compared), entries[0])
     reference = next((entry for entry in compared if entry.name == STP), None)
-    columns, scale, frame = page_columns(entries), scale_of(entries), small_frame(entries)
+    columns, scale = page_columns(entries), scale_of(entries)
     ranks = [entry.rank for entry in entries if entry.rank is not None]
     board: dict[str, Any] = {
         "id": entries[0].board,
@@ -51,7 +49,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "total": len(entries),
         "ranked": len(ranks),
         "unranked_because": first.why if compared and not ranks else "",
-        "sizes": {row.subset: row for row in first.rows},
+        "sizes": {row.subset: first.row_of(row.subset) for row in first.record.rows},
         "empty_error": empty_error(entries),
         "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].rank is None for each in entries)},
         "columns": columns,
@@ -59,12 +57,10 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "scale": scale,
         "zero": zero_of(scale),
         "reference": reference,
-        "curves": frame is not None,
-        "stp_curve": "" if frame is None or reference is None else frame.line(curve_of(reference)),
     }
     best = {column.key: best_text(column, entries) for column in columns}
     shared = {rank for rank in ranks if ranks.count(rank) > 1}
-    board["lines"] = [_line(entry, board, best, shared, frame) | {"id": ids[entry]} for entry in entries]
+    board["lines"] = [_line(entry, board, best, shared) | {"id": ids[entry]} for entry in entries]
     return board
 
 
@@ -76,7 +72,6 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
         "cells": {key: column.shown(entry) for key, column in COLUMN.items()},
         "link": address_of(entry.link),
         "all_links": _links(entry),
-        "clip": address_of(entry.clip) if board["simulated"] else None,
         "chart": curve_chart(entry, reference),
         "subsets": subset_table(entry),
         "parts": [(name, value) for name in ("localisation", "missed") if (value := getattr(entry.row, name))],
@@ -112,11 +107,12 @@ def subset_table(entry: Entry) -> Table:
         Column("events / objects / scenes", "-", key="sizes", read=_sizes),
         *further_columns([entry]),
     ]
-    return Table("subsets", "Errors in metres", "", entry.rows, columns)
+    rows = [entry.row_of(row.subset) for row in entry.record.rows]
+    return Table("subsets", "Errors in metres", "", rows, columns)
 
 
 def _sizes(row: Row) -> str:
-    return f"{number(row.events, 0)} / {row.objects} / {row.scenes}"
+    return f"{BLANK if row.events is None else f'{row.events:.0f}'} / {row.objects} / {row.scenes}"
 
 
 def difference_text(entry: Entry) -> str:
@@ -133,11 +129,9 @@ def address_of(link: str | None) -> str | None:
     return None if link is None else "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
 
 
-def _line(
-    entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None], shared: set[int], frame: CurveFrame | None
-) -> Line:
+def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None], shared: set[int]) -> Line:
     """Content of the template for one entry: a line of the table ``board``."""
-    record, curve = entry.record, curve_of(entry)
+    record = entry.record
     authors = ", ".join(record.submission.authors)
     cells = {column.key: column.shown(entry) for column in board["columns"]}
     return {
@@ -156,8 +150,6 @@ def _line(
         "signer": entry.signed.signer if entry.signed else "",
         "bar": bar_of(board["scale"], entry.difference()),
         "difference": difference_text(entry),
-        "curve": frame.line(curve) if frame is not None and curve else "",
-        "curve_label": f"error from {curve[0][1]:.2f} m to {curve[-1][1]:.2f} m" if curve else "",
         "old": record.scorer.definitions != DEFINITIONS,
     }
 

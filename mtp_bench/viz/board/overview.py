@@ -9,8 +9,7 @@ from typing import Any
 
 from ...records.ranking import difference_of
 from ...scoring.statistics import PairedDifference
-from .entries import Entry, by_board
-from .order import short_name, simulated
+from .entries import Entry, by_board, simulated
 
 _NAMED = 3  # leaders
 
@@ -76,6 +75,11 @@ def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, A
         "targets": f"{row.targets:,}".replace(",", " "),
         "scenes": row.scenes,
     }
+
+
+def short_name(env_id: str) -> str:
+    """Short form of an id for headings: "nuScenes mini" for MTP-nuScenes-mini-v0."""
+    return env_id.removeprefix("MTP-").removesuffix("-v0").replace("-", " ")
 
 
 def _lead(difference: PairedDifference | None) -> dict[str, str] | None:

@@ -32,7 +32,6 @@ _MARK = "leaderboard.json"  # in every such folder
 _FURTHER = {
     "rank": ("#", "1 + the number of entries that are significantly better: sign-flip test over units, p below .05."),
     "name": ("submission", "Open it for its details. Below its name: authors, code and paper."),
-    "curve": ("curve", "bADE on public scenes over the number of allowed false forecasts, from none on; dashed: stp."),
     "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
 }  # columns of a table beside those of numbers
 

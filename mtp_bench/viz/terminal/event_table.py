@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...tables import BLANK, Column, Table
 from ..replay import KINDS, Incident, Replay
-from .output import command_line, counted, report_table
-
-if TYPE_CHECKING:
-    from rich.table import Table as RichTable
+from .output import command_line, counted
 
 ORDERS = ("time", "cost")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
-SCENE_WIDTH = 20  # columns of names of scenes, so that those of the simulated ones can be copied in one piece
 CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is not a target, or was not forecast. error: "
     "min(minADE, c), c where it was not forecast: the cost of the event. confidence: that of the forecast; of a run "
@@ -105,13 +101,9 @@ def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
     return [row for row in rows if row.incident.kind != "spurious" or id(row) in kept[row.scene][:LONGEST]]
 
 
-def event_table(rows: Sequence[EventRow]) -> RichTable:
+def event_table(rows: Sequence[EventRow]) -> Table:
     """One row per event, to be shown with CAPTION below."""
-    data = Table("events", "Events of the best hypothesis, along its lineage", "", rows, _COLUMNS)
-    table = report_table(data, first_width=SCENE_WIDTH)
-    for column in (table.columns[3], table.columns[4]):  # object, track
-        column.no_wrap = False
-    return table
+    return Table("events", "Events of the best hypothesis, along its lineage", "", rows, _COLUMNS)
 
 
 def tally_line(tally: Tally, all_listed: bool) -> str:

@@ -3,48 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...cards import Card
 from ...sources import DataStatus
-from .output import new_table
+from ...tables import Column, Table
 
-if TYPE_CHECKING:
-    from rich.console import Group, RenderableType
-    from rich.table import Table
-
-WORDS = 28  # columns of text of a sentence, at least
 FEW = 3  # classes that a cell names; `envs --json` names all
 
 
 def env_table(cards: Sequence[Card]) -> Table:
     """One row per environment."""
-    headings = ("id", "rate", "past / future", "k", "classes", "what")
-    table = new_table("Environments", headings, left=headings, whole=("id", "past / future"))
-    table.columns[-1].min_width = WORDS
-    for card in cards:
-        task = card.task
-        classes = ", ".join(task.classes) if len(task.classes) <= FEW else str(len(task.classes))
-        past_and_future = f"{task.past} / {task.future}"
-        table.add_row(card.id, f"{task.rate:g} Hz", past_and_future, str(task.samples), classes, card.summary)
-    return table
+    columns = (
+        Column(key="id"),
+        Column(key="rate", read=lambda card: f"{card.task.rate:g} Hz"),
+        Column("past / future", key="frames", read=lambda card: f"{card.task.past} / {card.task.future}"),
+        Column("k", key="samples", read=lambda card: card.task.samples),
+        Column(key="classes", read=_classes),
+        Column("what", key="summary"),
+    )
+    return Table("envs", "Environments", "", cards, columns)
 
 
-def data_report(statuses: Mapping[str, DataStatus]) -> Group:
-    """A row per environment; then, per dataset, its folder, missing and wrong files, notes, licence and citation."""
-    from rich.console import Group
-    from rich.padding import Padding
-    from rich.text import Text
+def _classes(card: Card) -> str:
+    names = card.task.classes
+    return ", ".join(names) if len(names) <= FEW else str(len(names))
 
+
+def status_table(statuses: Mapping[str, DataStatus]) -> Table:
+    """State of the data of each environment."""
+    rows = [{"env": env_id, "dataset": each.about.name, "state": _state(each)} for env_id, each in statuses.items()]
+    columns = Column("environment", key="env"), Column(key="dataset"), Column(key="state")
+    return Table("data", "Data", "", rows, columns)
+
+
+def _state(status: DataStatus) -> str:
+    if status.about.generated:
+        return "generated" if status.verified else "made when used"
+    if status.usable:
+        return "complete" if status.verified else "usable, counts differ"
+    return "missing" if status.root is None else "incomplete"
+
+
+def data_lines(statuses: Mapping[str, DataStatus]) -> list[str]:
+    """Per dataset: its folder, missing and wrong files, notes, licence, citation, and how to get it."""
     datasets: dict[str, dict[str, DataStatus]] = {}
     for env_id, status in statuses.items():
         datasets.setdefault(status.about.name, {})[env_id] = status
-    parts: list[RenderableType] = [_status_table(statuses)]
-    for name, members in datasets.items():
-        parts.append(Text(f"\n{name}", style="bold"))
-        parts += [Text(f"  {line}", no_wrap=True, overflow="ignore") for line in _lines(members)]  # a path stays whole
-        parts += [Padding(Text(line), (0, 0, 0, 2)) for line in _about(members)]
-    return Group(*parts)
+    return [
+        line
+        for name, members in datasets.items()
+        for line in ("", name, *(f"  {text}" for text in (*_findings(members), *_about(members))))
+    ]
 
 
 def status_json(status: DataStatus) -> dict[str, Any]:
@@ -62,15 +72,7 @@ def status_json(status: DataStatus) -> dict[str, Any]:
     }
 
 
-def _status_table(statuses: Mapping[str, DataStatus]) -> Table:
-    headings = ("environment", "dataset", "state")
-    table = new_table("Data", headings, left=headings, whole=("environment",))
-    for env_id, status in statuses.items():
-        table.add_row(env_id, status.about.name, _state(status))
-    return table
-
-
-def _lines(statuses: Mapping[str, DataStatus]) -> list[str]:
+def _findings(statuses: Mapping[str, DataStatus]) -> list[str]:
     """Findings about a dataset, each once; a line that does not hold for all of its environments names those."""
     envs: dict[str, list[str]] = {}
     for env_id, status in statuses.items():
@@ -89,16 +91,6 @@ def _found(status: DataStatus) -> list[str]:
         *(f"found: {', '.join(counts[i : i + 4])}" for i in range(0, len(counts), 4)),
         *status.notes,
     ]
-
-
-def _state(status: DataStatus) -> str:
-    if status.about.generated:
-        return "[green]generated[/green]" if status.verified else "[green]made when used[/green]"
-    if status.verified:
-        return "[green]complete[/green]"
-    if status.usable:
-        return "[yellow]usable, counts differ[/yellow]"
-    return "[red]missing[/red]" if status.root is None else "[red]incomplete[/red]"
 
 
 def _about(statuses: Mapping[str, DataStatus]) -> list[str]:

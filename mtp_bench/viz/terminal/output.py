@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...parallel import Progress
-from ...tables import BLANK, Column
+from ...tables import Column
 from ...tables import Table as Data
 
 if TYPE_CHECKING:
@@ -23,27 +23,20 @@ PIPE_WIDTH = 180  # columns where the output is a file or a pipe
 TEXT_WIDTH = 80  # columns of reports
 NAMES = ("agent", "H", "K")  # headings of columns that name a row; the first column does anyway
 NAME_WIDTH = 16  # columns of the first column of a report's table; longer names are folded
+SCENE_WIDTH = 20  # of names of scenes, so that those of the simulated ones can be copied in one piece
 HEADING_WIDTH = 10  # columns of a heading; longer ones are broken between words
 
 
-def new_table(title: str, headings: Sequence[str], left: Collection[str] = (), whole: Collection[str] = ()) -> Table:
-    """An empty table with a column for each of ``headings``, aligned right except those of ``left``.
+def report_table(
+    data: Data,
+    style: Callable[[Any], str] | None = None,
+    first_width: int | None = NAME_WIDTH,
+    wrapped: Collection[str] = (),
+) -> Table:
+    """A table without borders, of at most TEXT_WIDTH columns where its cells are short.
 
-    Cells of the columns ``whole`` are never broken into lines. ``title`` may hold markup.
-    """
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left")
-    for heading in headings:
-        justify = "left" if heading in left else "right"
-        table.add_column(heading, justify=justify, no_wrap=heading in whole, overflow="fold")  # type: ignore[arg-type]
-    return table
-
-
-def report_table(data: Data, style: Callable[[Any], str] | None = None, first_width: int = NAME_WIDTH) -> Table:
-    """A table without borders for a report, of at most TEXT_WIDTH columns where its cells are short.
-
-    Intervals stand below their numbers. Long texts of the first column are folded. ``style``: rich's style of a row.
+    Intervals stand below their numbers. Texts of the first column are folded at ``first_width``, those of the columns
+    with the keys ``wrapped`` where the terminal ends. ``style``: rich's style of a row.
     """
     from rich import box
     from rich.markup import escape
@@ -57,7 +50,8 @@ def report_table(data: Data, style: Callable[[Any], str] | None = None, first_wi
     headings = _headings([column for column, _ in pairs])
     for place, ((column, _), heading) in enumerate(zip(pairs, headings, strict=True)):
         justify = "left" if place == 0 or data.is_text(column) else "right"
-        table.add_column(heading, justify=justify, no_wrap=place > 0, overflow="fold")  # type: ignore[arg-type]
+        whole = place > 0 and column.key not in wrapped
+        table.add_column(heading, justify=justify, no_wrap=whole, overflow="fold")  # type: ignore[arg-type]
     if table.columns:
         table.columns[0].max_width = first_width
     for row in data.rows:
@@ -82,11 +76,6 @@ def _headings(columns: Sequence[Column]) -> list[str]:
         lines.append([*([group] if column.group else []), *words])
     height = max(map(len, lines), default=0)
     return ["\n".join([*[""] * (height - len(each)), *each]) for each in lines]
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number with ``digits`` digits after the point; a dash where it is missing."""
-    return BLANK if value is None else f"{value:.{digits}f}"
 
 
 def counted(number: int | None, noun: str) -> str:
@@ -119,10 +108,13 @@ def show_command(words: str) -> None:
     _console().print(words, highlight=False, markup=False, crop=False, soft_wrap=True)
 
 
-def show_numbers(table: Table, console: Console | None = None) -> None:
-    """Print a table of results. If it is too wide, its further columns follow as tables below; no number is cut off."""
+def show_table(data: Data, console: Console | None = None, **layout: Any) -> None:
+    """Print a table with the ``layout`` of `report_table`.
+
+    If it is too wide, its further columns follow as tables below; no number is cut off.
+    """
     console = console or _console()
-    for part in by_columns(table, console):
+    for part in by_columns(report_table(data, **layout), console):
         console.width = max(console.width, _needed(part, console))  # one column alone may be too wide
         console.print(part, highlight=False)
 

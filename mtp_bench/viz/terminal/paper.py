@@ -12,9 +12,12 @@ from ...cards import load_card
 from ...scoring import Report
 from ...scoring.rows import Row
 from ...scoring.subsets import Subset
+from ...submission.loader import controls
 
 Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres
 PAPER_SUBSETS: dict[Subset, str] = {"all": "all", "paper_ids": "ids", "paper_frag": "frag"}  # ours -> the paper's
+PAPER_HYPOTHESES = 20  # of MTP in the paper's tables
+_ROLES = {name: role for role, name in controls().items()}
 
 
 def paper_figures(env_id: str, row: Row) -> Figures:
@@ -24,7 +27,8 @@ def paper_figures(env_id: str, row: Row) -> Figures:
 
 def paper_gap(env_id: str, row: Row) -> float | None:
     """Share of the gap on IDS that the agent of ``row`` closes in the paper, by minADE; None if unknown."""
-    truth, stp = (figures_of(env_id, agent, row.budget, 1).get("ids") for agent in ("truth_past", "stp"))
+    agents = controls()["ground_truth"], controls()["single"]
+    truth, stp = (figures_of(env_id, agent, row.budget, 1).get("ids") for agent in agents)
     own = paper_figures(env_id, row).get("ids")
     if own is None or truth is None or stp is None:
         return None
@@ -44,22 +48,23 @@ def unchanged(env_id: str, digest: str | None) -> str:
     return env_id if env_id not in card_ids() or digest in (None, load_card(env_id).digest) else ""
 
 
-PAPER_HYPOTHESES = 20  # of MTP in the paper's tables
-
-
 def shared_events(env_id: str) -> dict[str, dict[str, int]]:
     """The paper's events of "one" hypothesis, and of "all" 20 of them, by kind; empty where it has none."""
-    paper = _paper()
-    return dict(paper.get(paper["dataset"].get(env_id, ""), {}).get("shared", {}))
+    return dict(_paper_of(env_id).get("shared", {}))
 
 
 def figures_of(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:
-    """The paper's numbers for an env and an agent, "truth_past", "stp" or "mtp"; empty where it has none."""
-    paper = _paper()
-    figures: Any = paper.get(paper["dataset"].get(env_id, ""), {}).get(agent, {})
-    if agent == "mtp":
+    """The paper's numbers for an env and a baseline with a role in comparisons; empty where it has none."""
+    role = _ROLES.get(agent, "")
+    figures = _paper_of(env_id).get(role, {})
+    if role == "several":
         figures = figures.get(budget, {}).get(str(hypotheses), {})
     return dict(figures)
+
+
+def _paper_of(env_id: str) -> dict[str, Any]:
+    paper = _paper()
+    return paper.get(paper["dataset"].get(env_id, ""), {})  # type: ignore[no-any-return]  # a table of TOML
 
 
 @cache

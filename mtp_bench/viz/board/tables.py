@@ -1,7 +1,7 @@
-"""Tables of the leaderboard in Markdown pages, between markers: ``<!-- table: NAME -->`` and ``<!-- /table -->``.
+"""Tables of a leaderboard: short ones for the terminal and files, and those of Markdown pages.
 
-The names are ``env ID``, a row per entry of an environment, and ``SUBSET of AGENT AGENT ...``, bADE of these agents on
-one subset with a row per environment.
+The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
+entry of an environment, and ``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment.
 """
 
 from __future__ import annotations
@@ -12,15 +12,81 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...errors import MtpBenchError, UnknownNameError
-from ...files import read_bounded, write_text
+from ...files import clean_text, read_bounded, write_text
+from ...scoring.definitions import SIGNIFICANT
 from ...scoring.subsets import SUBSETS, Subset
-from ...tables import Column, Table, Value, to_markdown
+from ...tables import BLANK, Column, Table, Value, short, to_markdown
 from .columns import COLUMN, INTERVALS, PAGE
-from .entries import Entry, by_board
+from .entries import Entry, by_board, empty_error
 
+_SURE = "*"  # after a significant difference to STP
+_SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
+_HEADINGS = {"ids": "ids", "reacquired": "reac-\nquired", "gap": "gap\nclosed", "p95": "p95\nms"}  # by key
 MOST_BYTES = 4 << 20  # of a page
 _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
+
+
+def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
+    """A table per environment, the best first, with the notes below it.
+
+    A note states a reason for missing ranks, training on scored scenes or a seal, with the names of the submissions.
+    """
+    return [(_short_table(listed), _notes(listed)) for listed in by_board(entries).values()]
+
+
+def style_of(entry: Entry) -> str:
+    """Rich's style of an entry's row."""
+    return "bold green" if entry.added else "" if entry.compared else "dim"
+
+
+def _short_table(entries: Sequence[Entry]) -> Table:
+    empty = empty_error(entries)
+    empty_text = "" if empty is None else f"; {empty:.3f} if nothing is predicted"
+    version = f" (version {entries[0].version})" if entries[0].version else ""
+    title = f"{entries[0].env}{version}: bADE (m){empty_text}"
+    numbers = [
+        replace(COLUMN[key], heading=f"{text}\n{COLUMN[key].arrow}", group="") for key, text in _HEADINGS.items()
+    ]
+    columns = [
+        Column("submission", key="submission", read=_name),
+        Column("rank", key="rank", read=lambda entry: entry.rank),
+        Column("bADE\n↓", key="error", read=lambda entry: entry.error),
+        Column("95 %\ninterval", "m", key="interval", read=_interval),
+        Column(f"to stp\n{_SIGNIFICANT}", "m", key="difference", read=_difference),
+        *numbers,
+        Column("verified", key="level", read=lambda entry: entry.level),
+    ]
+    return Table(entries[0].board, title, "", entries, columns)
+
+
+def _name(entry: Entry) -> str:
+    return _printable(entry.name) + (" (added)" if entry.added else "")
+
+
+def _interval(entry: Entry) -> str:
+    return "–".join(map(short, entry.row.interval)) if entry.row.interval else BLANK
+
+
+def _difference(entry: Entry) -> str:
+    return COLUMN["difference"].shown(entry) + (_SURE if entry.verdict else " ")
+
+
+def _notes(entries: Sequence[Entry]) -> list[str]:
+    names: dict[str, list[str]] = {}
+    for entry in entries:
+        if entry.rank is None:
+            names.setdefault(f"not ranked ({_printable(entry.why)})", []).append(_printable(entry.name))
+    for entry in entries:
+        if entry.trained_on_scored:
+            names.setdefault(_printable(entry.trained_on_scored), []).append(_printable(entry.name))
+    notes = [f"{text}: {', '.join(dict.fromkeys(listed))}" for text, listed in names.items()]
+    seals = sorted({entry.seal for entry in entries if entry.seal})
+    return [*notes, *(f"hidden scenes of seal {seal}" for seal in seals)]
+
+
+def _printable(text: str) -> str:
+    return clean_text(text, len(text) + 1)
 
 
 def fill(page: Path, entries: Sequence[Entry]) -> bool:
