@@ -138,7 +138,7 @@ def _write_submission(rows: Iterable[tuple[Scene, TrackRows]], card: Card, data:
         file.write(f'{{"meta": {json.dumps(meta)}, "results": {{')
         separator = ""
         for scene, tracks in rows:
-            for token, boxes in _samples(scene, tracks, card, tables.arrays(scene.name)["sample"].tolist()):
+            for token, boxes in _samples(scene, tracks, card, tables.sample_tokens(scene.name)):
                 file.write(f"{separator}\n{json.dumps(token)}: {json.dumps(boxes)}")
                 separator, count = ",", count + len(boxes)
         file.write("\n}}\n")

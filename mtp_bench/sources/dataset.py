@@ -53,6 +53,7 @@ class Dataset:
     licence: str
     citation: str
     how_to_get: str
+    optional: Mapping[str, str] = field(default_factory=dict)  # pattern of files -> note if there are none
     generated: bool = False  # made by the library: there are no files to read and check
     totals: Mapping[str, Any] = field(default_factory=dict)  # known counts, for a source's ``inspect``
 
@@ -89,7 +90,8 @@ class Dataset:
             root = self.find(data, holds)
         except DataError:
             return DataStatus(self, None, self.searched(data))
-        return DataStatus(self, root, (root,))
+        absent = [(pattern, note) for pattern, note in self.optional.items() if not any(root.glob(pattern))]
+        return DataStatus(self, root, (root,), notes=[f"{pattern} is missing: {note}" for pattern, note in absent])
 
 
 @dataclass

@@ -64,7 +64,11 @@ KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error 
     "another type": (kitti.DETECTED, [kitti.detection(0, 1, 0, 1, 2, 3)], r"line 1: type 1, expected 2 \(Car\)"),
     "a detection before": (kitti.DETECTED, [kitti.detection(-1, 2, 0, 1, 2, 3)], "line 1: frame -1, but"),
     "no detections": (kitti.DETECTED, None, "no file"),
-    "GPS/IMU too short": (kitti.OXTS, [kitti.oxts()] * 5, "has 5 rows, expected one for each of the 6 frames"),
+    "GPS/IMU too short": (
+        kitti.OXTS,
+        [kitti.oxts()] * 5,
+        "has 5 rows, expected one for each frame of the sequence map",
+    ),
     "GPS/IMU empty": (kitti.OXTS, [], "is empty, expected one row per frame"),
     "no GPS/IMU": (kitti.OXTS, None, "no file"),
     "no calibration": (kitti.CALIB, None, "no file"),
@@ -77,13 +81,12 @@ KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error 
     ),
     "a calibration not finite": (kitti.CALIB, [each.replace("-1.5", "nan") for each in CALIBRATION], "'Tr_imu_velo'"),
     "a calibration cut off": (kitti.CALIB, [*CALIBRATION[:-1], "Tr_imu_velo 1 2"], "must hold 12 numbers"),
-    "a broken sequence map": (kitti.SEQMAP, ["0000 empty 0"], "line 1: got '0000 empty 0', expected"),
-    "a sequence map from 1": (kitti.SEQMAP, ["0000 empty 000001 000006"], "line 1: got"),
+    "a broken sequence map": (kitti.SEQMAP, ["0000 empty 0"], "has a wrong row, expected rows such as"),
     "an empty sequence map": (kitti.SEQMAP, [], "names no sequence"),
     "scaled poses": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 1 0", *["2 0 0 0 0 2 0 0 0 0 2 0"] * 5], "line 2: .* rotation"),
     "mirrored poses": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 -1 0"] * 6, "line 1: expected a rotation"),
     "transposed poses": (ODOMETRY, ["0 0 0 1 0 0 0 1 0 0 0 1"] * 6, "line 1: expected a rotation"),
-    "poses too short": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 1 0"] * 5, "has 5 rows, expected one for each of the 6"),
+    "poses too short": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 1 0"] * 5, "has 5 rows, but .* has 6"),
 }
 
 GT, DET, INI, row, seqinfo = mot3d.GT, mot3d.DET, mot3d.INI, mot3d.row, mot3d.seqinfo
@@ -96,10 +99,10 @@ MOT3D: dict[str, tuple[str, Lines, str]] = {
     "no detections": (DET, None, "no file"),
     "detections in pixels": (DET, [row(1, -1, -1, -1)[:-1] + "-1"], "-1 in every row, as in the 2D benchmark"),
     "no seqinfo": (INI, None, r"write it with the lines '\[Sequence\]', 'name=TUD-Stadtmitte', 'frameRate=25' and "),
-    "no rate": (INI, [seqinfo()[0], *seqinfo()[3:]], "no key 'frameRate' in the section"),
+    "no rate": (INI, [seqinfo()[0], *seqinfo()[3:]], "missing required field `frameRate`"),
     "no section": (INI, seqinfo()[1:], "cannot be read: File contains no section headers"),
-    "no frames": (INI, seqinfo(length="0"), "seqLength is '0'"),
-    "half a length": (INI, seqinfo(length="9.5"), "seqLength is 9.5, expected a whole number"),
+    "no frames": (INI, seqinfo(length="0"), r"`int` >= 1 - at `\$.seqLength`"),
+    "half a length": (INI, seqinfo(length="9.5"), "`int`, got `str` - at"),
 }
 
 FRAME = f"{ANNOTATIONS}/00001800.json"

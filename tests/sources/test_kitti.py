@@ -160,7 +160,7 @@ def test_odometry_replaces_the_gps_unit_where_it_is_given(root: Path) -> None:
     scene = load(root)
     np.testing.assert_allclose(scene.ego, [[t, 0, 0, 0] for t in range(SIX)], atol=1e-12)
     write(root / "poses_orbslam3/0000.txt", *rows[:-1])
-    with pytest.raises(DataError, match=r"poses_orbslam3.0000\.txt has 5 rows, expected one for each of the 6 frames"):
+    with pytest.raises(DataError, match=r"poses_orbslam3.0000\.txt has 5 rows, but .* has 6"):
         load(root)
 
 

@@ -53,7 +53,7 @@ def test_boxes_lie_where_the_labels_have_them(env_id: str, data_root: Path, tmp_
 
 @pytest.mark.data
 def test_the_status_says_whether_they_are_there(data_root: Path, tmp_path: Path) -> None:
-    card, text = load_card("MTP-KITTI-v0"), "training/image_02/ is missing, so pictures of events show no image"
+    card, text = load_card("MTP-KITTI-v0"), "training/image_02 is missing: pictures of events show no image"
     assert any(text in note for note in describe(card, data_root).notes)
     assert not any(text in note for note in describe(card, linked(tmp_path, data_root, "0006", range(1))).notes)
 

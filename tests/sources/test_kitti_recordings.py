@@ -130,7 +130,7 @@ class Sequence:
         labels = read_labels(root / f"training/label_02/{name}.txt")
         self.oxts = read_oxts(root / f"training/oxts/{name}.txt")
         self.imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
-        self.used = read_poses(root, name, len(self.oxts.attitude))
+        self.used = read_poses(root, name)
         cars = np.isin(labels.type, ["Car", "Van"])
         self.box, self.frame, self.object_id = labels.box[cars], labels.frame[cars], labels.object_id[cars]
 

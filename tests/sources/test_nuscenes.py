@@ -88,7 +88,7 @@ def test_scenes_without_targets_are_left_out(data: Path) -> None:
     write_json(data / PREDICTION, {**make_targets(SCENES[:1]), "scene-0003": []})
     assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0301",)
     assert open_source(nuscenes_card(), data).names == ("scene-0001", "scene-0003", "scene-0301")
-    expected = r"has no scene of split 'val'; it has train \(1 scene\); choose one with --split or split="
+    expected = r"has no scene of split 'val' with prediction targets; .*: train \(1\), all \(1\); choose one with --split"
     with pytest.raises(DataError, match=expected):
         open_source(nuscenes_card(truth="targets", split="val"), data)
 
@@ -103,8 +103,10 @@ def test_the_list_of_targets_is_needed_for_targets_only(data: Path) -> None:
 def test_splits(data: Path) -> None:
     for split, name in (("train", "scene-0301"), ("train_val", "scene-0001"), ("val", "scene-0003")):
         assert open_source(nuscenes_card(split=split), data).names == (name,)
-    listed = r"train \(1 scene\), train_val \(1 scene\), val \(1 scene\)"
-    with pytest.raises(DataError, match=f"v1.0-mini has no scene of split 'mini_val'; it has {listed}; choose"):
+    listed = r"train \(1\), train_val \(1\), val \(1\), all \(3\)"
+    with pytest.raises(
+        DataError, match=f"v1.0-mini has no scene of split 'mini_val'; splits with scenes: {listed}; ch"
+    ):
         open_source(nuscenes_card(split="mini_val"), data)
     with pytest.raises(UnknownNameError, match="unknown scene 'scene-0301'"):
         open_source(nuscenes_card(split="val"), data).load("scene-0301")
@@ -114,7 +116,7 @@ def test_a_root_of_unofficial_scenes(data: Path) -> None:
     write_tables(data, make_tables(("scene-9001",)))
     write_json(data / "nuscenes/detections/megvii_all.json", make_detections(("scene-9001",)))
     assert open_source(nuscenes_card(), data).names == ("scene-9001",)
-    with pytest.raises(DataError, match=r"no scene of split 'val'; it has all \(1 scene\)"):
+    with pytest.raises(DataError, match=r"no scene of split 'val'; splits with scenes: all \(1\)"):
         open_source(nuscenes_card(split="val"), data)
 
 

@@ -17,7 +17,7 @@ from mtp_bench.errors import DataError
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.sources import describe, load_scenes, with_map
 from mtp_bench.sources.nuscenes import road
-from mtp_bench.sources.nuscenes.road import borders, read_lanes
+from mtp_bench.sources.nuscenes.road import read_lanes
 from mtp_bench.types import Lane
 from tests.support.map_expansion import Record, make_map, write_map
 from tests.support.nuscenes_root import VERSION, link_root, nuscenes_card, scene, write_json
@@ -50,38 +50,16 @@ def drawn(data: Path, notes: list[str] | None = None) -> tuple[Lane, ...]:
 def test_lanes_are_where_they_were_drawn(mapped: Path) -> None:
     own, other, bend = drawn(mapped)  # "far" is left out
     np.testing.assert_allclose(own.center[[0, -1]], [[0.0, -40.0], [0.0, 20.0]], atol=1e-9)
-    np.testing.assert_allclose(own.left[:, 0], -2.0, atol=1e-9)  # the ego heads along y: left is -x
-    np.testing.assert_allclose(own.right[:, 0], 2.0, atol=1e-9)
+    np.testing.assert_allclose(own.left[:, 0], -road.HALF, atol=1e-9)  # the ego heads along y: left is -x
+    np.testing.assert_allclose(own.right[:, 0], road.HALF, atol=1e-9)
     np.testing.assert_allclose(other.center[[0, -1]], [[-4.0, 20.0], [-4.0, -40.0]], atol=1e-9)
-    np.testing.assert_allclose(other.left[:, 0], -2.0, atol=1e-9)
+    np.testing.assert_allclose(other.left[:, 0], -4.0 + road.HALF, atol=1e-9)
     np.testing.assert_allclose(bend.center[-1], [-13.0, 32.0], atol=1e-9)  # 2 m on, a quarter of a circle, 3 m on
     assert (own.junction, other.junction, bend.junction) == (False, False, True)
-    np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), road.HALF[0])
+    np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), road.HALF)
     for lane in (own, other, bend):
         assert lane.left.shape == lane.right.shape == lane.center.shape
         assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= road.STEP + 1e-9
-
-
-def test_borders_follow_the_polygon() -> None:
-    #  y  3 +---------+      the lane gets wider to its left; its right border has a corner in the middle
-    #     1 +         |
-    #     0 o----o----o
-    #    -1 +----+----+
-    center = np.array([[0.0, 0.0], [5.0, 0.0], [10.0, 0.0]])
-    ring = np.array([[0.0, 1.0], [10.0, 3.0], [10.0, -1.0], [5.0, -1.0], [0.0, -1.0]])
-    for turned in (ring, ring[::-1], np.roll(ring, 2, axis=0)):
-        left, right = borders(center, turned)
-        np.testing.assert_allclose(left[:, 1], [1.0, 2.0, 3.0])
-        np.testing.assert_allclose(right[:, 1], -1.0)
-
-
-def test_the_map_is_read_once(mapped: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = drawn(mapped)
-    assert len(list(own_cache.glob("map-*/lanes.npz"))) == 1
-    write_map(mapped / "nuscenes", LOCATION, make_map((0.0, 1.0, np.pi / 2)))
-    np.testing.assert_allclose(drawn(mapped)[0].center, first[0].center + np.array([0.0, 1.0]), atol=1e-9)
-    monkeypatch.delattr("mtp_bench.sources.nuscenes.road.read_lanes")
-    assert len(drawn(mapped)) == 3
 
 
 def test_without_the_expansion_nothing_is_read(data: Path) -> None:
@@ -115,16 +93,12 @@ def arc(**changes: Any) -> Callable[[Record], Record]:
 
 
 BROKEN: dict[str, tuple[Callable[[Record], Record], str]] = {  # change, what the error names
-    "no lanes": (lambda content: {"polygon": [], "lane": []}, "no lane"),
+    "no lanes": (lambda content: {"lane": []}, "no lane"),
     "no middle lines": (changed("arcline_path_3", {}), "no lane with a middle line"),
     "a list of middle lines": (changed("arcline_path_3", []), "arcline_path_3"),
-    "no nodes": (changed("node", []), "layer 'node' has no record 'own-0'"),
-    "no polygons": (changed("polygon", []), "polygon_token is 'own-ring'"),
     "a list of numbers": (changed("lane", [1, 2]), r"lane\[0\]"),
-    "a node without a place": (changed("node", [{"token": "own-0", "x": "1", "y": 2}]), r"node\[0\]\.x"),
     "a shape": (arc(shape="LXR"), "shape"),
     "a radius": (arc(radius=-1.0), "radius"),
-    "a lane without a polygon": (changed("lane", [{"token": "own"}]), "`polygon_token`"),
     "lengths": (arc(segment_length=[1.0, -1.0, 1.0]), "segment_length"),
     "an endless length": (arc(segment_length=[1.0, 1e9, 1.0]), "segment_length"),
     "a pose": (arc(start_pose=[1.0, None, 0.0]), "start_pose"),
@@ -169,14 +143,13 @@ def test_the_status_says_whether_it_is_there(mapped: Path) -> None:
     def notes() -> str:
         return " ".join(describe(nuscenes_card(), mapped).notes)
 
-    assert f"pictures show the road of {LOCATION}" in notes()
+    assert "expansion" not in notes()
     (mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json").unlink()
-    assert "maps/expansion/ is missing, so pictures show no road" in notes()
-    assert "https://www.nuscenes.org" in notes()
+    assert "maps/expansion/*.json is missing: pictures show no road" in notes()
 
 
 @pytest.mark.data
-def test_the_road_lies_around_the_way_of_a_real_ego(data_root: Path, tmp_path: Path, own_cache: Path) -> None:
+def test_the_road_lies_around_the_way_of_a_real_ego(data_root: Path, tmp_path: Path) -> None:
     data, card = link_root(tmp_path / "root", data_root), load_card("MTP-nuScenes-mini-v0")
     (real,) = load_scenes(card, data, ["scene-0655"])
     assert with_map(real, card, data).lanes == ()

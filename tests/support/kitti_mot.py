@@ -71,7 +71,7 @@ def read_annotations(root: Path, scene: Scene, ego_motion: bool) -> Annotations:
     labels = read_labels(root / f"training/label_02/{scene.name}.txt")
     box = labels.box
     if ego_motion:
-        box = read_poses(root, scene.name, scene.frames).to_world(box, labels.frame)
+        box = read_poses(root, scene.name).to_world(box, labels.frame)
     return Annotations(labels, box)
 
 

@@ -1,8 +1,8 @@
 """A map expansion in the official layout: two lanes and a bend through a junction, beside the way of an ego.
 
-Along the heading of the ego, from 40 m behind it to 20 m ahead, run two lanes, 4 m wide each: ``own`` around the ego,
+Along the heading of the ego, from 40 m behind it to 20 m ahead, run two lanes: ``own`` around the ego,
 ``other`` to its left, which comes towards it. From the end of ``own`` the connector ``bend`` turns left, with a radius
-of 10 m; it has no polygon. ``far`` lies 1 km away.
+of 10 m. ``far`` lies 1 km away.
 """
 
 from __future__ import annotations
@@ -25,8 +25,6 @@ def make_map(pose: Sequence[float]) -> Record:
     """The content of a file, around an ego at ``pose`` x y yaw."""
     content: Record = {"version": "1.3", "canvas_edge": [2000.0, 2000.0], "connectivity": {}, "arcline_path_3": {}}
     content |= {layer: [] for layer in LAYERS}
-    content["node"].append({"token": "unused", "x": 0.0, "y": 0.0})
-    content["polygon"].append({"token": "unused", "exterior_node_tokens": ["unused"], "holes": []})
     _add_lane(content, "own", pose, (-40.0, 0.0), 0.0, 60.0)
     _add_lane(content, "other", pose, (20.0, 4.0), np.pi, 60.0)
     _add_lane(content, "far", pose, (1000.0, 0.0), 0.0, 60.0)
@@ -47,13 +45,7 @@ def write_map(root: Path, location: str, content: Record) -> Path:
 def _add_lane(
     content: Record, token: str, pose: Sequence[float], place: tuple[float, float], turn: float, length: float
 ) -> None:
-    corners = [(0.0, 2.0), (length, 2.0), (length, -2.0), (0.0, -2.0)]
     cos, sin = np.cos(turn), np.sin(turn)
-    for i, (along, across) in enumerate(corners):
-        x, y = _placed(pose, (place[0] + cos * along - sin * across, place[1] + sin * along + cos * across))
-        content["node"].append({"token": f"{token}-{i}", "x": x, "y": y})
-    nodes = [f"{token}-{i}" for i in range(4)]
-    content["polygon"].append({"token": f"{token}-ring", "exterior_node_tokens": nodes, "holes": []})
     edges = {"from_edge_line_token": "", "to_edge_line_token": "", "lane_type": "CAR"}
     content["lane"].append({"token": token, "polygon_token": f"{token}-ring", **edges})
     half = length / 2

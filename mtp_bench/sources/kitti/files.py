@@ -1,4 +1,4 @@
-"""Text files of the KITTI tracking benchmark, read into arrays: labels, detections, calibration, GPS/IMU, sequence map.
+"""Text files of the KITTI tracking benchmark, read into arrays.
 
 Boxes come out in the sensor frame of their own image: the rectified camera 0 with its axes renamed to x forward
 (camera z), y left (-camera x), z up (-camera y).
@@ -44,7 +44,7 @@ class LabelRows:
 
 
 @dataclass(frozen=True, eq=False)
-class StoredDetections:
+class DetectionRows:
     """Detections of one class in the order of the file."""
 
     table: TextTable  # columns `DETECTION`, or `RESULT`
@@ -77,7 +77,7 @@ def read_labels(path: Path) -> LabelRows:
     return LabelRows(table, frame, object_id, table.text, table.value[:, 6:10], box)
 
 
-def read_detections(path: Path, kind: str, code: int) -> StoredDetections:
+def read_detections(path: Path, kind: str, code: int) -> DetectionRows:
     """Detections of one sequence and class; an empty file gives no rows. DataError names the line that is wrong.
 
     ``code``: number of the class ``kind`` in the file (1 Pedestrian, 2 Car, 3 Cyclist). NaN and sizes that are not
@@ -87,10 +87,10 @@ def read_detections(path: Path, kind: str, code: int) -> StoredDetections:
     got = table.whole("type")
     table.refuse(got != code, lambda row: f"type {got[row]}, expected {code} ({kind})")
     table.refuse_degrees("rotation_y")
-    return StoredDetections(table, table.whole("frame"), table["score"], sensor_boxes(table.value[:, 7:14]))
+    return DetectionRows(table, table.whole("frame"), table["score"], sensor_boxes(table.value[:, 7:14]))
 
 
-def read_results(path: Path, kind: str) -> StoredDetections:
+def read_results(path: Path, kind: str) -> DetectionRows:
     """Detections of the type ``kind`` in a file of all types, in the result form of KITTI's tracking benchmark.
 
     NaN and sizes that are not positive are kept. DataError names the line that is wrong.
@@ -100,7 +100,7 @@ def read_results(path: Path, kind: str) -> StoredDetections:
     table.whole("frame")
     chosen = table.select(table.text == kind)
     chosen.refuse_degrees("rotation_y")
-    return StoredDetections(chosen, chosen.whole("frame"), chosen["score"], sensor_boxes(chosen.value[:, 10:17]))
+    return DetectionRows(chosen, chosen.whole("frame"), chosen["score"], sensor_boxes(chosen.value[:, 10:17]))
 
 
 def require_kinds(table: TextTable) -> None:
@@ -143,17 +143,15 @@ def _rows_of_frames(path: Path, columns: str) -> TextTable:
 
 def read_imu_to_camera(path: Path) -> Floats:
     """Transform ``[4, 4]`` from the GPS/IMU unit to the rectified camera 0: R_rect x Tr_velo_cam x Tr_imu_velo."""
-    rectify = _read_motion(path, ("R_rect", "R0_rect"), 3)
-    camera_from_velo = _read_motion(path, ("Tr_velo_cam", "Tr_velo_to_cam"), 4)
-    return np.asarray(rectify @ camera_from_velo @ _read_motion(path, ("Tr_imu_velo", "Tr_imu_to_velo"), 4))
-
-
-def _read_motion(path: Path, names: tuple[str, ...], columns: int) -> Floats:
-    """A matrix of `read_calibration` that is a rigid motion."""
-    whole = read_calibration(path, names, columns)
-    turn = whole[:3, :3]
-    if not np.allclose(turn @ turn.T, np.eye(3), atol=ROUNDING):
-        raise DataError(f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns, and finite numbers")
+    whole = np.eye(4)
+    for names in (("R_rect", "R0_rect"), ("Tr_velo_cam", "Tr_velo_to_cam"), ("Tr_imu_velo", "Tr_imu_to_velo")):
+        motion = read_calibration(path, names, 3 if names[0] == "R_rect" else 4)
+        turn = motion[:3, :3]
+        if not np.allclose(turn @ turn.T, np.eye(3), atol=ROUNDING):
+            raise DataError(
+                f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns, and finite numbers"
+            )
+        whole = whole @ motion
     return whole
 
 
@@ -163,28 +161,24 @@ def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats
     words = next((rows[name] for name in names if name in rows), None)
     if words is None:
         raise DataError(f"{path}: no line {names[0]!r}; found {', '.join(rows) or 'no lines'}")
+    whole = np.eye(4)
     try:
-        value = np.array(words, dtype=np.float64).reshape(3, columns)
+        whole[:3, :columns] = np.array(words, dtype=np.float64).reshape(3, columns)
     except ValueError:
         raise DataError(f"{path}: line {names[0]!r} must hold {3 * columns} numbers, got {len(words)}") from None
-    if not np.isfinite(value).all():
+    if not np.isfinite(whole).all():
         raise DataError(f"{path}: line {names[0]!r} must hold finite numbers")
-    whole = np.eye(4)
-    whole[:3, :columns] = value
     return whole
 
 
 def read_sequence_map(path: Path) -> dict[str, int]:
     """Frames of each sequence of a split, in the order of the file (``0001 empty 000000 000447``)."""
-    lengths: dict[str, int] = {}
-    for number, line in zip(*numbered_lines(path), strict=True):
-        words = line.split()
-        if len(words) != 4 or not words[3].isdigit() or set(words[2]) != {"0"} or int(words[3]) < 1:
-            raise DataError(f"{path}, line {number}: got {line!r}, expected 'name empty 000000 end'")
-        lengths[words[0]] = int(words[3])
-    if not lengths:
-        raise DataError(f"{path} names no sequence")
-    return lengths
+    rows = [line.split() for line in numbered_lines(path)[1]]
+    if not rows or not all(len(row) == 4 and row[3].isdigit() and int(row[3]) for row in rows):
+        raise DataError(
+            f"{path} names no sequence or has a wrong row, expected rows such as '0001 empty 000000 000447'"
+        )
+    return {row[0]: int(row[3]) for row in rows}
 
 
 def camera_fields(box: Floats) -> Floats:

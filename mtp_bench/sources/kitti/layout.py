@@ -1,4 +1,4 @@
-"""KITTI tracking in a card and in a folder: the section ``[source]``, splits, detections, status of the files."""
+"""KITTI tracking in a card and in a folder: the section ``[source]``, splits, and the status of the files."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ from pydantic import Field
 from ...cards import Card, instead_of_stored
 from ...cards.source import DetectionsSection, Traits
 from ...errors import DataError
-from ...types import Ints
 from ..base import own_detections, section_of
 from ..dataset import Dataset, DataStatus
-from .files import LabelRows, read_labels, read_oxts, read_sequence_map
+from .files import read_labels, read_oxts, read_sequence_map
 
 SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
-# The paper's validation sequences (AB3DMOT's split), for a root without the sequence map.
+# AB3DMOT's split, for a root without the sequence map
 VALIDATION = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0016", "0018", "0019")
 TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}  # label type, detection code
 LABELS = "training/label_02"
@@ -53,9 +52,9 @@ def validation_lengths(root: Path) -> dict[str, int]:
     return read_sequence_map(path) if path.is_file() else {}
 
 
-def split_names(root: Path, split: str, lengths: dict[str, int]) -> tuple[str, ...]:
-    """Validation: the sequence map; training: every other sequence that has labels."""
-    validation = tuple(lengths) or VALIDATION
+def split_names(root: Path, split: str) -> tuple[str, ...]:
+    """Validation: the sequence map, if there is one; training: every other sequence that has labels."""
+    validation = tuple(validation_lengths(root)) or VALIDATION
     if split == "val":
         return validation
     labelled = sorted(path.stem for path in (root / LABELS).glob("*.txt"))
@@ -81,11 +80,10 @@ def require_detector(root: Path, card: Card) -> Path:
 
 
 def inspect(card: Card, status: DataStatus) -> None:
-    """Note the files that ``card`` needs, and count over the label files."""
+    """Note the files that ``card`` needs, and count over the files of all sequences."""
     section = section_of(card, KittiSource)
     validation = tuple(status.attempt(read_sequence_map, SEQUENCE_MAP) or VALIDATION)
-    training = tuple(name for name in SEQUENCES if name not in validation)
-    names = validation if section.split == "val" else training
+    names = validation if section.split == "val" else [name for name in SEQUENCES if name not in validation]
     folders = [LABELS, "training/calib", "training/oxts"]
     if card.detector is None and section.detections_file is None:
         stored = f"detections/{section.detector}"
@@ -93,41 +91,9 @@ def inspect(card: Card, status: DataStatus) -> None:
     for folder in folders:
         status.require_all(folder, [f"{name}.txt" for name in names])
     status.note_detector(instead_of_stored(card))
-    if not (status.folder / SEQUENCE_MAP).is_file():
-        status.notes.append(f"{SEQUENCE_MAP} is missing: the validation split is taken as {', '.join(VALIDATION)}")
-    if "0019" in names and not (status.folder / "poses_orbslam3/0019.txt").is_file():
-        status.notes.append(
-            "poses_orbslam3/0019.txt is missing: sequence 0019 uses its GPS/IMU unit, which is bad there"
-        )
-    if not (status.folder / IMAGES).is_dir():
-        status.notes.append(
-            f"{IMAGES}/ is missing, so pictures of events show no image: the left colour images are in "
-            "data_tracking_image_2.zip of https://www.cvlibs.net/datasets/kitti/eval_tracking.php"
-        )
-    _count(status, validation)
-
-
-def _count(status: DataStatus, validation: tuple[str, ...]) -> None:
-    """Counts over all sequences that are there and over those of the validation split."""
-    labels: dict[str, LabelRows] = {}
-    frames: dict[str, int] = {}
-    for name in SEQUENCES:
-        rows = status.attempt(read_labels, f"{LABELS}/{name}.txt")
-        oxts = status.attempt(read_oxts, f"training/oxts/{name}.txt")
-        if rows is not None:
-            labels[name] = rows
-        if oxts is not None:
-            frames[name] = len(oxts.attitude)
-    boxes, tracks = _boxes_and_tracks([rows.object_id[rows.type != "DontCare"] for rows in labels.values()])
-    counts = {"sequences": len(labels), "frames": sum(frames.values()), "tracks": tracks, "boxes": boxes}
-    counts["validation frames"] = sum(frames.get(name, 0) for name in validation)
-    within = [labels[name] for name in validation if name in labels]
-    for kind in ("Car", "Pedestrian", "Cyclist"):
-        boxes, tracks = _boxes_and_tracks([rows.object_id[rows.type == kind] for rows in within])
-        counts |= {f"validation {kind} boxes": boxes, f"validation {kind} tracks": tracks}
+    labels = [status.attempt(read_labels, f"{LABELS}/{name}.txt") for name in SEQUENCES]
+    ids = [rows.object_id[rows.type != "DontCare"] for rows in labels if rows is not None]
+    oxts = [status.attempt(read_oxts, f"training/oxts/{name}.txt") for name in SEQUENCES]
+    counts = {"sequences": len(ids), "frames": sum(len(rows.attitude) for rows in oxts if rows is not None)}
+    counts |= {"tracks": sum(len(np.unique(own)) for own in ids), "boxes": sum(map(len, ids))}
     status.count(counts, status.about.totals)
-
-
-def _boxes_and_tracks(ids: list[Ints]) -> tuple[int, int]:
-    """Numbers of boxes and of tracks by the ids of each sequence."""
-    return sum(map(len, ids)), sum(len(np.unique(own)) for own in ids)

@@ -13,8 +13,8 @@ from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_so
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity
 from .files import (
+    DetectionRows,
     LabelRows,
-    StoredDetections,
     read_detections,
     read_imu_to_camera,
     read_labels,
@@ -44,16 +44,19 @@ class KittiTracking:
         self.root = DATASET.find(data, LABELS)
         require_classes(card, "KITTI", TYPES)
         require_rate(card, "KITTI", 10.0, self.section.stride)
-        self._lengths = validation_lengths(self.root)
-        self.names = split_names(self.root, self.section.split, self._lengths)
+        self.names = split_names(self.root, self.section.split)
         self._detections = require_detector(self.root, card) if card.detector is None else None
 
     def load(self, name: str) -> Scene:
         """Read one sequence; all its frames count, also those without labels or detections."""
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
-        section, length, classes = self.section, self._length(name), self.card.task.classes
+        section, classes = self.section, self.card.task.classes
         poses = self.poses(name)
+        length = len(poses.position)
+        if validation_lengths(self.root).get(name, length) != length:
+            path = self.root / f"training/oxts/{name}.txt"
+            raise DataError(f"{path} has {length} rows, expected one for each frame of the sequence map")
         frames = Frames(length, section.stride, poses if section.ego_motion else None)
         kept = np.arange(0, length, section.stride)
         labels = read_labels(self.root / LABELS / f"{name}.txt")
@@ -78,31 +81,20 @@ class KittiTracking:
 
     def poses(self, name: str) -> Poses:
         """Poses of all frames of a sequence, also those that the card leaves out."""
-        return read_poses(self.root, name, self._length(name))
-
-    def _length(self, name: str) -> int:
-        if name in self._lengths:
-            return self._lengths[name]
-        return len(read_oxts(self.root / f"training/oxts/{name}.txt").attitude)
+        return read_poses(self.root, name)
 
 
-def read_poses(root: Path, name: str, length: int) -> Poses:
-    """Poses ``[length]`` of one sequence: odometry if ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
-    oxts_path = root / f"training/oxts/{name}.txt"
+def read_poses(root: Path, name: str) -> Poses:
+    """Poses of one sequence: odometry if ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
+    oxts_path, odometry_path = root / f"training/oxts/{name}.txt", root / f"poses_orbslam3/{name}.txt"
     oxts = read_oxts(oxts_path)
     imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
-    _require_rows(oxts_path, len(oxts.attitude), length)
-    odometry_path = root / f"poses_orbslam3/{name}.txt"
     if not odometry_path.is_file():
         return integrated_poses(oxts, imu_to_camera)
     odometry = read_odometry(odometry_path)
-    _require_rows(odometry_path, len(odometry), length)
+    if len(odometry) != len(oxts.attitude):
+        raise DataError(f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}")
     return odometry_poses(odometry, oxts, imu_to_camera)
-
-
-def _require_rows(path: Path, rows: int, length: int) -> None:
-    if rows != length:
-        raise DataError(f"{path} has {rows} rows, expected one for each of the {length} frames of the sequence")
 
 
 @dataclass(frozen=True)
@@ -112,7 +104,6 @@ class Frames:
     length: int  # of the sequence
     stride: int
     poses: Poses | None  # None: every frame in its own sensor frame
-    period: float = FRAME_PERIOD  # s, between frames of the sequence
 
     def select(self, frame: Ints, keep: Bools) -> Ints:
         """Indices of the rows to keep in frames of the scene, sorted by frame, otherwise in their order."""
@@ -132,7 +123,7 @@ class Frames:
         """Boxes in the frame of reference of the scene."""
         return self.poses.to_world(box, frame) if self.poses else box
 
-    def check(self, rows: LabelRows | StoredDetections) -> None:
+    def check(self, rows: LabelRows | DetectionRows) -> None:
         """Raise DataError for a row outside of the sequence."""
         outside = (rows.frame < 0) | (rows.frame >= self.length)
         rows.table.refuse(outside, lambda row: f"frame {rows.frame[row]}, but the sequence has {self.length} frames")
@@ -152,7 +143,7 @@ def truth_of(labels: LabelRows, classes: tuple[str, ...], frames: Frames) -> Tru
     return Truth(
         start=frames.starts(frame),
         box=box,
-        velocity=central_velocity(frame // frames.stride, object_id, box[:, :2], frames.stride * frames.period),
+        velocity=central_velocity(frame // frames.stride, object_id, box[:, :2], frames.stride * FRAME_PERIOD),
         class_id=class_id[row],
         object_id=object_id,
         eligible=~neutral[row],
@@ -168,7 +159,10 @@ def detections_of(
     skipped: dict[str, int] = {}
     for index, class_name in enumerate(classes):
         kind, code = TYPES[class_name]
-        rows = stored_rows(folder, name, kind, code)
+        if (folder / kind).is_dir():  # a folder for each class, as AB3DMOT has them, or a file for all
+            rows = read_detections(folder / kind / f"{name}.txt", kind, code)
+        else:
+            rows = read_results(folder / f"{name}.txt", kind)
         frames.check(rows)
         row = frames.select(rows.frame, np.ones(len(rows.frame), dtype=bool))
         row = row[_sound(rows.box[row], rows.score[row], skipped)]
@@ -184,13 +178,6 @@ def detections_of(
         score=score[order],
     )
     return detections, skipped
-
-
-def stored_rows(folder: Path, name: str, kind: str, code: int) -> StoredDetections:
-    """Detections of a class: in its own folder, as of AB3DMOT, else in one file for all, as KITTI takes them."""
-    if (folder / kind).is_dir():
-        return read_detections(folder / kind / f"{name}.txt", kind, code)
-    return read_results(folder / f"{name}.txt", kind)
 
 
 def _sound(box: Floats, score: Floats, skipped: dict[str, int]) -> Bools:

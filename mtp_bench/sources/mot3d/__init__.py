@@ -1,9 +1,8 @@
 """3DMOT2015: people on the ground plane, one sequence read into scenes."""
 
 from ..base import SourcePackage
-from .layout import DATASET, folder_of, inspect
-from .layout import Mot3dSource as Mot3dSource
-from .source import Mot3d
+from .source import DATASET, Mot3d, folder_of, inspect
+from .source import Mot3dSource as Mot3dSource
 
 PACKAGE = SourcePackage(
     open=Mot3d,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import configparser
-import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+import msgspec
 import numpy as np
 
 from ...errors import DataError
@@ -15,15 +16,13 @@ from ..text import TextTable, read_table, read_text
 
 SEQINFO, TRUTH, DETECTIONS = "seqinfo.ini", "gt/gt.txt", "det/det.txt"  # inside train/<sequence>
 COLUMNS = "frame id left top width height confidence X Y Z"
-LONGEST = 1e6  # frames of a sequence, and its frame rate in Hz
 
 
-@dataclass(frozen=True)
-class SequenceInfo:
-    """Content of ``seqinfo.ini``."""
+class SequenceInfo(msgspec.Struct, frozen=True):
+    """Content of the section [Sequence] of ``seqinfo.ini``."""
 
-    rate: float  # Hz
-    length: int  # frames
+    rate: Annotated[float, msgspec.Meta(gt=0, le=1e6)] = msgspec.field(name="frameRate")  # Hz
+    length: Annotated[int, msgspec.Meta(gt=0, le=10**6)] = msgspec.field(name="seqLength")  # frames
 
 
 KNOWN = {"PETS09-S2L1": SequenceInfo(7.0, 795), "TUD-Stadtmitte": SequenceInfo(25.0, 179)}  # for a lost seqinfo.ini
@@ -49,15 +48,13 @@ def read_sequence_info(path: Path) -> SequenceInfo:
             f"no file {path}; some copies come without it: write it with the lines '[Sequence]', 'name={sequence}', "
             f"'frameRate={known.rate:g}' and 'seqLength={known.length}'"
         )
-    parser = configparser.ConfigParser(interpolation=None)
+    parser = configparser.RawConfigParser()
+    parser.optionxform = str  # type: ignore[assignment, method-assign]  # keys keep their capitals
     try:
         parser.read_string(read_text(path), source=str(path))
-    except configparser.Error as error:
+        return msgspec.convert(dict(parser.items("Sequence")), SequenceInfo, strict=False)
+    except (configparser.Error, msgspec.ValidationError) as error:
         raise DataError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
-    rate, length = _number(path, parser, "frameRate"), _number(path, parser, "seqLength")
-    if length != round(length):
-        raise DataError(f"{path}: seqLength is {length:g}, expected a whole number of frames")
-    return SequenceInfo(rate, int(length))
 
 
 def read_truth(path: Path, length: int) -> Rows:
@@ -89,17 +86,3 @@ def _read_rows(path: Path, length: int) -> Rows:
     outside = (frame < 1) | (frame > length)
     table.refuse(outside, lambda row: f"frame {frame[row]}, expected 1 to {length}, the seqLength of {SEQINFO}")
     return Rows(table, frame, table.whole("id"), table["confidence"], table.value[:, 7:])
-
-
-def _number(path: Path, parser: configparser.ConfigParser, key: str) -> float:
-    """A key of the section [Sequence] as a number above 0 and up to `LONGEST`."""
-    text = parser.get("Sequence", key, fallback=None)
-    if text is None:
-        raise DataError(f"{path}: no key {key!r} in the section [Sequence], expected e.g. '{key}=25'")
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value <= LONGEST:
-        raise DataError(f"{path}: {key} is {text!r}, expected a number above 0 and up to {LONGEST:g}")
-    return value

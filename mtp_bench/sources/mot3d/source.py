@@ -1,18 +1,50 @@
-"""3DMOT2015: people on the ground plane with stored ACF detections, one sequence cut into scenes."""
+"""3DMOT2015: people on the ground plane with stored ACF detections, one sequence cut into scenes; its card section."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ...cards import Card, instead_of_stored
+from ...cards.source import SourceSection, Traits
 from ...errors import CardError, DataError, UnknownNameError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
+from ..dataset import Dataset, DataStatus
 from ..people import people_detections, people_truth
 from .files import DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
-from .layout import DATASET, Mot3dSource, folder_of, needed
+
+DATASET = Dataset.of(__file__)
+
+
+class Mot3dSource(SourceSection):
+    """3DMOT2015: people on the ground plane, seen by a fixed camera, with stored detections."""
+
+    splits = ("train", "val")
+
+    sequence: Literal["PETS09-S2L1", "TUD-Stadtmitte"]
+    detector: Literal["acf"] = "acf"  # det/det.txt
+    stride: Annotated[int, Field(ge=1)] = 1  # keep every n-th frame
+    scene_frames: Annotated[int, Field(ge=2)] = 140  # kept frames per scene, the last scene may have fewer
+    train_scenes: Annotated[int, Field(ge=0)] = 2  # the first ones are for training, the others are "val"
+
+    @property
+    def traits(self) -> Traits:
+        """Abilities of the source."""
+        return Traits(stored_detector=self.detector, places_only=True, bounded_by_truth=True, has_ego=False)
+
+
+def folder_of(card: Card) -> str:
+    """The folder of the card's sequence, relative to the root."""
+    return f"train/{section_of(card, Mot3dSource).sequence}"
+
+
+def needed(card: Card) -> tuple[str, ...]:
+    """Files that the card needs of its sequence; a simulated detector needs no detections."""
+    return (SEQINFO, TRUTH, DETECTIONS) if card.detector is None else (SEQINFO, TRUTH)
 
 
 class Mot3d:
@@ -77,6 +109,23 @@ class Mot3d:
             visible=np.ones(len(truth.box)),
             recording=section.sequence,
         )
+
+
+def inspect(card: Card, status: DataStatus) -> None:
+    """Note the files that ``card`` needs, and count over them."""
+    folder, sequence = folder_of(card), section_of(card, Mot3dSource).sequence
+    status.require(*(f"{folder}/{name}" for name in needed(card)))
+    status.note_detector(instead_of_stored(card))
+    info = status.attempt(read_sequence_info, f"{folder}/{SEQINFO}")
+    # Without seqinfo.ini the rows are still counted, against the known length of the sequence.
+    length = (info or KNOWN[sequence]).length
+    truth = status.attempt(lambda path: read_truth(path, length), f"{folder}/{TRUTH}")
+    ids = truth.object_id if truth else np.zeros(0)
+    counts = {"frames": info.length if info else 0, "tracks": len(np.unique(ids)), "boxes": len(ids)}
+    if DETECTIONS in needed(card):
+        stored = status.attempt(lambda path: read_detections(path, length), f"{folder}/{DETECTIONS}")
+        counts["detections"] = len(stored.frame) if stored else 0
+    status.count(counts, status.about.totals[sequence])
 
 
 def split_frames(card: Card, length: int) -> dict[str, Ints]:

@@ -5,8 +5,7 @@ from .cameras import scene_images
 from .layout import DATASET, VERSIONS
 from .layout import NuScenesSource as NuScenesSource
 from .road import scene_lanes
-from .source import NuScenes, prepare_nuscenes
-from .status import inspect
+from .source import NuScenes, inspect, prepare_nuscenes
 from .tracks import FORM
 
 PACKAGE = SourcePackage(

@@ -79,11 +79,6 @@ def require_prediction(root: Path, card: Card) -> None:
         )
 
 
-def detection_pattern(card: Card) -> str:
-    """The detection files of the card's detector, relative to the root."""
-    return f"detections/{section_of(card, NuScenesSource).detector}*.json"
-
-
 def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
     """Detection files of the card: the one that it names, else all of its detector; empty for a simulated one.
 

@@ -1,7 +1,4 @@
-"""Official names: classes of the detection task, categories of the tables, and scenes of the splits.
-
-The splits of the prediction challenge cut "train" once more.
-"""
+"""Official names: classes of the detection task, categories of the tables, and scenes of the splits."""
 
 from __future__ import annotations
 
@@ -13,17 +10,9 @@ from types import MappingProxyType
 from typing import Literal, get_args
 
 ClassName = Literal[
-    "car",
-    "truck",
-    "bus",
-    "trailer",
-    "construction_vehicle",
-    "pedestrian",
-    "motorcycle",
-    "bicycle",
-    "traffic_cone",
+    "car", "truck", "bus", "trailer", "construction_vehicle", "pedestrian", "motorcycle", "bicycle", "traffic_cone",
     "barrier",
-]
+]  # fmt: skip
 CLASSES: tuple[str, ...] = get_args(ClassName)  # class_id in the cache is an index into these
 
 # The official detection task evaluates these (``nuscenes.eval.detection.utils.category_to_detection_name``).
@@ -77,15 +66,3 @@ def split_scenes(split: str, scenes: Collection[str]) -> tuple[str, ...]:
         return tuple(sorted(scenes))
     there = frozenset(scenes)
     return tuple(name for name in official_scenes()[split] if name in there)
-
-
-def splits_of(scenes: Collection[str]) -> dict[str, tuple[str, ...]]:
-    """The splits that have any of ``scenes``, "all" the last."""
-    named = {split: split_scenes(split, scenes) for split in (*SPLITS, "all")}
-    return {split: names for split, names in named.items() if names}
-
-
-def counted(splits: Mapping[str, Collection[str]]) -> str:
-    """The splits and their numbers of scenes in words; "all" only if it is the only split."""
-    named = [split for split in splits if split != "all"] or list(splits)
-    return ", ".join(f"{split} ({len(splits[split])} scene{'s' * (len(splits[split]) != 1)})" for split in named)

@@ -1,19 +1,13 @@
-"""The road around a scene, of the nuScenes map expansion (v1.3): its lanes, with their middle lines and polygons.
+"""The road around a scene, of the nuScenes map expansion (v1.3): lanes with their middle lines, for pictures alone.
 
-========================= ==================================================================================
-``lane``                  a lane of a road, with its polygon
-``lane_connector``        a way through a junction; its polygon, if any, is not needed
-``arcline_path_3``        the middle line of each of them by its token: parts of three arcs or straights each
-``polygon``, ``node``     polygons by the tokens of their nodes, nodes in metres of the global frame
-========================= ==================================================================================
-
-A map is read when a scene is drawn, never when a scene is loaded.
+Of a map the layers ``lane`` and ``lane_connector`` (a way through a junction) are read, and ``arcline_path_3``: the
+middle line of each by its token, in parts of three arcs or straights.
 """
 
 from __future__ import annotations
 
 import math
-from functools import partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
 
@@ -22,20 +16,17 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import DataError
-from ...types import Floats, Lane, Scene, starts_of
+from ...types import Floats, Lane, Scene
 from ..base import DataRoot, section_of
-from ..cache import Arrays, write_arrays
 from ..text import read_json
-from .decoding import Number, TableRecord, Vector, by_token, find, read_records
+from .decoding import TableRecord, Vector, by_token, find, read_records
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
-from .store import CachedFolder
 
 REACH = 100.0  # m from the way of the ego, within which the road is drawn
 STEP = 2.0  # m, between points of a middle line, at most
-LONGEST = 5e3  # m, part of a middle line
-HALF = 1.75, 6.0  # m, from the middle of a lane to its border: without a polygon, and at most
+HALF = 1.75  # m, from the middle of a lane to its borders
 _TURN = {"L": 1.0, "S": 0.0, "R": -1.0}  # sign of the curvature
-_Length = Annotated[float, msgspec.Meta(ge=0, le=LONGEST)]
+_Length = Annotated[float, msgspec.Meta(ge=0, le=5e3)]  # m
 
 
 class _Log(TableRecord):
@@ -45,19 +36,6 @@ class _Log(TableRecord):
 class _Scene(TableRecord):
     name: str
     log_token: str
-
-
-class _LaneRecord(TableRecord):
-    polygon_token: str
-
-
-class _Polygon(TableRecord):
-    exterior_node_tokens: list[str]
-
-
-class _Node(TableRecord):
-    x: Number
-    y: Number
 
 
 class _Path(msgspec.Struct):
@@ -70,17 +48,15 @@ class _Path(msgspec.Struct):
 
 
 class _Map(msgspec.Struct):
-    lane: list[_LaneRecord] = []
+    lane: list[TableRecord] = []
     lane_connector: list[TableRecord] = []
     arcline_path_3: dict[str, list[_Path]] = {}
-    polygon: list[_Polygon] = []
-    node: list[_Node] = []
 
 
 def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     """The lanes near the way of the ego, in the global frame; none if there is no map of its location.
 
-    A map is read once per machine, then kept as arrays. Raises DataError for a map or a table that is wrong.
+    Raises DataError for a map or a table that is wrong.
     """
     root = DATASET.find(data, VERSIONS)
     if not (root / EXPANSION).is_dir():
@@ -88,8 +64,9 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
     path = root / EXPANSION / f"{location_of(root / section_of(card, NuScenesSource).version, scene.name)}.json"
     if not path.is_file():
         return ()
-    cache = CachedFolder.of(f"map-{path.stem}", {path.name: path}, partial(_fill, path))
-    return near(cache.read("lanes"), scene.ego)
+    ego = scene.ego[:, None, :2]
+    lanes = read_lanes(path, path.stat().st_mtime_ns)
+    return tuple(lane for lane in lanes if (np.linalg.norm(lane.center - ego, axis=2) <= REACH).any())
 
 
 def location_of(version: Path, scene: str) -> str:
@@ -101,50 +78,23 @@ def location_of(version: Path, scene: str) -> str:
     raise DataError(f"{path} has no scene {scene!r}")
 
 
-def near(arrays: Arrays, ego: Floats) -> tuple[Lane, ...]:
-    """The lanes of a location that come within `REACH` of the ego's places [F, 4]."""
-    point, start = arrays["point"], arrays["start"]
-    center = point[:, 0]
-    seen = np.zeros(len(center), dtype=bool)
-    for x, y in ego[:, :2]:
-        seen |= np.hypot(center[:, 0] - x, center[:, 1] - y) <= REACH
-    return tuple(
-        Lane(point[first:end, 0], point[first:end, 1], point[first:end, 2], junction=bool(junction))
-        for first, end, junction in zip(start[:-1], start[1:], arrays["junction"], strict=True)
-        if seen[first:end].any()
-    )
+@lru_cache(maxsize=1)
+def read_lanes(path: Path, changed: int = 0) -> tuple[Lane, ...]:
+    """The lanes of a location, in the global frame, with borders at `HALF`; the last map is kept.
 
-
-def _fill(path: Path, folder: Path) -> None:
-    lanes = read_lanes(path)
-    points = [np.stack([lane.center, lane.left, lane.right], axis=1) for lane in lanes]
-    arrays = {
-        "point": np.concatenate(points),  # [P, 3, 2] m, global frame: middle, left, right
-        "start": starts_of([len(own) for own in points]),  # [L + 1]
-        "junction": np.array([lane.junction for lane in lanes], dtype=bool),  # [L]
-    }
-    write_arrays(folder / "lanes.npz", arrays)
-
-
-def read_lanes(path: Path) -> tuple[Lane, ...]:
-    """The lanes of a location, in the global frame; DataError names the file and token that is wrong."""
+    ``changed``: state of the file, for the memory. DataError names the file and the place that is wrong.
+    """
     layers = read_json(path, _Map)
-    polygons = {polygon.token: polygon for polygon in layers.polygon}
-    nodes = {node.token: (node.x, node.y) for node in layers.node}
     lanes = []
-    for record in (*layers.lane, *layers.lane_connector):
-        center = _center(layers.arcline_path_3.get(record.token, []))
-        if len(center) < 2:
-            continue  # a lane without a middle line
-        ring: list[tuple[float, float]] = []
-        if isinstance(record, _LaneRecord):
-            polygon = find(polygons, record, "polygon_token", path)
-            missing = set(polygon.exterior_node_tokens) - nodes.keys()
-            if missing:
-                raise DataError(f"{path}: layer 'node' has no record {min(missing)!r}, which a polygon names")
-            ring = [nodes[token] for token in polygon.exterior_node_tokens]
-        left, right = borders(center, np.array(ring).reshape(-1, 2))
-        lanes.append(Lane(center, left, right, junction=not isinstance(record, _LaneRecord)))
+    for records, junction in ((layers.lane, False), (layers.lane_connector, True)):
+        for record in records:
+            center = _center(layers.arcline_path_3.get(record.token, []))
+            if len(center) < 2:
+                continue  # a lane without a middle line
+            step = np.gradient(center, axis=0)
+            aside = HALF * np.stack([-step[:, 1], step[:, 0]], axis=1)
+            aside /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
+            lanes.append(Lane(center, center + aside, center - aside, junction=junction))
     if not lanes:
         raise DataError(f"{path} has no lane with a middle line, expected a file of the map expansion")
     return tuple(lanes)
@@ -170,33 +120,3 @@ def _points(part: _Path) -> Floats:
         points.append(points[-1][-1] + chord[:, None] * np.column_stack([np.cos(way), np.sin(way)]))
         heading = float(turned[-1])
     return np.concatenate(points)
-
-
-def borders(center: Floats, ring: Floats) -> tuple[Floats, Floats]:
-    """The left and the right border of a lane [n, 2] each, point by point beside its middle line ``center`` [n, 2].
-
-    ``ring`` [m, 2]: the polygon around it; it may be empty. Its corners on a side say how far that border is away.
-    """
-    step = np.gradient(center, axis=0)
-    aside = np.stack([-step[:, 1], step[:, 0]], axis=1) / np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
-    place = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(center, axis=0), axis=1))])
-    along, offset = _beside(center, place, ring)
-    sides = []
-    for sign in (1.0, -1.0):
-        own = np.flatnonzero(sign * offset > 0.1)
-        own = own[np.argsort(along[own], kind="stable")]
-        far = np.interp(place, along[own], sign * offset[own]) if len(own) else np.full(len(place), HALF[0])
-        sides.append(center + sign * np.minimum(far, HALF[1])[:, None] * aside)
-    return sides[0], sides[1]
-
-
-def _beside(center: Floats, place: Floats, ring: Floats) -> tuple[Floats, Floats]:
-    """Distance of each corner of the polygon along the middle line [m], and to its left [m]; metres."""
-    start, way = center[:-1], np.diff(center, axis=0)
-    length = np.linalg.norm(way, axis=1)
-    gap = ring[:, None] - start  # [m, n - 1, 2]
-    share = np.clip((gap * way).sum(axis=2) / length**2, 0.0, 1.0)
-    nearest = np.argmin(np.linalg.norm(gap - share[..., None] * way, axis=2), axis=1)
-    row = np.arange(len(ring))
-    across = (way[nearest, 0] * gap[row, nearest, 1] - way[nearest, 1] * gap[row, nearest, 0]) / length[nearest]
-    return place[nearest] + share[row, nearest] * length[nearest], across

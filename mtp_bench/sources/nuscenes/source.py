@@ -1,9 +1,8 @@
-"""nuScenes logs with stored detections, from the official tables."""
+"""nuScenes logs with stored detections, from the official tables, and their status for ``mtp-bench data``."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,10 +11,20 @@ from ...errors import DataError, UnknownNameError
 from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
 from ..base import DataRoot, Preparation, class_ids, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
+from ..dataset import DataStatus
 from ..motion import backward_velocity
-from .detections import open_detections, require_covered, scene_detections
-from .layout import DATASET, VERSIONS, NuScenesSource, detection_paths, require_prediction
-from .names import CLASSES, counted, splits_of
+from .detections import open_detections, scene_detections
+from .layout import (
+    DATASET,
+    PREDICTION,
+    TABLES,
+    VERSIONS,
+    NuScenesSource,
+    detection_paths,
+    require_prediction,
+    versions,
+)
+from .names import CLASSES, SPLITS, split_scenes
 from .store import TableStore, open_tables
 from .tables import SECOND
 
@@ -39,16 +48,16 @@ class NuScenes:
         paths = detection_paths(self.root, card)
         self.tables = open_tables(self.root, self.section.version)
         splits = available_splits(self.tables, self.section.truth == "targets")
-        self.names = _names(card, self.root, splits)
+        self.names = splits.get(self.section.split, ())
+        if not self.names:
+            raise DataError(f"{self.root / self.section.version} has no scene of {_of_split(self.section, splits)}")
         self.detections = open_detections(paths, self.tables, self.names)
-        if paths:
-            require_covered(self.detections, self.tables, self.names, splits, self.section.split)
 
     def load(self, name: str) -> Scene:
         """Read one scene from the cache."""
         if name not in self.names:
             raise UnknownNameError("scene", name, self.names)
-        arrays, classes = self.tables.arrays(name), self.card.task.classes
+        arrays, classes = self.tables.cache.read(name), self.card.task.classes
         time = (arrays["time"] - arrays["time"][0]) / SECOND
         detections, label = no_detections(len(time)), ""
         if self.detections:
@@ -80,9 +89,19 @@ def prepare_nuscenes(card: Card, data: DataRoot, how: Preparation) -> None:
 
 
 def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, ...]]:
-    """Scenes of each split that has any; with ``targets`` only those that have a prediction target."""
-    counts = tables.targets if targets and tables.targets is not None else np.full(len(tables.scenes), int(not targets))
-    return splits_of([name for name, count in zip(tables.scenes, counts, strict=True) if count])
+    """Scenes of each split that has any, "all" the last; with ``targets`` only those with a prediction target."""
+    scenes: Sequence[str] = tables.scenes
+    if targets and tables.targets is not None:
+        scenes = [name for name, count in zip(tables.scenes, tables.targets, strict=True) if count]
+    named = {split: split_scenes(split, scenes) for split in (*SPLITS, "all")}
+    return {split: names for split, names in named.items() if names}
+
+
+def _of_split(section: NuScenesSource, splits: Mapping[str, Sequence[str]]) -> str:
+    """The end of an error about a split without scenes."""
+    listed = ", ".join(f"{split} ({len(names)})" for split, names in splits.items()) or "none"
+    targets = " with prediction targets" if section.truth == "targets" else ""
+    return f"split {section.split!r}{targets}; splits with scenes: {listed}; choose one with --split or split="
 
 
 def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bool) -> Truth:
@@ -106,16 +125,38 @@ def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bo
     )
 
 
-def _names(card: Card, root: Path, splits: dict[str, tuple[str, ...]]) -> tuple[str, ...]:
-    """Scenes of the card's split; DataError naming the existing splits if it has none."""
+def inspect(card: Card, status: DataStatus) -> None:
+    """Note the files that ``card`` needs, and count over the tables.
+
+    Makes the compact copy of the tables and detections, if the files are complete and it is missing.
+    """
     section = section_of(card, NuScenesSource)
-    names = splits.get(section.split, ())
-    if names:
-        return names
-    if not splits:
-        what = " with prediction targets" if section.truth == "targets" else ""
-        raise DataError(f"{root / section.version} has no scene{what}")
-    raise DataError(
-        f"{root / section.version} has no scene of split {section.split!r}; it has {counted(splits)}; "
-        "choose one with --split or split="
-    )
+    status.require_all(section.version, [f"{name}.json" for name in TABLES])
+    if status.missing:
+        status.notes.append(f"versions found: {', '.join(versions(status.folder))}")
+        return
+    if section.truth == "targets":
+        status.require(PREDICTION)
+    try:
+        paths = detection_paths(status.folder, card)
+        status.notes += [f"detections: {path.name}" for path in paths]
+    except DataError as error:
+        status.missing.append(str(error))
+    try:
+        tables = open_tables(status.folder, section.version)
+        _count(status, tables)
+        if not status.missing:
+            NuScenes(card, status.folder)  # raises what stops the card's scenes from being read
+    except DataError as error:
+        status.add_problem(error)
+
+
+def _count(status: DataStatus, tables: TableStore) -> None:
+    """Counts over the tables of all splits."""
+    counts = {"scenes": len(tables.scenes), "keyframes": int(tables.start[-1])}
+    counts |= {"instances": tables.instances, "boxes": tables.boxes}
+    if tables.targets is not None:
+        targets = dict(zip(tables.scenes, tables.targets.tolist(), strict=True))
+        for split in SPLITS:
+            counts[f"prediction targets of {split}"] = sum(targets[name] for name in split_scenes(split, targets))
+    status.count(counts, status.about.totals.get(tables.version, {}))

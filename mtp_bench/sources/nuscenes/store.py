@@ -105,14 +105,18 @@ class TableStore:
     instances: int  # of all categories
     boxes: int  # of all categories
 
-    def arrays(self, scene: str) -> Arrays:
-        """Arrays of a scene, see `_scene_arrays`."""
-        return self.cache.read(scene)
-
     def samples(self, scene: str) -> range:
         """Rows of the samples of a scene."""
         row = self.scenes.index(scene)
         return range(int(self.start[row]), int(self.start[row + 1]))
+
+    def sample_tokens(self, scene: str) -> list[str]:
+        """Tokens of the samples of a scene."""
+        return [token.decode() for token in self.tokens[self.samples(scene)].tolist()]
+
+    def scene_of(self, row: int) -> str:
+        """Name of the scene of a sample."""
+        return self.scenes[int(np.searchsorted(self.start, row, side="right")) - 1]
 
     @cached_property
     def tokens(self) -> NDArray[np.bytes_]:
@@ -166,19 +170,12 @@ def _fill(sources: dict[str, Path], folder: Path) -> None:
 
 
 def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
-    """Arrays of a scene with F frames, R boxes and O objects.
-
-    Objects are numbered in the order of their tokens, which depends on the objects alone.
-    """
+    """Arrays of a scene with F frames and R boxes; objects are numbered in the order of their tokens."""
     first, end = (int(row) for row in keyframes.start[index : index + 2])
     row = slice(*np.searchsorted(boxes.sample, [first, end]))
     instance, inverse = np.unique(boxes.instance[row], return_inverse=True)
-    token = np.array([boxes.token[i] for i in instance], dtype=np.str_)
-    order = np.argsort(token)
-    number = np.empty(len(order), dtype=np.int64)
-    number[order] = np.arange(len(order))
+    number = np.argsort(np.argsort(np.array([boxes.token[i] for i in instance], dtype=np.str_)))
     return {
-        "sample": np.array(keyframes.token[first:end], dtype=np.str_),  # [F] tokens
         "time": keyframes.time[first:end],  # [F] microseconds
         "ego": keyframes.ego[first:end],  # [F, 4] x y z yaw
         "start": np.searchsorted(boxes.sample[row], np.arange(first, end + 1)),  # [F + 1]
@@ -186,6 +183,5 @@ def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
         "class_id": boxes.class_id[row],  # [R] index into CLASSES
         "neutral": boxes.neutral[row],  # [R]
         "listed": boxes.listed[row],  # [R]
-        "object_id": number[inverse],  # [R] index into instance
-        "instance": token[order],  # [O] tokens
+        "object_id": number[inverse],  # [R]
     }
