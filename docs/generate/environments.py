@@ -13,7 +13,7 @@ from mtp_bench.env.action import FIELDS
 from mtp_bench.env.spaces import action_numbers, observation_space
 from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.sources import describe
-from mtp_bench.sources.highway.section import HighwaySource
+from mtp_bench.sources.highway.world import HighwaySource
 
 from . import recordings
 

@@ -17,7 +17,7 @@ from ..env.environment import MTPEnv
 from ..errors import SubmissionError
 from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers, unordered_map
 from ..running.run import agent_task, derived_seed
-from ..sources.digest import scene_digest
+from ..sources.cache import scene_digest
 from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
 from .image import image_of

@@ -17,7 +17,7 @@ from ..scoring.definitions import DEFINITIONS, GOLDEN
 from ..scoring.rows import Row
 from ..scoring.table import AgentTable
 from ..sources import open_source
-from ..sources.digest import scene_digest
+from ..sources.cache import scene_digest
 from ..types import Rollout
 from .canonical import rounded
 from .record import MissedPart, ReferencePart, ScenePart, ScorerPart, Status

@@ -24,7 +24,7 @@ from ..files import require_file, whole_file, write_text
 from ..running.options import RunOptions
 from ..running.reference import make_reference
 from ..scoring import Reference, read_reference, write_reference
-from ..sources.highway.section import SECRET_SEEDS, HighwaySource
+from ..sources.highway.world import SECRET_SEEDS, HighwaySource
 from ..strict import Section
 from .canonical import Date, Sha256, canonical, digest_of, today
 from .storage import read_as

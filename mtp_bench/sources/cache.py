@@ -1,4 +1,4 @@
-"""Folder of the cache, and files of arrays with a hash that shows when they are broken."""
+"""Folder of the cache, files of arrays with a hash that shows when they are broken, and the digest of a scene."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..files import whole_file
+from ..types import Scene
 
 Arrays = dict[str, NDArray[Any]]
 
 VARIABLE = "MTP_BENCH_CACHE"
+DECIMALS = 6  # of what is hashed: machines differ in the last bits of simulated scenes
 
 
 def cache_root() -> Path:
@@ -55,3 +57,21 @@ def write_arrays(path: Path, arrays: Arrays, brief: bool = False) -> None:
     save = np.savez if brief else np.savez_compressed
     with whole_file(path) as part, part.open("wb") as file:
         save(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)
+
+
+def scene_digest(scene: Scene) -> str:
+    """Hex sha256 over name, times, ego poses, truth and detections of a scene, by which a result is compared with them.
+
+    Lengths count to DECIMALS decimals.
+    """
+    sha = hashlib.sha256(f"{scene.name}|{scene.frames}|{scene.truth_complete}|{scene.listed_targets}".encode())
+    arrays = {"time": scene.time, "ego": scene.ego}
+    for part in (scene.truth, scene.detections):
+        arrays |= {f"{type(part).__name__}.{name}": value for name, value in vars(part).items()}
+    for name, array in arrays.items():
+        if is_float := array.dtype.kind == "f":
+            values = np.round(array.astype("<f8"), DECIMALS) + 0.0  # -0.0 becomes 0.0
+            values[np.isnan(values)] = np.nan  # one kind of NaN
+        sha.update(f"|{name}{list(array.shape)}".encode())
+        sha.update(np.ascontiguousarray(values if is_float else array.astype("<i8")).tobytes())
+    return sha.hexdigest()

@@ -11,7 +11,7 @@ import numpy as np
 from ..cards import Card, DetectorSection
 from ..errors import MtpBenchError, UnknownNameError
 from ..running.options import DEFAULTS, RunOptions
-from ..sources.frames import in_world
+from ..sources.simulated import in_world
 from ..types import Scene
 from .split import open_split
 

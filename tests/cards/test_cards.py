@@ -15,7 +15,7 @@ from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card, parse_card
 from mtp_bench.detector import load_profile
 from mtp_bench.errors import CardError, MtpBenchError, UnknownNameError
-from mtp_bench.sources.highway.section import GENERATOR, HighwaySource
+from mtp_bench.sources.highway.world import GENERATOR, HighwaySource
 
 Content = dict[str, Any]
 

@@ -28,7 +28,7 @@ from mtp_bench.records.running import hardware
 from mtp_bench.records.storage import content_digest
 from mtp_bench.scoring.rows import Row
 from mtp_bench.scoring.subsets import Subset
-from mtp_bench.sources.digest import scene_digest
+from mtp_bench.sources.cache import scene_digest
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene
 from tests.support.stored_records import scene_part, ships_of, write_record

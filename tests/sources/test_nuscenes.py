@@ -88,7 +88,7 @@ def test_scenes_without_targets_are_left_out(data: Path) -> None:
     write_json(data / PREDICTION, {**make_targets(SCENES[:1]), "scene-0003": []})
     assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0301",)
     assert open_source(nuscenes_card(), data).names == ("scene-0001", "scene-0003", "scene-0301")
-    expected = r"has no scene of split 'val' with prediction targets; .*: train \(1\), all \(1\); choose one with --split"
+    expected = r"has no scene of split 'val' with prediction targets; .*: train \(1\), all \(1\); choose one"
     with pytest.raises(DataError, match=expected):
         open_source(nuscenes_card(truth="targets", split="val"), data)
 

@@ -13,7 +13,7 @@ import pytest
 from mtp_bench.errors import DataError
 from mtp_bench.sources import open_source
 from mtp_bench.sources.nuscenes.decoding import TableRecord, read_records, yaw_of
-from mtp_bench.sources.nuscenes.names import SPLITS, official_scenes, split_scenes
+from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, split_scenes
 from mtp_bench.sources.text import decode
 from tests.support.nuscenes_root import (
     DETECTIONS,

@@ -12,9 +12,8 @@ import pytest
 from mtp_bench.cards import Card
 from mtp_bench.errors import DataError, UnknownNameError
 from mtp_bench.sources import describe
-from mtp_bench.sources.people import as_places
-from mtp_bench.sources.wildtrack.files import read_detections
-from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
+from mtp_bench.sources.motion import as_places
+from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack, read_detections
 from mtp_bench.types import Detections, Scene
 from tests.support.source_files import with_source, write
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,8 +20,6 @@ from .columns import COLUMNS, TableColumn
 
 LARGEST_FILE = 1 << 30  # bytes
 LATEST = 1e12  # s: clocks that count from 1970 fit
-_FLAGS = {"true": 1.0, "false": 0.0, "1": 1.0, "0": 0.0}
-_BAD_CELL = re.compile(r"In CSV column #(\d+): Row #(\d+): CSV conversion error to double: invalid value '(.*)'", re.S)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,25 +68,24 @@ def read_table(path: Path, name: str) -> ColumnTable:
     import pyarrow
     from pyarrow import compute
 
+    is_parquet = path.suffix == ".parquet"
     try:
         with open_regular(path) as stream:
             if (size := os.fstat(stream.fileno()).st_size) > LARGEST_FILE:
                 raise DataError(f"{path}: {size >> 20} MiB, expected at most {LARGEST_FILE >> 20} MiB")
-            content = _read_parquet(path, stream) if path.suffix == ".parquet" else _read_csv(path, stream, name)
+            content = _read_parquet(path, stream) if is_parquet else _read_csv(path, stream, name)
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
     except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise DataError(f"{path} cannot be read as {_form(path)}: {error}") from None
+        raise DataError(f"{path} cannot be read as {'Parquet' if is_parquet else 'CSV'}: {error}") from None
     _check_names(path, content.column_names, name)
-    unit, first = ("row", 1) if path.suffix == ".parquet" else ("line", 2)
-    line = np.arange(first, first + content.num_rows)
-    if unit == "line":  # blank lines
+    line = np.arange(content.num_rows) + (1 if is_parquet else 2)
+    if not is_parquet:  # blank lines
         filled = np.zeros(len(line), dtype=bool)
         for column in content.columns:
-            is_text = pyarrow.types.is_string(column.type)
-            filled |= (compute.not_equal(column, "") if is_text else compute.is_valid(column)).to_numpy()
+            filled |= compute.not_equal(column, "").to_numpy()
         content, line = content.filter(filled), line[filled]
-    table = ColumnTable(str(path), unit, line, {}, {})
+    table = ColumnTable(str(path), "row" if is_parquet else "line", line, {}, {})
     for column in COLUMNS[name]:
         if column.name in content.column_names:
             _add_column(table, column, content.column(column.name))
@@ -108,10 +104,6 @@ def write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
         csv.write_csv(table, path, csv.WriteOptions(quoting_style="needed"))
 
 
-def _form(path: Path) -> str:
-    return "Parquet" if path.suffix == ".parquet" else "CSV"
-
-
 def _read_parquet(path: Path, stream: Any) -> Any:
     from pyarrow import parquet
 
@@ -125,7 +117,8 @@ def _read_parquet(path: Path, stream: Any) -> Any:
 
 
 def _read_csv(path: Path, stream: Any, name: str) -> Any:
-    from pyarrow import ArrowInvalid, csv, float64, schema, string
+    """All cells as words."""
+    from pyarrow import ArrowInvalid, csv, schema, string
 
     short: list[Any] = []
 
@@ -134,26 +127,21 @@ def _read_csv(path: Path, stream: Any, name: str) -> Any:
         return "error"
 
     names = _header(path, stream, name)
-    kinds = {one.name: string() if one.text or one.flag else float64() for one in COLUMNS[name]}
+    kinds = dict.fromkeys(names, string())
     try:
         return csv.read_csv(
             stream,
             csv.ReadOptions(use_threads=False, column_names=names),  # only without threads rows have numbers
             csv.ParseOptions(ignore_empty_lines=False, invalid_row_handler=note_row),
-            csv.ConvertOptions(column_types=kinds, null_values=[""]),
+            csv.ConvertOptions(column_types=kinds),
         )
     except ArrowInvalid as error:
         if short:
             row = short[0]
             got = f"{row.actual_columns} columns, expected {row.expected_columns}"
             raise DataError(f"{path}, line {row.number + 1}: {got}") from None
-        if match := _BAD_CELL.match(str(error)):
-            cell = f"{path}, line {int(match[2]) + 1}, column {names[int(match[1])]!r}"
-            value = match[3].strip()
-            got = reprlib.repr(value) if value else "an empty cell"
-            raise DataError(f"{cell}: {got}, expected a number") from None
         if "Empty CSV" in str(error):
-            return schema([(column, kinds[column]) for column in names]).empty_table()
+            return schema(list(kinds.items())).empty_table()
         raise
 
 
@@ -161,38 +149,50 @@ def _add_column(table: ColumnTable, column: TableColumn, values: Any) -> None:
     """Add a column of an Arrow table to ``table``."""
     from pyarrow import types
 
-    kind = values.type
-    is_text = types.is_string(kind) or types.is_large_string(kind) or types.is_dictionary(kind)
+    kind, name = values.type, column.name
+    is_word = types.is_string(kind) or types.is_large_string(kind) or types.is_dictionary(kind)
+    is_number = types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or types.is_null(kind)
+    if not is_word and not is_number:
+        raise DataError(f"{table.source}, column {name!r}: {kind}, expected {'words' if column.text else 'numbers'}")
     if column.text:
-        if types.is_nested(kind):
-            raise DataError(f"{table.source}, column {column.name!r}: {kind}, expected words")
         words = ["" if value is None else str(value).strip() for value in values.to_pylist()]
-        _add_words(table, column.name, words)
-    elif column.flag and is_text:
-        flags = [str(value).strip().lower() for value in values.to_pylist()]
-        unknown = np.array([flag not in _FLAGS for flag in flags], dtype=bool)
-        table.refuse(unknown, column.name, lambda row: f"{flags[row]!r}, expected 1, 0, true or false")
-        table.numbers[column.name] = np.array([_FLAGS[flag] for flag in flags], dtype=np.float64)
-    elif types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or types.is_null(kind):
-        empty = values.is_null().to_numpy()
-        numbers = values.cast("float64", safe=False).to_numpy()
-        if not column.gaps:
-            table.refuse(empty, column.name, "an empty cell, expected a number")
-        largest = LATEST if column.name == "time" else LIMIT
-        bad = ~(np.abs(numbers) <= largest) & ~(np.isnan(numbers) & column.gaps)
-        message = f"expected a finite number up to {largest:g}"
-        table.refuse(bad, column.name, lambda row: f"{numbers[row]:g}, {message}")
-        table.numbers[column.name] = numbers
-    else:
-        raise DataError(f"{table.source}, column {column.name!r}: {kind}, expected numbers")
+        long = np.array([len(word) > MOST_LETTERS for word in words], dtype=bool)
+        limit = f"expected at most {MOST_LETTERS}"
+        table.refuse(long, name, lambda row: f"a word of {len(words[row])} characters, {limit}")
+        table.words[name] = np.array(words, dtype=np.str_)
+        table.refuse(table.words[name] == "", name, "an empty cell, expected a word")
+        return
+    if is_word:
+        values = _numbers(table, column, values)
+    numbers = values.cast("float64", safe=False).to_numpy()
+    if not column.gaps:
+        table.refuse(values.is_null().to_numpy(), name, "an empty cell, expected a number")
+    largest = LATEST if name == "time" else LIMIT
+    bad = ~(np.abs(numbers) <= largest) & ~(np.isnan(numbers) & column.gaps)
+    table.refuse(bad, name, lambda row: f"{numbers[row]:g}, expected a finite number up to {largest:g}")
+    table.numbers[name] = numbers
 
 
-def _add_words(table: ColumnTable, name: str, words: list[str]) -> None:
-    long = np.array([len(word) > MOST_LETTERS for word in words], dtype=bool)
-    message = f"expected at most {MOST_LETTERS}"
-    table.refuse(long, name, lambda row: f"a word of {len(words[row])} characters, {message}")
-    table.words[name] = np.array(words, dtype=np.str_)
-    table.refuse(table.words[name] == "", name, "an empty cell, expected a word")
+def _numbers(table: ColumnTable, column: TableColumn, values: Any) -> Any:
+    """The numbers that words stand for; null for an empty cell."""
+    from pyarrow import ArrowInvalid, compute, scalar, string
+
+    cells = compute.utf8_trim_whitespace(compute.fill_null(values.cast("string"), ""))
+    if column.flag:
+        cells = compute.utf8_lower(cells)
+        for word, number in (("true", "1"), ("false", "0")):
+            cells = compute.if_else(compute.equal(cells, word), number, cells)
+    try:
+        return compute.if_else(compute.equal(cells, ""), scalar(None, string()), cells).cast("float64")
+    except ArrowInvalid:
+        for row, cell in enumerate(cells):
+            try:
+                cell.cast("float64")
+            except ArrowInvalid:
+                expected = "1, 0, true or false" if column.flag else "a number"
+                where = table.where(row, column.name)
+                raise DataError(f"{where}: {reprlib.repr(cell.as_py())}, expected {expected}") from None
+        raise
 
 
 def _header(path: Path, stream: Any, table: str) -> list[str]:

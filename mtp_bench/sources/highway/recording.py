@@ -38,9 +38,8 @@ class Recording:
         self._rows.append(np.column_stack([box, _velocity(vehicles, crowd), classes, numbers, frame]))
 
     def world(
-        self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rejected: tuple[str, ...],
-        rng: np.random.Generator,
-    ) -> World | str:  # fmt: skip
+        self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rng: np.random.Generator
+    ) -> World | str:
         """The world; ``sensor``: x y z of a fixed one, None: on a vehicle. "no_ego" if no vehicle can carry it."""
         rows = np.concatenate([np.empty((0, _COLUMNS)), *self._rows, self._parked_rows()])
         rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
@@ -57,7 +56,7 @@ class Recording:
             rows = rows[~own]
         else:
             ego = np.tile([sensor[0], -sensor[1], sensor[2], 0.0], (self._frames, 1))
-        return World(np.arange(self._frames) / RATE, ego, _truth(rows, self._frames), lanes, rejected)
+        return World(np.arange(self._frames) / RATE, ego, _truth(rows, self._frames), lanes)
 
     def _parked_rows(self) -> Floats:
         count = len(self._parked)

@@ -39,13 +39,12 @@ _JERK = (15.0, 5.0)  # m/s3, while braking and while accelerating
 def simulate_world(traffic: Traffic, seed: int) -> World:
     """Simulate crash-free traffic of ``traffic.seconds`` seconds; equal bits for equal seeds on every machine.
 
-    Sub-seeds are tried in turn; ``World.rejected`` has the problems of those before the first good one: "crash" (two
-    true boxes overlapped, in the warm-up or later) or "no_ego" (no vehicle was present all the time). Raises DataError
-    after `ATTEMPTS` bad ones.
+    Sub-seeds are tried in turn until one has no "crash" (two true boxes overlap, in the warm-up or later) and, for a
+    sensor on a vehicle, no "no_ego" (no vehicle is present all the time). Raises DataError after `ATTEMPTS` bad ones.
     """
     rejected: list[str] = []
     for attempt in range(ATTEMPTS):
-        world = _Attempt(traffic, seed, attempt).run(tuple(rejected))
+        world = _Attempt(traffic, seed, attempt).run()
         if isinstance(world, World):
             return world
         rejected.append(world)
@@ -78,7 +77,7 @@ class _Attempt:
         self._drivers = _Drivers(self._map, routes, passages, self._crowd, behaviour)
         self._entries = Entries(self._map, traffic.vehicles, entries)
 
-    def run(self, rejected: tuple[str, ...]) -> World | str:
+    def run(self) -> World | str:
         """The recorded world, or the problem in one word."""
         frames = round(self._traffic.seconds * RATE)
         warm_up = round(WARM_UP * RATE)
@@ -92,7 +91,7 @@ class _Attempt:
                 recording.add(road.vehicles, vehicles, self._crowd, people)
             self._entries.admit(road, self._drivers.step(step, np.concatenate([vehicles, self._parked])))
         sensor = None if self._traffic.sensor == "ego" else self._map.sensor
-        return recording.world(sensor, lane_map(self._map.geometry), rejected, self._rng)
+        return recording.world(sensor, lane_map(self._map.geometry), self._rng)
 
 
 class _Drivers:

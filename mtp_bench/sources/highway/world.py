@@ -1,21 +1,27 @@
-"""Worlds of simulated traffic: what is simulated, the recorded result, and the settings of roads and traffic.
+"""Worlds of simulated traffic: the table ``[source]`` of their cards, settings of roads and traffic, and the result.
 
-A change of a setting changes the worlds: then ``GENERATOR`` in ``section.py`` gets its next number.
+A change of a setting changes the worlds: then `GENERATOR` gets its next number.
 """
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
+from ...cards.source import SourceSection, Traits
+from ...strict import Section
 from ...types import Floats, Lane, Truth
 
 ScenarioName = Literal["intersection", "roundabout", "merge", "highway"]
 SensorName = Literal["ego", "roadside"]
 
 CLASSES = ("car", "truck", "bus", "motorcycle", "pedestrian")  # class_id of a world is an index into these
+GENERATOR = 2  # version of the simulated content
+SECRET_SEEDS = 2**40  # scenes of these and larger seeds belong to seals; even their names are secret
 RATE = 10.0  # Hz of the simulation
 
 APPROACH = 105.0  # m, length of the arms of a junction
@@ -58,5 +64,68 @@ class World:
     ego: Floats  # [F, 4] x y z yaw of the sensor
     truth: Truth
     lanes: tuple[Lane, ...]
-    rejected: tuple[str, ...] = ()  # reasons why earlier attempts were rejected: "crash", "no_ego"
     visible: Floats = field(default_factory=lambda: np.zeros(0))  # [R] share of each box in line of sight of the ego
+
+
+def _rising(seeds: tuple[int, int]) -> tuple[int, int]:
+    if not 0 <= seeds[0] < seeds[1] <= 999_999:
+        raise ValueError("expected 0 <= first < end <= 999999")
+    return seeds
+
+
+def _current(generator: int) -> int:
+    if generator != GENERATOR:
+        raise ValueError(f"this version of the library makes generator {GENERATOR}")
+    return generator
+
+
+Generator = Annotated[int, AfterValidator(_current)]
+SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
+
+
+class SeedRanges(Section):
+    """Seeds of each split: the first, and the one after the last; splits have no common seed."""
+
+    train: SeedRange
+    val: SeedRange
+    test: SeedRange
+
+    @model_validator(mode="after")
+    def _apart(self) -> SeedRanges:
+        ranges = sorted((self.train, self.val, self.test))
+        if any(end > first for (_, end), (first, _) in itertools.pairwise(ranges)):
+            raise ValueError("expected splits without a common seed")
+        return self
+
+
+class HighwaySource(SourceSection):
+    """Simulated traffic on highway-env roads, one scene per seed; needs a ``[detector]``."""
+
+    splits = ("train", "val", "test")
+
+    generator: Generator = GENERATOR  # version of the simulated content
+    scenario: ScenarioName
+    sensor: SensorName = "ego"  # on a moving vehicle, or at a fixed place
+    seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
+    vehicles: Annotated[int, Field(ge=2, le=200)]  # number to keep on the road
+    pedestrians: Annotated[int, Field(ge=0, le=200)] = 0  # number to keep; only the intersection has crossings
+    parked: Annotated[int, Field(ge=0, le=200)] = 0  # cars along the kerbs of junctions
+    seeds: SeedRanges
+
+    @field_validator("pedestrians", "parked")
+    @classmethod
+    def _where_there_is_room(cls, number: int, info: ValidationInfo) -> int:
+        places = {"pedestrians": ("intersection",), "parked": ("intersection", "roundabout")}[str(info.field_name)]
+        if number and info.data.get("scenario") not in places:
+            raise ValueError(f"expected 0: only {' and '.join(places)} have a place for them")
+        return number
+
+    @property
+    def traits(self) -> Traits:
+        """Abilities of the source."""
+        return Traits(
+            simulated=True,
+            without_detections="simulated traffic",
+            has_ego=self.sensor == "ego",
+            scene_seconds=self.seconds,
+        )

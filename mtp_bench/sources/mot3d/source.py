@@ -14,7 +14,7 @@ from ...errors import CardError, DataError, UnknownNameError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset, DataStatus
-from ..people import people_detections, people_truth
+from ..motion import people_detections, people_truth
 from .files import DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
 
 DATASET = Dataset.of(__file__)

@@ -13,7 +13,7 @@ from ...errors import DataError
 from ...types import Bools, Detections, starts_of_sorted
 from ..base import class_ids
 from ..cache import write_arrays
-from .names import CLASSES
+from .layout import CLASSES
 from .store import INDEX, CachedFolder, TableStore
 from .submission import no_match, read_submission
 

@@ -1,10 +1,14 @@
-"""nuScenes in a card and in a folder: the section ``[source]``, the versions, tables and detection files."""
+"""nuScenes in a card and in a folder: the section ``[source]``, official names, tables and detection files."""
 
 from __future__ import annotations
 
 import glob
+import json
+from collections.abc import Collection, Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Literal
+from types import MappingProxyType
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
@@ -23,6 +27,40 @@ PREDICTION = "maps/prediction/prediction_scenes.json"
 EXPANSION = "maps/expansion"  # a file for each location, drawn under the boxes
 CAMERAS = "samples/CAM_*"  # folders of images, shown beside an event
 DATASET = Dataset.of(__file__)
+ClassName = Literal[
+    "car", "truck", "bus", "trailer", "construction_vehicle", "pedestrian", "motorcycle", "bicycle", "traffic_cone",
+    "barrier",
+]  # fmt: skip
+CLASSES: tuple[str, ...] = get_args(ClassName)  # class_id in the cache is an index into these
+
+# The official detection task evaluates these (``nuscenes.eval.detection.utils.category_to_detection_name``).
+CLASS_OF = {
+    "vehicle.car": "car",
+    "vehicle.truck": "truck",
+    "vehicle.bus.bendy": "bus",
+    "vehicle.bus.rigid": "bus",
+    "vehicle.trailer": "trailer",
+    "vehicle.construction": "construction_vehicle",
+    "human.pedestrian.adult": "pedestrian",
+    "human.pedestrian.child": "pedestrian",
+    "human.pedestrian.construction_worker": "pedestrian",
+    "human.pedestrian.police_officer": "pedestrian",
+    "vehicle.motorcycle": "motorcycle",
+    "vehicle.bicycle": "bicycle",
+    "movable_object.trafficcone": "traffic_cone",
+    "movable_object.barrier": "barrier",
+}
+# The task leaves these out, but a detector reports them as one of its classes: a match is neither right nor wrong.
+NEUTRAL_OF = {
+    "vehicle.emergency.police": "car",
+    "vehicle.emergency.ambulance": "truck",
+    "human.pedestrian.personal_mobility": "pedestrian",
+    "human.pedestrian.stroller": "pedestrian",
+    "human.pedestrian.wheelchair": "pedestrian",
+}
+
+SPLITS = ("train", "train_val", "val", "mini_train", "mini_val")
+TRAIN_VAL = 200  # scenes: the prediction challenge validates on the first of the official "train"
 
 
 class NuScenesSource(DetectionsSection):
@@ -97,3 +135,26 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
         found = ", ".join(sorted(path.name for path in folder.glob("*.json") if path.is_file())) or "none"
         raise DataError(f"{folder} has no file {section.detector}*.json; found: {found}{instead_of_stored(card)}")
     return paths
+
+
+def class_index(category: str) -> int:
+    """Index of the class of a category, neutral ones included; -1 for a category that is not used."""
+    name = CLASS_OF.get(category) or NEUTRAL_OF.get(category)
+    return -1 if name is None else CLASSES.index(name)
+
+
+@cache
+def official_scenes() -> Mapping[str, tuple[str, ...]]:
+    """Scene names of each of `SPLITS`, in the official order (``nuscenes.eval.prediction.splits``)."""
+    lists = json.loads(Path(__file__).with_name("splits.json").read_text(encoding="utf-8"))
+    train = lists["train"]
+    named = {**lists, "train": train[TRAIN_VAL:], "train_val": train[:TRAIN_VAL]}
+    return MappingProxyType({split: tuple(named[split]) for split in SPLITS})
+
+
+def split_scenes(split: str, scenes: Collection[str]) -> tuple[str, ...]:
+    """The ``scenes`` of ``split``, in its order; "all" has every one, sorted."""
+    if split == "all":
+        return tuple(sorted(scenes))
+    there = frozenset(scenes)
+    return tuple(name for name in official_scenes()[split] if name in there)

@@ -22,7 +22,7 @@ from .decoding import (
     require_rotations,
     upright_boxes,
 )
-from .names import NEUTRAL_OF, class_index
+from .layout import NEUTRAL_OF, class_index
 from .tables import Keyframes
 
 

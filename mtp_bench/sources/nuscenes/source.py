@@ -15,16 +15,18 @@ from ..dataset import DataStatus
 from ..motion import backward_velocity
 from .detections import open_detections, scene_detections
 from .layout import (
+    CLASSES,
     DATASET,
     PREDICTION,
+    SPLITS,
     TABLES,
     VERSIONS,
     NuScenesSource,
     detection_paths,
     require_prediction,
+    split_scenes,
     versions,
 )
-from .names import CLASSES, SPLITS, split_scenes
 from .store import TableStore, open_tables
 from .tables import SECOND
 

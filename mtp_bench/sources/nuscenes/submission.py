@@ -23,7 +23,7 @@ from .decoding import (
     require_rotations,
     upright_boxes,
 )
-from .names import CLASSES, ClassName
+from .layout import CLASSES, ClassName
 
 MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
 _UNKNOWN = np.nan, np.nan

@@ -14,7 +14,7 @@ from ...types import Floats, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids
 from ..stored_tracks import FEWER, stored_tracks
 from ..text import refuse, repeated
-from .names import CLASSES
+from .layout import CLASSES
 from .source import NuScenes
 from .store import TableStore
 from .submission import TRACKING, SubmittedBoxes, no_match, read_submission

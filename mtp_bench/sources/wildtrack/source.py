@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 
 from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
 from ...errors import DataError, UnknownNameError
-from ...types import Detections, Ints, Ragged, Scene, Truth
+from ...types import Detections, Floats, Ints, Ragged, Scene, Truth
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset, DataStatus
-from ..people import people_detections, people_truth
-from .files import CELL, CORNER, GRID, read_annotations, read_detections
+from ..motion import people_detections, people_truth
+from ..text import TextTable, read_json, read_table
 
 ANNOTATIONS = "annotations_positions"
 DETECTIONS = "detections/mvdet_test.txt"
@@ -25,6 +27,9 @@ FRAMES = 400
 SCENES = {f"wildtrack-{first:04d}": first for first in range(0, FRAMES * STEP, SCENE_FRAMES * STEP)}  # first frame
 STORED = "wildtrack-1800"  # MVDet's test frames, the only ones with stored detections
 SPLITS = {"train": tuple(SCENES)[:6], "val": tuple(SCENES)[6:], "test": (STORED,)}
+GRID = 480, 1440  # cells of the annotated area along x and y
+CELL = 0.025  # m
+CORNER = -3.0, -9.0  # m, x and y of cell (0, 0)
 MIDDLE = tuple(start + CELL * cells / 2 for start, cells in zip(CORNER, GRID, strict=True))  # m, of the annotated area
 DATASET = Dataset.of(__file__)
 
@@ -133,3 +138,48 @@ def _detections(path: Path) -> Detections:
     order = np.argsort(frame, kind="stable")
     # The file has no scores.
     return people_detections(frame[order], rows.place[order], np.ones(len(frame)), SCENE_FRAMES)
+
+
+class _Person(msgspec.Struct):
+    id: Annotated[int, msgspec.Meta(ge=-(10**9), le=10**9)] = msgspec.field(name="personID")
+    position: Annotated[int, msgspec.Meta(ge=0, lt=GRID[0] * GRID[1])] = msgspec.field(name="positionID")  # the cell
+
+
+@dataclass(frozen=True, eq=False)
+class GroundDetections:
+    """Rows of a file ``frame gx gy``."""
+
+    table: TextTable
+    frame: Ints  # [R] the number of the annotation file
+    place: Floats  # [R, 2] m on the ground plane
+
+
+def read_annotations(path: Path) -> tuple[Ints, Floats]:
+    """Ids [M] of the people of one frame and their places [M, 2] on the ground, m; DataError names the wrong person."""
+    people = read_json(path, list[_Person])
+    person = np.array([each.id for each in people], dtype=np.int64)
+    known, count = np.unique(person, return_counts=True)
+    if (count > 1).any():
+        raise DataError(f"{path}: person {known[np.argmax(count > 1)]} is there twice, expected once per frame")
+    cell = np.array([each.position for each in people], dtype=np.int64)
+    return person, metres(np.column_stack([cell % GRID[0], cell // GRID[0]]))
+
+
+def read_detections(path: Path) -> GroundDetections:
+    """Detections, rows ``frame gx gy`` on the grid of the annotations; DataError names the line that is wrong."""
+    table = read_table(path, "frame gx gy")
+    frame, cell = table.whole("frame"), table.value[:, 1:]
+    off = np.asarray(~((cell >= 0) & (cell < GRID)).all(axis=1))  # NaN is off the grid, too
+    table.refuse(off, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} is off the grid of {GRID[0]} x {GRID[1]}")
+    _, first, place = np.unique(table.value, axis=0, return_index=True, return_inverse=True)
+    original = first[place.reshape(-1)]
+    table.refuse(
+        original < np.arange(len(original)),
+        lambda row: f"a second detection at the place of line {table.line[original[row]]}",
+    )
+    return GroundDetections(table, frame, metres(cell))
+
+
+def metres(cell: Floats | Ints) -> Floats:
+    """Places ``[..., 2]`` in metres of grid cells ``[..., 2]``."""
+    return np.asarray(np.array(CORNER) + CELL * cell)
