@@ -92,10 +92,11 @@ def version_checks(export: Export, data: Path, version: str, split: str, detecto
     source = NuScenes(card_of("MTP-nuScenes-mini-v0", version=version, split=split), data)
     samples, boxes, neutral = Rows(), Rows(), Rows()
     for name in source.names:
-        scene, arrays = source.load(name), source.tables.arrays(name)
-        samples |= dict(zip(arrays["sample"], np.column_stack([arrays["time"], scene.ego]), strict=True))
+        scene, arrays = source.load(name), source.tables.cache.read(name)
+        tokens = np.array(source.tables.sample_tokens(name))
+        samples |= dict(zip(tokens, np.column_stack([arrays["time"], scene.ego]), strict=True))
         truth = scene.truth
-        columns = (arrays["sample"][truth.frame_of_rows], arrays["instance"][truth.object_id], truth.class_id)
+        columns = (tokens[truth.frame_of_rows], arrays["instance"][truth.object_id], truth.class_id)
         for sample, instance, kind, box, is_neutral in zip(*columns, truth.box, truth.neutral, strict=True):
             key = f"{sample} {instance} {CLASSES[kind]}"
             (neutral if is_neutral else boxes)[key] = box
@@ -116,19 +117,20 @@ def target_checks(export: Export, version: str, source: NuScenes, samples: Itera
     """Targets with their futures and speeds, and the targets of the challenge's splits."""
     ours = Rows()
     for name in source.names:
-        scene, arrays = source.load(name), source.tables.arrays(name)
+        scene, instance = source.load(name), source.tables.cache.read(name)["instance"]
+        tokens = np.array(source.tables.sample_tokens(name))
         targets = find_targets(scene, source.card)
         speed = np.linalg.norm(scene.truth.velocity[targets.row], axis=1)
         values = np.column_stack([targets.future.reshape(len(targets), -1), speed])
-        keys = zip(arrays["sample"][targets.frame], arrays["instance"][targets.object_id], values, strict=True)
-        ours |= {f"{sample} {instance}": value for sample, instance, value in keys}
+        keys = zip(tokens[targets.frame], instance[targets.object_id], values, strict=True)
+        ours |= {f"{sample} {token}": value for sample, token, value in keys}
     official = export.rows(f"{version}/targets", samples)
     yield check("targets: futures", official, ours, slice(0, -1))
     speeds = check("targets: speeds", official, ours, slice(-1, None))
     yield Check(**{**vars(speeds), "allowed": SPEED_TOLERANCE})
     in_tables = set(source.tables.scenes)
     for split, scenes in official_scenes().items():
-        own = {str(token) for name in scenes if name in in_tables for token in source.tables.arrays(name)["sample"]}
+        own = {token for name in scenes if name in in_tables for token in source.tables.sample_tokens(name)}
         listed = export.rows(f"{version}/targets of {split}")
         if listed:
             mine = {key: value for key, value in ours.items() if key.split()[0] in own}
@@ -139,7 +141,7 @@ def detection_rows(export: Export, version: str, source: NuScenes) -> tuple[Rows
     """Official detections and ours, of the scenes of a source."""
     ours, tokens = Rows(), list[str]()
     for name in source.names:
-        found, sample = source.load(name).detections, source.tables.arrays(name)["sample"].tolist()
+        found, sample = source.load(name).detections, source.tables.sample_tokens(name)
         tokens += sample
         for t, token in enumerate(sample):
             rows = found.rows(t)

@@ -141,7 +141,7 @@ def test_a_submission_on_hidden_scenes(
     assert stat.S_IMODE(weights.stat().st_mode) == 0o600
     assert read_reference(weights).digest == hidden.weights
     kept = HighwayTraffic(load_card(short)).store
-    assert kept.has(10000)
+    assert kept.read(10000) is not None
     assert not kept.path(sealed.seeds.first).exists(), "a hidden scene can be read in the cache"
     level = path.with_name(f"{ENV}.level.json")
     assert str(sealed.seeds.first) not in level.read_text()

@@ -174,7 +174,8 @@ def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
     first, end = (int(row) for row in keyframes.start[index : index + 2])
     row = slice(*np.searchsorted(boxes.sample, [first, end]))
     instance, inverse = np.unique(boxes.instance[row], return_inverse=True)
-    number = np.argsort(np.argsort(np.array([boxes.token[i] for i in instance], dtype=np.str_)))
+    token = np.array([boxes.token[i] for i in instance], dtype=np.str_)
+    order = np.argsort(token)
     return {
         "time": keyframes.time[first:end],  # [F] microseconds
         "ego": keyframes.ego[first:end],  # [F, 4] x y z yaw
@@ -183,5 +184,6 @@ def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
         "class_id": boxes.class_id[row],  # [R] index into CLASSES
         "neutral": boxes.neutral[row],  # [R]
         "listed": boxes.listed[row],  # [R]
-        "object_id": number[inverse],  # [R]
+        "object_id": np.argsort(order)[inverse],  # [R] index into instance
+        "instance": token[order],  # [O] tokens
     }
