@@ -13,8 +13,8 @@ from pathlib import Path
 
 from mtp_bench.running.stored import open_run
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun.contents import LEVELS
-from mtp_bench.viz.rerun.log import save_recording
+from mtp_bench.viz.rerun.recording import save_recording
+from mtp_bench.viz.rerun.shown import LEVELS
 
 
 def main(folders: list[str]) -> None:

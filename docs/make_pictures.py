@@ -19,6 +19,7 @@ from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.viz.drawing.report import save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.replay import replay
+from mtp_bench.viz.sentence import sentence
 from mtp_bench.viz.terminal.event_table import event_rows, in_order
 
 HERE = Path(__file__).parent / "pictures"
@@ -51,9 +52,9 @@ def take(shot: Shot, path: Path) -> str:
     rollout = run_scene(load_submission("stp").build(agent_task(env, 0)), env, scene, seed=0)
     run = replay(env.scene, rollout, env.card, "stp")
     events = in_order(event_rows(run, [shot.kind], "run"), "cost")
-    focus = Focus.of(run, events[0].incident)
+    focus = Focus(run, events[0].incident)
     save_report(path, focus)
-    return focus.sentence
+    return sentence(focus)
 
 
 def main() -> None:

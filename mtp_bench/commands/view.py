@@ -14,8 +14,10 @@ from ..errors import MtpBenchError
 from ..running.stored import OpenedRun, open_run
 from ..viz.drawing.report import save_report
 from ..viz.focus import Focus
+from ..viz.framing import focuses_of
 from ..viz.replay import Replay, replay
-from ..viz.rerun.contents import LEVELS
+from ..viz.rerun.shown import LEVELS
+from ..viz.sentence import sentence
 from ..viz.terminal.output import show
 from .options import DataOption, RunCardOption, choice, file_option
 from .output import say
@@ -30,7 +32,7 @@ def view(
         str | None, typer.Option(help="Open at this event of the first run; `mtp-bench events` lists them.")
     ] = None,
     level: Annotated[
-        str, choice(LEVELS, text="off, tracks, top (3 samples per object) or all (every sample and hypothesis).")
+        str, choice(LEVELS, text="tracks, top (3 samples per object) or all (every sample and hypothesis).")
     ] = "top",
     save: Annotated[
         Path | None, file_option("--save", text="Write a recording (.rrd) instead.", suffixes=(".rrd",))
@@ -56,14 +58,14 @@ def view(
         )
     runs = _opened(folders, root, env)
     if png is None:
-        from ..viz.rerun.log import save_recording
+        from ..viz.rerun.recording import save_recording
         from ..viz.rerun.viewer import require_display, serve_recording, show_recording
 
         if save is None and not web:
             require_display()
     replays = _replays(runs, scene, at is not None)
     incident = None if at is None else replays[0].incident(at)
-    focuses = [] if incident is None else Focus.of_all(replays, incident)
+    focuses = [] if incident is None else focuses_of(replays, incident)
     shown = _sentence(replays, focuses)
     if png is not None:
         save_report(png, *focuses)
@@ -111,7 +113,7 @@ def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list
             given = replace(content, detections=run.scene(name).detections)
         agent = info.agent if len(counts[info.agent]) == 1 else f"{info.agent} (H = {info.hypotheses or 1})"
         played = replay(given, run.first(name), run.card, agent)
-        replays.append(replace(played, images=cameras, observe=info.observe))
+        replays.append(replace(played, images=cameras))
     return replays
 
 
@@ -121,5 +123,5 @@ def _sentence(replays: Sequence[Replay], focuses: Sequence[Focus]) -> str:
     if not focuses:
         return f"scene {name}"
     first, *others = focuses
-    sentences = [f"scene {name}, frame {first.at.frame}, {first.sentence}"]
-    return "; ".join([*sentences, *(f"{each.replay.agent}: {each.sentence}" for each in others)])
+    sentences = [f"scene {name}, frame {first.at.frame}, {sentence(first)}"]
+    return "; ".join([*sentences, *(f"{each.replay.agent}: {sentence(each)}" for each in others)])

@@ -10,7 +10,7 @@ import numpy as np
 from ..cards import Card
 from ..types import Detections, Ints, Rollout, Scene
 from .observation import Feed, LocalFrame
-from .rollouts import RecordedAction, assemble
+from .rollouts import RecordedAction, assemble, empty_rollout
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +28,12 @@ class LiveEpisode:
         """The frame of the last action; 0 before the first one."""
         return max(0, len(self.actions) - 1)
 
-    def rollout(self, first: int = 0) -> Rollout | None:
-        """Actions from frame ``first`` on, as a rollout that begins there; None if there are no such actions."""
+    def rollout(self, first: int = 0) -> Rollout:
+        """Actions from frame ``first`` on, as a rollout that begins there; a frame without rows before any action."""
         actions = self.actions[first:]
-        return assemble(self.scene.name, actions, self.dropped[first : first + len(actions)]) if actions else None
+        if not actions:
+            return empty_rollout(self.scene.name)
+        return assemble(self.scene.name, actions, self.dropped[first : first + len(actions)])
 
 
 def live_episode(

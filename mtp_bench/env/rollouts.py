@@ -116,6 +116,13 @@ def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Ro
     return Rollout(scene, **{name: array.astype(ARRAYS[name][0], copy=False) for name, array in arrays.items()})
 
 
+def empty_rollout(scene: str) -> Rollout:
+    """Rollout of one frame without tracks, hypotheses and forecasts."""
+    sizes: dict[str | int, int] = {"F": 1, "F1": 2, 2: 2, 3: 3, 7: 7}
+    arrays = {name: np.zeros([sizes.get(n, 0) for n in shape], dtype) for name, (dtype, shape) in ARRAYS.items()}
+    return Rollout(scene, **arrays)
+
+
 def digest(rollout: Rollout) -> str:
     """Hex sha256 over the scene's name and all arrays but ``seconds``."""
     sha = hashlib.sha256(rollout.scene.encode())

@@ -16,8 +16,9 @@ from ..running.stored import open_run
 from ..sources import open_source
 from ..types import Rollout
 from ..viz.drawing.report import save_report
-from ..viz.focus import Focus
+from ..viz.framing import focuses_of
 from ..viz.replay import Incident, replay
+from ..viz.sentence import sentence
 from ..viz.terminal.output import command_line
 from .findings import Findings
 
@@ -92,13 +93,13 @@ def _draw(findings: Findings, event: CostlyEvent, path: Path) -> EventPicture:
         run = open_run(folder, bench.options.data, bench.card)
         name = setting.label if (setting.hypotheses or 1) == 1 else f"{setting.label}, H = {setting.hypotheses}"
         replays.append(replay(run.drawn(event.scene, notes.append), run.first(event.scene), run.card, name))
-    focuses = Focus.of_all(replays, event.incident)
+    focuses = focuses_of(replays, event.incident)
     save_report(path, *focuses)
-    sentence = "; ".join(f"{focus.replay.agent}: {focus.sentence}" for focus in focuses)
+    sentences = "; ".join(f"{focus.replay.agent}: {sentence(focus)}" for focus in focuses)
     return EventPicture(
         title=f"{event.incident.kind}: {focuses[0].named}, scene {event.scene}, {event.cost:+.2f} m",
         path=path,
-        sentence=sentence + ("; the road is not drawn, for its map is broken" if notes else ""),
+        sentence=sentences + ("; the road is not drawn, for its map is broken" if notes else ""),
         command=command_of(findings, event),
     )
 

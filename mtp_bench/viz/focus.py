@@ -1,261 +1,231 @@
-"""An event alone: what belongs to it, which is bright in pictures, videos and recordings, and what is dim.
+"""An event of a run with what belongs to it, frame by frame: object, tracks, forecasts and detections.
 
-Nothing is drawn here. Boxes and places are in the frame of reference of the scene, metres.
+Boxes and places are in the frame of reference of the scene, metres.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..geometry import rotate
-from ..types import Floats, Ints
-from .case import Case, ObjectForecast, counterpart
-from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
-from .replay import NO_EVENT, Incident, Replay
-from .sentence import sentence
-
-MOST_DETECTIONS = 6  # that are bright: the nearest
-MOST_BRIGHT = 12  # boxes of any kind
-TRAIL_SECONDS = 3.0
-LARGEST = 60.0  # m, half of what a picture shows
-MARGIN = 1.12  # of what has to be seen
-OFF_CENTER = 0.3  # of half a picture: the object stays in the middle third
-ROLES = {  # role of a thing in the event -> its colour
-    "truth": TRUTH, "before": BEFORE, "now": NOW, "detection": BLACK, "event": EVENT, "dim": DIM,
-}  # fmt: skip
-
-
-class Key(NamedTuple):
-    """One line of the key."""
-
-    role: str  # of ROLES
-    mark: str  # "box", "other", "path", "forecast", "ring"
-    text: str
-
-
-@dataclass(frozen=True)
-class Window:
-    """The part of the world that a picture shows at least."""
-
-    x: float  # m, its centre
-    y: float  # m
-    wide: float  # m
-    high: float  # m
-    turn: float = 0.0  # rad, the direction of the world that points to the right; 0: north is up
-
-
-class Follower(NamedTuple):
-    """One of the tracks of the event in a frame."""
-
-    track_id: int
-    role: str  # "before" or "now"
-    box: Floats  # [7]
-    trail: Floats  # [n, 2], the newest place last
+from ..scoring.displacement import floored
+from ..scoring.forecasts import sample_weights
+from ..types import Bools, Floats, Ints, to_metres
+from .replay import Incident, Replay
 
 
 @dataclass(frozen=True, eq=False)
-class FocusFrame:
-    """One frame: what is bright, and what is dim."""
+class ObjectForecast:
+    """One forecast of the object."""
 
-    frame: int
-    object_box: Floats  # [0 or 1, 7] the true object
-    follower: int  # id of the track that follows it, -1 without one
-    past: Floats  # [n, 2] places of the object, now first
-    future: Floats  # [n, 2] places of the object, now first
-    tracks: tuple[Follower, ...]  # those of the event that are output
-    others: Floats  # [n, 7] true boxes that these tracks follow besides the object
-    other_names: tuple[str, ...]  # n, such as "car 8"
-    detection_box: Floats  # [D, 7] the nearest
-    dim_truth: Floats  # [n, 7]
-    dim_track: Floats  # [n, 7]
-    dim_detection: Floats  # [n, 7]
+    frame: int  # in which it was made
+    track_id: int  # that it belongs to, -1 without one
+    start: Floats  # [2] m
+    path: Floats  # [K, T, 2] m, one per frame after ``frame``
+    weight: Floats  # [K] 0 to 1
+    nearest: int  # the sample nearest to the true future; the heaviest if that is unknown
 
     @property
-    def bright(self) -> int:
-        """Number of bright boxes, at most MOST_BRIGHT."""
-        return len(self.object_box) + len(self.tracks) + len(self.others) + len(self.detection_box)
-
-    @property
-    def event_box(self) -> Floats:
-        """Boxes [n, 7] of the object and of the tracks of the event."""
-        return np.concatenate([self.object_box, *(track.box[None] for track in self.tracks)])
+    def nearest_path(self) -> Floats:
+        """The nearest sample with its start [T + 1, 2]."""
+        return np.concatenate([self.start[None], self.path[self.nearest]])
 
 
 @dataclass(frozen=True, eq=False)
 class Focus:
-    """An event of a run with what belongs to it."""
+    """An event and the run it happened in.
 
-    case: Case
+    Tracks are those of the best hypothesis of the event's frame, back along its lineage; after it, of the best of each
+    frame. Rows are those of the tables of the run.
+    """
+
+    replay: Replay
+    at: Incident
     facing: float | None = None  # rad, direction that points to the right; None: that of the object's way
 
-    @classmethod
-    def of(cls, replay: Replay, at: Incident) -> Focus:
-        """The event ``at`` of a run."""
-        return cls(Case(replay, at))
-
-    @classmethod
-    def of_all(cls, replays: Sequence[Replay], at: Incident) -> list[Focus]:
-        """The event ``at`` of the first of several runs of a scene, and its counterparts, seen the same way."""
-        first = cls.of(replays[0], at)
-        return [first, *(cls(Case(run, counterpart(run, at)), first.turn) for run in replays[1:])]
-
     @property
-    def bold(self) -> str:
-        """Reason why a sample of a forecast is drawn bold, in words."""
-        known = len(self.case.future(self.at.frame)) > 1
-        return "is nearest to the truth" if known else "has the most weight"
-
-    @property
-    def replay(self) -> Replay:
-        """The run."""
-        return self.case.replay
-
-    @property
-    def at(self) -> Incident:
-        """The event."""
-        return self.case.at
+    def noun(self) -> str:
+        """Class of the object, in words."""
+        return self.replay.card.task.classes[self.at.class_id].replace("_", " ")
 
     @property
     def named(self) -> str:
         """Name of the object, such as "car 8"."""
-        return f"{self.case.noun} {self.at.object_id}"
+        return f"{self.noun} {self.at.object_id}"
 
-    @cached_property
-    def sentence(self) -> str:
-        """The event in one sentence."""
-        return sentence(self.case)
+    @property
+    def gate(self) -> float:
+        """Forecast gate of the object's class, m."""
+        return float(self.replay.card.per_class(self.replay.card.task.forecast_gate)[self.at.class_id])
+
+    @property
+    def near(self) -> float:
+        """Radius around the object, m: detections farther away are not of it."""
+        return 2 * self.gate
+
+    def name_of(self, row: int) -> str:
+        """Name of the object of a row of the truth."""
+        truth, classes = self.replay.scene.truth, self.replay.card.task.classes
+        return f"{classes[truth.class_id[row]].replace('_', ' ')} {int(truth.object_id[row])}"
+
+    def seconds(self, t: int) -> float:
+        """Time of a frame since the first one."""
+        time = self.replay.scene.time
+        return float(time[t] - time[0])
 
     def ringed(self, t: int) -> bool:
         """True from the event on; for a false forecast as long as it lasts."""
         return t >= self.at.frame and (t <= self.at.until or self.at.kind != "spurious")
+
+    # ---- the object
+
+    @cached_property
+    def rows(self) -> Ints:
+        """Row [F] of the object in the truth, -1 in frames without it; all -1 for a false forecast."""
+        truth = self.replay.scene.truth
+        own = (truth.object_id == self.at.object_id) & ~truth.neutral & (self.at.object_id >= 0)
+        return self._by_frame(own, truth.frame_of_rows)
+
+    def _by_frame(self, own: Bools, frame: Ints) -> Ints:
+        """Row [F] in each frame of those in the mask ``own``, -1 without one."""
+        rows = np.full(self.replay.frames, -1, dtype=np.int64)
+        rows[frame[own]] = np.flatnonzero(own)
+        return rows
+
+    def place(self, t: int) -> NDArray[np.float64]:
+        """Place [2] of the object at frame ``t``; in frames without it, its nearest known place in time."""
+        known = np.flatnonzero(self.rows >= 0)
+        if len(known):
+            nearest = known[np.argmin(np.abs(known - t))]
+            return np.asarray(self.replay.scene.truth.box[self.rows[nearest], :2], dtype=np.float64)
+        row = self.track_rows(self.at.new_id)[t]
+        return np.array(self.at.position[:2]) if row < 0 else self.replay.rollout.track_box[row, :2].astype(np.float64)
+
+    def path(self, first: int, last: int) -> Floats:
+        """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
+        rows = _until_gap(self.rows, first, last)
+        return np.asarray(self.replay.scene.truth.box[rows, :2], dtype=np.float64)
+
+    def future(self, t: int) -> Floats:
+        """Places [n, 2] of the object within the horizon, now first."""
+        return self.path(t, t + self.replay.card.task.future)
+
+    # ---- tracks
+
+    @cached_property
+    def hypothesis(self) -> Ints:
+        """The hypothesis [F] that is looked at in each frame."""
+        return self.replay.answers.hypotheses.seen_from(self.at.frame)
+
+    @cached_property
+    def shown(self) -> Bools:
+        """Tracks [N] that this hypothesis holds."""
+        frame = self.replay.rollout.tracks.frame_of_rows
+        return np.asarray(self.replay.answers.hypotheses.member[np.arange(len(frame)), self.hypothesis[frame]])
+
+    def track_rows(self, track_id: int) -> Ints:
+        """Row [F] of a track in each frame, -1 where it is not output."""
+        rollout = self.replay.rollout
+        own = self.shown & (rollout.track_id == track_id) & (track_id >= 0)
+        return self._by_frame(own, rollout.tracks.frame_of_rows)
+
+    @cached_property
+    def track_of_truth(self) -> Ints:
+        """Track [R] matched to each true box in this hypothesis, -1 without one."""
+        frame = self.replay.scene.truth.frame_of_rows
+        chosen = self.hypothesis[frame]
+        matched = self.replay.matched[np.arange(len(frame)), chosen]
+        best = chosen == self.replay.answers.hypotheses.best[frame]
+        return np.where(best, self.replay.truth_track, matched)
+
+    @cached_property
+    def truth_of_track(self) -> Ints:
+        """True box [N + 1] that each track is matched to, -1 without one; -1 for row -1."""
+        rows = np.full(len(self.replay.rollout.track_id) + 1, -1, dtype=np.int64)
+        matched = np.flatnonzero(self.track_of_truth >= 0)
+        rows[self.track_of_truth[matched]] = matched
+        return rows
+
+    def follower(self, t: int) -> int:
+        """Id of the track that follows the object at frame ``t``, -1 without one."""
+        track = np.append(self.track_of_truth, -1)[self.rows[t]]
+        return int(np.append(self.replay.rollout.track_id, -1)[track])
+
+    def other(self, track_id: int, t: int) -> int:
+        """Row of the true box, other than the object, that a track follows at frame ``t``, -1 without one."""
+        row = int(self.truth_of_track[self.track_rows(track_id)[t]])
+        return -1 if row == self.rows[t] else row
+
+    def followed(self, track_id: int, t: int) -> Ints:
+        """True boxes [n] that a track followed just before ``t``, until a gap, the newest first; -1 for none."""
+        return self.truth_of_track[_until_gap(self.track_rows(track_id), t, 0)[1:]]
+
+    def trail(self, track_id: int, t: int, frames: int) -> Floats:
+        """Places [n, 2] of a track in the last ``frames`` frames until ``t``, now last; empty if it is not output."""
+        rows = _until_gap(self.track_rows(track_id), t, t - frames + 1)[::-1]
+        return self.replay.rollout.track_box[rows, :2].astype(np.float64)
+
+    # ---- detections and forecasts
+
+    def detections(self, t: int) -> Ints:
+        """Rows of the detections within ``near`` metres of the object at frame ``t``, the nearest first."""
+        table = self.replay.scene.detections
+        rows = table.rows(t)
+        far = np.hypot(*(table.box[rows, :2] - self.place(t)).T)
+        order = np.argsort(far, kind="stable")
+        return np.asarray(rows.start + order[far[order] <= self.near])
+
+    def forecast(self, t: int) -> ObjectForecast | None:
+        """The forecast of frame ``t`` that the scorer matches to the object, else that of its track then."""
+        row, rollout = self._forecast_row(t), self.replay.rollout
+        weight = floored(sample_weights(rollout.forecast_log_weight[row : row + 1]))[0] if row >= 0 else np.zeros(0)
+        stated = weight > 0
+        if not stated.any():
+            return None
+        start = rollout.object_box[row, :2].astype(np.float64)
+        path = (start + to_metres(rollout.forecast[row]))[stated]
+        future = self.future(t)[1:]
+        gap = np.hypot(*np.moveaxis(path[:, : len(future)] - future, -1, 0)).sum(axis=1)
+        nearest = int(np.argmin(gap) if len(future) else np.argmax(weight[stated]))
+        track_id = int(self.replay.answers.object_track_id[row])
+        return ObjectForecast(t, track_id, start, path, weight[stated], nearest)
+
+    def _forecast_row(self, t: int) -> int:
+        row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])
+        if row >= 0:
+            return row
+        own = self.at.old_id if t < self.at.frame else self.at.new_id
+        if self.at.kind == "spurious" and own < 0:  # a forecast without a track stands alone
+            return self.at.row if t == self.at.frame else -1
+        objects = self.replay.rollout.objects.rows(t)
+        rows = np.flatnonzero((self.replay.answers.object_track_id[objects] == own) & (own >= 0))
+        return objects.start + int(rows[0]) if len(rows) else -1
 
     def forecasts(self, t: int) -> list[tuple[str, ObjectForecast]]:
         """The forecasts that a picture of frame ``t`` shows, each with its role, the most important one last.
 
         From the event on the one before it stays in sight: the switch has spoilt it.
         """
-        newest, before = self._forecast(t), None
-        if t < self.at.frame:
-            return [] if newest is None else [("before", newest)]
-        if self.at.frame and self.at.kind != "spurious":
-            before = self._forecast(self.at.frame - 1)
-        return [(role, each) for role, each in (("before", before), ("now", newest)) if each is not None]
-
-    def _forecast(self, t: int) -> ObjectForecast | None:
-        if t not in self._known_forecasts:
-            self._known_forecasts[t] = self.case.forecast(t)
-        return self._known_forecasts[t]
-
-    @cached_property
-    def _known_forecasts(self) -> dict[int, ObjectForecast | None]:
-        return {}
-
-    def frame(self, t: int) -> FocusFrame:
-        """Content of a picture of frame ``t``."""
-        case, truth, scene = self.case, self.replay.scene.truth, self.replay.scene
-        rollout, back = self.replay.rollout, round(TRAIL_SECONDS * self.replay.card.task.rate)
-        # a track that is found again under its own id is that of "now"
-        roles = {self.at.old_id: "before", self.at.new_id: "now"}
-        rows = {track_id: row for track_id in roles if (row := case.track_row(track_id, t)) >= 0}
-        tracks = tuple(
-            Follower(i, roles[i], rollout.track_box[row].astype(np.float64), case.trail(i, t, 1 + back))
-            for i, row in rows.items()
-        )
-        own = case.rows[t : t + 1][case.rows[t : t + 1] >= 0]
-        followed = np.array([case.followed(track_id, t) for track_id in rows], dtype=np.int64)
-        others = np.unique(followed[followed >= 0])
-        near = case.detections(t)[:MOST_DETECTIONS]
-        dim_tracks = np.setdiff1d(case.track_rows(t), list(rows.values()))
-        return FocusFrame(
-            frame=t,
-            object_box=truth.box[own],
-            follower=case.follower(t),
-            past=case.path(t, t - back),
-            future=case.future(t),
-            tracks=tracks,
-            others=truth.box[others],
-            other_names=tuple(case.name_of(int(row)) for row in others),
-            detection_box=scene.detections.box[near],
-            dim_truth=truth.box[_rest(truth.rows(t), own, others)],
-            dim_track=rollout.track_box[dim_tracks].astype(np.float64),
-            dim_detection=scene.detections.box[_rest(scene.detections.rows(t), near)],
-        )
-
-    @cached_property
-    def turn(self) -> float:
-        """Direction (rad) of the object's way: of its future, else its past or its forecast, else its heading."""
-        if self.facing is not None:
-            return self.facing
-        t = self.at.frame
-        now = self._forecast(t)
-        ways = [self.case.future(t), self.case.path(t, max(0, t - self.replay.frames))[::-1]]
-        for way in [*ways, *([now.nearest_path] if now is not None else [])]:
-            if len(way) > 1 and np.hypot(*(way[-1] - way[0])) > max(1.0, 0.5 * self.length):
-                return float(np.arctan2(*(way[-1] - way[0])[::-1]))
-        row = self.case.rows[t]
-        return float(self.replay.scene.truth.box[row, 3]) if row >= 0 else 0.0
+        at = self.at
+        frames = {"before": t} if t < at.frame else {"before": at.frame - 1, "now": t}
+        if t >= at.frame and (at.frame == 0 or at.kind == "spurious"):
+            del frames["before"]
+        forecasts = ((role, self.forecast(frame)) for role, frame in frames.items())
+        return [(role, forecast) for role, forecast in forecasts if forecast is not None]
 
     @property
-    def height(self) -> float:
-        """Height of the event's place, m."""
-        return self.at.position[2]
-
-    @cached_property
-    def length(self) -> float:
-        """Length of the object, m."""
-        boxes = self.frame(self.at.frame).event_box
-        return float(boxes[0, 4]) if len(boxes) else 2.0
-
-    def window(self) -> Window:
-        """Window of the picture of the event: the object in its middle third, its future and its forecasts."""
-        t = self.at.frame
-        paths = [self.case.future(t), *(forecast.nearest_path for _, forecast in self.forecasts(t))]
-        points = np.concatenate([*paths, self.frame(t).event_box[:, :2]])
-        place = self.case.place(t)
-        gap = rotate(np.concatenate([points, place[None]]) - place, -self.turn)
-        low, high = np.minimum(gap.min(axis=0), 0.0) * MARGIN, np.maximum(gap.max(axis=0), 0.0) * MARGIN
-        half = np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER))
-        half = np.clip(half, 1.5 + 1.2 * self.length, LARGEST)
-        center = place + rotate(np.clip((low + high) / 2, -OFF_CENTER * half, OFF_CENTER * half), self.turn)
-        return Window(float(center[0]), float(center[1]), float(2 * half[0]), float(2 * half[1]), self.turn)
-
-    def close_window(self, t: int) -> Window:
-        """Window of a small picture of frame ``t``: the object and its tracks from near, all three at one scale."""
-        box = self.frame(self.at.frame).event_box
-        reach = np.hypot(*(box[:, :2] - self.case.place(self.at.frame)).T) + box[:, 4] / 2
-        half = float(np.clip(1.3 * reach.max(initial=0.0), 1.2 + 0.8 * self.length, 12.0))
-        x, y = self.case.place(t).tolist()
-        return Window(x, y, 2 * half, 2 * half, self.turn)
-
-    @cached_property
-    def key(self) -> tuple[Key, ...]:
-        """Meaning of the marks of the picture of the event."""
-        at, shown, lines = self.at, self.frame(self.at.frame), []
-        last = at.frame + max(len(self.case.future(at.frame)) - 1, 0)
-        known = self.case.seconds(last) - self.case.seconds(at.frame)
-        if len(shown.object_box):
-            lines += [Key("truth", "box", f"{self.named}, true box")]
-        if known > 0:
-            lines += [Key("truth", "path", f"where it really goes in {round(known, 1):g} s")]
-        if len(shown.others):
-            lines += [Key("truth", "other", "true object of the other track")]
-        for track in shown.tracks:
-            lines += [Key(track.role, "box", f"track {track.track_id}, its track {track.role}")]
-        for role, forecast in self.forecasts(at.frame):
-            when = "a frame before" if role == "before" else "now"
-            owner = f"of track {forecast.track_id}" if forecast.track_id >= 0 else "of no track"
-            lines += [Key(role, "forecast", f"forecast {when}, {owner}")]
-        if len(shown.detection_box):
-            lines += [Key("detection", "box", f"detections within {self.case.near:g} m")]
-        ring = "the event of the other run" if at.kind == NO_EVENT else "the event"
-        return (*lines, Key("event", "ring", ring), Key("dim", "box", "all other boxes"))
+    def bold(self) -> str:
+        """Reason why a sample of a forecast is drawn bold, in words."""
+        return "is nearest to the truth" if len(self.future(self.at.frame)) > 1 else "has the most weight"
 
 
-def _rest(rows: slice, *shown: Ints) -> Ints:
-    """The rows of a frame that are not shown otherwise."""
-    return np.setdiff1d(np.arange(rows.start, rows.stop), np.concatenate(shown))
+def _until_gap(rows: Ints, first: int, last: int) -> Ints:
+    """The ``rows`` [F] of the frames from ``first`` until a gap (-1) or ``last``, forwards or backwards."""
+    step = 1 if last >= first else -1
+    frames = np.arange(first, last + step, step)
+    part = rows[frames[(frames >= 0) & (frames < len(rows))]]
+    gap = np.flatnonzero(part < 0)
+    return part[: gap[0]] if len(gap) else part

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
+from ..env.live import LiveEpisode
 from ..errors import UnknownNameError
 from ..scoring.events import object_history
 from ..scoring.forecasts import RecordedForecasts, candidates, final_errors, match_by_confidence, match_neutral_last
@@ -24,6 +25,7 @@ from ..types import Bools, Floats, Ints, Rollout, Scene
 from .answers import Answers
 
 KINDS = ("ids", "lost", "reacquired", "spurious")  # the last: false forecasts
+EGO_SIZE = (4.6, 1.9, 1.6)  # m, l w h of a usual car: sources do not state the size of their vehicle
 NO_EVENT = "none"  # kind of the incident of another run at an event of the first
 
 
@@ -46,6 +48,13 @@ class Incident:
     error: float | None = None  # m, min(minADE, c), c if not covered; None: not a target
     error_before: float | None = None  # m, the same of the object a frame before
     confidence: float | None = None  # of the object's forecast then; of a run the highest; None: no forecast
+
+    @property
+    def label(self) -> str:
+        """The event in as few words as a marker has room for."""
+        ids = [str(track_id) for track_id in dict.fromkeys((self.old_id, self.new_id)) if track_id >= 0]
+        words = {"reacquired": "again", "spurious": "false forecast"}.get(self.kind, self.kind)
+        return f"{words} {' > '.join(ids)}".strip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +79,29 @@ class Replay:
     worth: Floats  # [R, 3] minADE, error (m) and confidence of the forecast of each true box, NaN if missing
     incidents: tuple[Incident, ...]  # in the order of frames
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
-    observe: str = "detections"  # input of the agent, which ``scene.detections`` hold: see `MTPEnv`
+    first: int = 0  # frame of the scene in which the answers begin
+    judged: bool = True  # False: the answers are not compared with the truth
+
+    @classmethod
+    def of_episode(cls, episode: LiveEpisode, back: int) -> Replay:
+        """The last ``back`` + 1 frames of an episode while it is played, which are not compared with the truth."""
+        first = max(0, episode.frame - back)
+        rollout, truth = episode.rollout(first), np.zeros(len(episode.scene.truth.box), dtype=np.int64)
+        return cls(
+            scene=episode.scene,
+            answers=Answers(rollout, episode.card),
+            agent="",
+            truth_track=truth,
+            matched=truth[:, None],
+            track_false=np.zeros(len(rollout.track_id), dtype=bool),
+            detection_false=np.zeros(len(episode.scene.detections.box), dtype=bool),
+            forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
+            truth_forecast=truth,
+            worth=np.full((len(truth), 3), np.nan),
+            incidents=(),
+            first=first,
+            judged=False,
+        )
 
     @property
     def rollout(self) -> Rollout:
@@ -150,6 +181,11 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         incidents=(),
     )
     return replace(run, incidents=_named([*_identity_incidents(run), *_runs(run)]))
+
+
+def ego_boxes(ego: Floats) -> Floats:
+    """Boxes [F, 7] of the vehicle at the poses ``ego`` [F, 4]."""
+    return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
 
 
 def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Bools]:

@@ -11,7 +11,7 @@ from mtp_bench.commands.submit import DIVISIONS
 from mtp_bench.detector import profile_names
 from mtp_bench.training.predictors import ON
 from mtp_bench.viz.replay import KINDS
-from mtp_bench.viz.rerun.contents import LEVELS
+from mtp_bench.viz.rerun.shown import LEVELS
 from mtp_bench.viz.terminal.event_table import ORDERS
 from tests.support.command_line import CommandLine
 

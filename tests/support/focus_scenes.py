@@ -8,6 +8,7 @@ import numpy as np
 
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.sentence import sentence
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections
 
 FRAMES, EVENT = 10, 4
@@ -42,4 +43,4 @@ def crowd(old_y: float | None = 1.5, ahead: float = 0.0, detected: bool = True) 
 def told(truth: Sequence[Sequence[Thing]], tracks: Sequence[Sequence[Thing]], name: str) -> str:
     """The sentence of an event of a scene in which everything is detected."""
     run = replay(with_detections(make_scene(truth), truth), make_rollout(tracks), CARD)
-    return Focus.of(run, run.incident(name)).sentence
+    return sentence(Focus(run, run.incident(name)))

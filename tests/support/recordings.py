@@ -67,7 +67,7 @@ def assert_recorded(
         stated = np.isfinite(weight[objects]) & heaviest[objects]
         strips = np.concatenate([  # those of nothing have an entity of their own
             np.asarray(found[path][t]["strips"], dtype=np.float32).reshape(-1, future.shape[2] + 1, 3)
-            for path in ("world/forecast", "world/false_forecast/path") if path in found
+            for path in ("world/forecast", "world/false_forecast") if path in found
         ])  # fmt: skip
         start = rollout.object_box[objects, None, :2].astype(np.float32)[np.nonzero(stated)[0]]
         np.testing.assert_array_equal(

@@ -20,13 +20,11 @@ from mtp_bench import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
-from mtp_bench.viz.drawing.birds_eye import LARGEST, SIZE, camera, draw_frame
+from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, draw_frame, legend, windows_of
 from mtp_bench.viz.drawing.canvas import Canvas
-from mtp_bench.viz.drawing.labels import label, scale_bar, sign
-from mtp_bench.viz.drawing.panel import legend
+from mtp_bench.viz.drawing.labels import BOARD, callout, scale_bar
 from mtp_bench.viz.drawing.video import pictures
-from mtp_bench.viz.focus import Window
-from mtp_bench.viz.frame_view import EVENT_SECONDS, replay_view
+from mtp_bench.viz.framing import Window
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.entities import map_lines
 from tests.support import small_scenes
@@ -97,11 +95,10 @@ def test_each_mark_is_there_with_its_thing_only(part: str) -> None:
 
 def test_an_untracked_true_box_differs_by_more_than_colour() -> None:
     run = scene_with("truth", "track")
-    view = replay_view(run, 3)
-    untracked = replace(view, replay=replace(run, truth_track=np.full(len(run.truth_track), -1)))
-    seen_by = camera(run.scene, CARD)
-    dashed = amount(draw_frame(untracked, seen_by), palette.TRUTH)
-    assert amount(draw_frame(view, seen_by), palette.TRUTH) > 1.3 * dashed > 0
+    untracked = replace(run, truth_track=np.full(len(run.truth_track), -1))
+    window = windows_of(run.scene, CARD)[3]
+    dashed = amount(draw_frame(untracked, 3, window), palette.TRUTH)
+    assert amount(draw_frame(run, 3, window), palette.TRUTH) > 1.3 * dashed > 0
 
 
 def test_the_legend_names_only_what_this_kind_of_picture_can_show() -> None:
@@ -109,11 +106,11 @@ def test_the_legend_names_only_what_this_kind_of_picture_can_show() -> None:
         "true box", "true box, untracked", "detection", "false positive", "track, where it was", "false track",
         "other hypotheses", "forecast", "false forecast", "event", "ego",
     ]  # fmt: skip
-    view = replay_view(scene_with(complete=True), 3)
-    assert [text for _, text in legend(view)] == whole
-    assert [text for _, text in legend(replay_view(scene_with(), 3))] == [t for t in whole if "false" not in t]
-    hidden = replace(view, truth_shown=False, replay=None)
-    assert [text for _, text in legend(hidden)] == [
+    run, unknown = scene_with("truth", complete=True), scene_with("truth")
+    assert [mark.text for mark in legend(run)] == whole
+    assert [mark.text for mark in legend(unknown)] == [text for text in whole if "false" not in text]
+    hidden = replace(run, judged=False, scene=replace(run.scene, truth=run.scene.truth.select(run.scene.truth.neutral)))
+    assert [mark.text for mark in legend(hidden)] == [
         "detection", "track, where it was", "other hypotheses", "forecast", "ego",
     ]  # fmt: skip
 
@@ -161,9 +158,9 @@ def test_texts_never_overlap_nor_are_they_cut_off() -> None:
     rng = np.random.default_rng(0)
     for i, xy in enumerate(rng.uniform([-22, -17], [22, 17], (200, 2))):
         if i < 20:
-            sign(canvas, ink, xy, f"ids {i} > {i + 1}", 10.0)
+            callout(canvas, ink, xy, f"ids {i} > {i + 1}", palette.BLACK, 10.0, board=BOARD)
         else:
-            label(canvas, ink, xy, str(i), palette.TRACK, reach=2.0)
+            callout(canvas, ink, xy, str(i), palette.TRACK, 2.0, board=None)
     assert len(canvas.taken) > 60
     assert all(l >= 0 and t >= 0 and r <= 400 and b <= 300 for l, t, r, b in canvas.taken)
     pairs = itertools.combinations(canvas.taken, 2)
@@ -190,8 +187,8 @@ def seen_scene(detected: list[tuple[float, float]], speed: float = 0.0) -> Scene
 
 def test_the_camera_goes_along_with_the_ego_and_never_changes_its_size() -> None:
     scene = seen_scene([(30.0, 0.0)], speed=10.0)
-    followed = camera(scene, CARD)
-    first, last = followed.at(scene.ego[0]), followed.at(scene.ego[4])
+    windows = windows_of(scene, CARD)
+    first, last = windows[0], windows[4]
     assert (last.x - first.x, last.y - first.y) == (40.0, 0.0)
     assert (first.wide, first.high) == (last.wide, last.high)
     assert first.x > scene.ego[0, 0], "most is ahead"
@@ -202,10 +199,10 @@ def test_the_camera_goes_along_with_the_ego_and_never_changes_its_size() -> None
 def test_the_camera_holds_what_was_seen(has_ego: bool) -> None:
     card = CARD if has_ego else load_card("MTP-WILDTRACK-v0")
     scene = seen_scene([(5.0, 9.0), (19.0, -9.0)])
-    near, ego = camera(scene, card), scene.ego[0]
-    assert near.at(ego) == near.at(scene.ego[4])
-    assert Canvas.blank(400, 300, near.at(ego)).inside(scene.detections.box[:, :2]).all()
-    nothing = camera(seen_scene([]), card).at(ego)
+    windows = windows_of(scene, card)
+    assert windows[0] == windows[4]
+    assert Canvas.blank(400, 300, windows[0]).inside(scene.detections.box[:, :2]).all()
+    nothing = windows_of(seen_scene([]), card)[0]
     assert min(nothing.wide, nothing.high) > 0, "a scene without detections has a camera, too"
 
 

@@ -11,9 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.geometry import rotate
-from mtp_bench.viz.case import Case, ObjectForecast, counterpart
+from mtp_bench.viz.counterpart import counterpart
 from mtp_bench.viz.drawing.report import SIZE, report, stacked
-from mtp_bench.viz.focus import LARGEST, MOST_BRIGHT, Focus
+from mtp_bench.viz.focus import Focus, ObjectForecast
+from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, focuses_of, frame_of, key_of, turn_of, window_of
 from mtp_bench.viz.replay import NO_EVENT, Replay, replay
 from mtp_bench.viz.sentence import sentence, went
 from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, crowd, told
@@ -30,14 +31,14 @@ from tests.support.scoring_scenes import (
 
 def switch(**options: Any) -> Focus:
     run = crowd(**options)
-    return Focus.of(run, run.incident("ids-0"))
+    return Focus(run, run.incident("ids-0"))
 
 
 # ---- what is bright
 
 
 def test_only_what_belongs_to_the_event_is_bright() -> None:
-    shown = switch().frame(EVENT)
+    shown = frame_of(switch(), EVENT)
     assert shown.object_box[:, :2].tolist() == [[2.0, 0.0]]
     assert [(track.track_id, track.role) for track in shown.tracks] == [(1, "before"), (2, "now")]
     assert shown.detection_box[:, :2].tolist() == [[2.0, 0.0]]
@@ -50,8 +51,8 @@ def test_only_what_belongs_to_the_event_is_bright() -> None:
 
 def test_before_the_event_its_old_track_is_there_and_the_new_one_is_not_yet() -> None:
     focus = switch()
-    assert [track.track_id for track in focus.frame(EVENT - 1).tracks] == [1]
-    assert [focus.case.follower(t) for t in (EVENT - 1, EVENT, EVENT + 1)] == [1, 2, 2]
+    assert [track.track_id for track in frame_of(focus, EVENT - 1).tracks] == [1]
+    assert [focus.follower(t) for t in (EVENT - 1, EVENT, EVENT + 1)] == [1, 2, 2]
     assert [role for role, _ in focus.forecasts(EVENT - 1)] == ["before"]
     assert [(role, forecast.frame) for role, forecast in focus.forecasts(EVENT)] == [
         ("before", EVENT - 1),
@@ -63,7 +64,7 @@ def test_a_swap_shows_the_other_object_by_its_name() -> None:
     truth = [[Thing(5, t, 0.0), Thing(6, t, 3.0)] for t in range(8)]
     tracks = [[Thing(1 if t < EVENT else 2, t, 0.0), Thing(2 if t < EVENT else 1, t, 3.0)] for t in range(8)]
     run = replay(make_scene(truth), make_rollout(tracks), CARD)
-    shown = Focus.of(run, run.incident("ids-0")).frame(EVENT)
+    shown = frame_of(Focus(run, run.incident("ids-0")), EVENT)
     assert shown.other_names == ("car 6",)
     assert shown.others[:, 1].tolist() == [3.0]
     assert "track 2, which followed car 6 before, and track 1 goes to car 6" in told(truth, tracks, "ids-0")
@@ -77,10 +78,10 @@ def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:
     rollout = make_rollout(tracks, log_weight=weight, hypotheses=2)
     rollout.hypothesis_parent[1:] = [[0, 1]] * 3
     run = replay(make_scene(truth), rollout, CARD)
-    focus = Focus.of(run, run.incident("lost-0"))
-    assert focus.case.hypothesis.tolist() == [0, 0, 0, 0]
-    assert [track.track_id for track in focus.frame(1).tracks] == [1]
-    assert focus.case.follower(1) == 1
+    focus = Focus(run, run.incident("lost-0"))
+    assert focus.hypothesis.tolist() == [0, 0, 0, 0]
+    assert [track.track_id for track in frame_of(focus, 1).tracks] == [1]
+    assert focus.follower(1) == 1
 
 
 @settings(derandomize=True, deadline=None, max_examples=15)
@@ -88,18 +89,18 @@ def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:
 def test_of_any_event_few_boxes_are_bright_and_the_object_is_in_the_middle(seed: int) -> None:
     run = replay(*random_case(seed), CARD)
     for incident in run.incidents:
-        focus = Focus.of(run, incident)
+        focus = Focus(run, incident)
         for t in range(max(0, incident.frame - 1), min(run.frames, incident.frame + 2)):
-            assert focus.frame(t).bright <= MOST_BRIGHT
+            assert frame_of(focus, t).bright <= MOST_BRIGHT
         assert_in_the_middle(focus)
-        assert focus.sentence.startswith(f"{incident.name}: ")
-        assert len({line.text for line in focus.key}) == len(focus.key)
+        assert sentence(focus).startswith(f"{incident.name}: ")
+        assert len({line.text for line in key_of(focus)}) == len(key_of(focus))
 
 
 def assert_in_the_middle(focus: Focus) -> None:
     """The object lies in the middle third of the window, each way."""
-    window = focus.window()
-    away = rotate(focus.case.place(focus.at.frame) - [window.x, window.y], -window.turn)
+    window = window_of(focus, focus.at.frame)
+    away = rotate(focus.place(focus.at.frame) - [window.x, window.y], -window.turn)
     assert (np.abs(away) <= np.array([window.wide, window.high]) / 6).all()
 
 
@@ -109,7 +110,7 @@ def assert_in_the_middle(focus: Focus) -> None:
 @pytest.mark.parametrize("ahead", [0.0, 5.0, 40.0, 200.0])
 def test_the_window_holds_the_future_and_the_forecasts_as_far_as_it_may(ahead: float) -> None:
     focus = switch(ahead=ahead)
-    window = focus.window()
+    window = window_of(focus, focus.at.frame)
     assert_in_the_middle(focus)
     assert max(window.wide, window.high) <= 2 * LARGEST
     ends = np.array([[3.5, 0.0], [2.0 + ahead, 0.0]])
@@ -123,23 +124,24 @@ def test_the_way_of_the_object_points_to_the_right_wherever_it_goes(yaw: float) 
     run = crowd()
     scene, rollout = moved(run.scene, run.rollout, yaw, (100.0, -50.0, 0.0))
     turned = replay(scene, rollout, CARD)
-    first, second = (Focus.of(one, one.incident("ids-0")) for one in (run, turned))
-    assert first.turn == pytest.approx(0.0)
-    assert np.cos(second.turn - yaw) == pytest.approx(1.0)
-    assert (second.window().wide, second.window().high) == pytest.approx((first.window().wide, first.window().high))
-    assert second.sentence == first.sentence
+    first, second = (Focus(one, one.incident("ids-0")) for one in (run, turned))
+    assert turn_of(first) == pytest.approx(0.0)
+    assert np.cos(turn_of(second) - yaw) == pytest.approx(1.0)
+    windows = [window_of(focus, focus.at.frame) for focus in (first, second)]
+    assert (windows[1].wide, windows[1].high) == pytest.approx((windows[0].wide, windows[0].high))
+    assert sentence(second) == sentence(first)
 
 
 # ---- the sentence
 
 
 def test_a_switch_in_one_sentence() -> None:
-    assert switch(old_y=1.5, ahead=12.0).sentence == (
+    assert sentence(switch(old_y=1.5, ahead=12.0)) == (
         "ids-0: at 0.4 s car 5 changes from track 1 to the new track 2, while track 1 stays 1.5 m away; "
         "the nearest of 2 samples goes too far and ends 10.5 m from the true place, which costs 7.0 m "
         "(the frame before: 0.0 m)"
     )
-    assert "to the new track 2, and track 1 ends; " in switch(old_y=None).sentence
+    assert "to the new track 2, and track 1 ends; " in sentence(switch(old_y=None))
 
 
 SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, event, what is said of it
@@ -210,10 +212,10 @@ def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     rollout = make_rollout(tracks, log_weight=weight, hypotheses=2)
     rollout = replace(rollout, hypothesis_parent=np.tile([0, 1], (8, 1)))
     run = replay(make_scene(line([5] * 8)), rollout, CARD)
-    case = Case(run, run.incident("reacquired-0"))
-    assert case.at.frame == 4
-    assert [case.follower(t) for t in range(5)] == [1, 1, -1, -1, 1]
-    assert "car 5 is found again after 2 frames by its old track 1; " in sentence(case)
+    focus = Focus(run, run.incident("reacquired-0"))
+    assert focus.at.frame == 4
+    assert [focus.follower(t) for t in range(5)] == [1, 1, -1, -1, 1]
+    assert "car 5 is found again after 2 frames by its old track 1; " in sentence(focus)
 
 
 def test_a_false_forecast_in_one_sentence() -> None:
@@ -221,10 +223,10 @@ def test_a_false_forecast_in_one_sentence() -> None:
     tracks = [[*own, *other] for own, other in zip(line([1] * 8), ghost, strict=True)]
     said = [[replace(thing, forecast=[[[0.0, 0.0]] * 3], log_weight=[0.0]) for thing in frame] for frame in tracks]
     run = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
-    focus = Focus.of(run, run.incident("spurious-0"))
+    focus = Focus(run, run.incident("spurious-0"))
     assert focus.bold == "has the most weight", "there is no truth to be near"
     assert switch().bold == "is nearest to the truth"
-    assert focus.sentence == (
+    assert sentence(focus) == (
         "spurious-0: from 0.1 s to 0.4 s track 8 forecasts a pedestrian far from true ones: the scene has "
         "none; confidence up to 0.25"
     )
@@ -253,11 +255,11 @@ def test_what_a_forecast_did(future: list[list[float]], path: list[list[float]],
 def test_the_nearest_sample_is_the_one_that_the_score_counts() -> None:
     runs = [replay(*random_case(seed), CARD) for seed in range(4)]
     counted = 0
-    for case in [Case(run, event) for run in runs for event in run.events if event.minADE is not None]:
-        forecast = case.forecast(case.at.frame)
+    for focus in [Focus(run, event) for run in runs for event in run.events if event.minADE is not None]:
+        forecast = focus.forecast(focus.at.frame)
         assert forecast is not None
-        gap = forecast.nearest_path[1:] - case.future(case.at.frame)[1:]
-        assert np.hypot(*gap.T).mean() == pytest.approx(case.at.minADE)
+        gap = forecast.nearest_path[1:] - focus.future(focus.at.frame)[1:]
+        assert np.hypot(*gap.T).mean() == pytest.approx(focus.at.minADE)
         counted += 1
     assert counted > 5
 
@@ -295,10 +297,10 @@ def test_no_event(first: Replay) -> None:
     assert (found.kind, found.frame, found.object_id) == (NO_EVENT, EVENT, 5)
     assert (found.old_id, found.new_id) == (7, 7)
     assert found.error == pytest.approx(0.0, abs=0.01)
-    focus = Focus.of(run, found)
-    assert focus.sentence.startswith("no event: at 0.4 s car 5 stays with track 7; the nearest of 2 samples goes the ")
-    assert "which costs 0.0 m" in focus.sentence
-    assert [key.text for key in focus.key if key.role == "event"] == ["the event of the other run"]
+    focus = Focus(run, found)
+    assert sentence(focus).startswith("no event: at 0.4 s car 5 stays with track 7; the nearest of 2 samples goes the ")
+    assert "which costs 0.0 m" in sentence(focus)
+    assert [key.text for key in key_of(focus) if key.role == "event"] == ["the event of the other run"]
 
 
 def false_forecasts(first: Replay, place: tuple[float, float], frames: range) -> Replay:
@@ -317,16 +319,16 @@ def test_false_forecasts(first: Replay) -> None:
     for other in (false_forecasts(first, (99.0, 90.0), range(1, 5)), false_forecasts(first, (90.0, 90.0), range(5, 9))):
         none = counterpart(other, at)
         assert (none.kind, none.new_id) == (NO_EVENT, -1)
-        focus = Focus.of(other, none)
-        assert focus.sentence == "no event: at 0.2 s there is no false forecast of a car"
+        focus = Focus(other, none)
+        assert sentence(focus) == "no event: at 0.2 s there is no false forecast of a car"
         assert report(focus).size == SIZE
 
 
 def test_pictures_stand_below_each_other(first: Replay) -> None:
     at, run = first.incident("ids-0"), steady(first)
-    focuses = Focus.of_all([first, run], at)
+    focuses = focuses_of([first, run], at)
     assert [focus.replay.agent for focus in focuses] == ["drawn", "steady"]
-    assert focuses[0].turn == focuses[1].turn
+    assert turn_of(focuses[0]) == turn_of(focuses[1])
     both = [report(focus) for focus in focuses]
     image = np.asarray(stacked(both))
     assert image.shape == (2 * SIZE[1], SIZE[0], 3)

@@ -16,12 +16,13 @@ from mtp_bench import load_submission
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.viz import palette
-from mtp_bench.viz.drawing.birds_eye import PANEL, Camera, draw_frame
+from mtp_bench.viz.drawing.birds_eye import PANEL, draw_frame
 from mtp_bench.viz.drawing.close_up import draw_focus
 from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, save_report
-from mtp_bench.viz.focus import MOST_BRIGHT, ROLES, Focus, Window
-from mtp_bench.viz.frame_view import replay_view
+from mtp_bench.viz.focus import Focus
+from mtp_bench.viz.framing import MOST_BRIGHT, ROLES, Window, frame_of, window_of
 from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.sentence import sentence
 from mtp_bench.viz.terminal.event_table import event_rows, in_order
 from tests.support.command_line import CommandLine
 from tests.support.focus_scenes import EVENT, crowd
@@ -66,7 +67,7 @@ def assert_ringed_in_the_middle(panel: Picture) -> None:
 def focus_of(run: Replay, kind: str = "ids") -> Focus:
     """The costliest event of a kind, as `mtp-bench events --sort cost --kind` lists it first."""
     rows = in_order(event_rows(run, [kind], "run"), "cost")
-    return Focus.of(run, rows[0].incident)
+    return Focus(run, rows[0].incident)
 
 
 # ---- small scenes
@@ -81,9 +82,9 @@ def test_the_event_is_bright_and_the_crowd_is_not() -> None:
     assert_ringed_in_the_middle(panel)
     for role in ("truth", "before", "now"):
         assert near(panel, ROLES[role]).sum() > 30, role
-    everything = np.asarray(draw_frame(replay_view(run, EVENT), Camera(False, Window(0.0, 0.0, 70.0, 70.0))))
+    everything = np.asarray(draw_frame(run, EVENT, Window(0.0, 0.0, 70.0, 70.0)))
     assert coloured(everything[:, : -PANEL - 4]) > 40, "the same frame with everything in colour"
-    window = focus.window()
+    window = window_of(focus, EVENT)
     assert coloured(np.asarray(draw_focus(focus, EVENT, (900, 450), window))) <= MOST_BRIGHT
 
 
@@ -102,7 +103,7 @@ def test_the_file_says_what_it_shows(tmp_path: Path) -> None:
     save_report(tmp_path / "a.png", focus)
     with Image.open(tmp_path / "a.png") as image:
         assert image.size == SIZE
-        assert image.text["Description"] == focus.sentence  # type: ignore[attr-defined]
+        assert image.text["Description"] == sentence(focus)  # type: ignore[attr-defined]
     assert (tmp_path / "a.png").stat().st_size < 150_000
     save_report(tmp_path / "b.png", focus)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
@@ -163,18 +164,18 @@ def test_a_real_failure_is_told(env_id: str, scene: str, kind: str, data_root: P
     focus = focus_of(replay(env.scene, rollout, env.card, "stp"), kind)
     save_report(tmp_path / "a.png", focus)
     with Image.open(tmp_path / "a.png") as image:
-        assert image.text["Description"] == focus.sentence  # type: ignore[attr-defined]
+        assert image.text["Description"] == sentence(focus)  # type: ignore[attr-defined]
         panel = main_panel(np.asarray(image.convert("RGB")))
     assert_ringed_in_the_middle(panel)
-    shown = focus.frame(focus.at.frame)
+    shown = frame_of(focus, focus.at.frame)
     assert 0 < shown.bright <= MOST_BRIGHT
     assert len(shown.dim_detection) + len(shown.dim_truth) > 0
-    drawn = np.asarray(draw_focus(focus, focus.at.frame, (900, 450), focus.window()))
+    drawn = np.asarray(draw_focus(focus, focus.at.frame, (900, 450), window_of(focus, focus.at.frame)))
     assert coloured(drawn) <= MOST_BRIGHT
     for role in {"truth"} | {role for role, _ in focus.forecasts(focus.at.frame)}:
         assert near(panel, ROLES[role]).sum() > 30, role
-    assert str(focus.at.old_id) in focus.sentence
-    assert "which costs" in focus.sentence
+    assert str(focus.at.old_id) in sentence(focus)
+    assert "which costs" in sentence(focus)
 
 
 # ---- committed pictures

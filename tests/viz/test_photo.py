@@ -13,7 +13,8 @@ from PIL import Image
 from mtp_bench.sources import CameraImage
 from mtp_bench.types import Floats
 from mtp_bench.viz.drawing.report import SIZE, report, save_report
-from mtp_bench.viz.focus import ROLES, Focus
+from mtp_bench.viz.focus import Focus
+from mtp_bench.viz.framing import ROLES
 from mtp_bench.viz.palette import Color
 from mtp_bench.viz.photo import HEIGHT, photo_of, photos_around, projected
 from mtp_bench.viz.replay import Replay, replay
@@ -48,7 +49,7 @@ def seen(tmp_path: Path) -> Replay:
 
 
 def event(run: Replay) -> Focus:
-    return Focus.of(run, run.incident("ids-0"))
+    return Focus(run, run.incident("ids-0"))
 
 
 def near(image: Image.Image, color: Color, tolerance: int = 30) -> int:
@@ -88,7 +89,7 @@ def test_the_camera_that_sees_most_of_it_is_chosen(seen: Replay) -> None:
     assert photo is not None
     assert photo.image.camera == "BEHIND"
     assert [role for role, _ in photo.edges] == ["truth", "before", "now"]
-    car = seen.scene.truth.box[event(seen).case.rows[EVENT]]
+    car = seen.scene.truth.box[event(seen).rows[EVENT]]
     np.testing.assert_allclose(photo.middle[0], 800, atol=1e-6)
     assert photo.extent == pytest.approx(1000 * car[5] / (car[0] - car[4] / 2 + 10))
 
@@ -104,7 +105,7 @@ def test_false_forecasts_are_seen_too(seen: Replay) -> None:
     ghost = [Thing(80, 15.0, 5.0, forecast=[[(15.0, 5.0)] * 3] * 2)]
     rollout = make_rollout([[]] * seen.frames, [ghost] * seen.frames, samples=2)  # of no track
     run = replace(replay(seen.scene, rollout, seen.card), images=seen.images)
-    photo = photo_of(Focus.of(run, run.incident("spurious-0")), run.incident("spurious-0").frame)
+    photo = photo_of(Focus(run, run.incident("spurious-0")), run.incident("spurious-0").frame)
     assert photo is not None
     assert [role for role, _ in photo.edges] == ["now"]
 

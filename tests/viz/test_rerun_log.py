@@ -20,14 +20,18 @@ from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.sources import CameraImage
 from mtp_bench.types import Rollout
 from mtp_bench.viz.answers import Answers
-from mtp_bench.viz.focus import MOST_BRIGHT, Focus
+from mtp_bench.viz.drawing.report import ROW
+from mtp_bench.viz.focus import Focus
+from mtp_bench.viz.framing import MOST_BRIGHT, frame_of, key_of
+from mtp_bench.viz.photo import HEIGHT
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun.contents import TOP_HYPOTHESES
 from mtp_bench.viz.rerun.entities import TOP_SAMPLES, true_futures
 from mtp_bench.viz.rerun.events import lanes
-from mtp_bench.viz.rerun.log import save_recording
+from mtp_bench.viz.rerun.recording import save_recording
 from mtp_bench.viz.rerun.sdk import rr
+from mtp_bench.viz.rerun.shown import TOP_HYPOTHESES
 from mtp_bench.viz.rerun.viewer import viewer_program
+from mtp_bench.viz.sentence import sentence
 from tests.support import scoring_scenes
 from tests.support.camera_images import SIZE as PIXELS
 from tests.support.camera_images import write_image
@@ -96,11 +100,11 @@ def test_what_is_recorded_is_what_was_said(run: Replay, top: dict[str, Rows], tm
 
 
 def test_levels_leave_out_what_they_say(run: Replay, top: dict[str, Rows], tmp_path: Path) -> None:
-    off = set(read(save(tmp_path / "off.rrd", run, level="off")))
     tracks = set(read(save(tmp_path / "tracks.rrd", run, level="tracks")))
-    assert {"world/gt", "world/det", "world/events", "events/IDS", "identity/gt_007", "metrics/TP"} <= off
-    assert not any("world/hyp" in path or path.endswith("world/forecast") for path in off)
-    assert tracks - off == {f"world/hyp/{h:02d}/{kind}" for h in range(TOP_HYPOTHESES) for kind in ("box", "trail")}
+    assert {"world/gt", "world/det", "world/events", "events/ids", "identity/gt_007", "metrics/TP"} <= tracks
+    assert {path for path in tracks if "hyp" in path} == {
+        f"world/hyp/{h:02d}/{kind}" for h in range(TOP_HYPOTHESES) for kind in ("box", "trail")
+    }
     assert set(top) - tracks == {"world/forecast"}
     assert not any("focus" in path for path in top), "without an event no view is of one"
 
@@ -120,15 +124,15 @@ def test_trails_follow_the_identity_along_the_lineage(run: Replay, top: dict[str
 def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict[str, Rows]) -> None:
     switch = next(i for i in run.incidents if i.kind == "ids")
     assert (switch.frame, switch.object_id, switch.old_id, switch.new_id) == (4, 7, 10, 12)
-    (text,) = [row["text"][0] for row in top["events/IDS"].values()]
+    (text,) = [row["text"][0] for row in top["events/ids"].values()]
     assert text.startswith("ids-0: at 0.4 s car 7 changes from track 10 to the new track 12, and track 10 ends; ")
     marks = {t: row["labels"] for t, row in top["world/events"].items() if row.get("labels")}
-    assert "ids-0: 10 → 12" in marks[4]
-    assert not any("ids-0: 10 → 12" in marks.get(t, []) for t in range(4))
+    assert "ids-0: ids 10 > 12" in marks[4]
+    assert not any("ids-0: ids 10 > 12" in marks.get(t, []) for t in range(4))
     lane = {t: row["state"] for t, row in top["identity/gt_007"].items() if t >= 0}
     assert lane == {0: ["track 10"], 4: ["track 12"]}
     assert top["identity/gt_005"][0]["state"] == ["untracked"]
-    assert [top["metrics/IDS"][t]["scalars"][0] for t in range(FRAMES)] == [0, 0, 0, 0, 1, 1, 1, 1]
+    assert [top["metrics/ids"][t]["scalars"][0] for t in range(FRAMES)] == [0, 0, 0, 0, 1, 1, 1, 1]
     for name, series in run.counts.items():
         assert [top[f"metrics/{name}"][t]["scalars"][0] for t in range(FRAMES)] == series.tolist()
 
@@ -150,22 +154,12 @@ def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
     renamed = changed(run.rollout, track_id=run.rollout.track_id + 100)
     other = changed(run, agent="stp", answers=Answers(renamed, run.card))
     both = read(save(tmp_path / "both.rrd", run, other, changed(run, agent="mtp")))
-    assert both["agents/mtp/world/hyp/00/box"][0]["labels"] == ["10", "11"]
+    assert both["world/hyp/00/box"][0]["labels"] == ["10", "11"]
     assert both["agents/stp/world/hyp/00/box"][0]["labels"] == ["110", "111"]
     assert "agents/mtp-2/world/hyp/00/box" in both
     shared = {path for path in both if path.endswith(("/gt", "/det", "/ego", "/gt_future"))}
     assert shared == {"world/gt", "world/det", "world/ego", "world/gt_future"}
-    assert both["agents/stp/metrics/IDS"][-1]["names"] == ["stp IDS"]
-
-
-def test_detections_are_of_a_run_that_was_given_them(run: Replay, tmp_path: Path) -> None:
-    moved = changed(run.scene.detections, box=run.scene.detections.box + 1.0)
-    truth = changed(run, agent="ideal", observe="truth", scene=changed(run.scene, detections=moved))
-    both = read(save(tmp_path / "both.rrd", truth, run))
-    np.testing.assert_allclose(boxes(both["world/det"], 0), run.scene.detections.box[run.scene.detections.rows(0)])
-    assert "ideal was given true boxes, not detections." in both["about"][-1]["text"][0]
-    alone = read(save(tmp_path / "alone.rrd", changed(run, observe="tracks")))
-    assert "Yellow: stored tracks, as detections; false" in alone["about"][-1]["text"][0]
+    assert both["agents/stp/metrics/ids"][-1]["names"] == ["stp ids"]
 
 
 def test_where_the_truth_is_not_complete_nobody_counts_false_boxes(run: Replay, tmp_path: Path) -> None:
@@ -173,7 +167,6 @@ def test_where_the_truth_is_not_complete_nobody_counts_false_boxes(run: Replay, 
     found = read(save(tmp_path / "partly.rrd", partly))
     assert "metrics/FP" not in found
     assert "metrics/FN" in found
-    assert "which of them are false is not known" in found["about"][-1]["text"][0]
 
 
 def test_runs_of_different_scenes_share_no_recording(run: Replay, tmp_path: Path) -> None:
@@ -195,19 +188,12 @@ def test_two_recordings_of_a_run_are_equal(run: Replay, tmp_path: Path) -> None:
         assert (subprocess.run(command, capture_output=True, check=False).returncode == 0) == equal
 
 
-def test_an_event_is_ringed_while_its_mark_is_there(run: Replay, tmp_path: Path) -> None:
-    rows = read(save(tmp_path / "at.rrd", run, at=run.incident("ids-0")))["world/at"]
-    assert sorted(t for t in rows if t >= 0) == [4, 5, 6, 7]
-    ring = np.array(rows[4]["strips"][0])
-    np.testing.assert_allclose(ring.mean(axis=0)[:2], run.incident("ids-0").position[:2], atol=0.1)
-
-
 def test_an_event_alone_is_bright_named_and_told(tmp_path: Path) -> None:
     crowded = crowd(ahead=12.0)
-    focus = Focus.of(crowded, crowded.incident("ids-0"))
+    focus = Focus(crowded, crowded.incident("ids-0"))
     found = read(save(tmp_path / "at.rrd", crowded, at=focus.at))
     for t in (EVENT - 1, EVENT, EVENT + 1):
-        shown = focus.frame(t)
+        shown = frame_of(focus, t)
         for path, box in (
             ("truth", np.concatenate([shown.object_box, shown.others])),
             ("detection", shown.detection_box),
@@ -218,9 +204,10 @@ def test_an_event_alone_is_bright_named_and_told(tmp_path: Path) -> None:
         assert bright == shown.bright <= MOST_BRIGHT
     ends = [strip[-1][:2] for strip in found["world/focus/forecast"][EVENT]["strips"]]
     np.testing.assert_allclose(ends, [forecast.nearest_path[-1] for _, forecast in focus.forecasts(EVENT)], rtol=1e-5)
-    assert focus.sentence in found["focus/text"][-1]["text"][0]
-    assert all(key.text in found["focus/text"][-1]["text"][0] for key in focus.key)
+    assert sentence(focus) in found["focus/text"][-1]["text"][0]
+    assert all(key.text in found["focus/text"][-1]["text"][0] for key in key_of(focus))
     assert found["focus/pictures"][-1]["format"][0]["width"] == 1200
+    np.testing.assert_allclose(np.mean(found["world/at"][-1]["strips"][0], axis=0)[:2], focus.at.position[:2], atol=0.1)
     names = found["world/focus/name"][EVENT]
     assert {"car 5", "track 1", "track 2", "forecast now"} <= set(names["labels"])
     places = np.array(names["positions"])[:, :2]
@@ -240,25 +227,14 @@ def test_the_second_run_may_have_no_event(tmp_path: Path) -> None:
     assert "there is no false forecast of a car" in found["agents/silent/focus/text"][-1]["text"][0]
 
 
-def test_camera_images_of_the_frames_around_an_event(tmp_path: Path) -> None:
+def test_camera_images_stand_below_the_small_pictures(tmp_path: Path) -> None:
     run = crowd(ahead=12.0)
     projection = np.array([[800.0, -1000.0, 0.0, 8000.0], [450.0, 0.0, -1000.0, 5250.0], [1.0, 0.0, 0.0, 10.0]])
-    images = []
-    for t in (EVENT, EVENT + 1, EVENT + 2):  # from 10 m behind the start of the car, 0.75 m above the ground
-        path = tmp_path / f"{t}.png"
-        write_image(path)
-        images.append(CameraImage(t, "image_02", path, PIXELS, projection))
-    images[2].path.write_bytes(b"broken")
-    found = read(save(tmp_path / "a.rrd", changed(run, images=tuple(images)), at=run.incident("ids-0")))
-    rows = found["focus/camera"]
-    there = {t: len(rows[t].get("blob") or []) for t in range(run.frames)}
-    assert there == {t: int(t in (EVENT, EVENT + 1)) for t in range(run.frames)}
-    assert len(found["focus/camera/box"][EVENT]["strips"]) == 36  # of the car and both tracks
-    for path in tmp_path.glob("*.png"):
-        path.write_bytes(b"broken")
-    for name, shown in (("none", ()), ("broken", tuple(images))):
-        file = save(tmp_path / f"{name}.rrd", changed(run, images=shown), at=run.incident("ids-0"))
-        assert not any("camera" in path for path in read(file)), name
+    write_image(tmp_path / "a.png")
+    image = CameraImage(EVENT, "image_02", tmp_path / "a.png", PIXELS, projection)
+    for images, height in (((image,), ROW + HEIGHT), ((), ROW)):
+        found = read(save(tmp_path / "a.rrd", changed(run, images=images), at=run.incident("ids-0")))
+        assert found["focus/pictures"][-1]["format"][0]["height"] == height
 
 
 def test_forecasts_of_nothing_have_a_place_of_their_own(tmp_path: Path) -> None:
@@ -267,9 +243,8 @@ def test_forecasts_of_nothing_have_a_place_of_their_own(tmp_path: Path) -> None:
     rollout = scoring_scenes.make_rollout([[]] * 10, [far] * 10, samples=2)
     found = read(save(tmp_path / "a.rrd", changed(replay(crowded.scene, rollout, crowded.card), agent="mtp")))
     live = range(1, 7)  # frames with targets
-    assert [len(found["world/false_forecast/path"][t]["strips"]) for t in live] == [2] * 6
+    assert [len(found["world/false_forecast"][t]["strips"]) for t in live] == [2] * 6
     assert [len(found["world/forecast"][t]["strips"]) for t in live] == [0] * 6
-    assert [len(found["world/false_forecast/place"][t]["positions"]) for t in live] == [1] * 6
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from mtp_bench.viz.palette import Color
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.colors import BORDER, SWITCH, track_colors
 from mtp_bench.viz.rerun.focus import COLORS
-from mtp_bench.viz.rerun.log import save_recording
+from mtp_bench.viz.rerun.recording import save_recording
 from mtp_bench.viz.rerun.sdk import ViewerClient
 from tests.support.headless_viewer import headless_viewer, near, picture, require_driver, until
 

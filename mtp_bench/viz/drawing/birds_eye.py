@@ -5,23 +5,34 @@ Tracks are numbered, false tracks and forecasts red, an event is a ring with its
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ImageDraw
+from PIL import Image, ImageDraw
 
 from ...cards import Card
 from ...env.live import LiveEpisode
 from ...scoring.forecasts import sample_weights
-from ...types import Floats, Lane, Rollout, Scene, to_metres
-from ..answers import Answers
-from ..focus import TRAIL_SECONDS, Window
-from ..frame_view import EGO_SIZE, FrameView, ego_boxes, event_text
-from ..palette import EGO, FALSE, FORECAST, TRACK, Color
-from .canvas import DETECTED, FALSE_DETECTION, FALSE_TRACK, OTHER, TRACK_BOX, TRACKED, UNTRACKED, VEHICLE, Canvas
-from .labels import label, scale_bar, sign
-from .panel import panel
+from ...types import Floats, Lane, Scene, to_metres
+from ..framing import TRAIL_SECONDS, Window
+from ..palette import BLACK, EGO, EVENT, FALSE, FORECAST, TRACK, Color
+from ..replay import Incident, Replay, ego_boxes
+from .canvas import (
+    DETECTED,
+    EDGE,
+    FALSE_DETECTION,
+    FALSE_TRACK,
+    GRAY,
+    OTHER,
+    TRACK_BOX,
+    TRACKED,
+    UNTRACKED,
+    VEHICLE,
+    Canvas,
+)  # fmt: skip
+from .column import Mark, Text, column
+from .labels import LARGE, MIDDLE, SMALL, callout, scale_bar
 
 SIZE = (960, 720)  # pixels
 PANEL = 230  # pixels of the width
@@ -29,66 +40,70 @@ SAMPLES = 5  # of each forecast, the heaviest
 ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
 SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
 MARGIN = 3.0  # m around the objects of a fixed place
+EVENT_SECONDS = 1.5  # time that an event stays in the picture
+LOG = 10  # events that are listed
 
 
-@dataclass(frozen=True)
-class Camera:
-    """A view from above that follows the ego or stays; it never turns, and its size never changes."""
+def windows_of(scene: Scene, card: Card) -> list[Window]:
+    """Window of each frame, by the detections of the scene; by its true boxes if it has no detections.
 
-    follows: bool  # the ego
-    window: Window  # its x: metres ahead of the ego, if it follows
-
-    def at(self, ego: Floats) -> Window:
-        """The window at the ego's pose ``ego`` [4]."""
-        if not self.follows:
-            return self.window
-        x, y, yaw = float(ego[0]), float(ego[1]), float(ego[3])
-        return replace(self.window, x=x + self.window.x * np.cos(yaw), y=y + self.window.x * np.sin(yaw))
-
-
-def camera(scene: Scene, card: Card) -> Camera:
-    """The camera of a scene, by its detections; by its true boxes if it has no detections."""
+    It follows the ego or stays; it never turns, and its size never changes.
+    """
     seen = scene.detections if len(scene.detections.box) else scene.truth
     xy = seen.box[:, :2]
     if not card.has_ego:
         places = xy if len(xy) else scene.ego[:, :2]
         low, high = np.quantile(places, 0.01, axis=0) - MARGIN, np.quantile(places, 0.99, axis=0) + MARGIN
         (x, y), (wide, tall) = (low + high) / 2, np.maximum(high - low, 2 * MARGIN)
-        return Camera(False, Window(float(x), float(y), float(wide), float(tall)))
-    if len(xy) == 0:
-        return Camera(True, Window(0.0, 0.0, 2 * SMALLEST, 2 * SMALLEST))
+        return [Window(float(x), float(y), float(wide), float(tall))] * scene.frames
     pose = scene.ego[seen.frame_of_rows]
     gap = xy - pose[:, :2]
     cos, sin = np.cos(pose[:, 3]), np.sin(pose[:, 3])
     ahead, aside = cos * gap[:, 0] + sin * gap[:, 1], cos * gap[:, 1] - sin * gap[:, 0]
-    rear, front = (float(value) for value in np.quantile(ahead, [0.05, 0.95]))
+    rear, front = np.quantile(ahead, [0.05, 0.95]) if len(xy) else (0.0, 0.0)
     rear, front = min(rear, -5.0), max(front, 5.0)
-    half = max((front - rear) / 2, float(np.quantile(np.abs(aside), 0.9)), SMALLEST)
+    half = max((front - rear) / 2, np.quantile(np.abs(aside), 0.9) if len(xy) else 0.0, SMALLEST)
     # if the detections reach too far for one picture, those near the ego matter most
     center = (front + rear) / 2 if half <= LARGEST else np.clip((front + rear) / 2, -LARGEST / 2, LARGEST / 2)
-    half = min(half, LARGEST)
-    return Camera(True, Window(float(center), 0.0, 2 * half, 2 * half))
+    size = float(2 * min(half, LARGEST))
+    yaw = scene.ego[:, 3]
+    middle = scene.ego[:, :2] + center * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    return [Window(x, y, size, size) for x, y in middle.tolist()]
 
 
-def draw_frame(view: FrameView, seen_by: Camera) -> NDArray[np.uint8]:
-    """A frame as a picture [height, width, 3] of SIZE."""
-    canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], seen_by.at(view.scene.ego[view.frame]))
+def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
+    """Frame ``t`` of a run as a picture [height, width, 3] of SIZE."""
+    scene, events = run.scene, _marked(run, t)
+    canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], window)
     ring = min(max(10.0, 2.5 * canvas.scale), 20.0)  # pixels
-    draw_lanes(canvas, view.scene.lanes)
-    names = [] if view.answers is None else _draw_answers(canvas, view, view.answers)
-    _draw_boxes(canvas, view)
-    for _, xy in view.marked:
+    draw_lanes(canvas, scene.lanes)
+    names = _draw_answers(canvas, run, t)
+    _draw_boxes(canvas, run, t)
+    for _, xy in events:
         canvas.ring(canvas.pixels(xy), ring)
     image = canvas.finished()
     ink = ImageDraw.Draw(image)
-    for incident, xy in view.marked:  # names are written as far as there is room, events first
-        sign(canvas, ink, xy, event_text(incident), ring)
-    if view.ego is not None:
-        label(canvas, ink, view.ego[:2], "ego", EGO, reach=EGO_SIZE[0] / 2)
-    for box, text, color in names:
-        label(canvas, ink, box[:2], text, color, reach=float(box[4]) / 2)
     scale_bar(canvas, ink)
-    return np.array(panel(image, view, PANEL), dtype=np.uint8)  # a copy, which can be drawn on
+    for incident, xy in events:  # names are written as far as there is room, events first
+        callout(canvas, ink, xy, incident.label, BLACK, 0.7 * ring, SMALL, EVENT)
+    if run.card.has_ego:
+        names = [(ego_boxes(scene.ego[t][None])[0], "ego", EGO), *names]
+    for box, text, color in names:
+        callout(canvas, ink, box[:2], text, color, 0.5 * float(box[4]) * canvas.scale, SMALL, None)
+    panel = column((PANEL, SIZE[1]), list(_heading(run, t)), legend(run), list(_events(run, t)))
+    whole = Image.new("RGB", SIZE)
+    whole.paste(image, (0, 0))
+    whole.paste(panel, (image.width, 0))
+    ImageDraw.Draw(whole).line([image.width, 0, image.width, SIZE[1]], fill=EDGE)
+    return np.array(whole, dtype=np.uint8)  # a copy, which can be drawn on
+
+
+def _marked(run: Replay, t: int) -> list[tuple[Incident, Floats]]:
+    """The newest event of each object lately, but for the many false forecasts, and its place [2] now."""
+    truth, rows = run.scene.truth, run.scene.truth.rows(t)
+    place = dict(zip(truth.object_id[rows].tolist(), truth.box[rows, :2], strict=True))
+    recent = run.recent(t, EVENT_SECONDS * run.card.task.rate)
+    return [(event, place.get(event.object_id, np.array(event.position[:2]))) for event in recent]
 
 
 def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
@@ -102,17 +117,17 @@ def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
         canvas.lines([lane.center], CENTER_LINE, 0.5)
 
 
-def _draw_answers(canvas: Canvas, view: FrameView, answers: Answers) -> list[tuple[Floats, str, Color]]:
+def _draw_answers(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, str, Color]]:
     """Draw forecasts, trails and tracks; returns the boxes of the tracks with their names, false tracks last."""
-    rollout, hypotheses, t = answers.rollout, answers.hypotheses, view.answered
-    _draw_forecasts(canvas, view, rollout)
-    tracks, best = rollout.tracks.rows(t), int(hypotheses.best[t])
-    member, shown = hypotheses.member[tracks].any(axis=1), answers.shown[tracks]
+    rollout, answers, answered = run.rollout, run.answers, t - run.first
+    _draw_forecasts(canvas, run, answered)
+    tracks, best = rollout.tracks.rows(answered), int(answers.hypotheses.best[answered])
+    member, shown = answers.hypotheses.member[tracks].any(axis=1), answers.shown[tracks]
     boxes = rollout.track_box[tracks].astype(np.float64)
     canvas.boxes(boxes[member & ~shown], OTHER)
     rows = tracks.start + np.flatnonzero(shown)
-    boxes, false = boxes[shown], view.false("track", rows, len(rows))
-    past = answers.past(rows, best, min(t, max(1, round(TRAIL_SECONDS * view.card.task.rate))))
+    boxes, false = boxes[shown], run.track_false[rows]
+    past = answers.past(rows, best, min(answered, max(1, round(TRAIL_SECONDS * run.card.task.rate))))
     for row, wrong in zip(past, false, strict=True):
         trail = rollout.track_box[np.unique(row), :2]
         canvas.lines([trail], FALSE if wrong else TRACK, 1.0 if wrong else 1.6, 150)
@@ -121,62 +136,103 @@ def _draw_answers(canvas: Canvas, view: FrameView, answers: Answers) -> list[tup
     names = []
     for i in np.argsort(false, kind="stable"):
         number, confidence = int(rollout.track_id[rows[i]]), float(answers.track_confidence[rows[i]])
-        sure = "" if np.isnan(confidence) or confidence >= 0.995 else f" {100 * confidence:.0f}%"
-        names.append((boxes[i], f"{number}{sure}", FALSE if false[i] else TRACK))
+        percent = "" if np.isnan(confidence) or confidence >= 0.995 else f" {100 * confidence:.0f}%"
+        names.append((boxes[i], f"{number}{percent}", FALSE if false[i] else TRACK))
     return names
 
 
-def _draw_forecasts(canvas: Canvas, view: FrameView, rollout: Rollout) -> None:
+def _draw_forecasts(canvas: Canvas, run: Replay, answered: int) -> None:
     """The heaviest samples of each object, lighter ones fainter, each with a dot at its end."""
-    objects = rollout.objects.rows(view.answered)
+    rollout = run.rollout
+    objects = rollout.objects.rows(answered)
     start = rollout.object_box[objects, :2].astype(np.float64)
-    false = view.false("forecast", objects, len(start))
     weights = sample_weights(rollout.forecast_log_weight[objects])
     for i in np.flatnonzero(canvas.inside(start, canvas.width / 4)):
         weight, paths = weights[i], start[i] + to_metres(rollout.forecast[objects.start + i])
-        color, width, most = (FALSE, 0.8, 1) if false[i] else (FORECAST, 1.3, SAMPLES)
+        false = run.forecast_false[objects.start + i]
+        color, width, most, dim = (FALSE, 0.8, 1, 0.4) if false else (FORECAST, 1.3, SAMPLES, 0.9)
         for k in np.argsort(-weight, kind="stable")[:most][::-1]:
             if weight[k] > 0:
                 path = canvas.pixels(np.concatenate([start[i, None], paths[k]]))
-                alpha = round((0.4 if false[i] else 0.9) * (100 + 140 * float(weight[k] / weight.max())))
+                alpha = round(dim * (100 + 140 * float(weight[k] / weight.max())))
                 canvas.stroke(path, color, width, alpha)
                 canvas.dot(path[-1], 1.6 * width, color, alpha)
 
 
-def _draw_boxes(canvas: Canvas, view: FrameView) -> None:
+def _draw_boxes(canvas: Canvas, run: Replay, t: int) -> None:
     """Detections, true boxes and the ego."""
-    rows = view.scene.detections.rows(view.frame)
-    detections = view.scene.detections.box[rows]
-    false = view.false("detection", rows, len(detections))
-    canvas.boxes(detections[~false], DETECTED)
-    canvas.boxes(detections[false], FALSE_DETECTION)
-    if view.truth_shown:
-        truth = view.scene.truth.box[view.truth_rows]
-        tracked = np.ones(len(truth), dtype=bool)
-        if view.replay is not None:
-            tracked = view.replay.truth_track[view.truth_rows] >= 0
-        canvas.boxes(truth[tracked], TRACKED)
-        canvas.boxes(truth[~tracked], UNTRACKED)
-    if view.ego is not None:
-        canvas.boxes(ego_boxes(view.ego[None]), VEHICLE)
+    truth, detections = run.scene.truth, run.scene.detections
+    rows = detections.rows(t)
+    false = run.detection_false[rows]
+    canvas.boxes(detections.box[rows][~false], DETECTED)
+    canvas.boxes(detections.box[rows][false], FALSE_DETECTION)
+    rows = truth.rows(t)
+    evaluated, tracked = ~truth.neutral[rows], run.truth_track[rows] >= 0
+    canvas.boxes(truth.box[rows][evaluated & tracked], TRACKED)
+    canvas.boxes(truth.box[rows][evaluated & ~tracked], UNTRACKED)
+    if run.card.has_ego:
+        canvas.boxes(ego_boxes(run.scene.ego[t][None]), VEHICLE)
+
+
+def _heading(run: Replay, t: int) -> Iterator[Text]:
+    """Lines at the top of the column."""
+    scene, answered = run.scene, t - run.first
+    if run.agent:
+        yield run.agent, LARGE, BLACK
+    yield run.card.id, MIDDLE, GRAY
+    yield f"scene {scene.name}", MIDDLE, GRAY
+    yield f"frame {t} of {scene.frames - 1}   {scene.time[t] - scene.time[0]:.1f} s", MIDDLE, BLACK
+    weight = run.rollout.hypothesis_log_weight[answered]
+    if np.isfinite(weight).sum() > 1:
+        share = 100 * float(np.exp(weight[run.answers.hypotheses.best[answered]]))
+        yield f"best of {np.isfinite(weight).sum()} hypotheses ({share:.0f} %)", MIDDLE, BLACK
+    if run.judged:
+        tracked, untracked, false = (int(series[t]) for series in run.counts.values())
+        text = f"tracked {tracked}, untracked {untracked}"
+        yield text + (f", false {false}" if scene.truth_complete else ""), MIDDLE, BLACK
+
+
+def _events(run: Replay, t: int) -> Iterator[Text]:
+    """The last events."""
+    events = [event for event in reversed(run.events) if event.frame <= t][:LOG]
+    if events:
+        yield "events so far, newest first", MIDDLE, GRAY
+    for event in events:
+        yield f"{event.frame}: {event.label}", MIDDLE, BLACK
+
+
+def legend(run: Replay) -> list[Mark]:
+    """Marks of this kind of picture with their meaning; the same for all frames of a video."""
+    truth, complete = len(run.scene.truth.box) > 0, run.judged and run.scene.truth_complete
+    entries = [
+        (truth, Mark("true box", TRACKED)),
+        (truth and run.judged, Mark("true box, untracked", UNTRACKED)),
+        (True, Mark("detection", DETECTED)),
+        (complete, Mark("false positive", FALSE_DETECTION)),
+        (True, Mark("track, where it was", TRACK_BOX, TRACK)),
+        (complete, Mark("false track", FALSE_TRACK, FALSE)),
+        (True, Mark("other hypotheses", OTHER)),
+        (True, Mark("forecast", line=FORECAST)),
+        (complete, Mark("false forecast", line=FALSE)),
+        (run.judged, Mark("event")),
+        (run.card.has_ego, Mark("ego", VEHICLE)),
+    ]
+    return [mark for shown, mark in entries if shown]
 
 
 class EpisodePictures:
     """Renderer of an env: pictures of the frame that was answered last; before the first answer, of frame 0."""
 
     def __init__(self) -> None:
-        self._seen_by: tuple[LiveEpisode, Camera] | None = None
+        self._episode: LiveEpisode | None = None
+        self._windows: list[Window] = []
 
     def render(self, episode: LiveEpisode) -> NDArray[np.uint8]:
         """A picture [height, width, 3], always of the same size; true boxes are not compared with the answer."""
-        scene, card, t = episode.scene, episode.card, episode.frame
-        if self._seen_by is None or self._seen_by[0] is not episode:
-            self._seen_by = episode, camera(scene, card)
-        rollout = episode.rollout(max(0, t - round(TRAIL_SECONDS * card.task.rate)))
-        answers = None if rollout is None else Answers(rollout, card)
-        answered = 0 if rollout is None else rollout.frames - 1
-        view = FrameView(scene, card, t, answers, answered, truth_shown=episode.truth_shown)
-        return draw_frame(view, self._seen_by[1])
+        if self._episode is not episode:
+            self._episode, self._windows = episode, windows_of(episode.scene, episode.card)
+        run = Replay.of_episode(episode, round(TRAIL_SECONDS * episode.card.task.rate))
+        return draw_frame(run, episode.frame, self._windows[episode.frame])
 
     def close(self) -> None:
         """Do nothing: pictures keep no resource open."""

@@ -18,7 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ...geometry import bev_corners, rotate
 from ...types import Floats
-from ..focus import Window
+from ..framing import Window
 from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, OTHER_TRACK, TRACK, TRUTH, Color
 
 if TYPE_CHECKING:

@@ -14,9 +14,8 @@ from PIL import Image
 from ...errors import MtpBenchError
 from ...files import whole_file
 from ..focus import Focus
-from ..frame_view import replay_view
 from ..replay import Replay
-from .birds_eye import SIZE, camera, draw_frame
+from .birds_eye import SIZE, draw_frame, windows_of
 from .report import picture
 
 KINDS = (".mp4", ".gif")
@@ -34,22 +33,22 @@ def require_encoder(kind: str) -> None:
             raise MtpBenchError("mp4 files need PyAV: `pip install av`, or write a .gif") from None
 
 
-def frames_around(replay: Replay, event: str | None) -> range:
+def frames_around(run: Replay, event: str | None) -> range:
     """All frames, or those at most AROUND seconds from the event of this name; raises UnknownNameError."""
     if event is None:
-        return range(replay.frames)
-    time = replay.scene.time
-    near = np.flatnonzero(np.abs(time - time[replay.incident(event).frame]) <= AROUND + 1e-6)
+        return range(run.frames)
+    time = run.scene.time
+    near = np.flatnonzero(np.abs(time - time[run.incident(event).frame]) <= AROUND + 1e-6)
     return range(int(near[0]), int(near[-1]) + 1)
 
 
-def pictures(replay: Replay, frames: Iterable[int], event: str | None = None) -> Iterator[Picture]:
+def pictures(run: Replay, frames: Iterable[int], event: str | None = None) -> Iterator[Picture]:
     """Bird's-eye pictures of these frames, all of one size; around an ``event``: from near, it alone bright."""
     if event is None:
-        seen_by = camera(replay.scene, replay.card)
-        yield from (draw_frame(replay_view(replay, t), seen_by) for t in frames)
+        windows = windows_of(run.scene, run.card)
+        yield from (draw_frame(run, t, windows[t]) for t in frames)
     else:
-        focus = Focus.of(replay, replay.incident(event))
+        focus = Focus(run, run.incident(event))
         yield from (np.asarray(picture(focus, t, SIZE), dtype=np.uint8) for t in frames)
 
 

@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...cards import Card
 from ...scoring.events import history
 from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
-from ..answers import Answers
-from ..frame_view import ego_boxes
 from ..palette import FALSE, Color
+from ..replay import Replay, ego_boxes
 from .colors import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, packed, track_colors
 from .sdk import rr
 
@@ -108,25 +106,23 @@ def map_lines(scene: Scene, border: bool) -> list[NDArray[np.float32]]:
     return [np.column_stack([line, np.full(len(line), ground)]).astype(np.float32) for line in lines]
 
 
-def log_scene(log: Log, scene: Scene, card: Card, false: Bools | None = None, truth_shown: bool = True) -> None:
-    """Log the content that all agents share: sensors, truth and detections, with ``false`` positives [D] in red.
+def log_scene(log: Log, run: Replay) -> None:
+    """Log the content that all agents share: sensors, truth and detections, false positives in red.
 
     ``world/follow`` is a frame of reference that moves along with the sensors without turning, for views.
     """
-    if card.has_ego:
+    scene, truth, detections = run.scene, run.scene.truth, run.scene.detections
+    if run.card.has_ego:
         log.boxes("world/ego", np.arange(scene.frames + 1), ego_boxes(scene.ego), _all(EGO, scene.frames), fill="solid")
         place = scene.ego[:, :3] if log.only is None else scene.ego[log.only, None, :3]
         columns = rr.Transform3D.columns(translation=place.astype(np.float32))
         log.recording.send_columns(f"{log.root}world/follow", log.times, columns)
-    if truth_shown:
-        truth = scene.truth
+    if len(truth.box):
         colors, ids = _either(truth.neutral, NEUTRAL, TRUTH), truth.object_id.astype(str).tolist()
         log.boxes("world/gt", truth.start, truth.box, colors, ids, radius=2 * EDGE)
-        start, point = true_futures(truth, card.task.future)
+        start, point = true_futures(truth, run.card.task.future)
         log.strips("world/gt_future", start, point, _all(TRUTH, len(point)), FUTURE)
-    detections = scene.detections
-    false = np.zeros(len(detections.box), dtype=bool) if false is None else false
-    log.boxes("world/det", detections.start, detections.box, _either(false, FALSE, DETECTION))
+    log.boxes("world/det", detections.start, detections.box, _either(run.detection_false, FALSE, DETECTION))
 
 
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
@@ -143,30 +139,28 @@ def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
     return np.searchsorted(evaluated, truth.start), point
 
 
-def log_answers(log: Log, answers: Answers, hypotheses: Iterable[int], level: str, false: Bools | None = None) -> None:
+def log_answers(log: Log, run: Replay, hypotheses: Iterable[int], level: str) -> None:
     """Log tracks and trails of these hypotheses, and forecasts if the ``level`` shows them.
 
-    The ``false`` forecasts [O] have an entity of their own, so that they can be hidden.
+    False forecasts have an entity of their own, so that they can be hidden.
     """
-    rollout = answers.rollout
-    stride = _stride(answers.card.task.rate)
+    rollout, answers = run.rollout, run.answers
     for h in hypotheses:
         rows = np.flatnonzero(answers.hypotheses.member[:, h])
         start, ids = np.searchsorted(rows, rollout.track_start), rollout.track_id[rows]
         labels, colors = ids.astype(str).tolist(), track_colors(ids)
         log.boxes(f"world/hyp/{h:02d}/box", start, rollout.track_box[rows], colors, labels, TRACK_FILL)
-        past = answers.past(rows, h, trail_frames(answers.card.task.rate))[:, ::stride]
+        past = answers.past(rows, h, trail_frames(run.card.task.rate))[:, :: _stride(run.card.task.rate)]
         log.strips(f"world/hyp/{h:02d}/trail", start, rollout.track_box[past, :3], colors, TRAIL)
-    if level in ("top", "all"):
-        false = np.zeros(len(rollout.object_box), dtype=bool) if false is None else false
-        _log_forecasts(log, "world/forecast", answers, level, ~false)
-        if false.any():
-            _log_forecasts(log, "world/false_forecast/path", answers, level, false)
+    if level != "tracks":
+        _log_forecasts(log, "world/forecast", run, level, ~run.forecast_false)
+        if run.forecast_false.any():
+            _log_forecasts(log, "world/false_forecast", run, level, run.forecast_false)
 
 
-def _log_forecasts(log: Log, path: str, answers: Answers, level: str, chosen: Bools) -> None:
+def _log_forecasts(log: Log, path: str, run: Replay, level: str, chosen: Bools) -> None:
     """Log forecast samples of the ``chosen`` objects [O], in the colour of the object's track: all, or the heaviest."""
-    rollout = answers.rollout
+    rollout = run.rollout
     weight = rollout.forecast_log_weight
     stated = np.isfinite(weight) & chosen[:, None]
     if level != "all":
@@ -177,7 +171,7 @@ def _log_forecasts(log: Log, path: str, answers: Answers, level: str, chosen: Bo
     point[:, 1:, :2] += to_metres(rollout.forecast[row, sample])
     labels = [f"confidence {value:.2f}" for value in rollout.object_confidence[row]]
     start = np.searchsorted(row, rollout.object_start)
-    log.strips(path, start, point, track_colors(answers.object_track_id[row]), FORECAST, labels)
+    log.strips(path, start, point, track_colors(run.answers.object_track_id[row]), FORECAST, labels)
 
 
 def trail_frames(rate: float) -> int:

@@ -8,16 +8,17 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
+from typing import IO
 
 from ...errors import MtpBenchError
 from ..replay import Incident, Replay
-from .blueprint import layout
-from .contents import Contents, contents_of
-from .log import log_runs, new_recording
-from .sdk import INSTALL, ViewerClient
+from .recording import save_recording
+from .sdk import INSTALL
 
 LOCAL = "127.0.0.1"  # the viewer's own default is every network interface
 START_SECONDS = 30.0
@@ -45,23 +46,22 @@ def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident |
 
     Raises MtpBenchError without a display, and if the viewer does not start.
     """
-    contents = contents_of(replays, level, at)
-    address = open_viewer()
-    _send(contents, address)
-    if at is not None:
-        client = ViewerClient.connect(address)
-        # if that fails it is open all the same; the frame can be chosen by hand
-        _keep_trying(lambda: client.set_time("frame", sequence=at.frame, play_state="paused"))
+    require_display()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        path = Path(folder) / "scene.rrd"
+        save_recording(path, replays, level, at)
+        with path.open("rb") as content:  # which the viewer reads although the file is gone then
+            start_viewer(free_port(), ["--hide-welcome-screen", "-"], content)
 
 
-def open_viewer(otherwise: str = OTHERWISE) -> str:
-    """Open a viewer that stays when this process ends; returns its address, on this machine only.
+def open_viewer(otherwise: str) -> str:
+    """Open an empty viewer that stays when this process ends; returns its address, on this machine only.
 
     Raises MtpBenchError without a display, and if the viewer does not start; ``otherwise`` as `require_display`.
     """
     require_display(otherwise)
     port = free_port()
-    start_viewer(port, ["--expect-data-soon", "--hide-welcome-screen"], detached=True)
+    start_viewer(port, ["--expect-data-soon", "--hide-welcome-screen"])
     return address_of(port)
 
 
@@ -70,19 +70,20 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
 
     Raises MtpBenchError if the server does not start.
     """
-    contents = contents_of(replays, level, at)
-    port, page = free_port(), free_port()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a server that is ended does not leave one behind
-    server = start_viewer(port, ["--serve-web", "--web-viewer-port", str(page)])
-    try:
-        _send(contents, address_of(port))
-        ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
-        server.wait()
-    except KeyboardInterrupt:
-        pass  # the usual end
-    finally:
-        server.terminate()
-        server.wait()
+    port, page = free_port(), free_port()
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        path = Path(folder) / "scene.rrd"
+        save_recording(path, replays, level, at)
+        server = start_viewer(port, ["--serve-web", "--web-viewer-port", str(page), str(path)])
+        try:
+            ready(f"http://{LOCAL}:{page}/?url=rerun%2Bhttp://{LOCAL}:{port}/proxy")
+            server.wait()
+        except KeyboardInterrupt:
+            pass  # the usual end
+        finally:
+            server.terminate()
+            server.wait()
 
 
 def free_port() -> int:
@@ -92,49 +93,24 @@ def free_port() -> int:
         return int(free.getsockname()[1])
 
 
-def start_viewer(port: int, options: Sequence[str], detached: bool = False) -> subprocess.Popen[bytes]:
-    """A viewer that listens; ``detached``: it stays when this process ends. Raises MtpBenchError if none starts."""
+def start_viewer(port: int, options: Sequence[str], content: IO[bytes] | None = None) -> subprocess.Popen[bytes]:
+    """A viewer that listens and has a session of its own; ``content``: a recording for its standard input.
+
+    Raises MtpBenchError if none starts.
+    """
     quiet = subprocess.DEVNULL
     command = [viewer_program(), "--bind", LOCAL, "--port", str(port), *options]
-    viewer = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=detached)
-
-    def listens() -> None:
-        if viewer.poll() is not None:
-            raise MtpBenchError(f"the viewer ended with status {viewer.returncode}: try --save FILE.rrd or --web")
-        socket.create_connection((LOCAL, port), timeout=1.0).close()
-
-    try:
-        started = _keep_trying(listens)
-    except BaseException:  # an interruption, too, leaves no viewer behind
-        viewer.terminate()
-        raise
-    if not started:
-        viewer.terminate()
-        raise MtpBenchError(f"the viewer did not start within {START_SECONDS:.0f} s: try --save FILE.rrd or --web")
-    return viewer
-
-
-def _keep_trying(action: Callable[[], object]) -> bool:
-    """Repeat ``action`` while it raises OSError or RuntimeError; False after START_SECONDS."""
+    viewer = subprocess.Popen(command, stdin=content or quiet, stdout=quiet, stderr=quiet, start_new_session=True)
     end = time.monotonic() + START_SECONDS
-    while time.monotonic() < end:
-        try:
-            action()
-        except (OSError, RuntimeError):
-            time.sleep(0.05)
-        else:
-            return True
-    return False
+    while viewer.poll() is None and time.monotonic() < end:
+        with suppress(OSError):
+            socket.create_connection((LOCAL, port), timeout=1.0).close()
+            return viewer
+        time.sleep(0.05)
+    viewer.terminate()
+    raise MtpBenchError("the viewer did not start: try --save FILE.rrd or --web")
 
 
 def address_of(port: int) -> str:
     """Address of a viewer at this port of this machine."""
     return f"rerun+http://{LOCAL}:{port}/proxy"
-
-
-def _send(contents: Contents, address: str) -> None:
-    """Send the recording and its layout, also if the user has changed the layout of an earlier one."""
-    recording = new_recording(contents)
-    recording.connect_grpc(address)
-    recording.send_blueprint(layout(contents))
-    log_runs(recording, contents)

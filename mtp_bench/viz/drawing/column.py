@@ -1,0 +1,86 @@
+"""The column beside a picture: a heading, the meaning of the marks, and remarks."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from ..framing import Window
+from ..palette import BLACK, Color
+from .canvas import PAPER, Canvas, Outline, font, text_size
+from .labels import MIDDLE
+
+LINE = 23  # pixels between two marks
+_TIED = "\u00a0"  # a blank that breaks no line; the font has none
+Text = tuple[str, int, Color]  # text, size, colour
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A mark with its meaning: a box, a line with a dot at its end, or both; a ring if neither."""
+
+    text: str
+    box: Outline | None = None
+    line: Color | None = None
+    width: float = 1.5  # pixels of the line
+    dashed: bool = False
+
+    def draw(self, canvas: Canvas, y: float) -> None:
+        """Draw it at the height ``y`` of a canvas where a metre is a pixel."""
+        if self.line is not None:
+            path = np.array([[14.0, y], [42.0, y]])
+            canvas.stroke(path, self.line, self.width, dashed=self.dashed)
+            if self.box is None:
+                canvas.dot(path[1], 1.5 + self.width, self.line)
+        if self.box is not None:
+            x = 30.0 - canvas.width / 2
+            canvas.boxes(np.array([[x, canvas.height / 2 - y, 0.0, 0.0, 18.0, 10.0, 1.0]]), self.box)
+        elif self.line is None:
+            canvas.ring(np.array([28.0, y]), 8.0)
+
+
+def column(
+    size: tuple[int, int], heading: Sequence[Text], marks: Sequence[Mark], remarks: Sequence[Text]
+) -> Image.Image:
+    """A picture of ``size`` pixels with texts and marks below each other; remarks as many as there is room for."""
+    canvas = Canvas.blank(*size, Window(0.0, 0.0, *size), PAPER)
+    texts: list[tuple[float, float, Text]] = []
+    y = 12.0
+
+    def write(lines: Sequence[Text]) -> None:
+        nonlocal y
+        for text, letters, color in lines:
+            for part in wrapped(text, letters, size[0] - 24):
+                if y + 1.45 * letters < size[1]:
+                    texts.append((12, y, (part, letters, color)))
+                    y += 1.45 * letters
+
+    write(heading)
+    y += 8
+    for mark in marks:
+        mark.draw(canvas, y + LINE / 2)
+        texts.append((56, y + 3, (mark.text, MIDDLE, BLACK)))
+        y += LINE
+    y += 12
+    write(remarks)
+    image = canvas.finished()
+    ink = ImageDraw.Draw(image)
+    for x, top, (text, letters, color) in texts:
+        ink.text((x, round(top)), text, fill=color, font=font(letters))
+    return image
+
+
+def wrapped(text: str, size: int, wide: float) -> list[str]:
+    """``text`` in lines of at most ``wide`` pixels, broken between words, but not between a number and its unit."""
+    lines, rest = [], re.sub(r"(\d) (m|s)\b", rf"\1{_TIED}\2", text).split(" ")
+    while rest:
+        count = len(rest)
+        while count > 1 and text_size(" ".join(rest[:count]), size)[0] > wide:
+            count -= 1
+        lines.append(" ".join(rest[:count]).replace(_TIED, " "))
+        rest = rest[count:]
+    return lines

@@ -1,0 +1,203 @@
+"""Pictures of an event: what is bright and what is dim in a frame, the part of the world shown, and the key.
+
+Nothing is drawn here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry import rotate
+from ..types import Floats, Ints
+from .counterpart import counterpart
+from .focus import Focus
+from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
+from .replay import NO_EVENT, Incident, Replay
+
+MOST_DETECTIONS = 6  # that are bright: the nearest
+MOST_BRIGHT = 12  # boxes of any kind
+TRAIL_SECONDS = 3.0
+LARGEST = 60.0  # m, half of what a picture shows
+MARGIN = 1.12  # of what has to be seen
+OFF_CENTER = 0.3  # of half a picture: the object stays in the middle third
+ROLES = {  # role of a thing in the event -> its colour
+    "truth": TRUTH, "before": BEFORE, "now": NOW, "detection": BLACK, "event": EVENT, "dim": DIM,
+}  # fmt: skip
+
+
+class Key(NamedTuple):
+    """One line of the key."""
+
+    role: str  # of ROLES
+    mark: str  # "box", "other", "path", "forecast", "ring"
+    text: str
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of the world that a picture shows at least."""
+
+    x: float  # m, its centre
+    y: float  # m
+    wide: float  # m
+    high: float  # m
+    turn: float = 0.0  # rad, the direction of the world that points to the right; 0: north is up
+
+
+class Follower(NamedTuple):
+    """One of the tracks of the event in a frame."""
+
+    track_id: int
+    role: str  # "before" or "now"
+    box: Floats  # [7]
+    trail: Floats  # [n, 2], the newest place last
+
+
+@dataclass(frozen=True, eq=False)
+class FocusFrame:
+    """One frame: what is bright, and what is dim."""
+
+    frame: int
+    object_box: Floats  # [0 or 1, 7] the true object
+    past: Floats  # [n, 2] places of the object, now first
+    future: Floats  # [n, 2] places of the object, now first
+    tracks: tuple[Follower, ...]  # those of the event that are output
+    others: Floats  # [n, 7] true boxes that these tracks follow besides the object
+    other_names: tuple[str, ...]  # n, such as "car 8"
+    detection_box: Floats  # [D, 7] the nearest
+    dim_truth: Floats  # [n, 7]
+    dim_track: Floats  # [n, 7]
+    dim_detection: Floats  # [n, 7]
+
+    @property
+    def bright(self) -> int:
+        """Number of bright boxes, at most MOST_BRIGHT."""
+        return len(self.event_box) + len(self.others) + len(self.detection_box)
+
+    @property
+    def event_box(self) -> Floats:
+        """Boxes [n, 7] of the object and of the tracks of the event."""
+        return np.concatenate([self.object_box, *(track.box[None] for track in self.tracks)])
+
+
+def focuses_of(replays: Sequence[Replay], at: Incident) -> list[Focus]:
+    """The event ``at`` of the first of several runs of a scene, and its counterparts, seen the same way."""
+    first = Focus(replays[0], at)
+    return [first, *(Focus(run, counterpart(run, at), turn_of(first)) for run in replays[1:])]
+
+
+def frame_of(focus: Focus, t: int) -> FocusFrame:
+    """Content of a picture of frame ``t``."""
+    truth, detections, rollout = focus.replay.scene.truth, focus.replay.scene.detections, focus.replay.rollout
+    back = round(TRAIL_SECONDS * focus.replay.card.task.rate)
+    # a track that is found again under its own id is that of "now"
+    roles = {focus.at.old_id: "before", focus.at.new_id: "now"}
+    rows = {track_id: row for track_id in roles if (row := int(focus.track_rows(track_id)[t])) >= 0}
+    tracks = tuple(
+        Follower(i, roles[i], rollout.track_box[row].astype(np.float64), focus.trail(i, t, 1 + back))
+        for i, row in rows.items()
+    )
+    own = _present([focus.rows[t]])
+    others = np.unique(_present([focus.other(track_id, t) for track_id in rows]))
+    near = focus.detections(t)[:MOST_DETECTIONS]
+    tracked = rollout.tracks.rows(t)
+    hidden = tracked.start + np.flatnonzero(~focus.shown[tracked])
+    return FocusFrame(
+        frame=t,
+        object_box=truth.box[own],
+        past=focus.path(t, t - back),
+        future=focus.future(t),
+        tracks=tracks,
+        others=truth.box[others],
+        other_names=tuple(focus.name_of(int(row)) for row in others),
+        detection_box=detections.box[near],
+        dim_truth=truth.box[_rest(truth.rows(t), own, others)],
+        dim_track=rollout.track_box[_rest(tracked, hidden, _present(list(rows.values())))].astype(np.float64),
+        dim_detection=detections.box[_rest(detections.rows(t), near)],
+    )
+
+
+def _present(rows: Sequence[int]) -> Ints:
+    """The rows but -1."""
+    return np.array([row for row in rows if row >= 0], dtype=np.int64)
+
+
+def _rest(rows: slice, *shown: Ints) -> Ints:
+    """The rows of a frame that are not shown otherwise."""
+    return np.setdiff1d(np.arange(rows.start, rows.stop), np.concatenate(shown))
+
+
+def length_of(focus: Focus) -> float:
+    """Length of the object, m; of its track, if only that is there."""
+    boxes = frame_of(focus, focus.at.frame).event_box
+    return float(boxes[0, 4]) if len(boxes) else 2.0
+
+
+def turn_of(focus: Focus) -> float:
+    """Direction (rad) of the object's way: of its future, else its past or its forecast, else its heading."""
+    if focus.facing is not None:
+        return focus.facing
+    t = focus.at.frame
+    forecast = focus.forecast(t)
+    ways = [focus.future(t), focus.path(t, 0)[::-1], *([] if forecast is None else [forecast.nearest_path])]
+    least = max(1.0, 0.5 * length_of(focus))
+    for way in ways:
+        if len(way) > 1 and np.hypot(*(way[-1] - way[0])) > least:
+            return float(np.arctan2(*(way[-1] - way[0])[::-1]))
+    row = focus.rows[t]
+    return float(focus.replay.scene.truth.box[row, 3]) if row >= 0 else 0.0
+
+
+def window_of(focus: Focus, t: int) -> Window:
+    """Window of the picture of frame ``t``: the object in its middle third, its future and its forecasts at the event.
+
+    All frames of an event have windows of one size, which follow the object.
+    """
+    at, turn = focus.at.frame, turn_of(focus)
+    paths = [focus.future(at), *(forecast.nearest_path for _, forecast in focus.forecasts(at))]
+    points = np.concatenate([*paths, frame_of(focus, at).event_box[:, :2], focus.place(at)[None]])
+    gap = MARGIN * rotate(points - focus.place(at), -turn)
+    low, high = gap.min(axis=0), gap.max(axis=0)
+    half = np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER))
+    half = np.clip(half, 1.5 + 1.2 * length_of(focus), LARGEST)
+    x, y = focus.place(t) + rotate(np.clip((low + high) / 2, -OFF_CENTER * half, OFF_CENTER * half), turn)
+    return Window(float(x), float(y), float(2 * half[0]), float(2 * half[1]), turn)
+
+
+def close_window(focus: Focus, t: int) -> Window:
+    """Window of a small picture of frame ``t``: the object and its tracks from near, all three at one scale."""
+    box = frame_of(focus, focus.at.frame).event_box
+    reach = np.hypot(*(box[:, :2] - focus.place(focus.at.frame)).T) + box[:, 4] / 2
+    half = float(np.clip(1.3 * reach.max(initial=0.0), 1.2 + 0.8 * length_of(focus), 12.0))
+    x, y = focus.place(t).tolist()
+    return Window(x, y, 2 * half, 2 * half, turn_of(focus))
+
+
+def key_of(focus: Focus) -> list[Key]:
+    """Meaning of the marks of the picture of the event."""
+    at, shown = focus.at, frame_of(focus, focus.at.frame)
+    last = at.frame + max(len(shown.future) - 1, 0)
+    known = focus.seconds(last) - focus.seconds(at.frame)
+    lines = [
+        (len(shown.object_box) > 0, Key("truth", "box", f"{focus.named}, true box")),
+        (known > 0, Key("truth", "path", f"where it really goes in {round(known, 1):g} s")),
+        (len(shown.others) > 0, Key("truth", "other", "true object of the other track")),
+    ]
+    lines += [
+        (True, Key(track.role, "box", f"track {track.track_id}, its track {track.role}")) for track in shown.tracks
+    ]
+    for role, forecast in focus.forecasts(at.frame):
+        when = "a frame before" if role == "before" else "now"
+        owner = f"of track {forecast.track_id}" if forecast.track_id >= 0 else "of no track"
+        lines.append((True, Key(role, "forecast", f"forecast {when}, {owner}")))
+    ring = "the event of the other run" if at.kind == NO_EVENT else "the event"
+    lines += [
+        (len(shown.detection_box) > 0, Key("detection", "box", f"detections within {focus.near:g} m")),
+        (True, Key("event", "ring", ring)),
+        (True, Key("dim", "box", "all other boxes")),
+    ]
+    return [line for applies, line in lines if applies]

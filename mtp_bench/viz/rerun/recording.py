@@ -1,0 +1,78 @@
+"""Runs of a scene as a rerun recording: truth, detections, hypotheses, forecasts, events and counts over all frames.
+
+Positions are logged in the scene's frame of reference, as 32 bit floats: numbers read back are those of the rollout.
+A recording is the same for the same runs: no clock, no random name is in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from ...env.rollouts import digest
+from ...errors import MtpBenchError
+from ...files import whole_file
+from ..replay import Incident, Replay
+from .entities import Log, frame_times, log_answers, log_map, log_scene
+from .events import log_judgement
+from .focus import log_focus, log_ring
+from .layout import layout
+from .sdk import rr
+from .shown import ShownAgent, shown_agents
+
+APPLICATION = "mtp_bench"
+
+
+def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
+    """Write the recording of runs of one scene (.rrd); ``at``: the views look at this event of the first run.
+
+    ``level``: "tracks" truth, detections, events, and boxes and trails of the heaviest hypotheses; "top" also the 3
+    heaviest forecast samples of each object; "all" every hypothesis and every sample.
+
+    Raises MtpBenchError for runs of several scenes and if the file cannot be written, UnknownNameError for a wrong
+    level. An earlier file stays as it was until the new one is complete.
+    """
+    agents = shown_agents(replays, level, at)
+    try:
+        with whole_file(Path(path)) as part:
+            part.touch()  # fails before the work where nothing can be written
+            recording = _new_recording(agents, level, at)
+            recording.save(part, default_blueprint=layout(agents, at))
+            _log_runs(recording, agents, level)
+            recording.flush()
+            recording.disconnect()
+    except (OSError, RuntimeError) as error:  # RuntimeError: from rerun, whose texts name the cause
+        cause = getattr(error, "strerror", None) or error
+        raise MtpBenchError(f"{path}: the recording cannot be written: {cause}") from None
+
+
+def _new_recording(agents: Sequence[ShownAgent], level: str, at: Incident | None) -> rr.RecordingStream:
+    """An empty recording named after its content.
+
+    A viewer keeps one layout per application: that of another scene, agent or event would not fit.
+    """
+    sha = hashlib.sha256(f"{level}|{agents[0].replay.scene.name}|{at.name if at else ''}".encode())
+    for agent in agents:
+        sha.update(f"|{agent.root}|{digest(agent.replay.rollout)}".encode())
+    name = sha.hexdigest()[:32]
+    recording = rr.RecordingStream(f"{APPLICATION}_{name[:12]}", recording_id=name, send_properties=False)
+    recording.set_log_time_enabled(False)
+    recording.set_log_tick_enabled(False)
+    return recording
+
+
+def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level: str) -> None:
+    """Log the content that all runs share once, then each run under its root."""
+    first = agents[0].replay
+    times = frame_times(first.scene)
+    log_map(recording, first.scene)
+    log_scene(Log(recording, times), first)
+    for number, agent in enumerate(agents):
+        log = Log(recording, times, agent.root)
+        log_answers(log, agent.replay, agent.hypotheses, level)
+        log_judgement(log, agent, number)
+        if agent.focus is not None:
+            log_focus(recording, agent.focus, agent.root, large=len(agents) == 1)
+    if agents[0].focus is not None:
+        log_ring(recording, agents[0].focus)
