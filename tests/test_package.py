@@ -8,7 +8,6 @@ import os
 import runpy
 import subprocess
 import sys
-import tarfile
 import tomllib
 import zipfile
 from functools import partial
@@ -21,8 +20,6 @@ import yaml
 
 import mtp_bench
 from mtp_bench import _bundle
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.records.storage import PACKED, unpacked
 from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
@@ -171,28 +168,12 @@ def test_the_wheel_holds_the_library_and_its_bundle(wheel: Path, repository: Pat
     assert not [name for name in names if "__pycache__" in name or name.endswith(".pyc")]
 
 
-def test_the_records_of_the_wheel_are_those_of_the_checkout(
-    wheel: Path, repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
-    packed = Path(zipfile.ZipFile(wheel).extract(f"mtp_bench/_bundled/leaderboard/{PACKED}", tmp_path))
-    found, expected = unpacked(packed), repository / "leaderboard" / "records"
-    assert {path.relative_to(found): path.read_bytes() for path in found.glob("*/*.json")} == {
-        path.relative_to(expected): path.read_bytes() for path in expected.glob("*/*.json")
-    }
-    assert unpacked(packed) == found  # which is there already
-    packed.write_bytes(packed.read_bytes()[:-100])
-    with pytest.raises(MtpBenchError, match="its records cannot be unpacked"):
-        unpacked(packed)
-
-
 def test_the_wheel_is_small(wheel: Path) -> None:
-    assert wheel.stat().st_size < 5_000_000
+    assert wheel.stat().st_size < 8_000_000
 
 
 def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: Path) -> None:
-    public = ["keys/allowed_signers", "owners.toml", "seals/a.commitment.json"]
-    record = "records/mine/MTP-KITTI-v0.json"
+    public = ["keys/allowed_signers", "owners.toml", "records/mine/MTP-KITTI-v0.json", "seals/a.commitment.json"]
     secret = [
         "keys/me",
         "records/mine/MTP-KITTI-v0.rollouts/seed-0/run.json",
@@ -200,7 +181,7 @@ def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: 
         "seals/a.json",
         "seals/a.weights.json",
     ]
-    for name in (*public, record, *secret):
+    for name in (*public, *secret):
         path = tmp_path / "leaderboard" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
@@ -208,13 +189,8 @@ def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: 
     data: dict[str, dict[str, str]] = {"force_include": {}}
     building = hook(str(tmp_path), {}, None, None, "", "wheel")
     building.initialize("standard", data)
-    names = {place: path for path, place in data["force_include"].items()}
-    packed = names.pop(f"mtp_bench/_bundled/leaderboard/{PACKED}")
-    assert sorted(names) == [f"mtp_bench/_bundled/leaderboard/{name}" for name in public]
-    with tarfile.open(packed) as archive:
-        assert archive.getnames() == [record]
-    building.finalize("standard", data, "")
-    assert not Path(packed).exists()
+    names = sorted(data["force_include"].values())
+    assert names == [f"mtp_bench/_bundled/leaderboard/{name}" for name in public]
 
 
 def test_the_installed_wheel_works_without_the_checkout(wheel: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from ..running.options import RunOptions
 from ..submission.loader import load_submission
 from ..tables import Column, Table
 from ..testing import Finding
-from ..viz.terminal.output import SCENE_WIDTH, command_line, counted, show, show_table
+from ..viz.terminal.output import command_line, counted, show, show_table
 from .options import DataOption, JsonOption, SubmissionArgument, TracksOption, absolute
 from .output import prepare, working, write_json
 
@@ -27,10 +27,10 @@ def check(
     ] = "MTP-Intersection-v0",
     root: DataOption = None,
     tracks: TracksOption = None,
-    scenes: Annotated[int, typer.Option(min=1, max=SCENES, help="Scenes to compare on.")] = SCENES,
+    scenes: Annotated[int, typer.Option(min=1, max=SCENES, help="Scenes to check on.")] = SCENES,
     json_file: JsonOption = None,
 ) -> None:
-    """Check that a submission keeps the contract, and compare up to three scenes with STP. Status 1 for errors."""
+    """Check that a submission keeps the contract, on up to three scenes. Status 1 for errors."""
     options = RunOptions(root, scenes, track_file=absolute(tracks), workers=Workers(cores()))
     options.require_tracks_used([load_submission(path)])
     prepare(env, options)
@@ -38,12 +38,9 @@ def check(
         checked = check_submission(path, env, watched)
     write_json(json_file, checked.to_json())
     show_table(_finding_table(checked), style=lambda row: _STYLE[row.level], wrapped=("found",))
-    if checked.scores:
-        show_table(_score_table(checked), first_width=SCENE_WIDTH)
     if checked.errors:
         errors = counted(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {errors}, see the table")
-    show("with every forecast kept; agents are ranked by bADE, which `compare` gives")
     compare = command_line("compare", path, env=checked.env, data=root, tracks=tracks)
     show(f"{checked.submission} passes; next: `{compare}`")
 
@@ -58,18 +55,3 @@ def _found(finding: Finding) -> str:
     labels = (("expected", finding.expected), ("where", finding.where), ("to do", finding.advice))
     further = [f"{label}: {text}" for label, text in labels if text]
     return "\n".join([finding.got, *(f"  {line}" for line in finding.traceback), *further])
-
-
-def _score_table(checked: SubmissionCheck) -> Table:
-    """Plain error and false forecasts per scene, beside those of the reference."""
-    own, other = checked.submission, checked.reference
-    columns = (
-        Column(key="scene"),
-        Column(key="targets"),
-        Column(own, "m", key="plain_error", group="plain error"),
-        Column(other, "m", key=other, group="plain error"),
-        Column("covered", "share", key="coverage"),
-        Column(own, key="false_forecasts", group="false"),
-        Column(other, key=f"{other}_false_forecasts", group="false"),
-    )
-    return Table("scores", "plain error (m), lower is better, and false forecasts", "", checked.scores, columns)

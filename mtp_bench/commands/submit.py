@@ -12,21 +12,18 @@ import typer
 
 from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
-from ..gateway import Limits
 from ..records import Record
 from ..records import submit as make_record
 from ..records.inventory import Piece, inventory
-from ..records.parts import Start, require_new
-from ..records.submitting import record_path, require_kept, require_writable
+from ..records.submitting import record_path, require_target
 from ..running.options import RunOptions
 from ..submission.loader import Submission, load_submission
 from ..tables import Table, columns_of
 from ..viz.terminal.output import counted, show, show_table
-from .options import SEEDS, DataOption, TracksOption, WorkerChoice, absolute, choice, env_ids, submissions
+from .options import SEEDS, DataOption, WorkerChoice, env_ids, submissions
 from .output import prepare, said_of, say, some_of, working
 from .submit_all import make_all, summary_table
 
-DIVISIONS = ("closed", "open")
 SHOWN = ("subset", "error", "interval", "plain_error", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
 
 
@@ -34,24 +31,14 @@ SHOWN = ("subset", "error", "interval", "plain_error", "minADE", "minFDE", "cove
 class EntryOptions:
     """Options of the entry on the leaderboard."""
 
-    division: Annotated[str, choice(DIVISIONS, text="closed or open.")] = "closed"
     training_data: Annotated[list[str] | None, typer.Option(help="Training data beyond that of its manifest.")] = None
     commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
-    cuda: Annotated[bool, typer.Option("--cuda", help="Give the agent the graphics cards: open division.")] = False
-    tracks: TracksOption = None
 
     def arguments(self) -> dict[str, Any]:
-        """Arguments of `records.submit`; BadParameter for options that a division does not have."""
-        if self.cuda and self.division != "open":
-            raise typer.BadParameter("only with --division open", param_hint="--cuda")
+        """Arguments of `records.submit`; BadParameter for what is not a commit."""
         if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
             raise typer.BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
-        return {
-            "division": self.division,
-            "training_data": self.training_data or (),
-            "commit": self.commit,
-            "limits": Limits(cuda=self.cuda),
-        }
+        return {"training_data": self.training_data or (), "commit": self.commit}
 
 
 @dataclass(frozen=True)
@@ -62,9 +49,6 @@ class Runs:
     scenes: Annotated[
         int | None, typer.Option(min=1, help="Only the first N scenes: a partial record, never ranked.")
     ] = None
-    split: Annotated[str | None, typer.Option(help="Another split, such as train: a partial record, never ranked.")] = (
-        None
-    )
 
 
 @dataclass(frozen=True)
@@ -72,16 +56,9 @@ class Restart:
     """Treatment of an earlier submit: of its finished scenes, and of its record."""
 
     resume: Annotated[bool, typer.Option("--resume", help="Continue with scenes that were finished before.")] = False
-    fresh: Annotated[bool, typer.Option("--fresh", help="Discard the scenes that were finished before.")] = False
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace a finished record also by a smaller one, or one that cannot rank.")
-    ] = False
-
-    def start(self) -> Start:
-        """Argument ``start`` of `records.submit`; BadParameter for both options."""
-        if self.resume and self.fresh:
-            raise typer.BadParameter("they exclude each other", param_hint="--resume, --fresh")
-        return "resume" if self.resume else "fresh" if self.fresh else "new"
+    force: Annotated[bool, typer.Option("--force", help="Replace a finished record also by one that cannot rank.")] = (
+        False
+    )
 
 
 def submit(
@@ -104,28 +81,19 @@ def submit(
     ] = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
-    more, tracks = entry.arguments(), absolute(entry.tracks)
-    options = RunOptions(root, runs.scenes, range(runs.seeds), runs.split, track_file=tracks, workers=workers.workers())
+    more = entry.arguments()
+    options = RunOptions(root, runs.scenes, range(runs.seeds), workers=workers.workers())
     if everything:
-        _refuse_with_all(entry, again, runs)
-        _submit_all(path, env or (), options, output, {"start": "resume", "replace": again.force})
+        for name, given in (("--training-data", entry.training_data), ("--commit", entry.commit)):
+            if given:
+                raise typer.BadParameter("not with --all", param_hint=name)
+        _submit_all(path, env or (), options, output, {"resume": True, "replace": again.force})
         return
     if path is None:
         raise typer.BadParameter("name a submission, or --all", param_hint="PATH")
     if not env:
         raise typer.BadParameter("name an environment, or --all", param_hint="--env")
-    _submit_one(path, env, options, output, {**more, "start": again.start(), "replace": again.force})
-
-
-def _refuse_with_all(entry: EntryOptions, again: Restart, runs: Runs) -> None:
-    """Raise BadParameter for options of other conditions than those that rank."""
-    asked = {
-        "--division": entry.division != DIVISIONS[0], "--training-data": entry.training_data, "--commit": entry.commit,
-        "--cuda": entry.cuda, "--tracks": entry.tracks, "--split": runs.split, "--fresh": again.fresh,
-    }  # fmt: skip
-    for name, given in asked.items():
-        if given:
-            raise typer.BadParameter("not with --all", param_hint=name)
+    _submit_one(path, env, options, output, {**more, "resume": again.resume, "replace": again.force})
 
 
 def _submit_all(
@@ -153,13 +121,9 @@ def _submit_one(
 ) -> None:
     """Make the records of one submission on the named environments, and show them."""
     submission = load_submission(path)
-    targets = {env_id: record_path(submission, load_card(env_id), output, options.split) for env_id in env_ids}
+    targets = {env_id: record_path(submission, load_card(env_id), output) for env_id in env_ids}
     for target in targets.values():
-        require_writable(target, submission)
-        if not more["replace"]:
-            require_kept(target, options.seeds, options.scenes, more["division"])
-        if more["start"] == "new":
-            require_new(target)
+        require_target(target, submission, options, more["resume"], more["replace"])
     failed = []
     for env_id, target in targets.items():
         try:
@@ -200,9 +164,8 @@ def _sentence(record: Record) -> str:
     if latency.p50_ms is not None and latency.p95_ms is not None:
         parts.append(f"{latency.p50_ms:.1f} ms per frame, 95 % within {latency.p95_ms:.1f} ms")
     parts += [f"{record.measured.peak_memory_mib:.0f} MiB", record.reference.origin]
-    for frames, what in ((missed.late, "late frames"), (missed.malformed, "malformed answers")):
-        if frames:
-            parts.append(f"{frames} {what}")
+    if missed.malformed:
+        parts.append(f"{missed.malformed} malformed answers")
     if missed.crashed_scenes:
         parts.append(
             f"{counted(missed.crashed_scenes, 'scene')} not finished ({next(iter(missed.reasons.values()), '')})"

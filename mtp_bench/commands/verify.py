@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,18 +14,15 @@ import typer
 from ..errors import MtpBenchError, RecordError
 from ..files import clean_text
 from ..records import checked_record, record_paths, trusted
-from ..records import verify as check_record
 from ..records.canonical import Difference
 from ..records.eligibility import LEAST_HIDDEN
-from ..records.seal import Sealed, open_seal, open_seals
-from ..records.signing import require_signer
+from ..records.seal import open_seals
 from ..records.trust import Trust
-from ..records.verifying import Round, Verification, attest, confirm
+from ..records.verifying import Round, Verification, attest
 from ..running.options import RunOptions
-from ..submission.manifest import MANIFEST
 from ..tables import Column, Table, short
 from ..viz.terminal.output import counted, show, show_lines, show_table
-from .options import BaseOption, DataOption, JobsOption, JsonOption, TracksOption, WorkerChoice, absolute
+from .options import BaseOption, DataOption, JobsOption, JsonOption, WorkerChoice
 from .output import said_of, some_of, working, write_json
 
 MOST_DIFFERENCES = 20  # shown per record
@@ -45,15 +42,8 @@ class RunningAgain:
         Path | None,
         typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."),
     ] = None
-    stated_limits: Annotated[
-        bool,
-        typer.Option("--stated-limits", help="Also under higher limits, which records of the open division may state."),
-    ] = False
     no_sandbox: Annotated[
         bool, typer.Option("--no-sandbox", help="Run the agent with your rights if no sandbox works here.")
-    ] = False
-    only_hidden: Annotated[
-        bool, typer.Option("--only-hidden", help="With --hidden: do not repeat runs that a signed level shows.")
     ] = False
 
 
@@ -74,7 +64,6 @@ class _Work:
     trust: Trust
     options: RunOptions
     env: str | None
-    write: bool
     key: Path | None
     signer: str
 
@@ -104,37 +93,26 @@ def verify(
     again: RunningAgain,
     signing: Signing,
     root: DataOption = None,
-    write: Annotated[bool, typer.Option("--write", help="Write today's numbers if scorer or weights changed.")] = False,
     jobs: JobsOption = 0,
     env: Annotated[str | None, typer.Option(help="Card of the record if it does not ship.")] = None,
-    tracks: TracksOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Check records: digest, card, data, and stored rollouts scored again. Status 1 if one does not hold."""
-    _require_together(
-        ("--submission", again.submission, "--rerun", again.rerun),
-        ("--hidden", again.hidden, "--rerun", again.rerun),
-        ("--stated-limits", again.stated_limits or None, "--rerun", again.rerun),
-        ("--no-sandbox", again.no_sandbox or None, "--rerun", again.rerun),
-        ("--only-hidden", again.only_hidden or None, "--hidden", again.hidden),
-        ("--sign", signing.sign, "--signer", signing.signer),
-        ("--signer", signing.signer, "--sign", signing.sign),
-    )
-    if write and signing.sign:  # a record that is written needs a new level: sign it after
-        raise typer.BadParameter("does not go with --sign: leave one of them out", param_hint="--write")
+    rerun = ("--rerun", again.rerun)
+    for option, given, (needed, there) in (
+        ("--submission", again.submission, rerun),
+        ("--hidden", again.hidden, rerun),
+        ("--no-sandbox", again.no_sandbox, rerun),
+        ("--sign", signing.sign, ("--signer", signing.signer)),
+        ("--signer", signing.signer, ("--sign", signing.sign)),
+    ):
+        if given and not there:
+            raise typer.BadParameter(f"needs {needed}", param_hint=option)
     trust = trusted(signing.base)
-    one = again.submission is not None and (again.submission / MANIFEST).is_file()
-    asked = Round(
-        again.rerun,
-        _seals(again.hidden, trust),
-        submissions=None if one else again.submission,
-        submission=again.submission if one else None,
-        stated_limits=again.stated_limits,
-        no_sandbox=again.no_sandbox,
-        only_hidden=again.only_hidden,
-    )
-    options = RunOptions(root, track_file=absolute(tracks), workers=WorkerChoice(jobs).workers())
-    _check_all(record, _Work(asked, trust, options, env, write, signing.sign, signing.signer or ""), json_file)
+    seals = {} if again.hidden is None else open_seals(again.hidden, trust.listed)
+    asked = Round(again.rerun, seals, again.submission, again.no_sandbox)
+    options = RunOptions(root, workers=WorkerChoice(jobs).workers())
+    _check_all(record, _Work(asked, trust, options, env, signing.sign, signing.signer or ""), json_file)
 
 
 def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> None:
@@ -142,7 +120,7 @@ def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> No
     if not paths:
         raise RecordError(f"{given[0]}: no record there, expected files <submission>/<env id>.json")
     if work.key is not None:
-        require_signer(work.key, work.signer, work.trust)
+        work.trust.require_signer(work.key, work.signer)
         work.trust.require_listed(work.asked.seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
         results = [_check_one(path, work, ends, alone=list(given) == [path]) for path in paths]
@@ -167,44 +145,22 @@ def _check_one(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Result
 
 
 def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
-    asked = work.asked
     record = checked_record(path)
-    done = asked.done(path, record, work.trust) if work.key is not None else None
+    done = work.asked.reached(path, record, work.trust) if work.key is not None else None
     if done is not None:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
         error = None if done.hidden is None else done.hidden.row.error
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
         return _Result(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
-        again = (asked.folder(record), asked.rerun, asked.sealed(record), ends, asked.stated_limits, asked.no_sandbox)
-        checked = check_record(path, watched, work.env, *again, asked.shown(path, record, work.trust))
+        checked = work.asked.verify(path, record, watched, work.env, ends)
     if checked.differences:
         _show_differences(checked)
     show(_verdict(checked))
-    written = work.write and checked.updated is not None
-    if written:
-        show(f"{path}: written with the digest {confirm(checked).digest[:12]}")
     if work.key is not None and checked.holds:
         show(f"{attest(checked, work.key, work.signer, work.trust)}: {checked.level}, signed by {work.signer}")
     differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
-    return _Result(path, _as_json(checked), "" if checked.holds or written else differ)
-
-
-def _seals(hidden: Path | None, trust: Trust) -> Mapping[str, Sealed]:
-    """Seals by env."""
-    if hidden is None:
-        return {}
-    if hidden.is_dir():
-        return open_seals(hidden, trust.listed)
-    sealed = open_seal(hidden, None, trust.listed)
-    return {sealed.seeds.env: sealed}
-
-
-def _require_together(*pairs: tuple[str, object, str, object]) -> None:
-    """Raise BadParameter for an option without the one that it needs."""
-    for option, given, needed, there in pairs:
-        if given is not None and not there:
-            raise typer.BadParameter(f"needs {needed}", param_hint=option)
+    return _Result(path, _as_json(checked), "" if checked.holds else differ)
 
 
 def _show_differences(checked: Verification) -> None:

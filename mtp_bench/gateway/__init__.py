@@ -12,7 +12,6 @@ bubblewrap agents run with limits alone, and `SceneRun.isolation` says so.
 
 from .image import Image as Image
 from .image import image_of as image_of
-from .limits import PATIENCE as PATIENCE
 from .limits import Isolation as Isolation
 from .limits import Limits as Limits
 from .limits import SceneRun as SceneRun

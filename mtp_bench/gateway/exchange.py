@@ -1,4 +1,4 @@
-"""Questions and answers of one scene: late and malformed answers, broken rules, and the hash chain over all answers."""
+"""Questions and answers of one scene: malformed answers, broken rules, and the hash chain over all answers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..files import clean_text
 from ..types import ABSENT_BELOW, Rollout
 from .channel import EndedError
-from .limits import PATIENCE, Limits, SceneRun
+from .limits import Limits, SceneRun
 from .process import AgentProcess, ExcessError, Message
 from .wire import Arrays, WireError, arrays_of
 
@@ -47,11 +47,8 @@ class Exchange:
         self._process, self._limits = process, limits
         assert isinstance(space, spaces.Dict)
         self._shapes = {name: tuple(part.shape or ()) for name, part in space.spaces.items()}
-        self._most = answer_bytes(space, limits)
         self._frame = 0
-        self._open: dict[int, str] = {}  # frame -> token, of frames whose answer may still come, too late
-        self._late_in_row = 0
-        self._late = self._malformed = 0
+        self._malformed = 0
         self._status, self._reason = "finished", ""
         self._started = 0.0
         self._begin = process.begun
@@ -61,18 +58,18 @@ class Exchange:
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
         """Build the agent and reset it."""
         try:
-            self._process.send(setup)
-            self._process.send({"kind": "build", "task": task})
+            self._process.channel.send(setup)
+            self._process.channel.send({"kind": "build", "task": task})
             self._expect("built", self._limits.start)
             self._started = time.monotonic() - self._begin
-            self._process.send({"kind": "reset", "task": task})
+            self._process.channel.send({"kind": "reset", "task": task})
             self._expect("ready", self._limits.reset)
             self._look()
         except SceneOverError as end:
             self._status, self._reason = end.status, end.reason
 
     def ask(self, observation: Arrays) -> tuple[Action | None, float]:
-        """The answer to one frame and the seconds it took; None if it was late.
+        """The answer to one frame and the seconds it took; None once the scene is over for the agent.
 
         A malformed answer is returned without fields, which the env counts as broken.
         """
@@ -101,7 +98,6 @@ class Exchange:
             seal=self._seal.result().hex(),
             status=self._status,
             reason=self._reason,
-            late=self._late,
             malformed=self._malformed,
             peak_memory=self._process.peak_memory(),
             started=self._started,
@@ -111,33 +107,19 @@ class Exchange:
     def _answer(self, observation: Arrays, begin: float) -> Action | None:
         token = secrets.token_hex(8)  # the answer repeats it, so that no frame is answered before it was shown
         question = {"kind": "frame", "frame": self._frame, "token": token}
-        self._process.send({**question, "fields": list(self._shapes), "most": self._most}, observation)
+        self._process.channel.send(
+            {**question, "fields": list(self._shapes), "most": self._process.most_bytes}, observation
+        )
         limit = self._limits.first_frame if self._frame == 0 else self._limits.frame
-        self._open[self._frame] = token
-        message = self._wait_for_answer(begin + limit)
+        message = self._message(min(begin + limit, self._begin + self._limits.scene))
         if message is None:
-            self._late += 1
-            self._late_in_row += 1
-            if self._late_in_row == PATIENCE or time.monotonic() >= self._begin + self._limits.scene:
-                raise SceneOverError("hung", f"no answer in time since frame {self._frame + 1 - self._late_in_row}")
-            return None
-        self._late_in_row = 0
+            raise SceneOverError("hung", f"no answer to frame {self._frame} in time, expected one within {limit:g} s")
+        header = message[0]
+        if (header.get("kind"), header.get("frame"), header.get("token")) != ("answer", self._frame, token):
+            raise SceneOverError(
+                "rejected", "it sent an unexpected message: every frame is answered once, after it was shown"
+            )
         return self._checked(message)
-
-    def _wait_for_answer(self, deadline: float) -> Message | None:
-        """The answer to this frame; late answers to earlier frames are dropped."""
-        while True:
-            message = self._message(min(deadline, self._begin + self._limits.scene))
-            if message is None:
-                return None
-            frame, token = message[0].get("frame"), message[0].get("token")
-            expected = type(frame) is int and frame in self._open and self._open.pop(frame) == token
-            if message[0].get("kind") != "answer" or not expected:
-                raise SceneOverError(
-                    "rejected", "it sent an unexpected message: every frame is answered once, after it was shown"
-                )
-            if frame == self._frame:
-                return message
 
     def _checked(self, message: Message) -> Action | None:
         header, body = message
@@ -168,7 +150,7 @@ class Exchange:
         try:
             message = self._process.receive(deadline)
         except EndedError:
-            output = self._process.printed()
+            output = self._process.channel.printed()
             reason = f"the process {self._process.exit_text()}" + (f"; its last output is {output!r}" if output else "")
             raise SceneOverError("crashed", reason) from None
         except ExcessError as error:

@@ -5,8 +5,6 @@ A copy cannot be changed after it was hashed, and leaves out the files that the 
 
 from __future__ import annotations
 
-import atexit
-import os
 import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -31,8 +29,8 @@ class Image:
     digest: str  # hex sha256 over names and contents of both
 
 
-_NAME = "mtp_bench-image"
 _known: dict[tuple[object, ...], Image] = {}
+_folders: list[tempfile.TemporaryDirectory[str]] = []  # removed when this process ends
 
 
 def image_of(submission: Submission, env_id: str, weights_of: str | None = None) -> Image:
@@ -54,10 +52,8 @@ def image_of(submission: Submission, env_id: str, weights_of: str | None = None)
 
 
 def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Image:
-    if not _known:
-        _sweep()
-        atexit.register(_remove)
-    root = Path(tempfile.mkdtemp(prefix=f"{_NAME}-{os.getpid()}-"))
+    _folders.append(tempfile.TemporaryDirectory(prefix="mtp_bench-image-"))
+    root = Path(_folders[-1].name)
     folder, beside = root / "submission", root / "networks"
     places = {path: folder / path.relative_to(source) for path in files} | {p: beside / p.name for p in networks}
     for path in (folder, beside, *(place.parent for place in places.values())):
@@ -67,16 +63,3 @@ def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Imag
             shutil.copyfileobj(original, copy)
     weights = {place.name: file_digest(place) for place in sorted(beside.iterdir())}
     return Image(source, folder, beside, weights, digest_of(folder, files_of(folder), weights))
-
-
-def _sweep() -> None:
-    """Remove images of judges that were killed."""
-    for folder in Path(tempfile.gettempdir()).glob(f"{_NAME}-*-*"):
-        judge = folder.name.removeprefix(f"{_NAME}-").split("-")[0]
-        if judge.isdigit() and Path("/proc/self").exists() and not Path(f"/proc/{judge}").exists():
-            shutil.rmtree(folder, ignore_errors=True)
-
-
-def _remove() -> None:
-    for image in _known.values():
-        shutil.rmtree(image.submission.parent, ignore_errors=True)

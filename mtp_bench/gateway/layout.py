@@ -51,15 +51,14 @@ class Layout:
     shown: tuple[tuple[str, str], ...]  # path here, path inside: read-only; a later one covers an earlier one
     links: tuple[tuple[str, str], ...] = ()  # target of a symbolic link, its path inside
     covered: tuple[str, ...] = ()  # folders of `shown` of which only parts are shown
-    devices: tuple[str, ...] = DEVICES
     masked: tuple[str, ...] = tuple(path for path in MASKED if Path(path).exists())
 
 
-def layout_for(image: Image, data: str | None, cuda: bool = False, own: Sequence[Path] = ()) -> Layout:
-    """Files that the agent of ``image`` sees; with ``cuda`` the graphics cards too.
+def layout_for(image: Image, data: str | None, own: Sequence[Path] = ()) -> Layout:
+    """Files that the agent of ``image`` sees.
 
     ``own``: the user's files and folders of scenes, detections or tracks. Raises SubmissionError if they, the data or
-    the cache of scenes are inside a folder that is shown, or a graphics card is missing.
+    the cache of scenes are inside a folder that is shown.
     """
     links, shown = _system_libraries()
     _add(shown, (os.fspath(interpreter()), *_standard_library(), *packages()))
@@ -69,11 +68,7 @@ def layout_for(image: Image, data: str | None, cuda: bool = False, own: Sequence
     shown += [(str(folder), f"{KERNELS}/{folder.name}") for folder in compiled_kernels()]
     shown += [(str(image.submission), SUBMISSION), (str(image.networks), NETWORKS)]
     _require_hidden([*(here for here, _ in shown), str(image.source)], data, own)
-    devices: tuple[str, ...] = DEVICES
-    if cuda:
-        devices += _graphics_cards()
-        shown.append(("/sys", "/sys"))
-    return Layout(tuple(shown), _with_tmp(links, shown), tuple(covered), devices)
+    return Layout(tuple(shown), _with_tmp(links, shown), tuple(covered))
 
 
 def _with_tmp(links: Sequence[tuple[str, str]], shown: Sequence[tuple[str, str]]) -> tuple[tuple[str, str], ...]:
@@ -188,10 +183,3 @@ def _require_hidden(shown: Sequence[str], data: str | None, own: Sequence[Path])
         for here, place in seen:
             if place in above and secret.exists():
                 raise SubmissionError(f"{secret} holds data inside {here}, which agents see: move the data elsewhere")
-
-
-def _graphics_cards() -> tuple[str, ...]:
-    devices = tuple(sorted(str(path) for path in Path("/dev").glob("nvidia*") if path.is_char_device()))
-    if not devices:
-        raise SubmissionError("no graphics card was found at /dev/nvidia*: leave out --cuda")
-    return devices

@@ -8,7 +8,6 @@ from typing import Literal
 from ..types import Rollout
 
 SandboxBackend = Literal["bubblewrap", "none"]  # "none": agents run unsandboxed
-PATIENCE = 10  # late answers in a row after which an agent counts as hung
 
 
 @dataclass(frozen=True)
@@ -18,12 +17,11 @@ class Limits:
     start: float = 120.0  # s until the agent is built (imports, compilation)
     reset: float = 60.0  # s for reset(task)
     first_frame: float = 60.0  # s for the first answer (compilation)
-    frame: float = 5.0  # s for any other answer; a later answer leaves its frame unanswered
+    frame: float = 5.0  # s for any other answer; a later one ends the scene
     scene: float = 1800.0  # s in total
     memory: int = 8 << 30  # bytes of address space of each of the agent's processes
     disk: int = 64 << 20  # bytes it may write: in all where it has a file system of its own, else per file
     answer: int = 64 << 20  # bytes of one answer
-    cuda: bool = False  # the agent gets the graphics cards; memory is then bounded for all its processes together only
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,6 @@ class SceneRun:
     seal: str  # hex; hash chain over all answers in order
     status: str  # "finished", "crashed", "hung" or "rejected" (it broke the rules of the gateway)
     reason: str  # empty, or one sentence
-    late: int  # frames unanswered because the answer came too late
     malformed: int  # frames unanswered because the answer was malformed: too large, other shapes, no arrays, not finite
     peak_memory: int  # resident memory of the agent's process, bytes; 0 if unknown
     started: float  # s until the agent was built

@@ -23,7 +23,7 @@ from .fork_server import ForkServer, ForkServerError, discard, server_for
 from .image import Image
 from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, library, packages, python
 from .limits import Isolation, Limits, SandboxBackend
-from .wire import Arrays, header_of
+from .wire import header_of
 
 _EXIT_CODE_SECONDS = 2.0  # until it is known how a process ended
 _END_SECONDS = 5.0  # that the system may take to end a process
@@ -52,7 +52,7 @@ class AgentProcess:
 
     def __init__(self, limits: Limits, spec: SandboxSpec, most_bytes: int) -> None:
         """``most_bytes``: of the body of a message."""
-        self._limits, self._spec, self._most_bytes = limits, spec, most_bytes
+        self._limits, self._spec, self.most_bytes = limits, spec, most_bytes
         self._peak = 0
         self._watched = time.monotonic()
         self._answered = False  # after its first message it runs in its own root
@@ -92,12 +92,9 @@ class AgentProcess:
         else:
             try:
                 self._fork(server, undo)
-            except (
-                ForkServerError,
-                OSError,
-            ):  # once more: the system may have ended the server, such as for lack of memory
+            except (ForkServerError, OSError):  # once more: the system may have ended it, such as for lack of memory
                 self._fork(server_for(self._spec.layout), undo)
-        self._channel = Channel(self._orders, self._answers, self._log, self._most_bytes)
+        self.channel = Channel(self._orders, self._answers, self._log, self.most_bytes)
 
     @contextmanager
     def _pipes(self, undo: ExitStack) -> Iterator[list[int]]:
@@ -158,8 +155,7 @@ class AgentProcess:
     def setup(self, parameters: dict[str, Any]) -> dict[str, Any]:
         """The first message to the agent's side: paths in its root, and its limits."""
         limits = self._limits
-        counted = {} if limits.cuda else {"AS": limits.memory}  # drivers map far more than they use
-        counted |= {"FSIZE": limits.disk, "NOFILE": 1024, "CORE": 0, "MSGQUEUE": 0}
+        counted = {"AS": limits.memory, "FSIZE": limits.disk, "NOFILE": 1024, "CORE": 0, "MSGQUEUE": 0}
         common = {"parameters": parameters, "path": [str(library()), *packages()]}
         if self._sandboxed:  # in its user namespace NPROC counts the agent's processes alone
             counted |= {"NPROC": MOST_THREADS}
@@ -168,25 +164,21 @@ class AgentProcess:
         submission = str(self._spec.image.submission)
         return {**common, "submission": submission, "kernels": None, "limits": counted, "unsandboxed": entered}
 
-    def send(self, header: dict[str, Any], arrays: Arrays | None = None) -> None:
-        """Queue a message; it is written as far as the agent reads, now and while `receive` waits."""
-        self._channel.send(header, arrays)
-
     def receive(self, deadline: float) -> Message | None:
         """The next message; None if it is not complete at ``deadline`` (s, of `time.monotonic`).
 
         Raises WireError for a message that is malformed or longer than allowed, EndedError if the process has ended,
         ExcessError if its processes are too many or hold too much memory.
         """
-        while (message := self._channel.whole()) is None:
+        while (message := self.channel.whole()) is None:
             now = time.monotonic()
             if now >= deadline:
                 return None
             if now >= self._watched + _WATCH_SECONDS:
                 self._watch()
                 self._watched = time.monotonic()
-            if not self._channel.read():
-                self._channel.wait(min(deadline, self._watched + _WATCH_SECONDS))
+            if not self.channel.read():
+                self.channel.wait(min(deadline, self._watched + _WATCH_SECONDS))
         self._answered = True
         return header_of(message[0]), message[1]
 
@@ -199,10 +191,6 @@ class AgentProcess:
         if self._pid is not None and not self._ended():
             self._peak = max(self._peak, processes.peak_memory(self._pid))
         return self._peak
-
-    def printed(self) -> str:
-        """The last line of the first output of the agent, for an error message."""
-        return self._channel.printed()
 
     def exit_text(self) -> str:
         """Exit status of the process, in words."""

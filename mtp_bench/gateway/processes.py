@@ -17,29 +17,22 @@ _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 def peak_memory(pid: int) -> int:
     """Largest resident memory, bytes; 0 if unknown."""
-    with suppress(OSError, ValueError, IndexError):
-        return int(_read(f"/proc/{pid}/status").split(b"\nVmHWM:")[1].split()[0]) * 1024
-    return 0
-
-
-def _read(path: str) -> bytes:
-    """Content of a file of /proc; read after every frame, so without `Path`, which takes longer."""
-    with open(path, "rb", buffering=0) as file:  # noqa: PTH123
-        return file.read()
-
-
-def resident(pid: int) -> int:
-    """Resident memory now, bytes; 0 if unknown."""
-    with suppress(OSError, ValueError, IndexError):
-        return int(_read(f"/proc/{pid}/statm").split()[1]) * _PAGE
-    return 0
+    return _status(pid, b"VmHWM") * 1024
 
 
 def threads(pid: int) -> int:
     """Number of its threads; 0 if unknown."""
-    with suppress(OSError, ValueError, IndexError):
-        return int(_read(f"/proc/{pid}/status").split(b"\nThreads:")[1].split()[0])
-    return 0
+    return _status(pid, b"Threads")
+
+
+def resident(pid: int) -> int:
+    """Resident memory now, bytes; 0 if unknown."""
+    return _pages(pid, 1)
+
+
+def mapped(pid: int) -> int:
+    """Size of its address space, an upper bound of its memory, bytes; 0 if unknown."""
+    return _pages(pid, 0)
 
 
 def files_below(pid: int, folder: str) -> int:
@@ -54,13 +47,6 @@ def hide_memory(hidden: bool) -> None:
     """Close the memory of this process to other processes of the same user, or open it again; on Linux only."""
     if sys.platform.startswith("linux"):
         ctypes.CDLL(None).prctl(_DUMPABLE, 0 if hidden else 1, 0, 0, 0)
-
-
-def mapped(pid: int) -> int:
-    """Size of its address space, an upper bound of its memory, bytes; 0 if unknown."""
-    with suppress(OSError, ValueError, IndexError):
-        return int(_read(f"/proc/{pid}/statm").split()[0]) * _PAGE
-    return 0
 
 
 def children(pid: int) -> list[int]:
@@ -101,3 +87,23 @@ def end(processes: Iterable[int], seconds: float) -> None:
     for handle in handles:
         ready(handle, deadline - time.monotonic())
         os.close(handle)
+
+
+def _status(pid: int, name: bytes) -> int:
+    """A number of /proc/PID/status; 0 if unknown."""
+    with suppress(OSError, ValueError, IndexError):
+        return int(_read(f"/proc/{pid}/status").split(b"\n" + name + b":")[1].split()[0])
+    return 0
+
+
+def _pages(pid: int, place: int) -> int:
+    """A number of /proc/PID/statm, bytes; 0 if unknown."""
+    with suppress(OSError, ValueError, IndexError):
+        return int(_read(f"/proc/{pid}/statm").split()[place]) * _PAGE
+    return 0
+
+
+def _read(path: str) -> bytes:
+    """Content of a file of /proc; read after every frame, so without `Path`, which takes longer."""
+    with open(path, "rb", buffering=0) as file:  # noqa: PTH123
+        return file.read()

@@ -63,8 +63,10 @@ def run_isolated(
     observation, _ = env.reset(seed=derived_seed(seed, scene, "env"), options={"scene": scene})
     image = image_of(loaded, env.card.id, env.card.weights_of)
     if digest is not None and image.digest != digest:
-        raise SubmissionError(f"{loaded.path}: its files changed while it ran; run it again")
-    layout = layout_for(image, keywords.get("data"), limits.cuda, _own_files(env.card, keywords))
+        raise SubmissionError(
+            f"{loaded.path}: its files changed while it ran, expected one submission in all scenes; run it again"
+        )
+    layout = layout_for(image, keywords.get("data"), _own_files(env.card, keywords))
     spec = SandboxSpec(layout, image, backend or sandbox_backend())
     with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
@@ -88,26 +90,27 @@ def run_isolated_scenes(
     env_id: str,
     env_keywords: dict[str, Any],
     seed: int = 0,
-    parameters: dict[str, Any] | None = None,
     limits: Limits = Limits(),  # noqa: B008  (frozen)
     *,
     scenes: Sequence[str],
     workers: Workers = SERIAL,
     progress: Progress = NO_PROGRESS,
     finished: Callable[[SceneRun], None] = lambda run: None,
+    digest: str | None = None,
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.
 
     Every scene has an agent of its own: a failure ends at most its scene. ``submission``, ``env_id``,
-    ``env_keywords``, ``seed``, ``parameters`` and ``limits`` as there. ``workers`` run them; ``finished`` is
-    called with every finished scene, in the order of completion and in this process.
+    ``env_keywords``, ``seed`` and ``limits`` as there. ``workers`` run them; ``finished`` is called
+    with every finished scene, in the order of completion and in this process. ``digest``: of the submission in
+    all scenes; None: the one that it has now.
     """
     compile_kernels()
     card = MTPEnv(env_id, **env_keywords).card
-    digest = image_of(load_submission(submission), card.id, card.weights_of).digest
+    digest = digest or image_of(load_submission(submission), card.id, card.weights_of).digest
     # Decided once, so that all scenes run in the same sandbox; other machines decide for themselves.
     backend = sandbox_backend() if workers.scheduler is None else None
-    calls = [(submission, env_id, env_keywords, scene, seed, parameters, limits, digest, backend) for scene in scenes]
+    calls = [(submission, env_id, env_keywords, scene, seed, None, limits, digest, backend) for scene in scenes]
     runs: dict[int, SceneRun] = {}
     for place, run in unordered_map(run_isolated, calls, workers):
         runs[place] = run

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ..errors import SubmissionError
 from .filter import system_call_filter
-from .layout import TEMPORARY, Layout, bare_layout, environment, python
+from .layout import DEVICES, TEMPORARY, Layout, bare_layout, environment, python
 from .limits import SandboxBackend
 
 _UID = 1000  # of the agent, inside
@@ -49,7 +49,7 @@ def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> li
             words += ["--tmpfs", folder]
             covered.discard(folder)
         words += ["--ro-bind", here, there]
-    for device in layout.devices:
+    for device in DEVICES:
         words += ["--dev-bind", device, device]
     words += ["--proc", "/proc"]
     for folder in ("/", "/proc", *layout.covered):

@@ -9,21 +9,20 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, get_args
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from ..errors import MtpBenchError, RecordError
 from ..files import read_bounded, write_text
 from ..gateway.limits import SandboxBackend
 from ..strict import Section, parse_json
-from .canonical import Date, Sha256, canonical, differences
+from .canonical import Date, Sha256, canonical
 from .consistency import inconsistent_sums
-from .record import HiddenPart, Name, Observed, Record
+from .record import HiddenPart, Record
 from .seal import ListedSeal
-from .signing import MOST_SIGNATURE, SIGNER_PATTERN, sign, why_not_signed
 from .storage import LEVEL_SUFFIX, MOST_BYTES, content_digest, measured_digest, parse_as
-from .trust import Trust
+from .trust import MOST_SIGNATURE, SIGNER_PATTERN, Trust, sign
 
 Level = Literal["scored", "re-scored", "re-run", "hidden"]
 LEVELS: tuple[Level, ...] = get_args(Level)  # each includes those before it
@@ -31,26 +30,19 @@ UNTRUSTED = "not signed by a trusted key"
 
 
 class Statement(Section):
-    """Signed content: verification level and digests that bind it to one record."""
+    """Signed content: verification level and digests that bind it to one record.
+
+    Levels of version 0.2 repeat parts of the record, which its digest covers: other keys are ignored.
+    """
+
+    model_config = ConfigDict(extra="ignore")
 
     format: Literal[1] = 1
     level: Literal["re-scored", "re-run", "hidden"]
-    record: Sha256  # its digest, and parts of its content
-    env: Name
-    card: Name
-    data: Sha256
-    observe: Observed
-    submission: Sha256
-    seeds: list[int]
-    measured: Sha256  # times, memory and machine
-    rollouts: Sha256  # of their digests
-    seals: Sha256  # of the hash chains
-    definitions: Name
-    scorer: Sha256
-    weights: Sha256
+    record: Sha256  # its digest
+    measured: Sha256  # digest of its times, memory and machine
     isolation: SandboxBackend  # sandbox of the agent when it was run again; of stored rollouts that of the record
     date: Date
-    ran_again: Date | None = None  # date of the run if an earlier level showed it; None: for this level
     hidden: HiddenPart | None = None
 
 
@@ -110,25 +102,6 @@ def level_path(record: Path) -> Path:
     return record.with_name(record.name.removesuffix(".json") + LEVEL_SUFFIX)
 
 
-def bound_to(record: Record) -> dict[str, Any]:
-    """The part of a statement that identifies its record."""
-    return {
-        "record": record.digest,
-        "env": record.env.id,
-        "card": record.env.card_digest,
-        "data": record.env.data_manifest,
-        "observe": record.env.observe,
-        "submission": record.submission.digest,
-        "seeds": record.seeds,
-        "measured": record.measured.digest,
-        "rollouts": record.hashes.rollouts,
-        "seals": record.hashes.seals,
-        "definitions": record.scorer.definitions,
-        "scorer": record.scorer.source_digest,
-        "weights": record.reference.hash,
-    }
-
-
 def write_level(path: Path, statement: Statement, key: Path, signer: str) -> Path:
     """Sign a statement on the record at ``path`` and write it beside the record; the path of the file.
 
@@ -163,20 +136,17 @@ def _checked_level(file: Path, path: Path, record: Record, trust: Trust) -> Sign
     text = read_bounded(file, MOST_BYTES, RecordError)
     content = parse_json(text, file.name, RecordError)
     signed = parse_as(Attestation, text, file.name)
-    why = why_not_signed(canonical(content["statement"]), signed.signature, signed.signer, trust)
+    why = trust.why_not_signed(canonical(content["statement"]), signed.signature, signed.signer)
     if why:
         raise RecordError(f"{file.name}: {UNTRUSTED}: {why}")
     stored = parse_json(read_bounded(path, MOST_BYTES, RecordError), path.name, RecordError)
-    known = bound_to(record) | {"record": content_digest(stored), "measured": measured_digest(stored)}
-    other = next(differences("", signed.statement.model_dump(mode="json", include=set(known)), known), None)
-    if other is not None:
-        raise RecordError(
-            f"{file.name}: of another record: {other.what} is {other.recorded!r}, the record has {other.found!r}"
-        )
-    return SignedLevel(signed.statement, signed.signer, _seal_of(file, signed.statement, trust))
+    digests = (content_digest(stored), measured_digest(stored))
+    if (signed.statement.record, signed.statement.measured) != digests:
+        raise RecordError(f"{file.name}: of another record, or of an earlier version of it")
+    return SignedLevel(signed.statement, signed.signer, _seal_of(file, signed.statement, record, trust))
 
 
-def _seal_of(file: Path, statement: Statement, trust: Trust) -> ListedSeal | None:
+def _seal_of(file: Path, statement: Statement, record: Record, trust: Trust) -> ListedSeal | None:
     """The seal of hidden scenes; RecordError if the results do not fit it, or each other."""
     hidden = statement.hidden
     if (hidden is None) != (statement.level != "hidden"):
@@ -186,10 +156,10 @@ def _seal_of(file: Path, statement: Statement, trust: Trust) -> ListedSeal | Non
     listed = trust.listed.get(hidden.commitment)
     if listed is None:
         raise RecordError(f"{file.name}: its hidden scenes are of no seal in {trust.seals}")
-    if (listed.env, listed.card_digest, listed.count) != (statement.env, statement.card, hidden.scenes):
+    if (listed.env, listed.card_digest, listed.count) != (record.env.id, record.env.card_digest, hidden.scenes):
         raise RecordError(
-            f"{file.name}: has {hidden.scenes} hidden scenes of {statement.env} with card {statement.card}; its seal "
-            f"{listed.name!r} is of {listed.count} of {listed.env} with card {listed.card_digest}"
+            f"{file.name}: {hidden.scenes} hidden scenes of {record.env.id} with card {record.env.card_digest}, the "
+            f"seal {listed.name!r} is of {listed.count} of {listed.env} with card {listed.card_digest}"
         )
     for problem in inconsistent_sums(hidden, float("inf")):
         raise RecordError(f"{file.name}: hidden scenes: {problem}")

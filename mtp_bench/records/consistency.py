@@ -110,8 +110,7 @@ def _inconsistent_counts(record: Record) -> Iterator[str]:
     keys = {key_of(name, seed) for name in names for seed in seeds}
     if not set(lost.reasons) <= keys or lost.crashed_scenes != len(lost.reasons):
         yield f"missed.crashed_scenes is {lost.crashed_scenes}, reasons are given for {len(lost.reasons)}"
-    split = env.keywords.get("split")
-    status = status_of(env.scenes, env.scenes_of_split, lost.crashed_scenes, len(keys), lost.reasons, split)
+    status = status_of(env.scenes, env.scenes_of_split, lost, len(keys))
     if status != (record.status, record.status_reason):
         yield f"status is {record.status!r} ({record.status_reason}), its runs give {status[0]!r} ({status[1]})"
 

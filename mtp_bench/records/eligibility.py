@@ -26,8 +26,7 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
 
     ``level``: its signed level; ``ships``: the shipped env of an id.
     """
-    observe = record.env.observe
-    entrant = Entrant(record.row.budget, record.samples, observe == "truth", record.unfinished, observe == "tracks")
+    entrant = Entrant(record.row.budget, record.samples, record.env.observe == "truth", record.unfinished)
     return why_entrant_unranked(entrant) or why_not_comparable(record, level, ships)
 
 
@@ -77,14 +76,12 @@ def _reasons(record: Record, level: SignedLevel | None, ships: Ships) -> Iterato
         yield from _unlike_shipped(record, known)
     if not record.reference.frozen:
         yield "other event weights than the frozen ones"
-    if record.missed.late:
-        yield "answers came late, which no other run repeats: make it again"
     if record.seeds != list(SEEDS):
         yield f"seeds {', '.join(map(str, record.seeds))}, ranks need {', '.join(map(str, SEEDS))}"
     if env.scenes != env.scenes_of_split:
         yield f"{env.scenes} of {env.scenes_of_split} scenes"
-    if record.division == "closed" and record.limits != LimitsPart(**asdict(Limits())):
-        yield "other limits than those of the closed division"
+    if record.limits != LimitsPart(**asdict(Limits())):
+        yield "other limits than those that rank"
     if known is not None and known.simulated:
         if level is None or level.hidden is None:
             yield "not scored on hidden scenes yet"

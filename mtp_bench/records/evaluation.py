@@ -44,16 +44,12 @@ class Evaluation:
         """Digest over those of the scenes."""
         return data_manifest(self.scene_digests)
 
-    def record_parts(
-        self, missed: MissedPart, runs: int, scenes_of_split: int, keywords: Mapping[str, Any]
-    ) -> dict[str, Any]:
+    def record_parts(self, missed: MissedPart, runs: int, scenes_of_split: int) -> dict[str, Any]:
         """Fields of a record that follow from the evaluation, under today's scorer: its numbers and its status.
 
-        ``missed`` in ``runs`` (scenes x seeds); ``scenes_of_split``: number of scenes of the split; ``keywords`` of the
-        env name a split other than the card's.
+        ``missed`` in ``runs`` (scenes x seeds); ``scenes_of_split``: number of scenes of the split.
         """
-        scenes, split = len(self.per_scene), keywords.get("split")
-        status, reason = status_of(scenes, scenes_of_split, missed.crashed_scenes, runs, missed.reasons, split)
+        status, reason = status_of(len(self.per_scene), scenes_of_split, missed, runs)
         return {
             "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
             "reference": self.reference,
@@ -116,29 +112,18 @@ def evaluate(
     )
 
 
-def status_of(
-    scenes: int,
-    scenes_of_split: int,
-    crashed: int,
-    runs: int,
-    reasons: Mapping[str, str] | None = None,
-    split: str | None = None,
-) -> tuple[Status, str]:
-    """Status of a record and its reason: ``crashed`` of ``runs`` (scenes x seeds) were not finished, for ``reasons``.
+def status_of(scenes: int, scenes_of_split: int, missed: MissedPart, runs: int) -> tuple[Status, str]:
+    """Status of a record of ``scenes`` of a split and its reason, by what was ``missed`` in ``runs`` (scenes x seeds).
 
-    ``scenes`` of ``scenes_of_split`` were run; ``split``: one other than the env's. An agent that broke the rules of
-    the gateway in any run is rejected.
+    An agent that broke the rules of the gateway in any run is rejected.
     """
-    reasons = reasons or {}
-    for key, reason in reasons.items():
+    for key, reason in missed.reasons.items():
         if reason.startswith("rejected: "):
             return "rejected", f"{key}: {reason.removeprefix('rejected: ')}"
-    if runs and crashed == runs:
-        first = next(iter(reasons.values()), "")
-        return "crashed", f"no scene was finished: {first}" if first else "no scene was finished"
-    where = "" if split is None else f" of split {split!r}, not the env's"
-    if scenes < scenes_of_split or split is not None:
-        return "partial", f"{scenes} of {scenes_of_split} scenes{where}"
+    if runs and missed.crashed_scenes == runs:
+        return "crashed", ": ".join(["no scene was finished", *list(missed.reasons.values())[:1]])
+    if scenes < scenes_of_split:
+        return "partial", f"{scenes} of {scenes_of_split} scenes"
     return "finished", ""
 
 

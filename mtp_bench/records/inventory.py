@@ -10,7 +10,6 @@ from .._bundle import baseline_names, bundled, card_ids
 from ..cards import load_card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError
-from ..gateway import Limits
 from ..running.options import DEFAULTS, RunOptions
 from ..running.run import agent_task
 from ..submission.loader import Submission, load_submission
@@ -67,7 +66,7 @@ def standing_record(piece: Piece, options: RunOptions = DEFAULTS) -> Record | No
     """
     plan = plan_run(piece.submission, piece.env, options)
     declared = declared_data(piece.submission, plan.card.id)
-    return finished_record(piece.target, plan_content(plan, Limits(), "closed", declared), rollouts=False)
+    return finished_record(piece.target, plan_content(plan, declared), rollouts=False)
 
 
 def why_impossible(piece: Piece, data: str | None = None) -> str | None:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +25,6 @@ from ..strict import read_json
 from ..types import Rollout
 from .storage import PARTS, ROLLOUTS, seed_folder
 
-Start = Literal["new", "resume", "fresh"]
 _PLAN, _LOCK = "plan.json", "lock"
 _OTHER_FIELDS = "run"  # array with the fields of a run beside its rollout
 
@@ -66,40 +65,36 @@ class Parts:
 
 
 @contextmanager
-def open_parts(target: Path, plan: dict[str, Any], start: Start = "new") -> Iterator[Parts]:
+def open_parts(target: Path, plan: dict[str, Any], resume: bool) -> Iterator[Parts]:
     """The finished scenes of the record at ``target``; removed if the block ends without an error.
 
     ``plan``: all that is decided before the runs, as JSON. Raises MtpBenchError if another process writes this record,
-    RecordError if ``start`` is "new" and finished scenes are left of an earlier command, or if they have another plan.
+    RecordError if finished scenes are left of an earlier command and not to ``resume``, or have another plan.
     """
     folder = target.with_suffix(PARTS)
     make_folder(folder)
     with locked(folder / _LOCK, str(target)):
-        if start == "new":
+        if not resume:
             require_new(target)
-        _require_parts(folder)
         remove_leftovers(target, target.with_suffix(ROLLOUTS))
-        if start == "fresh":
-            for path in folder.glob("seed-*"):
-                shutil.rmtree(path, ignore_errors=True)
-            (folder / _PLAN).unlink(missing_ok=True)
         _require_plan(folder, plan)
         try:
             yield Parts(folder)
         except BaseException:
             if not count_parts(target):
-                shutil.rmtree(folder, ignore_errors=True)
+                _remove(folder)
             raise
-        shutil.rmtree(folder, ignore_errors=True)
+        _remove(folder)
 
 
 def require_new(target: Path) -> None:
     """Raise RecordError if an interrupted command left finished scenes beside the record at ``target``."""
     count = count_parts(target)
     if count:
+        folder = target.with_suffix(PARTS)
         raise RecordError(
-            f"{target.with_suffix(PARTS)} holds {count} finished scenes of an interrupted submit: continue it with "
-            "--resume, or discard them with --fresh"
+            f"{folder} holds {count} finished scenes of an interrupted submit: continue it with --resume, or delete "
+            "that folder"
         )
 
 
@@ -108,15 +103,14 @@ def count_parts(target: Path) -> int:
     return sum(not path.name.startswith(".") for path in target.with_suffix(PARTS).glob("seed-*/*.npz"))
 
 
-def _require_parts(folder: Path) -> None:
-    """Raise RecordError if the folder holds foreign files, which would be removed with it."""
-    known = (_PLAN, _LOCK)
-    others = [p.name for p in folder.iterdir() if p.name not in known and not p.name.startswith(("seed-", ".plan."))]
-    if others:
-        raise RecordError(
-            f"{folder} holds {clean_text(min(others), 100)!r}, which no submit wrote: choose another output, or rename "
-            "the folder"
-        )
+def _remove(folder: Path) -> None:
+    """Remove the folder with what a submit writes there; it stays if it holds other files."""
+    for path in folder.glob("seed-*"):
+        shutil.rmtree(path, ignore_errors=True)
+    for name in (_PLAN, _LOCK):
+        (folder / name).unlink(missing_ok=True)
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def _require_plan(folder: Path, plan: dict[str, Any]) -> None:
@@ -131,5 +125,5 @@ def _require_plan(folder: Path, plan: dict[str, Any]) -> None:
             got, expected = (clean_text(json.dumps(side.get(name)), 100) for side in (wanted, stored))
             raise RecordError(
                 f"{folder} was begun with another plan: {name} is {got}, there it is {expected}; submit as then, or "
-                "discard it with --fresh"
+                "delete that folder"
             )

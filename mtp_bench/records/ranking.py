@@ -65,8 +65,8 @@ def standings(
         levels: Signed levels by the digest of the record.
         ships: The shipped env of an id.
 
-    Only records of what ships, of one data, the same units and division are ranked against each other; on simulated
-    envs those of one seal. The main ranking of an env is that of the newest seal with a record of STP, then that of the
+    Only records of what ships, of one data and the same units are ranked against each other; on simulated envs those
+    of one seal. The main ranking of an env is that of the newest seal with a record of STP, then that of the
     record with the highest level, STP's before others: never the largest group as such. A better record moves others
     down; apart from that, a record changes no group, guard or gap but its own. Records of an earlier version are ranked
     among themselves, if they have a signed level; they are not compared with what ships.
@@ -113,19 +113,14 @@ def _standings_of_env(
 ) -> dict[str, Standing]:
     taken = taken_names(records, levels)
     entrants = [_entrant(record, levels.get(record.digest), taken.get(record.digest), ships) for record in records]
-    groups: dict[tuple[str, tuple[object, ...]], list[_Entrant]] = {}
-    for entrant in entrants:
-        if entrant.unranked is None:
-            groups.setdefault((entrant.record.division, conditions(entrant.sums)), []).append(entrant)
-    main = _main_conditions([each for each in entrants if each.unranked is None and each.record.division == "closed"])
+    ranked = [each for each in entrants if each.unranked is None]
+    main = _main_conditions(ranked)
+    group = [each for each in ranked if conditions(each.sums) == main]
     peers = [each for each in entrants if each.not_comparable is None and conditions(each.sums) == main]
-    places = {each.record.digest: _unranked(each.unranked or "") for each in entrants}
-    for (division, condition), group in groups.items():
-        ranked = _places(group, peers)
-        if (division, condition) != ("closed", main):
-            ranked = [_unranked(_why_apart(division, place["all"])) for place in ranked]
-        places |= {each.record.digest: place for each, place in zip(group, ranked, strict=True)}
-    inside = {each.record.digest for each in groups.get(("closed", main), [])} if main is not None else set()
+    places = {each.record.digest: _unranked(each.unranked or OTHERS) for each in entrants}
+    if group:
+        places |= {each.record.digest: place for each, place in zip(group, _places(group, peers), strict=True)}
+    inside = {each.record.digest for each in group}
     standing = {digest: Standing(place, digest in inside) for digest, place in places.items()}
     stp = _best_named(STP, peers)
     for each in peers:
@@ -141,10 +136,10 @@ def _entrant(record: Record, level: SignedLevel | None, taken: str | None, ships
     return _Entrant(record, level, why_unranked(record, level, ships) or taken, not_comparable)
 
 
-def _main_conditions(closed: Sequence[_Entrant]) -> tuple[object, ...] | None:
-    """Conditions of the main ranking, from the ranked entrants of the closed division; None without any."""
-    with_stp = {conditions(each.sums) for each in closed if each.baseline == STP}
-    leading = [each for each in closed if conditions(each.sums) in with_stp] or closed  # a seal without STP yet
+def _main_conditions(ranked: Sequence[_Entrant]) -> tuple[object, ...] | None:
+    """Conditions of the main ranking, from the ranked entrants; None without any."""
+    with_stp = {conditions(each.sums) for each in ranked if each.baseline == STP}
+    leading = [each for each in ranked if conditions(each.sums) in with_stp] or ranked  # a seal without STP yet
     return conditions(max(leading, key=_precedence).sums) if leading else None
 
 
@@ -157,13 +152,6 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
 
 def _unranked(why: str) -> dict[Subset, Place]:
     return dict.fromkeys(SUBSETS, Place(why=why))
-
-
-def _why_apart(division: str, place: Place) -> str:
-    """Reason why a record of another group than the main ranking has no rank."""
-    if division == "closed":
-        return OTHERS
-    return "open division" + (f": rank {place.rank} there" if place.rank is not None else "")
 
 
 def _places(group: Sequence[_Entrant], peers: Sequence[_Entrant]) -> list[dict[Subset, Place]]:

@@ -20,9 +20,8 @@ from ..strict import Section
 from ..submission.manifest import NAME_PATTERN
 from .canonical import Date, Sha256
 
-Division = Literal["closed", "open"]
 Status = Literal["finished", "partial", "crashed", "rejected"]
-Observed = Literal["detections", "truth", "tracks"]
+Observed = Literal["detections", "truth"]
 EARLIER, EARLIER_VERSIONS = "0.2", ("0.1.", "0.2.")  # label of what these versions of the package made
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
@@ -162,13 +161,13 @@ class LimitsPart(Section):
     memory: _Bytes
     disk: _Bytes
     answer: _Bytes
-    cuda: bool = False  # it got the graphics cards
+    cuda: Literal[False] = False
 
 
 class MissedPart(Section):
     """Frames without an accepted answer, over all scenes and seeds, and scenes that were not finished."""
 
-    late: Count
+    late: Literal[0] = 0  # a late answer ends its scene
     malformed: Count
     crashed_scenes: Count  # of scenes x seeds
     reasons: dict[Text, Text]  # "scene|seed" -> why the scene was not finished
@@ -221,7 +220,7 @@ class Record(Section):
 
     format: Literal[2] = 2
     submission: SubmissionPart
-    division: Division
+    division: Literal["closed"] = "closed"  # of version 0.2, as `LimitsPart.cuda`
     training_data: Annotated[list[Text], Field(max_length=MOST_NAMES)]  # as declared
     env: EnvPart
     scorer: ScorerPart

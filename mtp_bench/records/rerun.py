@@ -18,7 +18,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 from ..errors import RecordError
-from ..gateway import Limits, SceneRun
+from ..gateway import SceneRun
 from ..parallel import Progress
 from ..scoring import Reference
 from ..scoring.rank import why_not_on
@@ -38,20 +38,20 @@ _SEEDS = 1 << 60  # as many as those of hidden runs
 _random = secrets.SystemRandom()
 
 
-def run_again(plan: Plan, seeds: Sequence[int], limits: Limits) -> Runs:
+def run_again(plan: Plan, seeds: Sequence[int]) -> Runs:
     """Run seeds and scenes in a random order; the result has the order of ``seeds`` and of the plan."""
-    runs = {seed: _run_shuffled(plan, seed, limits) for seed in _random.sample(list(seeds), len(seeds))}
+    runs = {seed: _run_shuffled(plan, seed) for seed in _random.sample(list(seeds), len(seeds))}
     return {seed: runs[seed] for seed in seeds}
 
 
-def rows_under_random_pose(plan: Plan, reference: Reference, limits: Limits) -> Sequence[Row]:
+def rows_under_random_pose(plan: Plan, reference: Reference) -> Sequence[Row]:
     """Rows of the submission of ``plan`` under one secret seed, which turns and shifts the scenes.
 
-    Raises RecordError if a scene was not finished or an answer came late: an agent that recognises the public seeds
-    could refuse to play under another one.
+    Raises RecordError if a scene was not finished: an agent that recognises the public seeds could refuse to play
+    under another one.
     """
     seed = secrets.randbelow(_SEEDS)
-    runs = {seed: _run_shuffled(plan, seed, limits)}
+    runs = {seed: _run_shuffled(plan, seed)}
     require_answered(runs, plan.submission.name, "under a secret motion")
     return evaluate_plan(plan, runs, reference).rows
 
@@ -81,7 +81,7 @@ def why_unsandboxed(record: Record, now: IsolationPart) -> str:
     return ""
 
 
-def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends: ExitStack) -> HiddenPart:
+def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> HiddenPart:
     """Results of the submission of ``plan`` on the hidden scenes, under a secret seed in place of those of ``record``.
 
     The scenes are made if they are missing, and deleted when ``ends`` is closed. Raises RecordError if the seal is of
@@ -100,7 +100,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends:
     progress = Progress(shown.started, lambda _: shown.done("a hidden scene"))  # a name would tell its seed
     names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)
     hidden_plan = replace(plan, env=hidden, card=hidden, scenes=names, scenes_of_split=len(names), options=options)
-    runs = run_again(hidden_plan, [sealed.run_seed(record.seeds[0])], limits)
+    runs = run_again(hidden_plan, [sealed.run_seed(record.seeds[0])])
     why = why_unsandboxed(record, isolation(runs))
     if why:
         raise RecordError(f"hidden scenes would not stay hidden: {why}; run it on Linux with bubblewrap")
@@ -119,16 +119,14 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, limits: Limits, ends:
 
 
 def require_answered(runs: Runs, agent: str, where: str) -> None:
-    """Raise RecordError unless the agent finished every scene and answered in time; it names no scenes."""
+    """Raise RecordError unless the agent finished every scene; it names no scenes."""
     missed = unanswered(runs)
     if missed.crashed_scenes:
         kinds = ", ".join(sorted({reason.partition(":")[0] for reason in missed.reasons.values()}))
         raise RecordError(f"{agent}: {missed.crashed_scenes} runs {where} were not finished ({kinds}), expected 0")
-    if missed.late:
-        raise RecordError(f"{agent}: {missed.late} answers {where} came late, expected 0: use fewer --jobs")
 
 
-def _run_shuffled(plan: Plan, seed: int, limits: Limits) -> list[SceneRun]:
+def _run_shuffled(plan: Plan, seed: int) -> list[SceneRun]:
     order = _random.sample(plan.scenes, len(plan.scenes))
-    runs = {run.rollout.scene: run for run in run_seed(replace(plan, scenes=tuple(order)), seed, limits)}
+    runs = {run.rollout.scene: run for run in run_seed(replace(plan, scenes=tuple(order)), seed)}
     return [runs[scene] for scene in plan.scenes]

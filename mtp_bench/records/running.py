@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ..cards import Card, load_card
+from ..cards import Card
 from ..env.environment import MTPEnv
 from ..env.rollouts import digest
 from ..errors import MtpBenchError
-from ..files import clean_text, content_digest
+from ..files import clean_text
 from ..gateway import Image, Limits, SceneRun, image_of, run_isolated_scenes
 from ..parallel import NO_PROGRESS
 from ..running.options import RunOptions
@@ -44,7 +44,7 @@ class Plan:
     card: Card
     scenes: tuple[str, ...]
     scenes_of_split: int
-    keywords: dict[str, Any]  # of the env, beyond card and data; as stored
+    keywords: dict[str, Any]  # of the env, beyond card and data
     options: RunOptions  # data, workers and progress
     image: Image  # the submission as it runs
 
@@ -58,29 +58,25 @@ class Plan:
         """Keywords of the env for what the submission observes."""
         return self.options.shown_to(self.submission)
 
-    @property
-    def stated_keywords(self) -> dict[str, Any]:
-        """The keywords in the record: of stored tracks their digest, not their path."""
-        if self.options.track_file is None:
-            return self.keywords
-        return {**self.keywords, "tracks_sha256": content_digest(Path(self.options.track_file))}
-
 
 def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     """The scenes of an env for a submission, with its own parameters and k samples.
 
-    Raises MtpBenchError for an unknown env or split, another detector, missing data or a wrong parameter.
+    Raises MtpBenchError for an unknown env, other scenes or detections, missing data or a wrong parameter.
     """
     if options.detector is not None or options.detection_file is not None:
         raise MtpBenchError("a record is of the detections that its env names: no other detector can be chosen")
-    if options.files is not None:
-        raise MtpBenchError("a record is of the scenes that its env names: no files can take their place")
+    if options.files is not None or options.split is not None:
+        raise MtpBenchError("a record is of the scenes that its env names: no files and no split can take their place")
+    if submission.compare.observe == "tracks":
+        raise MtpBenchError(
+            f"{submission.name} observes stored tracks, which may have seen the future: it has no record; use "
+            "`mtp-bench compare --tracks`"
+        )
     options.require_tracks_used([submission])
-    env = MTPEnv(env_id, evaluation=True, data=options.data, split=options.split, **options.shown_to(submission))
+    env = MTPEnv(env_id, evaluation=True, data=options.data, **options.shown_to(submission))
     keywords = setting_of(submission, env.card).env_keywords(env.card)
     del keywords["observe"]  # the record has it in a field of its own
-    if env.card.source.split != load_card(env_id).source.split:
-        keywords["split"] = env.card.source.split
     names = ranked_scenes(env.card, env.scene_names)
     image = image_of(submission, env.card.id, env.card.weights_of)
     return Plan(submission, env_id, env.card, options.chosen(names), len(names), keywords, options, image)
@@ -89,8 +85,8 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
 def run_seed(
     plan: Plan,
     seed: int,
-    limits: Limits = Limits(),  # noqa: B008  (frozen)
     parts: Parts | None = None,
+    limits: Limits = Limits(),  # noqa: B008  (frozen)
 ) -> list[SceneRun]:
     """Run every scene of the plan under one seed, in the order of the plan; never raises for the agent's actions.
 
@@ -114,12 +110,12 @@ def run_seed(
             plan.env,
             {**plan.keywords, **plan.shown, "data": plan.options.data, "rigid_motion": True},
             seed=seed,
-            parameters=plan.submission.parameters,
             limits=limits,
             scenes=remaining,
             workers=plan.options.workers,
             progress=plan.options.progress,
             finished=keep,
+            digest=plan.image.digest,
         )
     return [runs[scene] for scene in plan.scenes]
 
@@ -140,7 +136,7 @@ def evaluate_plan(plan: Plan, runs: Runs, reference: Reference, *, with_progress
 def info_of(plan: Plan, seed: int) -> RunInfo:
     """Description of a stored run of the plan, without the data root."""
     env = MTPEnv(plan.env, data=plan.options.data, evaluation=True, **plan.shown, **plan.keywords)
-    info = run_info(env, plan.setting, seed, {**plan.stated_keywords, "rigid_motion": True})
+    info = run_info(env, plan.setting, seed, {**plan.keywords, "rigid_motion": True})
     return info.model_copy(update={"submission_digest": plan.image.digest})
 
 
@@ -165,7 +161,6 @@ def unanswered(runs: Runs) -> MissedPart:
         if run.status != "finished"
     }
     return MissedPart(
-        late=sum(run.late for run in every),
         malformed=sum(run.malformed for run in every),
         crashed_scenes=len(reasons),
         reasons=reasons,
@@ -182,7 +177,7 @@ def isolation(runs: Runs) -> IsolationPart:
 def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
     """Percentiles over the frames of all rollouts but the first of each, up to the end of the agent.
 
-    Late and malformed answers count with the time that the judge waited for them.
+    Malformed answers count with the time that the judge waited for them.
     """
     seconds = np.concatenate([np.zeros(0), *(rollout.seconds[1:] for rollout in rollouts)])
     seconds = seconds[np.isfinite(seconds) & (seconds > 0)]

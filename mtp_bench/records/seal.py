@@ -12,6 +12,7 @@ import json
 import secrets
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -152,50 +153,44 @@ def seal(env_id: str, count: int, path: str | Path) -> Commitment:
     return promise
 
 
-def open_seal(
-    path: str | Path, commitment: str | Path | None = None, listed: Mapping[str, ListedSeal] | None = None
-) -> Sealed:
-    """Read the secret seeds at ``path`` and check them against the file ``commitment``; None: the one beside ``path``.
+def open_seal(path: str | Path, listed: Mapping[str, ListedSeal] | None = None) -> Sealed:
+    """Read the secret seeds at ``path`` and check them against the commitment in the file beside it.
 
     Raises RecordError if a file is missing or wrong or the secret does not fit its commitment, RetiredSealError if the
     seal is retired, beside the secret or among those ``listed`` by a leaderboard.
     """
     path = Path(path)
-    public = beside(path, COMMITMENT) if commitment is None else Path(commitment)
-    seeds = read_as(SecretSeeds, path, _ABSENT)
-    sha256 = commitment_of(seeds)
-    promise = read_as(Commitment, public, _ABSENT)
-    if (promise.commitment, promise.env, promise.count) != (sha256, seeds.env, seeds.count):
-        raise RecordError(f"{path}: has the sha256 {sha256[:12]}, expected {promise.commitment[:12]} as in {public}")
-    known = (listed or {}).get(sha256)
+    seeds, promise = _committed(path)
+    known = (listed or {}).get(promise.commitment)
     if beside(path, RETIRED).exists() or (known is not None and known.retired):
         raise RetiredSealError(
             f"{path}: this seal is retired, its scenes are public: draw another with `mtp-bench maintain seal`"
         )
-    return Sealed(seeds, sha256, beside(path, WEIGHTS))
+    return Sealed(seeds, promise.commitment, beside(path, WEIGHTS))
 
 
-def open_seals(folder: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
-    """The seals whose secrets are in ``folder``, by env; retired ones are left out.
+def open_seals(path: Path, listed: Mapping[str, ListedSeal]) -> dict[str, Sealed]:
+    """The seal whose secret is at ``path``, or those in a folder but retired ones, by env.
 
     Raises RecordError if a secret is wrong, none is left, or two are of one env.
     """
+    if not path.is_dir():
+        sealed = open_seal(path, listed)
+        return {sealed.seeds.env: sealed}
     seals: dict[str, Sealed] = {}
-    for public in sorted(folder.glob(f"*{COMMITMENT}")):
-        path = public.with_name(f"{public.name.removesuffix(COMMITMENT)}.json")
-        if not path.is_file():
+    for public in sorted(path.glob(f"*{COMMITMENT}")):
+        secret = public.with_name(f"{public.name.removesuffix(COMMITMENT)}.json")
+        if not secret.is_file():
             continue
-        try:
-            sealed = open_seal(path, listed=listed)
-        except RetiredSealError:
-            continue
-        if sealed.seeds.env in seals:
-            raise RecordError(
-                f"{path}: a second seal of {sealed.seeds.env}, expected one: retire the other, or name one file"
-            )
-        seals[sealed.seeds.env] = sealed
+        with suppress(RetiredSealError):
+            sealed = open_seal(secret, listed)
+            if sealed.seeds.env in seals:
+                raise RecordError(
+                    f"{secret}: a second seal of {sealed.seeds.env}, expected one: retire the other, or name one file"
+                )
+            seals[sealed.seeds.env] = sealed
     if not seals:
-        raise RecordError(f"{folder}: no secret of a seal in use, expected NAME.json beside NAME{COMMITMENT}")
+        raise RecordError(f"{path}: no secret of a seal in use, expected NAME.json beside NAME{COMMITMENT}")
     return seals
 
 
@@ -205,10 +200,7 @@ def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
     Raises RecordError if the secret does not fit its commitment, MtpBenchError if a file cannot be written.
     """
     path, folder = Path(path), Path(folder)
-    seeds, weights = read_as(SecretSeeds, path, _ABSENT), beside(path, WEIGHTS)
-    promise = read_as(Commitment, beside(path, COMMITMENT), _ABSENT)
-    if promise.commitment != commitment_of(seeds):
-        raise RecordError(f"{path}: is not the secret of the commitment in {beside(path, COMMITMENT)}")
+    (seeds, promise), weights = _committed(path), beside(path, WEIGHTS)
     hashed = read_reference(weights).digest if weights.is_file() else None
     target = folder / beside(path, RETIRED).name
     for file in (target, folder / weights.name):
@@ -219,6 +211,16 @@ def retire(path: str | Path, folder: str | Path = SEALS) -> Path:
     _publish(folder / beside(path, COMMITMENT).name, promise)
     _publish(target, Retired(secret=seeds, weights=hashed, retired=today()))
     return target
+
+
+def _committed(path: Path) -> tuple[SecretSeeds, Commitment]:
+    """The secret at ``path`` and its commitment; RecordError if one is missing or they do not fit."""
+    public = beside(path, COMMITMENT)
+    seeds, promise = read_as(SecretSeeds, path, _ABSENT), read_as(Commitment, public, _ABSENT)
+    sha256 = commitment_of(seeds)
+    if (promise.commitment, promise.env, promise.count) != (sha256, seeds.env, seeds.count):
+        raise RecordError(f"{path}: has the sha256 {sha256[:12]}, expected {promise.commitment[:12]} as in {public}")
+    return seeds, promise
 
 
 def beside(secret: Path, suffix: str) -> Path:

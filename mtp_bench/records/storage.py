@@ -1,9 +1,8 @@
-"""Records on disk: JSON with digests, the stored rollouts beside it, and the packed records of a wheel."""
+"""Records on disk: JSON with digests, and the stored rollouts beside it."""
 
 from __future__ import annotations
 
 import json
-import tarfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,8 @@ from pydantic import ValidationError
 
 from .._bundle import bundled
 from ..errors import MtpBenchError, RecordError
-from ..files import ABSENT, describe_write_error, file_digest, read_bounded, require_folder, whole_folder, write_text
+from ..files import ABSENT, read_bounded, require_folder, write_text
 from ..running.rollout_files import load_run
-from ..sources.cache import cache_root
 from ..strict import SectionT, explain
 from ..submission.manifest import PARTS as PARTS
 from ..submission.manifest import ROLLOUTS as ROLLOUTS
@@ -24,7 +22,6 @@ from .record import Record
 
 MOST_BYTES = 8 << 20  # of a file
 LEVEL_SUFFIX = ".level.json"  # of the file beside a record that holds its signed level
-PACKED = "records.tar.xz"  # in a wheel, made by hatch_build.py
 _NOT_DIGESTED = ("digest", "measured")
 
 
@@ -102,11 +99,11 @@ def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
     """Files of the records in ``folder`` and below it, sorted; those of ``env_id`` alone if one is given.
 
     Levels, rollouts, unfinished submits and temporary files, whose names begin with a dot, are left out. The file of a
-    record is named by its env, with ``-<split>`` for another split.
+    record is named by its env.
     """
     folder = Path(folder)
     paths = [path for path in sorted(folder.rglob("[!.]*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
-    paths = [path for path in paths if not env_id or f"{path.stem}-".startswith(f"{env_id}-")]
+    paths = [path for path in paths if env_id in ("", path.stem)]
     return [path for path in paths if not any(_is_aside(part) for part in path.relative_to(folder).parts)]
 
 
@@ -155,25 +152,5 @@ def stored_rollouts(path: Path, record: Record) -> dict[int, list[Rollout]]:
 
 
 def shipped_records() -> Path:
-    """The folder of the records that ship; those of a wheel are unpacked once, into the user's cache.
-
-    Raises MtpBenchError if they cannot be unpacked.
-    """
-    leaderboard = bundled("leaderboard")
-    packed = leaderboard / PACKED
-    return unpacked(packed) if packed.is_file() else leaderboard / "records"
-
-
-def unpacked(packed: Path) -> Path:
-    """The folder ``records`` of a packed file, in the cache."""
-    folder = cache_root() / f"records-{file_digest(packed)[:16]}"
-    try:
-        if not folder.is_dir():
-            with whole_folder(folder) as part, tarfile.open(packed) as archive:
-                if hasattr(tarfile, "data_filter"):  # since Python 3.11.4
-                    archive.extraction_filter = tarfile.data_filter
-                archive.extractall(part)
-    except (OSError, tarfile.TarError, EOFError) as error:
-        why = describe_write_error(error) if isinstance(error, OSError) else str(error)
-        raise MtpBenchError(f"{packed}: its records cannot be unpacked to {folder}: {why}") from None
-    return folder / "records"
+    """The folder of the records that ship."""
+    return bundled("leaderboard") / "records"

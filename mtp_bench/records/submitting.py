@@ -10,7 +10,7 @@ from typing import Any
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, RecordError, SubmissionError
 from ..files import describe_write_error, require_file, require_folder, whole_file, whole_folder
-from ..gateway import Limits, image_of
+from ..gateway import Limits
 from ..parallel import parallel_map
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
@@ -24,8 +24,8 @@ from .canonical import digest_of, today
 from .consistency import checked_text
 from .eligibility import SEEDS
 from .evaluation import Evaluation
-from .parts import Start, open_parts
-from .record import Division, EnvPart, LimitsPart, MeasuredPart, Record, SubmissionPart
+from .parts import count_parts, open_parts, require_new
+from .record import EnvPart, LimitsPart, MeasuredPart, Record, SubmissionPart
 from .running import (
     Plan,
     Runs,
@@ -41,7 +41,7 @@ from .running import (
     run_seed,
     unanswered,
 )
-from .storage import PARTS, ROLLOUTS, load_record, record_text, save_record, seed_folder
+from .storage import PARTS, ROLLOUTS, load_record, record_text, seed_folder
 
 RECORDS = Path("leaderboard", "records")  # below the working folder: the checkout
 
@@ -51,11 +51,9 @@ def submit(
     env_id: str,
     options: RunOptions = DEFAULTS,
     output: str | Path | None = None,
-    division: Division = "closed",
     training_data: Sequence[str] = (),
     commit: str = "",
-    limits: Limits = Limits(),  # noqa: B008  (frozen)
-    start: Start = "new",
+    resume: bool = False,
     replace: bool = False,
 ) -> Record:
     """Run a submission on an env behind the gateway, and write its record to ``output``/<env id>.json.
@@ -63,17 +61,14 @@ def submit(
     Args:
         path: Folder of the submission, or name of a baseline.
         env_id: Id of the env or path of its card.
-        options: Data, seeds, workers and progress. Some of the scenes, or another split than the env's, make a partial
-            record, which is never ranked. With a Dask cluster the record names the hardware of one worker.
+        options: Data, seeds, workers and progress. Some of the scenes make a partial record, which is never
+            ranked. With a Dask cluster the record names the hardware of one worker.
         output: Folder; None: leaderboard/records/<name of the submission>.
-        division: Division of the ranking.
         training_data: Training data beyond that of the manifest.
-        commit: Hex, the commit that holds the folder; empty: that of the manifest, which cannot name its own commit. A
-            finished record that is resumed gets another one without a run.
-        limits: Limits of the agent; those of the closed division are fixed.
-        start: Treatment of scenes that an interrupted submit of this record finished: "new" refuses them, "resume"
-            continues with them (and keeps a finished record of the same plan), "fresh" discards them.
-        replace: Replace a finished record also by one of fewer seeds or scenes, or one that cannot rank.
+        commit: Hex, the commit that holds the folder; empty: that of the manifest, which cannot name its own commit.
+        resume: Continue with the scenes that an interrupted submit of this record finished, and keep a finished record
+            of the same plan. Else finished scenes are refused.
+        replace: Replace a finished record also by one of other seeds or scenes that cannot rank.
 
     Every finished scene is stored at once. Record and rollouts are written together, at the end: until then, and after
     any failure, those of an earlier submit remain. In every run the local frames are turned and shifted at random, so
@@ -83,40 +78,34 @@ def submit(
     """
     submission = load_submission(path)
     plan = plan_run(submission, env_id, options)
-    target = record_path(submission, load_card(env_id), output, options.split)
-    require_writable(target, submission)
-    if not replace:
-        require_kept(target, options.seeds, len(plan.scenes), division, plan.scenes_of_split)
-    _require_division(division, submission, limits)
+    target = record_path(submission, load_card(env_id), output)
+    require_target(target, submission, options, resume, replace)
     declared = declared_data(submission, plan.card.id, training_data)
-    _require_recordable(plan, limits, division, declared, commit)
-    content = plan_content(plan, limits, division, declared)
-    if start == "resume" and (record := finished_record(target, content)) is not None:
-        if commit in ("", record.submission.commit):
-            return record
-        return save_record(record.model_copy(update={"submission": submission_part(plan, commit)}), target)
-    with open_parts(target, content, start) as parts:
+    _require_recordable(plan, declared, commit)
+    content = plan_content(plan, declared, commit)
+    if resume and (record := finished_record(target, content)) is not None:
+        return record
+    with open_parts(target, content, resume) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
         options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
-        runs = {seed: run_seed(plan, seed, limits, parts) for seed in options.seeds}
-        _require_unchanged(plan)
+        runs = {seed: run_seed(plan, seed, parts) for seed in options.seeds}
         evaluation = evaluate_plan(plan, runs, reference, with_progress=True)
-        _require_one_data(plan, runs, evaluation)
-        return _save(target, plan, runs, _record(plan, runs, evaluation, content, commit))
+        _require_one_data(plan, runs, evaluation, target)
+        return _save(target, plan, runs, _record(plan, runs, evaluation, content))
 
 
-def plan_content(plan: Plan, limits: Limits, division: str, training_data: Sequence[str]) -> dict[str, Any]:
+def plan_content(plan: Plan, training_data: Sequence[str], commit: str = "") -> dict[str, Any]:
     """All that is decided before the runs of a record, as JSON; a resumed command must have an equal plan."""
     return {
         "submission": plan.image.digest,
+        "commit": commit,
         "env": plan.card.id,
         "card": plan.card.digest,
         "scenes": list(plan.scenes),
         "seeds": list(plan.options.seeds),
         "observe": plan.submission.compare.observe,
-        "keywords": plan.stated_keywords,
-        "limits": asdict(limits),
-        "division": division,
+        "keywords": plan.keywords,
+        "limits": asdict(Limits()),
         "training_data": list(training_data),
         "definitions": DEFINITIONS,
         "versions": library_versions(),
@@ -128,7 +117,7 @@ def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True
 
     ``rollouts``: they must be stored beside it.
     """
-    if target.with_suffix(PARTS).exists() or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
+    if count_parts(target) or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
         return None
     try:
         record = load_record(target)
@@ -143,11 +132,10 @@ def declared_data(submission: Submission, env_id: str, more: Sequence[str] = ())
     return [*submission.training_data, *more, *([note] if note else [])]
 
 
-def record_path(submission: Submission, card: Card, output: str | Path | None, split: str | None = None) -> Path:
-    """Path of the record of a submission on the env of ``card``; that on another ``split`` lies beside it."""
+def record_path(submission: Submission, card: Card, output: str | Path | None) -> Path:
+    """Path of the record of a submission on the env of ``card``."""
     folder = RECORDS / submission.name if output is None else Path(output)
-    other = "" if split in (None, card.source.split) else f"-{split}"
-    return folder / f"{card.id}{other}.json"
+    return folder / f"{card.id}.json"
 
 
 def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
@@ -174,8 +162,12 @@ def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
     return validate(SubmissionPart, content, f"{submission.path.name}/{MANIFEST}", SubmissionError)
 
 
-def require_writable(target: Path, submission: Submission) -> None:
-    """Refuse a target before the work: inside the submission, not writable, or beside a folder of other files."""
+def require_target(target: Path, submission: Submission, options: RunOptions, resume: bool, replace: bool) -> None:
+    """Raise MtpBenchError if a record cannot be written at ``target``, or work that is stored there would be lost.
+
+    Lost would be: scenes of an interrupted submit, unless ``resume``; and unless ``replace``, a finished record whose
+    place is taken by one that cannot rank and is of other seeds or scenes.
+    """
     if target.resolve().is_relative_to(submission.path):
         raise SubmissionError(
             f"cannot write {target}: it is inside the submission {submission.path}, name another folder"
@@ -186,33 +178,26 @@ def require_writable(target: Path, submission: Submission) -> None:
     if target.with_suffix(ROLLOUTS).exists():
         for folder in target.with_suffix(ROLLOUTS).iterdir():
             require_run_folder(folder)
+    if not replace:
+        _require_kept(target, options)
+    if not resume:
+        require_new(target)
 
 
-def require_kept(
-    target: Path, seeds: Sequence[int], scenes: int | None, division: Division, scenes_of_split: int | None = None
-) -> None:
-    """Raise RecordError if a finished record at ``target`` would be replaced by a smaller one or one that cannot rank.
-
-    ``scenes``: None for all. ``scenes_of_split``: of the split; None: as many as in the record.
-    """
+def _require_kept(target: Path, options: RunOptions) -> None:
     try:
         record = load_record(target)
     except RecordError:  # missing, or unusable
         return
-    if record.status != "finished":
-        return
-    whole = record.env.scenes_of_split
-    now = whole if scenes is None else scenes
-    lost = ""
-    if len(seeds) < len(record.seeds) or now < (scenes_of_split or whole):
-        lost = f"(seeds: {len(record.seeds)}, scenes: {whole}) with a smaller one (seeds: {len(seeds)}, scenes: {now})"
-    elif (record.division, record.seeds) == ("closed", list(SEEDS)) != (division, list(seeds)):
-        given = ", ".join(map(str, seeds))
-        lost = f"that can rank with one that cannot (division {division}, seeds {given})"
-    if lost:
+    count = record.env.scenes_of_split
+    whole = options.scenes is None or options.scenes >= count
+    kept = whole and list(options.seeds) in (list(SEEDS), record.seeds)
+    if record.status == "finished" and not kept:
+        stored = f"seeds {', '.join(map(str, record.seeds))}, all {count} scenes"
+        given = f"seeds {', '.join(map(str, options.seeds))}, {'all' if whole else options.scenes} scenes"
         raise RecordError(
-            f"{target}: would overwrite a finished record {lost}: choose another folder (-o, output=), or replace it "
-            "(--force, replace=True)"
+            f"{target}: would overwrite a finished record ({stored}) with another ({given}): choose another folder "
+            "(-o, output=), or replace it (--force, replace=True)"
         )
 
 
@@ -231,65 +216,36 @@ def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
     return record
 
 
-def _require_unchanged(plan: Plan) -> None:
-    """Raise SubmissionError if the files of the submission were changed while it was run."""
-    now = image_of(load_submission(plan.submission.path), plan.card.id, plan.card.weights_of)
-    if now.digest != plan.image.digest:
-        raise SubmissionError(
-            f"{plan.submission.path}: its files were changed while it was run, expected one submission in all scenes: "
-            "submit again with --fresh"
-        )
-
-
-def _require_one_data(plan: Plan, runs: Runs, evaluation: Evaluation) -> None:
+def _require_one_data(plan: Plan, runs: Runs, evaluation: Evaluation, target: Path) -> None:
     """Raise DataError if the data of scenes changed after an interrupted command ran them."""
     for results in runs.values():
         for name, run, digest in zip(plan.scenes, results, evaluation.scene_digests, strict=True):
             if run.scene_digest not in ("", digest):
                 raise DataError(
                     f"{name}: its data changed after {plan.submission.name} was run on it, expected the same data in "
-                    "all scenes: submit again with --fresh"
+                    f"all scenes: delete {target.with_suffix(PARTS)} and submit again"
                 )
 
 
-def _require_division(division: str, submission: Submission, limits: Limits) -> None:
-    """Raise MtpBenchError for what the closed division does not allow: stored tracks, which may know the future."""
-    if division != "closed":
-        return
-    if submission.compare.observe == "tracks":
-        raise MtpBenchError(
-            f"{submission.name} observes stored tracks, which may have seen the future: choose the open division; "
-            "there it is shown, not ranked"
-        )
-    if limits != Limits():
-        changed = [name for name, value in asdict(limits).items() if value != getattr(Limits(), name)]
-        raise MtpBenchError(
-            f"the limits of the closed division are fixed, got another {', '.join(changed)}: choose the open division"
-        )
-
-
-def _require_recordable(plan: Plan, limits: Limits, division: str, training_data: Sequence[str], commit: str) -> None:
+def _require_recordable(plan: Plan, training_data: Sequence[str], commit: str) -> None:
     """Refuse before the work what a record cannot hold: a text that is too long, too many seeds."""
     card = plan.card
     content = {
         "submission": submission_part(plan, commit).model_dump(mode="json"),
-        "division": division,
         "training_data": list(training_data),
-        "env": {"id": card.id, "split": card.source.split, "keywords": plan.stated_keywords},
+        "env": {"id": card.id, "split": card.source.split, "keywords": plan.keywords},
         "seeds": list(plan.options.seeds),
-        "limits": asdict(limits),
         "per_scene": [{"scene": name} for name in plan.scenes],
     }
     require_part(Record, content, f"a record of {plan.submission.name} on {card.id}", RecordError)
 
 
-def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any], commit: str) -> Record:
+def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any]) -> Record:
     missed, card = unanswered(runs), plan.card
     every = [rollout for results in rollouts_of(runs).values() for rollout in results]
     scheduler = plan.options.workers.scheduler
     return Record(
-        submission=submission_part(plan, commit),
-        division=content["division"],
+        submission=submission_part(plan, content["commit"]),
         training_data=content["training_data"],
         env=EnvPart(
             id=card.id,
@@ -298,9 +254,9 @@ def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, A
             data_manifest=evaluation.data_manifest,
             scenes=len(plan.scenes),
             scenes_of_split=plan.scenes_of_split,
-            observe=plan.submission.compare.observe,
+            observe="truth" if plan.setting.ideal else "detections",
             truth_complete=evaluation.truth_complete,
-            keywords=plan.stated_keywords,
+            keywords=plan.keywords,
         ),
         seeds=list(runs),
         versions=content["versions"],
@@ -317,5 +273,5 @@ def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, A
             made=today(),
         ),
         plan=digest_of(content),
-        **evaluation.record_parts(missed, len(every), plan.scenes_of_split, plan.keywords),
+        **evaluation.record_parts(missed, len(every), plan.scenes_of_split),
     )

@@ -1,8 +1,11 @@
-"""The trusted leaderboard: keys that may sign levels, listed seals, and owners of names."""
+"""The trusted leaderboard: keys that may sign levels (``ssh-keygen -Y``), listed seals, and owners of names."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,12 +14,18 @@ from typing import Annotated
 from pydantic import Field
 
 from .._bundle import bundled
-from ..errors import RecordError
+from ..errors import MtpBenchError, RecordError
 from ..strict import Section, read_toml, validate
 from .seal import COMMITMENT, RETIRED, Commitment, ListedSeal, Retired, Sealed, commitment_of
 from .storage import read_as
 
 OWNERS = "owners.toml"
+NAMESPACE = "mtp-bench-level"  # signatures for another purpose do not count
+SIGNER_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9@._-]{0,99}$"  # a principal without wildcards
+MOST_SIGNATURE = 20_000  # characters
+MISSING = "ssh-keygen is not installed, so signatures can be neither made nor checked; install OpenSSH"
+_SECONDS = 30
+_MOST_OUTPUT = 200  # characters
 
 
 class _Owners(Section):
@@ -33,11 +42,6 @@ class Trust:
     def keys(self) -> Path:
         """Keys that may sign, in OpenSSH's own format."""
         return self.folder / "keys" / "allowed_signers"
-
-    @property
-    def revoked(self) -> Path:
-        """Revoked keys, one public key per line; the file may be missing."""
-        return self.folder / "keys" / "revoked_keys"
 
     @property
     def seals(self) -> Path:
@@ -69,6 +73,43 @@ class Trust:
                     f"{self.seals}, so no level on it would be shown: publish its commitment there first"
                 )
 
+    def require_signer(self, key: Path, signer: str) -> None:
+        """Raise MtpBenchError unless signatures of ``key`` for ``signer`` are trusted."""
+        message = b"mtp-bench: may this key sign?"
+        why = self.why_not_signed(message, sign(message, key), signer)
+        if why:
+            raise MtpBenchError(
+                f"{key}: its signatures for {signer!r} are not trusted ({why}); list its public part in {self.keys}"
+            )
+
+    def why_not_signed(self, message: bytes, signature: str, signer: str) -> str:
+        """Reason why this is not a signature of ``message`` by a trusted key of ``signer``; empty if it is."""
+        if not shutil.which("ssh-keygen"):
+            return MISSING
+        if not self.keys.is_file():
+            return f"there are no keys at {self.keys}"
+        revoked = self.folder / "keys" / "revoked_keys"  # one public key per line
+        with tempfile.NamedTemporaryFile(suffix=".sig") as file:
+            file.write(signature.encode(errors="replace"))
+            file.flush()
+            which = ["-f", str(self.keys), "-I", signer, "-n", NAMESPACE, "-s", file.name]
+            which += ["-r", str(revoked)] if revoked.is_file() else []
+            return _ssh_keygen(["-Y", "verify", *which], message, _SECONDS)[1]
+
+
+def sign(message: bytes, key: Path) -> str:
+    """Signature of ``message`` by the key in the file ``key``: a private key, or a public one that an SSH agent serves.
+
+    Raises MtpBenchError if ssh-keygen is missing or refuses the key.
+    """
+    if not key.is_file():
+        raise MtpBenchError(f"{key}: no such key; `ssh-keygen -t ed25519 -f {key}` makes one")
+    # without a limit of time: it may ask for a passphrase
+    signature, why = _ssh_keygen(["-Y", "sign", "-n", NAMESPACE, "-f", str(key)], message, None)
+    if why:
+        raise MtpBenchError(f"{key}: ssh-keygen did not sign: {why}")
+    return signature
+
 
 def read_owners(path: Path) -> dict[str, str]:
     """Login by the name of a submission; empty without a file. Raises RecordError if it is broken."""
@@ -92,3 +133,20 @@ def _retired(path: Path, promise: Commitment) -> str:
     if commitment_of(published.secret) != promise.commitment:
         raise RecordError(f"{path}: its secret does not have the commitment {promise.commitment[:12]}")
     return published.retired
+
+
+def _ssh_keygen(arguments: Sequence[str], message: bytes, seconds: float | None) -> tuple[str, str]:
+    """Output of ssh-keygen on ``message``, and the reason why it failed; empty if it did not."""
+    try:
+        done = subprocess.run(
+            ["ssh-keygen", *arguments], input=message, capture_output=True, timeout=seconds, check=False
+        )
+    except FileNotFoundError:
+        raise MtpBenchError(MISSING) from None
+    except subprocess.TimeoutExpired:
+        raise MtpBenchError(f"ssh-keygen took longer than {seconds} s") from None
+    output = done.stdout.decode(errors="replace")
+    if not done.returncode:
+        return output, ""
+    lines = f"{done.stderr.decode(errors='replace')}\n{output}"
+    return output, " ".join(lines.split())[:_MOST_OUTPUT] or f"status {done.returncode}"

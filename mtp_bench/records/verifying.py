@@ -18,17 +18,17 @@ from ..sources import open_source
 from ..submission.loader import load_submission
 from ..submission.manifest import MANIFEST
 from ..types import Rollout
-from .attestation import LEVELS, Level, SignedLevel, Statement, bound_to, read_level, write_level
+from .attestation import LEVELS, Level, SignedLevel, Statement, read_level, write_level
 from .canonical import Difference, differences, today
 from .consistency import checked_record
 from .eligibility import SEEDS
-from .evaluation import Evaluation, evaluate, scorer_digest
+from .evaluation import evaluate, scorer_digest
 from .record import HiddenPart, IsolationPart, LimitsPart, Record
 from .rerun import rows_under_random_pose, run_again, run_hidden, why_unsandboxed, worse_when_moved
 from .running import Plan, Runs, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed
 from .shipped import baseline_digest
-from .storage import save_record, stored_rollouts
+from .storage import stored_rollouts
 from .submitting import declared_data, submission_part
 from .trust import Trust, trusted
 
@@ -48,10 +48,8 @@ class Verification:
     level: Level  # reached by this check
     differences: tuple[Difference, ...] = ()  # empty: the record holds
     notes: tuple[str, ...] = ()  # sentences
-    updated: Record | None = None  # with the numbers of today's scorer and weights, if these changed
     hidden: HiddenPart | None = None  # results on hidden scenes
     isolation: IsolationPart | None = None  # of the agent when it was run again
-    ran_again: str | None = None  # date of the run, if an earlier level shows it
 
     @property
     def holds(self) -> bool:
@@ -65,38 +63,37 @@ class Round:
 
     rerun: bool = False
     seals: Mapping[str, Sealed] = field(default_factory=dict)  # by env: with hidden scenes, which rank simulated envs
-    submissions: Path | None = None  # folder of submissions by their names
-    submission: Path | None = None  # the one to run, whatever its name
-    stated_limits: bool = False
+    submission: Path | None = None  # a submission, or a folder of submissions by their names; None: the baselines
     no_sandbox: bool = False
-    only_hidden: bool = False  # do not repeat a run that a signed level shows
 
-    def sealed(self, record: Record) -> Sealed | None:
-        """Hidden scenes for a record; None: it is not run on any."""
-        return self.seals.get(record.env.id) if self.rerun else None
+    def verify(
+        self, path: Path, record: Record, options: RunOptions, env_id: str | None, ends: ExitStack
+    ) -> Verification:
+        """Check one record as `verify` does."""
+        return verify(
+            path, options, env_id, self._folder(record), self.rerun, self._sealed(record), ends, self.no_sandbox,
+        )  # fmt: skip
 
-    def folder(self, record: Record) -> Path | None:
-        """Folder of the submission of a record; None: it is the baseline of that name."""
-        if self.submission is not None or self.submissions is None:
-            return self.submission
-        folder = self.submissions / record.submission.name
-        return folder if (folder / MANIFEST).is_file() else None
-
-    def shown(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
-        """The signed level that makes another run unnecessary; None: run it."""
-        signed, _ = read_level(path, record, trust) if self.only_hidden else (None, "")
-        return signed if signed is not None and LEVELS.index(signed.level) >= LEVELS.index("re-run") else None
-
-    def done(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
+    def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
         """The signed level of a record if it is as high as this check can reach, on the same seal; else None."""
         signed, _ = read_level(path, record, trust)
-        sealed = self.sealed(record)
+        sealed = self._sealed(record)
         aim: Level = "re-scored" if not self.rerun else "re-run" if sealed is None else "hidden"
         if signed is None or LEVELS.index(signed.level) < LEVELS.index(aim):
             return None
         if sealed is not None and (signed.hidden is None or signed.hidden.commitment != sealed.commitment):
             return None
         return signed
+
+    def _sealed(self, record: Record) -> Sealed | None:
+        return self.seals.get(record.env.id) if self.rerun else None
+
+    def _folder(self, record: Record) -> Path | None:
+        """Folder of the submission of a record; None: it is the baseline of that name."""
+        if self.submission is None or (self.submission / MANIFEST).is_file():
+            return self.submission
+        folder = self.submission / record.submission.name
+        return folder if (folder / MANIFEST).is_file() else None
 
 
 def verify(
@@ -107,9 +104,7 @@ def verify(
     rerun: bool = False,
     sealed: Sealed | None = None,
     ends: ExitStack | None = None,
-    stated_limits: bool = False,
     no_sandbox: bool = False,
-    shown: SignedLevel | None = None,
 ) -> Verification:
     """Check a record in itself and by its stored rollouts: scored again they must give its numbers ("re-scored").
 
@@ -123,42 +118,41 @@ def verify(
         sealed: Run it on hidden scenes too ("hidden").
         ends: Deletes the hidden scenes when it is closed, so that several checks make them once; None: they are deleted
             at the end of this check.
-        stated_limits: Run it again with all seeds and under the limits that it states, also if these are more than
-            those of records that rank; graphics cards are one.
         no_sandbox: Run it again also without a sandbox: it then has the rights of the caller.
-        shown: A signed level of this record that ran it again. If the scorer and the event weights are still those of
-            the record, it runs on the hidden scenes of ``sealed`` alone.
 
     A record of an earlier version is checked in itself alone. Raises RecordError if the record is missing, was changed
-    or has no stored rollouts, states more than was allowed, or would run a stranger's code unsandboxed; DataError if
-    data is missing.
+    or has no stored rollouts, has more seeds than are run again, or would run a stranger's code
+    unsandboxed; DataError if data is missing.
     """
     path = Path(path)
     record = checked_record(path)
     again = rerun or sealed is not None
-    if record.earlier_version:
-        return _check_earlier(path, record, again)
-    options = replace(options, split=_split(path, record), scenes=None)
+    if record.earlier_version:  # its digests are not comparable with today's
+        made_by = f"made by version {record.earlier_version}"
+        if again:
+            raise RecordError(f"{path}: {made_by}, which cannot be run again: make it again with `mtp-bench submit`")
+        return Verification(path, record, "scored", notes=(f"{made_by}: its rollouts are not scored again",))
+    options = replace(options, split=None, scenes=None)
     card = options.card(env_id or record.env.id)
     stale = _card_differences(record, card)
     if stale:
         return Verification(path, record, "scored", stale)
-    if again and not no_sandbox:
+    scenes = [scene.scene for scene in record.per_scene]
+    if not again:
+        runs = stored_rollouts(path, record)
+        reference = reference_for(card, scenes, options)
+        options.progress.started(len(scenes))
+        return _score_again(path, record, card, runs, reference, options)
+    if not no_sandbox:
         _require_sandbox(path, record, options)
-    limits = _limits(path, record, stated_limits) if again else Limits()
-    plan = _plan(path, record, env_id, submission, options) if again else None
-    stored = {} if again else stored_rollouts(path, record)
-    reference = reference_for(card, [scene.scene for scene in record.per_scene], options)
-    if shown is not None and (sealed is None or _notes(record, reference)):
-        shown = None
-    options.progress.started(_work(record, plan, sealed, shown))
-    if plan is None:
-        return _score_again(path, record, card, stored, reference, options)
+    if len(record.seeds) > len(SEEDS):
+        raise RecordError(f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to run it again")
+    plan = _plan(path, record, env_id, submission, options)
+    reference = reference_for(card, scenes, options)
+    hidden_scenes = 0 if sealed is None else sealed.seeds.count
+    options.progress.started(hidden_scenes + len(scenes) * (2 + len(record.seeds)))
     with ExitStack() as own:
-        ends = own if ends is None else ends
-        if sealed is not None and shown is not None:
-            return _run_hidden_only(path, record, plan, sealed, ends, limits, shown)
-        return _run_again(path, record, plan, reference, sealed, ends, limits)
+        return _run_again(path, record, plan, reference, sealed, ends or own)
 
 
 def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None) -> Path:
@@ -177,34 +171,13 @@ def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = 
         raise RecordError(f"{checked.path}: does not hold, so there is no level to sign")
     statement = Statement(
         level=checked.level,
+        record=record.digest,
+        measured=record.measured.digest,
         isolation=(checked.isolation or record.isolation).mechanism,
         date=today(),
-        ran_again=checked.ran_again,
         hidden=checked.hidden,
-        **bound_to(record),
     )
     return write_level(checked.path, statement, key, signer)
-
-
-def confirm(checked: Verification) -> Record:
-    """Write today's numbers if scorer or weights changed.
-
-    Raises RecordError if the record differs for another reason.
-    """
-    if checked.differences and checked.updated is None:
-        raise RecordError(f"{checked.path}: differs, and not because scorer or weights changed: make the record again")
-    return save_record(checked.updated or checked.record, checked.path)
-
-
-def _check_earlier(path: Path, record: Record, again: bool) -> Verification:
-    """Check a record of an earlier version, whose digests are not comparable with today's."""
-    if again:
-        raise RecordError(
-            f"{path}: made by version {record.earlier_version}, which this version cannot run again: make it again "
-            "with `mtp-bench submit`"
-        )
-    note = f"made by version {record.earlier_version}: checked in itself, its rollouts are not scored again"
-    return Verification(path, record, "scored", notes=(note,))
 
 
 def _score_again(
@@ -222,39 +195,24 @@ def _score_again(
         return Verification(path, record, "scored", changed)
     truth = record.env.observe == "truth"
     evaluation = evaluate(record.submission.name, card, options, runs, reference, record.submission.hypotheses, truth)
-    scored = _rescored(record, evaluation, runs, len(open_source(card, options.data).names), times_differ)
-    parts = (each.model_dump(mode="json", include=_RESCORED) for each in (record, scored))
-    unequal = tuple(differences("", *parts))
-    same_task = not any(difference.what.startswith("env.") for difference in unequal)
-    other_rules = (scored.scorer, scored.reference) != (record.scorer, record.reference)
-    updated = scored if other_rules and same_task else None
-    level: Level = "scored" if unequal else "re-scored"
-    return Verification(path, record, level, unequal, _notes(record, reference), updated)
-
-
-def _rescored(
-    record: Record,
-    evaluation: Evaluation,
-    runs: Mapping[int, Sequence[Rollout]],
-    scenes_of_split: int,
-    times_differ: bool,
-) -> Record:
-    """The record with the numbers of the evaluation, under today's scorer."""
-    scenes, every = len(evaluation.per_scene), [rollout for rollouts in runs.values() for rollout in rollouts]
+    every = [rollout for rollouts in runs.values() for rollout in rollouts]
+    scenes_of_split = len(open_source(card, options.data).names)
     env = {
-        "scenes": scenes,
+        "scenes": len(evaluation.per_scene),
         "scenes_of_split": scenes_of_split,
         "data_manifest": evaluation.data_manifest,
         "truth_complete": evaluation.truth_complete,
     }
     times = {} if times_differ else {"latency": latency(every), "ms_per_frame": evaluation.ms_per_frame}
-    changed = {
-        **evaluation.record_parts(record.missed, scenes * len(record.seeds), scenes_of_split, record.env.keywords),
+    scored = {
+        **evaluation.record_parts(record.missed, len(every), scenes_of_split),
         "samples": every[0].forecast.shape[1],
         "env": record.env.model_copy(update=env),
         "measured": record.measured.model_copy(update=times),
     }
-    return record.model_copy(update=changed)
+    both = (record, record.model_copy(update=scored))
+    unequal = tuple(differences("", *(each.model_dump(mode="json", include=_RESCORED) for each in both)))
+    return Verification(path, record, "scored" if unequal else "re-scored", unequal, _notes(record, reference))
 
 
 def _run_again(
@@ -264,17 +222,13 @@ def _run_again(
     reference: Reference,
     sealed: Sealed | None,
     ends: ExitStack,
-    limits: Limits,
 ) -> Verification:
     """The check by running the submission: as in the record, under a secret motion, and on hidden scenes."""
-    runs = run_again(plan, record.seeds, limits)
+    runs = run_again(plan, record.seeds)
     now = isolation(runs)
-    late = unanswered(runs).late
-    if late and plan.options.workers.count > 1:
-        raise RecordError(
-            f"{path}: {late} of its answers came late here, so the run confirms nothing: check it with --jobs 1"
-        )
-    changed = tuple(_differences_on_rerun(record, plan, runs, limits))
+    if plan.options.workers.count > 1 and any(run.status == "hung" for results in runs.values() for run in results):
+        raise RecordError(f"{path}: an answer came late here, so the run confirms nothing: check it with --jobs 1")
+    changed = tuple(_differences_on_rerun(record, plan, runs))
     if changed:
         return Verification(path, record, "scored", changed, isolation=now)
     checked = _score_again(path, record, plan.card, rollouts_of(runs), reference, plan.options, times_differ=True)
@@ -284,23 +238,12 @@ def _run_again(
     why = why_unsandboxed(record, now)
     if why:
         return replace(checked, notes=(*checked.notes, f"limited to level 're-scored': {why}"))
-    moved = worse_when_moved(record, rows_under_random_pose(plan, reference, limits))
+    moved = worse_when_moved(record, rows_under_random_pose(plan, reference))
     if moved is not None:
-        return replace(checked, level="scored", differences=(moved,), updated=None)
+        return replace(checked, level="scored", differences=(moved,))
     if sealed is None:
         return replace(checked, level="re-run")
-    return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, limits, ends))
-
-
-def _run_hidden_only(
-    path: Path, record: Record, plan: Plan, sealed: Sealed, ends: ExitStack, limits: Limits, shown: SignedLevel
-) -> Verification:
-    """The check on hidden scenes of a record that was run again before, as a signed level shows."""
-    ran = shown.statement.ran_again or shown.statement.date
-    then = record.isolation.model_copy(update={"mechanism": shown.statement.isolation})
-    hidden = run_hidden(plan, record, sealed, limits, ends)
-    note = f"run again on {ran}, as {shown.signer} signed, and on hidden scenes now"
-    return Verification(path, record, "hidden", notes=(note,), hidden=hidden, isolation=then, ran_again=ran)
+    return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, ends))
 
 
 def _require_sandbox(path: Path, record: Record, options: RunOptions) -> None:
@@ -313,58 +256,25 @@ def _require_sandbox(path: Path, record: Record, options: RunOptions) -> None:
         )
 
 
-def _limits(path: Path, record: Record, stated: bool) -> Limits:
-    """Limits for running the submission of a record again.
-
-    RecordError if they are more than ranks need and were not allowed, and if no run can confirm the record.
-    """
-    if record.missed.late:
-        raise RecordError(f"{path}: answers came late when it was made, which no other run repeats: make it again")
-    if len(record.seeds) > len(SEEDS) and not stated:
-        raise RecordError(
-            f"{path}: has {len(record.seeds)} seeds, ranks need {len(SEEDS)}: pass --stated-limits to run all of them"
-        )
-    if record.division == "closed":
-        return Limits()
-    limits = Limits(**record.limits.model_dump())
-    usual = asdict(Limits())
-    more = [f"{name} {value}" for name, value in asdict(limits).items() if value > usual[name]]
-    if more and not stated:
-        raise RecordError(
-            f"{path}: states higher limits than records that rank ({', '.join(more)}): pass --stated-limits to run it "
-            "under these"
-        )
-    return limits
-
-
-def _differences_on_rerun(record: Record, plan: Plan, runs: Runs, limits: Limits) -> Iterator[Difference]:
+def _differences_on_rerun(record: Record, plan: Plan, runs: Runs) -> Iterator[Difference]:
     """Differences between a record and another run of its submission, but for numbers that are scored."""
     yield from differences("hashes", record.hashes.model_dump(), hashes(runs).model_dump())
     submission = submission_part(plan, record.submission.commit)
     yield from differences("submission", record.submission.model_dump(), submission.model_dump())
     yield from differences("env.observe", record.env.observe, plan.submission.compare.observe)
-    yield from differences("env.keywords", record.env.keywords, plan.stated_keywords)
-    yield from differences("limits", record.limits.model_dump(), LimitsPart(**asdict(limits)).model_dump())
+    yield from differences("env.keywords", record.env.keywords, plan.keywords)
+    yield from differences("limits", record.limits.model_dump(), LimitsPart(**asdict(Limits())).model_dump())
     declared = declared_data(plan.submission, record.env.id)  # `submit --training-data` adds to it
     if not set(declared) <= set(record.training_data):
         yield Difference("training_data", record.training_data, declared)
-    counts = {"late", "malformed", "crashed_scenes"}
+    counts = {"malformed", "crashed_scenes"}
     yield from differences("missed", *(part.model_dump(include=counts) for part in (record.missed, unanswered(runs))))
-
-
-def _work(record: Record, plan: Plan | None, sealed: Sealed | None, shown: SignedLevel | None) -> int:
-    """Number of runs and scenes to score, for a progress bar."""
-    hidden = 0 if sealed is None else sealed.seeds.count
-    runs = 0 if plan is None else len(record.seeds) + 1
-    return hidden + (len(record.per_scene) * (1 + runs) if shown is None else 0)
 
 
 def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | None, options: RunOptions) -> Plan:
     """The plan that runs the submission of a record again; RecordError for another submission or other scenes."""
     env_id = env_id or record.env.id
     submission = load_submission(folder or record.submission.name)
-    if submission.compare.observe != "tracks":  # in a round only some submissions observe the stored tracks
-        options = replace(options, track_file=None)
     plan = plan_run(submission, env_id, replace(options, scenes=len(record.per_scene)))
     if plan.image.digest != record.submission.digest:
         networks = ", ".join(record.submission.networks)
@@ -378,14 +288,6 @@ def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | N
     return plan
 
 
-def _split(path: Path, record: Record) -> str | None:
-    """The split that was run if it is not the env's."""
-    split = record.env.keywords.get("split")
-    if split is not None and not isinstance(split, str):
-        raise RecordError(f"{path}: split is {split!r}, expected a name")
-    return split
-
-
 def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
     pairs = (
         ("env.id", record.env.id, card.id),
@@ -396,12 +298,12 @@ def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
 
 
 def _notes(record: Record, reference: Reference) -> tuple[str, ...]:
-    notes = []
-    if record.scorer.definitions != DEFINITIONS:
-        notes.append(f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}")
-    changed = {
-        "the scorer": record.scorer.source_digest != scorer_digest(),
-        "the event weights": record.reference.hash != reference.digest,
+    pairs = {
+        "the definitions": (record.scorer.definitions, DEFINITIONS),
+        "the scorer": (record.scorer.source_digest, scorer_digest()),
+        "the event weights": (record.reference.hash, reference.digest),
     }
-    notes += [f"{what} changed since; --write takes over today's numbers" for what, other in changed.items() if other]
-    return tuple(notes)
+    changed = [what for what, (then, now) in pairs.items() if then != now]
+    return (
+        (f"changed since it was made: {', '.join(changed)}; make it again with `mtp-bench submit`",) if changed else ()
+    )

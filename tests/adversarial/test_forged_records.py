@@ -29,7 +29,7 @@ from mtp_bench.records import (
     verify,
     why_unranked,
 )
-from mtp_bench.records.attestation import Level, SignedLevel, Statement, bound_to, level_path, write_level
+from mtp_bench.records.attestation import Level, SignedLevel, Statement, level_path, write_level
 from mtp_bench.records.record import HiddenPart, IsolationPart
 from mtp_bench.records.rerun import why_unsandboxed
 from mtp_bench.records.seal import Commitment, SecretSeeds, commitment_of
@@ -270,13 +270,11 @@ HOUR = asdict(replace(Limits(), frame=3600.0))
 NOT_RANKED: dict[str, tuple[Content, str]] = {
     "seeds of one's own": ({"seeds": [3, 4, 5]}, "seeds 3, 4, 5, ranks need 0, 1, 2"),
     "the best of many seeds": ({"seeds": [0, 1, 7]}, "seeds 0, 1, 7, ranks need 0, 1, 2"),
-    "an hour per frame": ({"limits": HOUR}, "other limits than those of the closed division"),
-    "graphics cards": ({"limits": {"cuda": True}}, "other limits than those of the closed division"),
+    "an hour per frame": ({"limits": HOUR}, "other limits than those that rank"),
     "own weights": ({"reference": {"hash": "00" * 32}}, "other event weights than the frozen ones"),
     "weights that only say frozen": ({"reference": {"frozen": False}}, "other event weights than the frozen ones"),
     "a card of one's own": ({"env": {"card_digest": "00" * 8}}, "card 0000000000000000, the one that ships is"),
     "an env of one's own": ({"env": {"id": "MTP-Mine-v0"}}, "no env of that id ships"),
-    "an answer that no run repeats": ({"missed": {"late": 1}}, "answers came late, which no other run repeats"),
     "an earlier scorer": ({"scorer": {"source_digest": "00" * 32}}, "another scorer than today's"),
 }
 
@@ -394,7 +392,8 @@ def test_one_name_has_one_owner() -> None:
 
 
 def sign(path: Path, record: Record, key: Path, level: Level = "re-run", **changed: Any) -> Path:
-    content = {"level": level, "isolation": "bubblewrap", "date": "2030-01-01", **bound_to(record), **changed}
+    digests = {"record": record.digest, "measured": record.measured.digest}
+    content = {"level": level, "isolation": "bubblewrap", "date": "2030-01-01", **digests, **changed}
     return write_level(path, Statement.model_validate(content), key, SIGNER)
 
 
@@ -433,18 +432,18 @@ def test_a_level_of_another_record_is_not_shown(
     path, record = honest
     other = tmp_path / "records" / "other" / path.name
     shutil.copy(sign(other, save_record(made_up("other", 0.2), other), key), level_path(path))
-    assert "of another record: record is " in note(path, leaderboard)
+    assert "of another record" in note(path, leaderboard)
     sign(path, record, key)
     save_record(record.model_copy(update={"training_data": ["all of it"]}), path)
-    assert "of another record: record is " in note(path, leaderboard)
+    assert "of another record" in note(path, leaderboard)
     faster = record.measured.model_copy(update={"ms_per_frame": 0.001})
     changed = save_record(record.model_copy(update={"measured": faster}), path)
     assert changed.digest == record.digest, "measurements are not part of it"
-    assert "of another record: measured is " in note(path, leaderboard)
+    assert "of another record" in note(path, leaderboard)
     content = json.loads(save_record(record, path).model_dump_json())
     content["rows"][0]["error"] = 0.01  # with the digests as they were
     path.write_text(json.dumps(content))
-    assert "of another record: record is " in note(path, leaderboard)
+    assert "of another record" in note(path, leaderboard)
 
 
 def test_a_key_that_is_not_listed_is_refused_before_anything_is_run(
@@ -486,7 +485,7 @@ STATEMENTS: dict[str, tuple[Change, str]] = {
     "anybody": (lambda c: c.update(signer="*"), "signer: got"),
     "an option as signer": (lambda c: c.update(signer="-Y"), "signer: got"),
     "no signature": (lambda c: c.update(signature=""), "not signed by a trusted key"),
-    "more than it knows": (lambda c: c["statement"].update(rank=1), "unknown key"),
+    "more than it knows": (lambda c: c["statement"].update(rank=1), "not signed by a trusted key"),
     "a long signature": (lambda c: c.update(signature="x" * 1999 * 11), "characters"),
 }
 
@@ -663,7 +662,7 @@ def without_a_rivals_level(proposal: Path, leaderboard: Path) -> None:
 
 def with_a_key_twice(proposal: Path, _: Path) -> None:
     text = (proposal / NEWCOMER).read_text()
-    (proposal / NEWCOMER).write_text(text.replace("{", '{\n "division": "open",', 1))
+    (proposal / NEWCOMER).write_text(text.replace("{", '{\n "division": "closed",', 1))
 
 
 def with_nan(proposal: Path, _: Path) -> None:

@@ -21,7 +21,7 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.gateway import Limits, SceneRun, run_isolated_scenes
+from mtp_bench.gateway import SceneRun, run_isolated_scenes
 from mtp_bench.parallel import Workers
 from mtp_bench.records import load_record, running, submit, submitting
 from mtp_bench.records.parts import count_parts
@@ -291,10 +291,9 @@ def test_what_was_begun_is_not_lost_unasked(
     said = cli(*command).error
     assert said.startswith(f"{begun.with_suffix('.part')} holds {found} finished scenes of an interrupted submit")
     assert "--resume" in said
-    assert "--fresh" in said
     assert count_parts(begun) == found
-    assert cli(*command, "--resume", "--fresh").status == 2
-    cli.ok(*command, "--fresh")
+    shutil.rmtree(begun.with_suffix(".part"))
+    cli.ok(*command)
     assert load_record(begun).digest == undisturbed
 
 
@@ -302,7 +301,7 @@ def test_another_plan_is_told(cli: CommandLine, command: list[str], begun: Path,
     command[command.index("--seeds") + 1] = "1"
     assert "begun with another plan: seeds is [0], there it is [0, 1]; " in cli(*command, "--resume").error
     command[command.index("--seeds") + 1] = "2"
-    assert ': division is "open", there it is "closed"; ' in cli(*command, "--resume", "--division", "open").error
+    assert ': commit is "0123abc", there it is ""; ' in cli(*command, "--resume", "--commit", "0123abc").error
     assert (
         ': scenes is ["0001"], there it is ["0001", "0006", "0008"]; ' in cli(*command, "--resume", "--scenes", 1).error
     )
@@ -354,17 +353,15 @@ def test_scenes_of_other_data_are_not_mixed(
     command[command.index("--data") + 1] = str(other)
     said = cli(*command, "--resume").error
     assert f"{min(done)}: its data changed after echo was run on it" in said
-    assert "--fresh" in said
-    cli.ok(*command, "--fresh")
+    assert f"delete {begun.with_suffix('.part')}" in said
 
 
 def test_foreign_files_are_not_removed(cli: CommandLine, command: list[str], tmp_path: Path) -> None:
     folder = tmp_path / "out" / f"{CARD_ID}.part"
     folder.mkdir(parents=True)
     (folder / "thesis.tex").touch()
-    for how in ((), ("--resume",), ("--fresh",)):
-        assert "holds 'thesis.tex', which no submit wrote" in cli(*command, *how).error
-    assert (folder / "thesis.tex").is_file()
+    cli.ok(*command)
+    assert [path.name for path in folder.iterdir()] == ["thesis.tex"]
 
 
 def test_a_whole_record_is_not_made_again(cli: CommandLine, command: list[str], tmp_path: Path) -> None:
@@ -386,13 +383,6 @@ def test_the_other_envs_are_run_when_one_fails(cli: CommandLine, command: list[s
     assert output.status == 1
     assert output.err.splitlines()[-1].startswith(f"error: {elsewhere}: ")
     assert load_record(tmp_path / "out" / RECORD).status == "finished"
-
-
-def test_the_limits_of_the_closed_division_are_fixed(submission: Path, card: str, kitti: str, tmp_path: Path) -> None:
-    with pytest.raises(MtpBenchError, match="limits of the closed division are fixed, got another frame"):
-        submit(submission, card, RunOptions(kitti), tmp_path, limits=Limits(frame=3600.0))
-    made = submit(submission, card, RunOptions(kitti), tmp_path, "open", limits=Limits(frame=3600.0))
-    assert made.limits.frame == 3600.0
 
 
 def test_an_error_before_the_first_scene_leaves_no_parts(submission: Path, card: str, tmp_path: Path) -> None:

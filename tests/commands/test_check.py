@@ -32,29 +32,20 @@ def edit(folder: Path, old: str, new: str, file: str = "agent.py") -> None:
     path.write_text(text.replace(old, new, 1))
 
 
-def test_a_sound_submission_passes_with_its_score_beside_stp(folder: Path, cli: CommandLine, tmp_path: Path) -> None:
+def test_a_sound_submission_passes(folder: Path, cli: CommandLine, tmp_path: Path) -> None:
     out = cli.ok("check", folder, "--json", tmp_path / "check.json")
     assert "mine on MTP-Intersection-v0" in out
-    assert "plain error (m), lower is better, and false forecasts" in out
     assert "mine passes; next: `mtp-bench compare" in out
     content = read_json(tmp_path / "check.json")
     assert {finding["level"] for finding in content["findings"]} == {"ok"}
     assert [finding["check"] for finding in content["findings"]][-1] == "gateway"
-    assert len(content["scores"]) == 3
-    for row in content["scores"]:
-        assert row["targets"] > 100
-        assert 0 < row["plain_error"] < 10
-        assert 0 < row["stp"] < 10
-        assert f"{row['plain_error']:.3f}" in out
-        assert row["false_forecasts"] > 0 < row["stp_false_forecasts"]
 
 
 def test_an_agent_that_divides_by_the_time_between_frames_is_sound(folder: Path, cli: CommandLine) -> None:
     edit(folder, ACT, ACT + '        assert observation["dt"] > 0\n')
     out = cli.ok("check", folder, "--scenes", 1)
     assert "mine passes" in out
-    assert "intersection-010000" in out
-    assert "intersection-010001" not in out
+    assert "1 scenes in a process of its own" in out
 
 
 def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: CommandLine) -> None:
@@ -66,7 +57,6 @@ def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: Comman
     assert f'agent.py, line {line}, in act: raise ValueError("no [more] frames")' in output.out
     assert "frame 7" in output.out
     assert "to do: see the lines of its code" in output.out
-    assert "lower is better" not in output.out
 
 
 FAILS = {
@@ -151,17 +141,17 @@ def test_an_agent_that_would_end_this_process_is_not_run_in_it(
 
 
 def run(rollout: Rollout, **changes: Any) -> SceneRun:
-    told: dict[str, Any] = {"status": "finished", "reason": "", "late": 0, "malformed": 0, "seal": ""}
+    told: dict[str, Any] = {"status": "finished", "reason": "", "malformed": 0, "seal": ""}
     return SceneRun(rollout=rollout, **(told | {"peak_memory": 3 << 20, "started": 0.25} | changes))
 
 
 def test_what_the_gateway_says_becomes_findings(card: str, kitti: str) -> None:
     one, two = run_scenes(make_echo, card, {"data": kitti}, ["0001", "0006"])
     (sound,) = gateway_findings([run(one), run(two)], [one, two])
-    assert (sound.level, sound.got) == ("ok", "2 scenes in a process of its own: built in at most 0.2 s, 3 MiB at most")
-    hung = run(two, late=2, malformed=1, status="hung", reason="no answer")
+    assert (sound.level, sound.got) == ("ok", "2 scenes in a process of its own: 3 MiB at most")
+    hung = run(two, malformed=1, status="hung", reason="no answer")
     found = gateway_findings([run(one), hung], [one, one])
-    assert [finding.got for finding in found] == ["hung: no answer", "2 answers too late", "1 answers malformed"]
+    assert [finding.got for finding in found] == ["hung: no answer", "1 answers malformed"]
     assert {(finding.level, finding.where) for finding in found} == {("error", "scene 0006")}
     (other,) = gateway_findings([run(one)], [two])
     assert (other.level, other.got, other.where) == ("warning", "answers differ in a process of its own", "scene 0001")

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
-from mtp_bench.commands.submit import DIVISIONS
 from mtp_bench.detector import profile_names
 from mtp_bench.training.predictors import ON
 from mtp_bench.viz.replay import KINDS
@@ -64,7 +63,6 @@ WORDS = {
     "events runs/stp --sort": ORDERS,
     "view runs/stp --level": LEVELS,
     "train predictor modes --on": ON,
-    "submit stp --division": DIVISIONS,
 }
 
 

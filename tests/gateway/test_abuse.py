@@ -19,7 +19,7 @@ from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, fork_server, run_isolated, run_isolated_scenes
 from mtp_bench.gateway.processes import children
 from mtp_bench.parallel import Progress, Workers
-from tests.support.hostile import FRAMES, HONEST, HURRIED, QUICK, SCENE, Court, submission
+from tests.support.hostile import HONEST, HURRIED, QUICK, SCENE, Court, submission
 
 pytestmark = pytest.mark.usefixtures("light_fork_servers")
 
@@ -77,7 +77,7 @@ SILENT = {
 @pytest.mark.parametrize(("trick", "limits"), SILENT.values(), ids=SILENT)
 def test_an_agent_that_hangs_is_ended(court: Court, trick: str, limits: object) -> None:
     run = court.run(trick, limits)  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
-    assert run.late >= FRAMES - 2 or run.status == "hung"
+    assert run.status == "hung"
     assert np.diff(run.rollout.object_start)[2:].sum() == 0
 
 
@@ -122,7 +122,7 @@ def test_processes_that_take_the_machine_end_before_the_answer_is_due(
     court: Court, agents: Path, what: str, text: str
 ) -> None:
     run = court.run(at_frame_two(f"{what}; time.sleep(4711)"), replace(QUICK, frame=50.0, memory=2 << 30))
-    assert (run.status, run.late) == ("rejected", 0)
+    assert run.status == "rejected"
     assert re.search(text, run.reason), run.reason
     assert left_over(agents) == []
 

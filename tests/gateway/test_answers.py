@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.env.rollouts import digest
+from mtp_bench.gateway import Limits
 from tests.support.hostile import FRAMES, HURRIED, SLOW, Court
 
 pytestmark = pytest.mark.usefixtures("light_fork_servers")
@@ -83,35 +84,17 @@ def act(self, observation):
 """
 
 
-def test_a_late_answer_leaves_its_frame_unanswered_and_counts_for_no_other(court: Court) -> None:
-    run = court.run(LATE, HURRIED)
-    assert run.status == "finished"
-    assert 1 <= run.late < FRAMES
-    objects = np.diff(run.rollout.object_start)
-    honest = np.diff(court.honest().object_start)
-    assert (objects[2], honest[2]) == (0, 3)
-    assert objects[0] == honest[0]
-    assert court.error(run.rollout) > court.error(court.honest())
+LATE_ANSWERS = {
+    "one": (LATE, HURRIED), "all": (ALWAYS_LATE, HURRIED), "with patched clocks": (PATCHED, HURRIED),
+    "together at the end": (AT_THE_END, replace(HURRIED, first_frame=HURRIED.frame)),
+}  # fmt: skip
 
 
-def test_an_agent_that_is_always_late_says_nothing(court: Court) -> None:
-    run = court.run(ALWAYS_LATE, replace(HURRIED, first_frame=HURRIED.frame))
-    assert run.late == FRAMES
-    assert len(run.rollout.object_box) == len(run.rollout.track_box) == 0
-    assert not run.rollout.invalid.any(), "it stated nothing"
-    assert not run.rollout.malformed.any()
-
-
-def test_patched_clocks_and_numpy_change_nothing(court: Court) -> None:
-    run = court.run(PATCHED, HURRIED)
-    assert run.late + run.malformed > 0
-    assert court.error(run.rollout) > court.error(court.honest())
-
-
-def test_answers_that_all_come_at_the_end_are_none(court: Court) -> None:
-    run = court.run(AT_THE_END, replace(HURRIED, first_frame=HURRIED.frame), frames=FRAMES)
-    assert run.late >= FRAMES - 1
-    assert run.rollout.object_start[-2] == 0, "before the last frame nothing counts"
+@pytest.mark.parametrize(("trick", "limits"), LATE_ANSWERS.values(), ids=LATE_ANSWERS)
+def test_a_late_answer_ends_the_scene(court: Court, trick: str, limits: Limits) -> None:
+    run = court.run(trick, limits, frames=FRAMES)
+    assert run.status != "finished" or run.malformed > 0
+    assert run.rollout.object_start[-2] <= court.honest().object_start[2], "nothing counts after it"
     assert court.error(run.rollout) > court.error(court.honest())
 
 
@@ -142,7 +125,7 @@ MALFORMED = {
 @pytest.mark.parametrize("what", MALFORMED.values(), ids=MALFORMED)
 def test_what_is_no_answer_leaves_the_frame_unanswered(court: Court, what: str) -> None:
     run = court.run(replaced(what))
-    assert (run.status, run.malformed, run.late) == ("finished", FRAMES, 0)
+    assert (run.status, run.malformed) == ("finished", FRAMES)
     assert len(run.rollout.object_box) == 0
     assert court.error(run.rollout) > court.error(court.honest())
 
@@ -162,7 +145,7 @@ NOT_FINITE = {
 def test_one_number_that_is_not_finite_leaves_the_frame_unanswered(court: Court, what: str) -> None:
     run = court.run(replaced(f"if self.frame == 2: {what.replace('; ', chr(10) + '    if self.frame == 2: ')}"))
     objects, honest = np.diff(run.rollout.object_start), np.diff(court.honest().object_start)
-    assert (run.status, run.malformed, run.late) == ("finished", 1, 0)
+    assert (run.status, run.malformed) == ("finished", 1)
     assert (objects[1], honest[1]) == (0, 3)
     assert np.delete(objects, 1).tolist() == np.delete(honest, 1).tolist()
     assert court.error(run.rollout) > court.error(court.honest())

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from mtp_bench.gateway import Limits, SceneRun
+from mtp_bench.gateway import SceneRun
 from mtp_bench.records import rerun, submitting, verifying
 from mtp_bench.records.parts import Parts
 from mtp_bench.records.running import Plan, run_seed
@@ -22,13 +22,13 @@ def weights() -> Iterator[None]:
         yield
 
 
-def _patiently(plan: Plan, seed: int, _: Limits = PATIENT, parts: Parts | None = None) -> list[SceneRun]:
-    return run_seed(plan, seed, PATIENT, parts)
+def _patiently(plan: Plan, seed: int, parts: Parts | None = None) -> list[SceneRun]:
+    return run_seed(plan, seed, parts, PATIENT)
 
 
 @pytest.fixture(scope="package", autouse=True)
 def patience() -> Iterator[None]:
-    """No test of records is about time: what an agent answers is taken, however late it comes."""
+    """No test of records is about time: an answer is taken, however late it comes."""
     with pytest.MonkeyPatch.context() as patch:
         for module in (rerun, submitting):
             patch.setattr(module, "run_seed", _patiently)

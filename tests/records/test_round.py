@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import errno
 import shutil
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mtp_bench.gateway import Limits
-from mtp_bench.records import load_record, submit, trusted, verify
+from mtp_bench.records import load_record, submit
 from mtp_bench.records.attestation import level_path
 from mtp_bench.records.record import LimitsPart
 from mtp_bench.records.rerun import run_again
 from mtp_bench.records.running import plan_run, rollouts_hash, rollouts_of
-from mtp_bench.records.verifying import Round, Verification, attest
+from mtp_bench.records.verifying import Round, Verification
 from mtp_bench.running.options import RunOptions
 from mtp_bench.submission.loader import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
@@ -68,32 +68,16 @@ def test_a_round_goes_through_all_records_and_goes_on_when_started_again(
     assert signed.is_file()
 
 
-def test_what_is_not_repeated_for_hidden_scenes(
-    made: Path, card: str, kitti: str, tmp_path: Path, leaderboard: Path, key: Path
-) -> None:
-    """A level that ran the record again saves it, where that is asked; one of stored rollouts does not."""
-    shutil.copytree(made / "records" / "stp", tmp_path / "stp")
-    path, trust = tmp_path / "stp" / f"{CARD_ID}.json", trusted(leaderboard)
-    record, asked = load_record(path), Round(rerun=True, only_hidden=True)
-    assert asked.shown(path, record, trust) is None
-    checked = verify(path, RunOptions(kitti), card)
-    for level, saves in (("re-scored", False), ("re-run", True)):
-        attest(replace(checked, level=level), key, SIGNER, trust)  # type: ignore[arg-type]
-        assert (asked.shown(path, record, trust) is not None) == saves
-        assert Round(rerun=True).shown(path, record, trust) is None
-    changed = record.model_copy(update={"seeds": [5]})
-    assert asked.shown(path, changed, trust) is None
-
-
 def test_a_disk_that_fails_once_stops_no_round(
     made: Path, cli: CommandLine, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def failing(path: Path, *arguments: Any) -> Verification:
+    def failing(asked: Round, path: Path, *arguments: Any) -> Verification:
         if path.parent.name == "echo":
             raise OSError(errno.ENOSPC, "No space left on device", "/cache/scene.npz")
-        return verify(path, *arguments)
+        return check(asked, path, *arguments)
 
-    monkeypatch.setattr("mtp_bench.commands.verify.check_record", failing)
+    check = Round.verify
+    monkeypatch.setattr(Round, "verify", failing)
     output = cli("verify", made / "records", "--env", card, "--data", kitti, "--jobs", 1)
     assert output.error.startswith("/cache/scene.npz: No space left on device")
     assert output.out.count("holds, re-scored") == 2
@@ -119,11 +103,11 @@ def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> 
     plan = plan_run(load_submission(made / "submissions" / "echo"), card, RunOptions(kitti))
     record = load_record(made / "records" / "echo" / f"{CARD_ID}.json")
     for _ in range(3):
-        runs = run_again(plan, record.seeds, Limits())
+        runs = run_again(plan, record.seeds)
         assert [run.rollout.scene for run in runs[0]] == [scene.scene for scene in record.per_scene]
         assert rollouts_hash(rollouts_of(runs)) == record.hashes.rollouts
 
 
 def test_limits_of_a_record_are_those_of_the_gateway() -> None:
-    assert list(LimitsPart.model_fields) == [field.name for field in fields(Limits)]
+    assert list(LimitsPart.model_fields) == [*(field.name for field in fields(Limits)), "cuda"]
     assert LimitsPart(**asdict(Limits())).frame == 5.0

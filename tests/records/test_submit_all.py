@@ -51,7 +51,7 @@ def test_a_record_is_made_once_kept_and_not_lost_to_a_smaller_one(
     assert outcomes(cli(*words).out) == [0, 1, 0, 0]
     refused = cli(*words, "--scenes", 1)
     assert refused.status == 1
-    assert "(seeds: 1, scenes: 3) with a smaller one (seeds: 1, scenes: 1)" in refused.err
+    assert "seeds 0, all 3 scenes) with another (seeds 0, 1 scenes)" in refused.err
     assert target.read_bytes() == before
     (piece,) = inventory([card], [str(submission)], tmp_path)
     assert piece.size > target.stat().st_size  # with its rollouts
@@ -119,9 +119,7 @@ def test_what_does_not_ship_runs_in_the_sandbox_alone(cli: CommandLine, tmp_path
     [
         ((), "PATH"),
         (("stp",), "--env"),
-        (("--all", "--split", "train"), "--split"),
-        (("--all", "--division", "open"), "--division"),
-        (("--all", "--fresh"), "--fresh"),
+        (("--all", "--commit", "0123abc"), "--commit"),
     ],
 )
 def test_wrong_usage(cli: CommandLine, words: tuple[object, ...], named: str) -> None:

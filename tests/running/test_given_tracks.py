@@ -14,9 +14,7 @@ from mtp_bench import MTPEnv, Observation, Pipeline, Task, Tracks, load_submissi
 from mtp_bench.env.observation import LocalFrame
 from mtp_bench.errors import MtpBenchError, RolloutError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
-from mtp_bench.records import load_record, submit
-from mtp_bench.records.eligibility import why_unranked
-from mtp_bench.records.verifying import verify
+from mtp_bench.records import submit
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import agent_task, run_scene
@@ -34,7 +32,7 @@ NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 @pytest.fixture(autouse=True)
 def _weights(monkeypatch: pytest.MonkeyPatch) -> None:
     """Event weights are made once."""
-    for module in ("running.stored", "running.compare", "records.submitting", "records.verifying"):
+    for module in ("running.stored", "running.compare"):
         monkeypatch.setattr(f"mtp_bench.{module}.reference_for", remembered_reference)
 
 
@@ -132,29 +130,11 @@ def test_tracks_of_some_scenes_are_imported(cli: CommandLine, known: list[str], 
     cli.ok("run", "given_tracks", *known, "--scenes", 2, *again)
 
 
-def test_records_are_of_the_open_division_and_never_ranked(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
+def test_stored_tracks_have_no_record(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
     options = RunOptions(kitti, seeds=(0,), track_file=tracks)
-    with pytest.raises(MtpBenchError, match=r"given_tracks observes stored tracks, .*: choose the open division"):
-        submit("given_tracks", card, options, tmp_path)
-    with pytest.raises(MtpBenchError, match="given_tracks observes stored tracks: name their file"):
-        submit("given_tracks", card, replace(options, track_file=None), tmp_path, "open")
-    with pytest.raises(MtpBenchError, match="stored tracks are named, but stp do not observe them"):
-        submit("stp", card, options, tmp_path)
-    submit("given_tracks", card, options, tmp_path, "open")
-    path = tmp_path / f"{CARD_ID}.json"
-    record = load_record(path)
-    assert (record.division, record.env.observe) == ("open", "tracks")
-    assert len(record.env.keywords["tracks_sha256"]) == 64
-    assert tracks not in path.read_text()  # what they are, not where they lie
-    assert why_unranked(record) == NOT_CAUSAL
-    assert verify(path, RunOptions(kitti), card).level == "re-scored"
-    assert verify(path, options, card, rerun=True).holds
-    other = tmp_path / "other"
-    other.mkdir()
-    for file in Path(tracks).iterdir():
-        (other / file.name).write_text("")
-    again = verify(path, replace(options, track_file=str(other)), card, rerun=True)
-    assert "env.keywords.tracks_sha256" in [difference.what for difference in again.differences]
+    for name, message in (("given_tracks", "it has no record"), ("stp", "stp do not observe them")):
+        with pytest.raises(MtpBenchError, match=message):
+            submit(name, card, options, tmp_path)
 
 
 # ---- STP's own tracks, there and back

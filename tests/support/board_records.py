@@ -138,7 +138,7 @@ def made_up_board() -> list[Record]:
         made_up("stp", 1.068, silence=2.0),
         made_up("straight_on", 1.434, spread=0.1, missed={"malformed": 14}),
         made_up("truth_past", 0.381, env=truth),
-        made_up("pooled_many", 0.655, hypotheses=40, division="open"),
+        made_up("pooled_many", 0.655, hypotheses=40, env={"data_manifest": "ee" * 32}),
         made_up("short_of_breath", 1.5, scenes=3, spread=0.05, status_reason="3 of 4 scenes"),
         made_up("sleeper", None, status="crashed", status_reason="the process ended by signal 9"),
         made_up("braided_paths", 0.411, hypotheses=20, **few),

@@ -8,10 +8,10 @@ from dataclasses import asdict
 from typing import Any
 
 from mtp_bench.gateway import Limits
-from mtp_bench.records.attestation import Level, SignedLevel, Statement, bound_to
+from mtp_bench.records.attestation import Level, SignedLevel, Statement
 from mtp_bench.records.eligibility import Ships
 from mtp_bench.records.evaluation import scorer_digest, status_of
-from mtp_bench.records.record import HiddenPart, Record, ScenePart
+from mtp_bench.records.record import HiddenPart, MissedPart, Record, ScenePart
 from mtp_bench.records.seal import ListedSeal
 from mtp_bench.records.shipped import Shipped, baseline_digest
 from mtp_bench.records.storage import sealed
@@ -106,9 +106,9 @@ def make_record(
     }  # fmt: skip
     content = merged(content, changed)
     content.setdefault("hashes", {"seals": hex_of(name), "rollouts": hex_of(name)})
-    env, lost, runs = content["env"], content["missed"], len(content["per_scene"]) * len(content["seeds"])
-    counts = env["scenes"], env["scenes_of_split"], lost["crashed_scenes"], runs
-    content.setdefault("status", status_of(*counts, lost["reasons"], env["keywords"].get("split"))[0])
+    env, missed = content["env"], MissedPart.model_validate(content["missed"])
+    runs = len(content["per_scene"]) * len(content["seeds"])
+    content.setdefault("status", status_of(env["scenes"], env["scenes_of_split"], missed, runs)[0])
     return sealed(Record.model_validate(content))
 
 
@@ -165,9 +165,9 @@ def signed_level(
     retired: str = "",
 ) -> SignedLevel:
     """A level of a record, as it is once its signature was checked."""
-    statement = Statement.model_validate(
-        {"level": level, "isolation": "bubblewrap", "date": "2030-02-02", "hidden": hidden, **bound_to(record)}
-    )
+    digests = {"record": record.digest, "measured": record.measured.digest}
+    content = {"level": level, "isolation": "bubblewrap", "date": "2030-02-02", "hidden": hidden, **digests}
+    statement = Statement.model_validate(content)
     seal = None if hidden is None else ListedSeal(
         env=record.env.id, card_digest=record.env.card_digest, count=hidden.scenes, commitment=hidden.commitment,
         made=made, name="first", retired=retired,

@@ -108,7 +108,7 @@ def test_text_filters(opened: Browser) -> None:
 def test_text_means_names_and_authors_alone(browser: Browser, tmp_path: Path) -> None:
     many = {"authors": [f"Author Number {i}" for i in range(20)], "description": "x", "source": "https://example.org/x"}
     path = tmp_path / "board.html"
-    write(path, board_of(made_up("many", submission=many), made_up("few", 2.0), made_up("last", 3.0, division="open")))
+    write(path, board_of(made_up("many", submission=many), made_up("few", 2.0), made_up("last", 3.0)))
     with only(browser, path):
         for text, found in (
             ("number 19", ["many"]),
@@ -125,7 +125,6 @@ def test_text_means_names_and_authors_alone(browser: Browser, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("control", "value", "kept"),
     [
-        ("division", "open", ["pooled_many"]),
         ("level", "2", ["braided_paths", "stp"]),
         ("level", "0", RANKED + UNRANKED),
     ],

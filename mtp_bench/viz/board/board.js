@@ -68,7 +68,7 @@
   };
 
   /* Filters, kept in the address after the place: #env/submission?text=...&level=2 */
-  const filters = ["text", "env", "division", "level"];
+  const filters = ["text", "env", "level"];
   const form = one("_filters");
   let target = "";
   const remember = () => {
@@ -77,22 +77,21 @@
     const hash = `${target}${query.size ? "?" : ""}${query}`;
     history.replaceState(null, "", hash ? `#${hash}` : location.pathname + location.search);
   };
-  const passes = (entry, words, division, level, unranked) => {
+  const passes = (entry, words, level, unranked) => {
     const authors = entry.dataset.authors ?? entry.querySelector(".by bdi").textContent;  // all, or those of a short line
     const text = `${entry.querySelector(".open").textContent} ${authors}`.toLowerCase();
-    return (division === "" || (entry.dataset.division ?? "closed") === division) &&
-      (level === "" || Number(entry.dataset.level) >= Number(level)) &&
+    return (level === "" || Number(entry.dataset.level) >= Number(level)) &&
       (unranked || !entry.classList.contains("unranked")) &&
       words.every((word) => text.includes(word));
   };
   const filter = () => {
-    const [text, env, division, level] = filters.map((name) => one(`_${name}`).value);
+    const [text, env, level] = filters.map((name) => one(`_${name}`).value);
     const words = text.toLowerCase().split(/\s+/).filter(Boolean);
     const unranked = one("_unranked").checked;
     let [shown, total] = [0, 0];
     for (const board of all(".board")) {
       const entries = all("tbody.entry", board);
-      for (const entry of entries) entry.hidden = !passes(entry, words, division, level, unranked);
+      for (const entry of entries) entry.hidden = !passes(entry, words, level, unranked);
       const kept = entries.filter((entry) => !entry.hidden).length;
       board.hidden = env !== "" && board.dataset.env !== env;
       total += entries.length;

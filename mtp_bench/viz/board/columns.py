@@ -116,7 +116,6 @@ _FIRST = (
 )
 _LAST = (
     Column(key="p", format=".3f", read=lambda e: d.p if (d := e.difference()) else None),
-    _text("division", lambda e: e.record.division),
     _text("status", lambda e: e.record.status),
     _text("digest", lambda e: e.record.digest),
     _text("level", lambda e: e.level),
