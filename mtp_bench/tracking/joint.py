@@ -49,6 +49,11 @@ def k_best(
     cheapest = np.argsort(base, kind="stable")
     kept = np.sort(cheapest[np.unique(member[cheapest], axis=0, return_index=True)[1]]) if len(base) > 1 else cheapest
     start = np.searchsorted(row, np.arange(rows + 1))
+    choices = np.where(member[kept], np.diff(start) + 1.0, 1.0)
+    with np.errstate(over="ignore"):
+        k = int(min(k, choices.prod(axis=1).sum()))  # working space must not grow with an idle k
+    if k == 0:
+        return np.empty(0), np.empty((0, rows), dtype=np.int64), np.empty(0, dtype=np.int64)
     costs, row_to_column, parent = joint_k_best(start, column, pair_cost, columns, member[kept], base[kept], k)
     return costs, row_to_column, kept[parent]
 

@@ -142,26 +142,6 @@ def _apart(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l
 
 
 @part
-def _hull_bound(x: float, y: float, cos: float, sin: float, l_a: float, w_a: float, l_b: float, w_b: float) -> float:
-    """A cheap lower bound of `hull_area`.
-
-    The hull holds the far half of each box, and between them the trapezoid over the chords through the centres across
-    the line that joins these.
-    """
-    square = x * x + y * y
-    along, across = abs(cos * x + sin * y), abs(cos * y - sin * x)
-    chord_a = min(l_a * square / max(abs(y), _TINY), w_a * square / max(abs(x), _TINY))  # times the distance
-    chord_b = min(l_b * square / max(across, _TINY), w_b * square / max(along, _TINY))
-    return (l_a * w_a + l_b * w_b + chord_a + chord_b) * (0.5 / _MORE)
-
-
-@part
-def _slack(gate: float) -> float:
-    """Largest share of both areas that the hull may have beside the half of them that it has anyway."""
-    return max(1.0 / max(1.0 + gate, 1e-9) - 0.5, 0.0) * _MORE
-
-
-@part
 def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int, gate: float) -> float:
     """IoU or GIoU of two described boxes minus the gate; ``square``: of their distance in BEV."""
     touch = a[i, _RADIUS] + b[j, _RADIUS]
@@ -186,48 +166,31 @@ def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int
     if kind == IOU_3D:
         return float(iou - gate)
     whole = max(top_a, top_b) - min(low_a, low_b)
-    if union < (1.0 - iou + gate - 1e-9) * _hull_bound(x, y, cos, sin, l_a, w_a, l_b, w_b) * whole:
-        return -np.inf
     hull = max(hull_area(x, y, cos, sin, l_a, w_a, l_b, w_b) * whole, union)  # rounding: the union may not stand out
     return float(iou - (hull - union) / max(hull, _TINY) - gate)
 
 
 @part
-def _farthest(a: Floats, i: int, kind: int, gate: float, slack: float, extreme: Floats) -> float:
-    """Square of the distance in BEV beyond which no detection of the class can match box ``i``.
-
-    ``extreme``: largest area, smallest side and largest radius of the detections of the class.
-    """
-    if kind == CENTER_DISTANCE:
-        return gate * gate * _MORE
-    touch = a[i, _RADIUS] + extreme[2]
-    if kind == IOU_3D:
-        return float(touch * touch * _MORE) if gate > 0.0 else np.inf
-    bound = (a[i, _AREA] + extreme[0]) * slack / max(min(a[i, _SIDE], extreme[1]), _TINY)
-    return float(max(bound, touch) ** 2 * _MORE)
-
-
-@part
-def _near(a: Floats, i: int, b: Floats, first: int, last: int, far: float, kind: int, slack: float, into: Ints) -> int:
+def _near(a: Floats, i: int, b: Floats, first: int, last: int, kind: int, gate: float, into: Ints) -> int:
     """Number of boxes from ``first`` to ``last`` that may match box ``i``, written into ``into``.
 
     Every place is written, and kept or not: a branch that the processor cannot foresee costs more than the test.
     """
     found = 0
+    # The largest share of both areas that the hull may have beside the half of them that it has anyway.
+    slack = max(1.0 / max(1.0 + gate, 1e-9) - 0.5, 0.0) * _MORE
     for j in range(first, last):
         square = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
+        touch = a[i, _RADIUS] + b[j, _RADIUS]
+        if kind == CENTER_DISTANCE:
+            spare = gate * gate * _MORE - square
+        elif kind == IOU_3D:
+            spare = touch * touch * _MORE - square if gate > 0.0 else np.inf
+        else:
+            side, most = min(a[i, _SIDE], b[j, _SIDE]), (a[i, _AREA] + b[j, _AREA]) * slack
+            spare = max(touch * touch - square, most * most - square * side * side)
         into[found] = j
-        found += 1 if square <= far else 0
-    if kind != GIOU_3D:
-        return found
-    first, last, found = 0, found, 0
-    for k in range(first, last):
-        j = into[k]
-        square = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
-        touch, side = a[i, _RADIUS] + b[j, _RADIUS], min(a[i, _SIDE], b[j, _SIDE])
-        most = (a[i, _AREA] + b[j, _AREA]) * slack
-        into[found] = j
-        found += 1 if max(touch * touch - square, most * most - square * side * side) >= 0.0 else 0
+        found += 1 if spare >= 0.0 else 0
     return found
 
 
@@ -242,12 +205,9 @@ def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float) -> float
 
 
 @part
-def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints, Floats, Floats]:
-    """Start of each class [C + 1], detections by class [D], their descriptions in that order, extremes [C, 3]."""
+def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints, Floats]:
+    """Start of each class [C + 1], detections by class [D], and their descriptions in that order."""
     classes, start = len(kind), np.zeros(len(kind) + 2, np.int64)
-    extreme = np.zeros((classes, 3))
-    for c in range(classes):
-        extreme[c, 1] = np.inf
     for c in class_id:
         if 0 <= c < classes:
             start[c + 2] += 1
@@ -261,11 +221,7 @@ def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints
             start[c + 1] += 1
             order[at] = j
             _describe(detection, j, int(kind[c]), described, at)
-            if not math.isnan(described[at, _X]):
-                extreme[c, 0] = max(extreme[c, 0], described[at, _AREA])
-                extreme[c, 1] = min(extreme[c, 1], described[at, _SIDE])
-                extreme[c, 2] = max(extreme[c, 2], described[at, _RADIUS])
-    return start[: classes + 1], order, described, extreme
+    return start[: classes + 1], order, described
 
 
 @kernel("Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[:, :], i8[::1], i8[::1], f8[::1])")
@@ -278,7 +234,7 @@ def sparse_pairs(
     gate: Floats,  # [C]
 ) -> tuple[Ints, Ints, Floats]:
     """Allowed pairs as rows: indptr [N + 1], column [E] ascending in each row, gain [E], none negative."""
-    start, order, b, extreme = _by_class(detection, detection_class, kind)
+    start, order, b = _by_class(detection, detection_class, kind)
     n, capacity = len(track_class), 0
     for c in track_class:
         if 0 <= c < len(kind):
@@ -290,9 +246,7 @@ def sparse_pairs(
         if 0 <= c < len(kind):
             rule, limit, first, last = int(kind[c]), float(gate[c]), int(start[c]), int(start[c + 1])
             _describe(track, i, rule, a, 0)
-            slack = _slack(limit)
-            far = _farthest(a, 0, rule, limit, slack, extreme[c])
-            for k in range(_near(a, 0, b, first, last, far, rule, slack, candidate)):
+            for k in range(_near(a, 0, b, first, last, rule, limit, candidate)):
                 j = int(candidate[k])
                 value = _gain(a, 0, b, j, rule, limit)
                 if value >= 0.0:

@@ -27,16 +27,13 @@ def joint_k_best(
     The allowed pairs of row r are ``column[indptr[r]:indptr[r + 1]]`` with their ``cost`` (compressed sparse rows:
     ``indptr`` [N + 1], the others [E]) of ``columns`` columns. ``member`` [H, N]: the rows of each parent, no two
     parents with the same. ``base_cost`` [H] is added to the solutions of its parent. Unmatched and absent rows have
-    column -1. All costs are finite; no row has a column twice. `mtp_bench.tracking.k_best` checks what it is given,
-    this kernel does not.
+    column -1. All costs are finite; no row has a column twice; H and k are at least 1. `mtp_bench.tracking.k_best`
+    checks what it is given, this kernel does not.
 
     Best first; at equal cost the lower parent, then the lower columns from the first row on come first. Costs are sums
     over the rows in their order, base first. Which of several equally cheap solutions are the last to be kept is fixed
     but not defined. k' < k where there are fewer solutions.
     """
-    k = number_wanted(indptr, member, k)
-    if k < 1:
-        return np.empty(0), np.empty((0, member.shape[1]), np.int64), np.empty(0, np.int64)
     problem = find_components(indptr, column, cost, columns)
     pieces = find_pieces(member, problem.rows, problem.start)
     solutions, total, limit = solve_pieces(problem, pieces, base_cost, k)
@@ -45,23 +42,6 @@ def joint_k_best(
     row_to_column = np.empty((len(chosen), member.shape[1]), np.int64)
     write_solutions(chosen, states, problem, pieces, solutions, base_cost, costs, parent, row_to_column)
     return sort_solutions(costs, row_to_column, parent)
-
-
-@part
-def number_wanted(indptr: Ints, member: Bools, k: int) -> int:
-    """``k``, or fewer if the choices of the rows are fewer: working space must not grow with an idle k."""
-    most = 0.0
-    for p in range(member.shape[0]):
-        product = 1.0
-        for row in range(member.shape[1]):
-            if member[p, row]:
-                product *= indptr[row + 1] - indptr[row] + 1
-                if product >= k:
-                    break
-        most += product
-        if most >= k:
-            return k
-    return int(most)
 
 
 @inlined
