@@ -40,7 +40,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """As many as cores: each process makes for itself what its tests share, and more would crowd the caches."""
+    """Number of test processes: one per core."""
     return cores()
 
 
@@ -61,14 +61,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish() -> None:
-    """What was read stays until the end: the collector need not look at it again and again."""
+    """Leave out of garbage collection the modules and items, which stay until the end."""
     gc.freeze()
 
 
 def take_packages_in_turn(items: list[pytest.Item]) -> None:
-    """One file of each package, then the next of each: files that mostly wait lie in a few packages.
+    """Order tests by file: one file of each package, then the next of each.
 
-    Side by side they would leave the cores idle.
+    Files that mostly wait lie in a few packages; side by side they would leave the cores idle.
     """
     files = dict.fromkeys(item.path for item in items)
     taken: Counter[Path] = Counter()
@@ -134,7 +134,7 @@ def in_one_process() -> Iterator[None]:
 
 @pytest.fixture(scope="session", autouse=True)
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """What is made once lies apart from the user's, in one folder for all processes of this session."""
+    """One folder for all processes of this session, apart from the user's cache."""
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if os.environ.get("PYTEST_XDIST_WORKER") else base) / "cache"
     folder.mkdir(exist_ok=True)
@@ -151,7 +151,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled() -> None:
-    """Kernels are compiled once, here: the line that says so is in nobody's output."""
+    """Compile kernels before the first test, whose output would show the line about it."""
     compile_kernels()
 
 

@@ -12,7 +12,7 @@ from mtp_bench.types import Floats, Rollout
 
 @dataclass(frozen=True)
 class Numbers:
-    """What one target gets from one forecast."""
+    """Numbers of one target and one forecast."""
 
     min_ade: float
     min_fde: float

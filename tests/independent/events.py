@@ -21,7 +21,7 @@ Matched = dict[int, int | None]  # object -> id of its track, None: unmatched
 
 
 def own_events(scenes: Sequence[Scene], rollouts: Sequence[Rollout], card: Card) -> dict[str, list[Event]]:
-    """Events by kind; an id that is not there is None.
+    """Events by kind; a missing id is None.
 
     Reading: `reacquired` needs an earlier matched frame of the same unbroken run of true frames, each frame seen by the
     ancestor of the best hypothesis; where a parent is not stated, history begins.

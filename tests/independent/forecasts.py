@@ -16,7 +16,7 @@ from .targets import Target, live_frames, neutral_rows, unconfirmed
 
 @dataclass(frozen=True)
 class Verdict:
-    """What became of the kept forecasts of a frame, by their rows."""
+    """Outcome of the kept forecasts of a frame, by their rows."""
 
     matched: dict[int, int]  # row -> row of the evaluated truth
     neutral: frozenset[int]
@@ -44,7 +44,7 @@ class Run:
 
     @property
     def complete(self) -> bool:
-        """Whether every object is known, so that a forecast can be false."""
+        """True if every object is known, so that a forecast can be false."""
         return all(scene.truth_complete for scene in self.scenes)
 
     @property
@@ -73,7 +73,7 @@ class Run:
         return self.pair[key]
 
     def is_hidden(self, s: int, t: int, row: int) -> bool:
-        """Whether the image could not confirm the forecast."""
+        """True if the image could not confirm the forecast."""
         image, said = self.scenes[s].image, self.rollouts[s]
         if image is None:
             return False
@@ -98,7 +98,7 @@ def judge_frame(run: Run, s: int, t: int, rows: Sequence[int], gates: Sequence[f
 
 
 def _match(run: Run, s: int, rows: Sequence[int], truth_rows: Sequence[int], gates: Sequence[float]) -> dict[int, int]:
-    """Reading: a pair whose object is no target has minADE 0 in the rule of ties."""
+    """Reading: a pair whose object is not a target has minADE 0 in the rule of ties."""
     said, truth = run.rollouts[s], run.scenes[s].truth
     pairs: dict[tuple[int, int], Keys] = {}
     for r in rows:

@@ -45,7 +45,7 @@ class Ends(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """What is drawn for n units."""
+    """Random draws for n units."""
 
     units: Drawn
     signs: Drawn

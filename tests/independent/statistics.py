@@ -1,4 +1,4 @@
-"""Units, significance, and who may be ranked."""
+"""Units, significance, and conditions of a rank."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def of_shares(part: Floats, whole: Floats, resamples: Drawn = drawn_units) -> In
 
 
 def why_unranked(subset: str, weights: Floats, units: Sequence[Hashable], owners: Sequence[Hashable]) -> str:
-    """Why a subset ranks nobody; empty where it ranks.
+    """Reason for which a subset has no ranks; empty where it has.
 
     Reading: "a subset" is "all" too, but for the share of one unit, which speaks of event weights.
     """
@@ -142,6 +142,6 @@ def why_unranked(subset: str, weights: Floats, units: Sequence[Hashable], owners
 
 
 def guarded(subset: str, all_error: float, stp_all_error: float, own_stp_all_error: float | None) -> bool:
-    """Whether the agent may not be ranked on an event subset, since it is worse than STP on "all"."""
+    """True if an agent has no rank on an event subset because it is worse than STP on "all"."""
     ends = [stp_all_error] if own_stp_all_error is None else [stp_all_error, own_stp_all_error]
     return subset != "all" and all_error > min(ends)

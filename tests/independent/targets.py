@@ -1,4 +1,4 @@
-"""What is asked: targets, live frames, and what is neutral."""
+"""Targets, live frames, and neutral objects."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def neutral_rows(scene: Scene) -> Bools:
 
 
 def unconfirmed(image: ImageField, t: int, xy: Floats, kind: int) -> bool:
-    """Whether no label of the image could confirm an object of class ``kind`` at ``xy``.
+    """True if no label of the image could confirm an object of class ``kind`` at ``xy``.
 
     Reading: the 2D box is the hull of the 8 projected corners, clipped to the image; a box with any corner behind the
     camera is outside. Height and area are those of the clipped box; a region is compared on its own, not their union.

@@ -35,7 +35,7 @@ REASONS = {  # in the independent scorer's words -> in the product's
 
 @dataclass(frozen=True)
 class Player:
-    """How far its forecasts lie beside those that are drawn, and the share of them that it leaves out."""
+    """Shift of its forecasts beside those that are drawn, and the share of them that it leaves out."""
 
     beside: float  # m
     silent: float = 0.0
@@ -66,7 +66,7 @@ def as_flipped(n: int) -> Floats:
 
 @lru_cache(maxsize=max(SCENES))
 def before(seed: int, place: int) -> Rollout:
-    """What the answers of all players are made of."""
+    """The rollout from which those of all players are made."""
     return said("complete", seed, place, 0)
 
 
@@ -97,7 +97,7 @@ def test_both_cut_scenes_into_the_same_blocks(rate: float) -> None:
 
 
 def told(reason: str, row: Mapping[str, Any]) -> bool:
-    """Whether the row gives the reason."""
+    """True if the row gives the reason."""
     return REASONS[reason] in row["unranked_because"] if reason else row["unranked_because"] is None
 
 

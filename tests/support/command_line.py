@@ -51,7 +51,7 @@ def plain_environment() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Output:
-    """What a command left behind."""
+    """Exit status and output of a command."""
 
     status: int
     out: str
@@ -67,7 +67,7 @@ class Output:
         return self.err.removeprefix("error: ").strip()
 
 
-# Said by whoever comes first on a new machine.
+# Printed by the first command on a new machine.
 COMPILING = "mtp_bench: compiling the kernels of trackers and samplers, once per machine: up to a minute\n"
 
 

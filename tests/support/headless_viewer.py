@@ -1,4 +1,4 @@
-"""The viewer without a screen: pictures of recordings, drawn in software."""
+"""Rerun's viewer without a screen, for pictures of recordings that are drawn in software."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ WAIT = 40.0  # s
 
 
 def require_driver() -> None:
-    """Skip where there is nothing that draws, and say what to install."""
+    """Skip the test without a Vulkan driver, and name what to install."""
     named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
     driver = named or any(list(Path(folder).glob("*.json")) for folder in DRIVERS)
     if not driver or ctypes.util.find_library("vulkan") is None:
@@ -37,7 +37,7 @@ def require_driver() -> None:
 
 @contextmanager
 def headless_viewer() -> Iterator[ViewerClient]:
-    """A viewer of its own, that listens on this machine only."""
+    """A new viewer, which listens on this machine only."""
     port = free_port()
     viewer = start_viewer(port, ["--headless", "--window-size", "1600x900", "--hide-welcome-screen", "--threads", "2"])
     try:
@@ -49,7 +49,7 @@ def headless_viewer() -> Iterator[ViewerClient]:
 
 @contextmanager
 def windows_without_a_screen(patch: pytest.MonkeyPatch) -> Iterator[str]:
-    """What would open a window opens a headless viewer; its address, and it is gone afterwards."""
+    """Address of a headless viewer that starts in place of a window; it ends with the context."""
     port, started, popen = free_port(), [], subprocess.Popen
 
     def start(command: list[str], **keywords: Any) -> subprocess.Popen[bytes]:

@@ -97,7 +97,7 @@ class Court:
         return run_isolated(path, self.card, {"data": self.data}, scene, parameters=parameters, limits=limits)
 
     def honest(self, scene: str = SCENE) -> Rollout:
-        """What the agent says without any trick, in this process."""
+        """Rollout of the agent without any trick, run in this process."""
         return run_scene(small_scenes.EchoAgent(), MTPEnv(self.card, self.data, evaluation=True), scene, 0)
 
     def error(self, rollout: Rollout) -> float:

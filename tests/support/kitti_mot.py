@@ -18,7 +18,7 @@ from mtp_bench.sources.kitti.files import LabelRows, read_detections, read_label
 from mtp_bench.sources.kitti.layout import TYPES
 from mtp_bench.sources.kitti.source import NEIGHBOURS, read_poses
 from mtp_bench.types import Bools, Floats, Ints, Scene
-from tests.support.plain_geometry import pairwise
+from tests.support.plain_affinity import pairwise
 
 LEAST_IOU = 0.25
 MAX_OCCLUSION = 2

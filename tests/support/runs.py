@@ -39,7 +39,7 @@ def run_scenes(
     workers: int = 1,
     finish: Finish | None = None,
 ) -> list[Any]:
-    """What ``finish`` makes of each scene, its rollout if None, in the order of ``names``."""
+    """Results of ``finish`` on each scene in the order of ``names``; if None, the rollouts."""
     jobs = [Job(make_agent, env_id, {**keywords, "evaluation": True}, scene, seed, "mine") for scene in names]
     return run_jobs(jobs, RunOptions(workers=Workers(workers)), finish)
 

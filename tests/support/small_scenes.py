@@ -112,7 +112,7 @@ def bare_scene(name: str = "bare", frames: int = 3) -> Scene:
 
 
 class MemorySource:
-    """Scenes that were not read from anywhere."""
+    """A source of scenes in memory."""
 
     def __init__(self, *scenes: Scene) -> None:
         self.scenes = {scene.name: scene for scene in scenes}
@@ -126,7 +126,7 @@ class MemorySource:
 
 
 def empty_action(rules: Task) -> Action:
-    """An answer that says nothing."""
+    """An action without tracks and forecasts."""
     n, o, h, k = rules.tracks, rules.objects, rules.hypotheses, rules.samples
     return {
         "track_id": np.arange(n),
@@ -144,7 +144,7 @@ def empty_action(rules: Task) -> Action:
 
 
 def decode(action: object, rules: Task, detected: Ints | None = None) -> RecordedAction:
-    """What the env keeps of an action."""
+    """The action as the env records it."""
     return record_action(examine(action, rules), rules, detected=detected)
 
 
@@ -168,7 +168,7 @@ def full_action(rules: Task) -> Action:
 
 @dataclass
 class EchoAgent:
-    """Answers with the detections themselves; forecasts run along the heading. Moves with the frame it is told in."""
+    """Returns the detections as tracks and objects; forecasts run along the heading, so they turn with the frame."""
 
     noise: float = 0.0  # m, of the forecasts' speed
 

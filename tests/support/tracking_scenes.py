@@ -45,7 +45,7 @@ def frame(*objects: tuple[float, float, int]) -> Frame:
 
 
 def observation(detections: Frame) -> Observation:
-    """What trackers read, without padding."""
+    """The observation of a tracker, without padding."""
     box, class_id = detections
     return {
         "detection_box": box,

@@ -14,8 +14,7 @@ from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, sparse_
 from mtp_bench.tracking.parameters import Affinity, ClassParameters
 from mtp_bench.tracking.tracker import rules_of, sparse_gains
 from mtp_bench.types import Floats, Ints
-from tests.support.plain_affinity import gains
-from tests.support.plain_geometry import bev_hull_area, giou_3d, giou_reach
+from tests.support.plain_affinity import bev_hull_area, gains, giou_3d, giou_reach
 
 
 def random_boxes(rng: np.random.Generator, n: int, spread: float = 3.0) -> Floats:
