@@ -144,8 +144,8 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """With several test processes (pytest-xdist) kernels are compiled before these start, else by each of them."""
-    if getattr(session.config.option, "numprocesses", None):
+    """Compile kernels before several test processes start (pytest-xdist); `make test` has done so already."""
+    if getattr(session.config.option, "numprocesses", None) and "MAKELEVEL" not in os.environ:
         compile_kernels()
 
 
