@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,27 +15,40 @@ from ..tracks import UNBORN, Tracks
 from ..types import Bools, Floats, Ints, Task
 
 
+class TrackReport(NamedTuple):
+    """A track of a frame, with an id from elsewhere, and the detection that it took."""
+
+    id: int  # no id twice in a frame
+    box: Floats  # [7] now
+    class_id: int
+    score: float  # used until the track takes a detection
+    detection: int  # row of the observation, -1 for none
+    measured: Floats  # [7] box of the detection taken; of a track that took none, its own
+
+
 @dataclass
 class _History:
     """History of one identity."""
 
     first: int  # frame in which it was first reported
-    reports: deque[tuple[int, int, Floats]]  # frame, row of the detection or -1, box; the last P
+    past: int  # P
+    reports: deque[tuple[int, int, Floats]] = field(init=False)  # frame, detection, measured box; the last P
     hits: int = 0
     scores: float = 0.0  # sum over the detections that it took
     last_score: float = 0.0
 
+    def __post_init__(self) -> None:
+        self.reports = deque(maxlen=self.past)
 
-@dataclass(frozen=True, eq=False)
-class ExternalTracks:
-    """N tracks of a frame, with ids from elsewhere, and the detections that they took."""
-
-    track_id: Ints  # [N] no id twice
-    box: Floats  # [N, 7] now
-    class_id: Ints  # [N]
-    score: Floats  # [N] used until the track takes a detection
-    detection: Ints  # [N] row of the observation, -1 for none
-    measured: Floats  # [N, 7] box of the detection taken; of a track that took none, its own
+    def append(self, frame: int, report: TrackReport, detection_score: Floats) -> None:
+        """Enter the report of a frame; ``detection_score`` [D] of its observation."""
+        self.reports.append((frame, report.detection, report.measured))
+        if report.detection >= 0:
+            self.hits += 1
+            self.last_score = float(detection_score[report.detection])
+            self.scores += self.last_score
+        elif not self.hits:
+            self.last_score = report.score
 
 
 class Histories:
@@ -43,22 +58,19 @@ class Histories:
         self._past, self._frame = past, 0
         self._by_id: dict[int, _History] = {}
 
-    def after(self, external: ExternalTracks, detection_score: Floats) -> Tracks:
+    def after(self, reports: Sequence[TrackReport], detection_score: Floats) -> Tracks:
         """Tracks of one hypothesis after the next frame; ``detection_score`` [D] of all rows of its observation."""
         self._frame += 1
-        ids = external.track_id.tolist()
-        histories = [self._by_id.setdefault(i, _History(self._frame, deque(maxlen=self._past))) for i in ids]
-        for i, history in enumerate(histories):
-            self._append(
-                history, int(external.detection[i]), external.measured[i], float(external.score[i]), detection_score
-            )
+        histories = [self._by_id.setdefault(report.id, _History(self._frame, self._past)) for report in reports]
+        for history, report in zip(histories, reports, strict=True):
+            history.append(self._frame, report, detection_score)
         past, taken = self._window(histories)
         return Tracks(
-            track_id=external.track_id,
-            box=external.box,
-            class_id=external.class_id,
+            track_id=np.array([report.id for report in reports], dtype=np.int64),
+            box=np.array([report.box for report in reports], dtype=np.float64).reshape(-1, 7),
+            class_id=np.array([report.class_id for report in reports], dtype=np.int64),
             score=np.array([one.scores / one.hits if one.hits else one.last_score for one in histories]),
-            detection=external.detection,
+            detection=np.array([report.detection for report in reports], dtype=np.int64),
             past=past,
             past_valid=taken >= 0,
             member=np.ones((1, len(histories)), dtype=bool),
@@ -69,15 +81,6 @@ class Histories:
             age=np.array([self._frame - one.first + 1 for one in histories], dtype=np.int64),
             past_detection=taken,
         )
-
-    def _append(self, history: _History, row: int, measured: Floats, score: float, detection_score: Floats) -> None:
-        history.reports.append((self._frame, row, measured))
-        if row >= 0:
-            history.hits += 1
-            history.last_score = float(detection_score[row])
-            history.scores += history.last_score
-        elif not history.hits:
-            history.last_score = score
 
     def _window(self, histories: list[_History]) -> tuple[Floats, Ints]:
         """Boxes [N, P, 7] of the last P frames and the rows taken [N, P].
@@ -131,17 +134,11 @@ class GivenTracker:
     def step(self, observation: Observation) -> Tracks:
         """The stored tracks of this frame with their pasts."""
         rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
-        box = np.asarray(observation["detection_box"], dtype=np.float64)[rows]
+        ids, class_id = (np.asarray(observation[f"detection_{name}"]).tolist() for name in ("id", "class"))
+        box = np.asarray(observation["detection_box"], dtype=np.float64)
         score = np.asarray(observation["detection_score"], dtype=np.float64)
-        external = ExternalTracks(
-            track_id=np.asarray(observation["detection_id"], dtype=np.int64)[rows],
-            box=box,
-            class_id=np.asarray(observation["detection_class"], dtype=np.int64)[rows],
-            score=score[rows],
-            detection=rows,
-            measured=box,
-        )
-        return self._histories.after(external, score)
+        reports = [TrackReport(ids[i], box[i], class_id[i], float(score[i]), i, box[i]) for i in rows.tolist()]
+        return self._histories.after(reports, score)
 
 
 class TruthTracker:

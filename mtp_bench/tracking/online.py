@@ -12,7 +12,7 @@ from ..agent import Observation, Tracks
 from ..errors import ShapeError, SubmissionError
 from ..geometry import bev_corners
 from ..types import Bools, Floats, Ints, Task
-from .given import ExternalTracks, Histories
+from .given import Histories, TrackReport
 from .joint import k_best
 from .online_rows import TrackRow, read_rows
 
@@ -121,12 +121,12 @@ class OnlineTracker:
         self._frame += 1
         rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
         seen = self._seen(observation, rows)
-        resolved: list[_ResolvedRow] = []
+        reports: list[TrackReport] = []
         for group, update in zip(self._groups, self._updates, strict=True):
             mine = np.ones(len(seen), dtype=bool) if group is None else seen.class_id == group
             answer = read_rows(update(seen.select(mine)), int(mine.sum()), self._frame)
-            resolved += self._resolve(answer, seen.select(mine), np.flatnonzero(mine), group)
-        return self._histories.after(_external(resolved, rows), observation["detection_score"])
+            reports += self._reports(answer, seen.select(mine), rows[mine], group)
+        return self._histories.after(reports, observation["detection_score"])
 
     def _seen(self, observation: Observation, rows: Ints) -> OnlineDetections:
         box = np.asarray(observation["detection_box"], dtype=np.float64)[rows]
@@ -140,37 +140,38 @@ class OnlineTracker:
             dt=float(observation["dt"]),
         )
 
-    def _resolve(
-        self, tracker_rows: list[TrackRow], seen: OnlineDetections, place: Ints, group: int | None
-    ) -> list[_ResolvedRow]:
-        """Rows of one tracker with classes and detections; ``place`` [D]: rows of its detections among all."""
-        resolved = []
-        for row, at in zip(tracker_rows, self._taken(tracker_rows, seen, group).tolist(), strict=True):
-            key = (group, row.id)
-            if at >= 0:
-                class_id, measured = int(seen.class_id[at]), seen.box[at]
-                box = row.box if len(row.box) == 7 else measured
+    def _reports(
+        self, answer: list[TrackRow], seen: OnlineDetections, row: Ints, group: int | None
+    ) -> list[TrackReport]:
+        """Rows of one tracker with their classes; ``row`` [D]: its detections in the observation."""
+        reports = []
+        for track, taken in zip(answer, self._taken(answer, seen, group).tolist(), strict=True):
+            key = (group, track.id)
+            if taken >= 0:
+                class_id, measured = int(seen.class_id[taken]), seen.box[taken]
+                box = track.box if len(track.box) == 7 else measured
             elif key in self._last:
                 class_id, last = self._last[key]
-                moved = np.concatenate([self._centre(row.box), last[2:]])
-                box = measured = row.box if len(row.box) == 7 else moved
+                moved = np.concatenate([self._centre(track.box), last[2:]])
+                box = measured = track.box if len(track.box) == 7 else moved
             else:
                 continue  # it never took a detection, so that its class is unknown
             self._last[key] = class_id, box
             number = self._number.setdefault((key, class_id), len(self._number))
-            resolved.append(_ResolvedRow(number, box, class_id, row.score, -1 if at < 0 else int(place[at]), measured))
-        return resolved
+            detection = int(row[taken]) if taken >= 0 else -1
+            reports.append(TrackReport(number, box, class_id, track.score, detection, measured))
+        return reports
 
-    def _taken(self, tracker_rows: list[TrackRow], seen: OnlineDetections, group: int | None) -> Ints:
+    def _taken(self, answer: list[TrackRow], seen: OnlineDetections, group: int | None) -> Ints:
         """The detection that each row took, -1 for none: the stated one, else the nearest free one, one to one."""
-        taken = np.array([-1 if row.detection is None else row.detection for row in tracker_rows], dtype=np.int64)
+        taken = np.array([-1 if row.detection is None else row.detection for row in answer], dtype=np.int64)
         free = np.setdiff1d(np.arange(len(seen)), taken)
-        unstated = np.array([i for i, row in enumerate(tracker_rows) if row.detection is None], dtype=np.int64)
+        unstated = np.array([i for i, row in enumerate(answer) if row.detection is None], dtype=np.int64)
         if not len(free) or not len(unstated):
             return taken
-        centre = np.array([self._centre(tracker_rows[i].box) for i in unstated])
+        centre = np.array([self._centre(answer[i].box) for i in unstated])
         distance = np.linalg.norm(centre[:, None] - seen.box[None, free, :2], axis=-1)
-        known = [self._last.get((group, tracker_rows[i].id), (-1,))[0] for i in unstated]
+        known = [self._last.get((group, answer[i].id), (-1,))[0] for i in unstated]
         other_class = np.array([[k not in (-1, c) for c in seen.class_id[free].tolist()] for k in known])
         cost = distance + self._gate * other_class - 3 * self._gate  # its own class first
         column = k_best(np.where(distance <= self._gate, cost, np.inf), 1)[1][0]
@@ -180,30 +181,6 @@ class OnlineTracker:
     def _centre(self, box: Floats) -> Floats:
         """Centre [2] of a box [7] or of a rectangle [4], m."""
         return box[:2] if len(box) == 7 else self._view.centres(box)
-
-
-@dataclass(frozen=True, eq=False)
-class _ResolvedRow:
-    """A row of a tracker with its class and its detection."""
-
-    number: int
-    box: Floats
-    class_id: int
-    score: float
-    detection: int  # among the detections of the frame
-    measured: Floats
-
-
-def _external(resolved: list[_ResolvedRow], rows: Ints) -> ExternalTracks:
-    """The tracks of a frame as arrays; ``rows`` [D]: where its detections are in the observation."""
-    return ExternalTracks(
-        track_id=np.array([one.number for one in resolved], dtype=np.int64),
-        box=np.array([one.box for one in resolved], dtype=np.float64).reshape(-1, 7),
-        class_id=np.array([one.class_id for one in resolved], dtype=np.int64),
-        score=np.array([one.score for one in resolved], dtype=np.float64),
-        detection=np.append(rows, -1)[np.array([one.detection for one in resolved], dtype=np.int64)],
-        measured=np.array([one.measured for one in resolved], dtype=np.float64).reshape(-1, 7),
-    )
 
 
 def _update_of(tracker: _Updated | Update) -> Update:
