@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -118,33 +117,21 @@ def _require_place(output: Path | None, options: RunOptions) -> None:
         )
 
 
-DetectorArgument = Annotated[str, typer.Argument(help="A detector with a file in mtp_bench/tracking/detectors.")]
-
-
-def presence(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
+def presence(
+    detector: Annotated[str, typer.Argument(help="A detector with a file in mtp_bench/tracking/detectors.")],
+    data: DataOption = None,
+    output: TextOption = None,
+) -> None:
     """Fit the probability that a track's object is there, on the training scenes of a detector."""
     from ..training.presence import fit_detector
+    from ..training.presence_rows import PresenceRecipe, fitted_detectors
 
-    _of_detector(detector, data, output, fit_detector)
-
-
-def score_thresholds(detector: DetectorArgument, data: DataOption = None, output: TextOption = None) -> None:
-    """Choose the least scores of detections to track, by MOTA on the training scenes of a detector."""
-    from ..training.score_thresholds import fit_detector
-
-    _of_detector(detector, data, output, fit_detector)
-
-
-def _of_detector(detector: str, data: str | None, output: Path | None, fit: Callable[[str, RunOptions], str]) -> None:
-    from ..tracking.parameters import detector_names
-    from ..training.presence_rows import PresenceRecipe
-
-    one_of(detector, detector_names(), "DETECTOR")
+    one_of(detector, fitted_detectors(), "DETECTOR")
     options = RunOptions(data)
-    for part in PresenceRecipe.of(detector).choices(detector):
-        prepare(part.env, part.options(options))
+    for choice in PresenceRecipe.of(detector).scenes:
+        prepare(choice.env, choice.options(options))
     with working("read", options) as watched:
-        text = fit(detector, watched)
+        text = fit_detector(detector, watched)
     print_or_write(output, text)
 
 
@@ -152,4 +139,3 @@ train = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode
 train.command("motion-noise")(opened(motion_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))
-train.command("score-thresholds")(opened(score_thresholds))

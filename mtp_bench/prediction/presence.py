@@ -6,7 +6,7 @@ one small file per detector in ``presence_models/``, made by ``mtp-bench train p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from ..errors import SubmissionError, nearest
 from ..tracking.parameters import family_of
 from ..tracks import Tracks
 from ..types import Floats, Ints, Observation, Task
-from .presence_file import LikeFile, read_file
+from .presence_file import read_file
 
 MODELS = Path(__file__).with_name("presence_models")
 # Per class, scores [2, n] of a detector and those of another one that finds as many boxes above them, both increasing.
@@ -171,10 +171,7 @@ def fitted_on(detector: str) -> tuple[str, ...]:
 
     If one of them is scored, the manifest of an agent states it (``[trained_on_scored]``), and tables too.
     """
-    content = read_file(file_of(detector))
-    if isinstance(content, LikeFile):
-        return fitted_on(content.like)
-    return tuple(name for part in content.fitted_on for name in part.scenes)
+    return tuple(name for part in read_file(file_of(detector)).fitted_on for name in part.scenes)
 
 
 def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:
@@ -189,22 +186,10 @@ def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:
 def _read_state(path: Path, changed: int) -> tuple[PresenceModel, ScoreTables]:
     """The model of a file that was ``changed`` last at this time, ns: it may be trained again meanwhile."""
     content = read_file(path)
-    if isinstance(content, LikeFile):
-        _require_known(path, "detector in like", content.like, [file.stem for file in MODELS.glob("*.json")])
-        other = file_of(content.like)
-        if isinstance(read_file(other), LikeFile):
-            raise SubmissionError(
-                f"{path}: like is {content.like!r}, which itself is like another detector; expected one that has a "
-                "model of its own"
-            )
-        return read_model(other)[0], {name: np.array(rows) for name, rows in content.score_map.items()}
     for name in content.features:
-        _require_known(path, "feature", name, FEATURES)
+        if name not in FEATURES:
+            raise SubmissionError(f"{path}: unknown feature {name!r}{nearest(name, tuple(FEATURES))}")
     arrays = {key: np.array(getattr(content, key)) for key in ("low", "high", "center", "scale", "shared", "knots")}
     classes = {name: np.array(row) for name, row in content.classes.items()}
-    return PresenceModel(features=tuple(content.features), classes=classes, **arrays), {}
-
-
-def _require_known(path: Path, kind: str, got: str, known: Iterable[str]) -> None:
-    if got not in (names := tuple(known)):
-        raise SubmissionError(f"{path}: unknown {kind} {got!r}{nearest(got, names)}")
+    tables = {name: np.array(rows) for name, rows in content.score_map.items()}
+    return PresenceModel(features=tuple(content.features), classes=classes, **arrays), tables

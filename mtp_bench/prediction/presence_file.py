@@ -48,6 +48,7 @@ class ModelFile(Section):
     classes: dict[str, list[float]]  # [1 + F] each
     knots: Annotated[list[list[_Probability]], AfterValidator(_increasing)]
     held_out: dict[str, Any] = Field(default_factory=dict)  # quality on scenes outside its fit
+    score_map: dict[str, Table] = Field(default_factory=dict)  # per class; scores are mapped by it first
 
     @model_validator(mode="after")
     def _lengths_fit(self) -> ModelFile:
@@ -63,17 +64,6 @@ class ModelFile(Section):
         return self
 
 
-class LikeFile(Section):
-    """A detector that takes the model of another one, with its scores mapped to the scores of that one."""
-
-    detector: str = ""
-    terms: str = ""
-    like: str
-    score_map: dict[str, Table]  # per class
-
-
-def read_file(path: Path) -> ModelFile | LikeFile:
+def read_file(path: Path) -> ModelFile:
     """The content of a file; raises SubmissionError, naming the file and the key, if it is not a presence model."""
-    content = read_json(path, SubmissionError)
-    model: type[ModelFile] | type[LikeFile] = LikeFile if "like" in content else ModelFile
-    return validate(model, content, str(path), SubmissionError)
+    return validate(ModelFile, read_json(path, SubmissionError), str(path), SubmissionError)

@@ -7,7 +7,6 @@ were fitted without the scene.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,13 +15,12 @@ import numpy as np
 from ..errors import MtpBenchError
 from ..prediction.presence import FEATURES, PresenceModel, logistic
 from ..running.options import DEFAULTS, RunOptions
-from ..types import Bools, Floats, Scene, select
+from ..types import Bools, Floats, select
 from .presence_rows import PresenceRecipe, PresenceRows, thinned, training_rows
 
 RIDGE = 0.1  # inverse weight of the squares of all coefficients
 FOLDS = 5  # of scenes
 DIGITS = 6  # of stored numbers: the same on every machine
-SCORE_RANKS = 16  # numbers of boxes at which the scores of two detectors are compared
 KNOT_BINS = 100  # of held-out rows, of equal size, for the isotonic regression
 
 
@@ -143,44 +141,11 @@ def score_probability(rows: PresenceRows) -> Floats:
 def fit_detector(detector: str, options: RunOptions = DEFAULTS) -> str:
     """The presence file of a detector with a recipe, as `mtp_bench.prediction.LearnedPresence` reads it."""
     recipe = PresenceRecipe.of(detector)
-    if recipe.like is not None:
-        return fit_scores(detector, recipe, options)
     rows, origin = training_rows(recipe, options)
     rows = thinned(rows)
     model, held_out = fit(rows, recipe)
     qualities = {"score": quality(score_probability(rows), rows.present), "presence": quality(held_out, rows.present)}
     return model_text(detector, recipe, model, origin, qualities)
-
-
-def fit_scores(detector: str, recipe: PresenceRecipe, options: RunOptions = DEFAULTS) -> str:
-    """The file of a detector whose scores are mapped to those of another one; the truth is not read."""
-    here, there = (choice.open(options) for choice in recipe.choices(detector))
-    classes = here.card.task.classes
-    scores = [_scores(list(split.scenes()), len(classes)) for split in (here, there)]
-    table = {name: score_table(own, other).tolist() for name, own, other in zip(classes, *scores, strict=True)}
-    content = {"detector": detector, "terms": recipe.terms, "like": recipe.like}
-    return _json_lines({**content, "score_map": {name: rows for name, rows in table.items() if len(rows[0]) > 2}})
-
-
-def score_table(here: Floats, there: Floats) -> Floats:
-    """Scores [2, n] of equal rank, counted from the top, of two detectors on the same scenes; the ends are 0 and 1.
-
-    Ranks count boxes, not shares: a detector that keeps more weak boxes does not count as better for it.
-    """
-    least = min(len(here), len(there))
-    rank = np.unique(np.geomspace(1, max(least, 1), SCORE_RANKS).astype(int))[:least][::-1]
-    pairs = np.stack([np.sort(scores)[::-1][rank - 1] for scores in (here, there)])
-    inside = (pairs > 0).all(axis=0) & (pairs < 1).all(axis=0)
-    rising = np.append(True, np.diff(pairs[0][inside]) > 0) if inside.any() else np.zeros(0, dtype=bool)
-    return _between_ends(pairs[:, inside][:, rising])
-
-
-def _scores(scenes: Sequence[Scene], classes: int) -> list[Floats]:
-    """Scores of all detections of each class."""
-    class_id, score = (
-        np.concatenate([getattr(scene.detections, key) for scene in scenes]) for key in ("class_id", "score")
-    )
-    return [score[class_id == number] for number in range(classes)]
 
 
 def model_text(

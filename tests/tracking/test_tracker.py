@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import ShapeError, SubmissionError, UnknownNameError
-from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
+from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker, score_thresholds
+from mtp_bench.tracking.parameters import read_detector
 from tests.support.tracking_scenes import (
     CAR,
     CYCLIST,
@@ -171,3 +172,11 @@ def test_cuts_that_are_no_numbers_are_one_clear_error(wrong: Any) -> None:
         HypothesisTracker(min_detection_score=wrong)
     with pytest.raises(ShapeError, match=r"min_detection_score of 'car' is .*, expected a number"):
         HypothesisTracker(min_detection_score={"car": wrong})
+
+
+def test_score_thresholds_of_a_task() -> None:
+    task, stored = kitti_task(), (read_detector("pointrcnn") or {})["min_detection_score"]
+    assert score_thresholds(task) == stored
+    assert score_thresholds(replace(task, detector="pointrcnn-mine", classes=("car",))) == {"car": stored["car"]}
+    assert score_thresholds(replace(task, detector="wildtrack_mvdet")) == {}
+    HypothesisTracker(min_detection_score=score_thresholds(task)).reset(task)
