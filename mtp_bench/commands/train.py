@@ -128,8 +128,8 @@ def presence(
 
     one_of(detector, fitted_detectors(), "DETECTOR")
     options = RunOptions(data)
-    for choice in PresenceRecipe.of(detector).scenes:
-        prepare(choice.env, choice.options(options))
+    for part in PresenceRecipe.of(detector).scenes:
+        prepare(part.env, part.options(options))
     with working("read", options) as watched:
         text = fit_detector(detector, watched)
     print_or_write(output, text)
