@@ -23,8 +23,7 @@ from mtp_bench.env.environment import MTPEnv, _task
 from mtp_bench.env.spaces import ActionSpace, observation_space
 from mtp_bench.gateway import Limits, run_isolated
 from mtp_bench.gateway.exchange import Exchange, answer_bytes
-from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import layout_for
+from mtp_bench.gateway.layout import image_of, layout_for
 from mtp_bench.gateway.process import AgentProcess, SandboxSpec
 from mtp_bench.gateway.sandbox import sandbox_backend
 

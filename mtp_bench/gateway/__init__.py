@@ -3,15 +3,15 @@
 An agent's process gets detections frame by frame and sends answers; rewards, ``info`` and the truth stay with the
 judge. A hash chain covers all answers, unchanged and in order. What an agent does ends at most its scene.
 
-`image` copies and hashes the submission, `layout` lists the files that an agent sees, `filter` the system calls that it
-may not make, `sandbox` runs bubblewrap with both. A `fork_server` per submission makes the agent processes
-(`fork_server_main` and `child` run inside the sandbox). `process` starts, watches and ends one, `channel` exchanges
-messages (`wire`), `exchange` asks frame by frame. ``SECURITY.md`` says which attacks the sandbox stops. Without
-bubblewrap agents run with limits alone, and `SceneRun.isolation` says so.
+`layout` copies the submission and lists the files that an agent sees, `sandbox` runs bubblewrap with them and a filter
+of system calls. A `fork_server` per submission makes the agent processes (`fork_server_main` and `child` run inside the
+sandbox). `process` starts, watches and ends one, `channel` exchanges messages (`wire`), `exchange` asks frame by frame.
+``SECURITY.md`` says which attacks the sandbox stops. Without bubblewrap agents run with limits alone, and
+`SceneRun.isolation` says so.
 """
 
-from .image import Image as Image
-from .image import image_of as image_of
+from .layout import Image as Image
+from .layout import image_of as image_of
 from .limits import Isolation as Isolation
 from .limits import Limits as Limits
 from .limits import SceneRun as SceneRun

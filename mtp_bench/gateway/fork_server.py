@@ -20,11 +20,10 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from ..errors import MtpBenchError
-from .filter import system_call_filter
 from .fork_server_main import FORKED, READY
 from .layout import KERNELS, LOADED, TEMPORARY, Layout, environment, library, packages, python
 from .processes import ready
-from .sandbox import bubblewrap_command
+from .sandbox import bubblewrap_command, system_call_filter
 
 _START_SECONDS = 120.0  # to load the library; without compiled kernels it takes long
 _FORK_SECONDS = 60.0  # until a fork is in its namespaces, also on a busy machine

@@ -1,8 +1,10 @@
-"""The files that an agent's process sees: an allow-list.
+"""The files that an agent's process sees: an allow-list, with the image of its submission.
 
 Read-only: the interpreter and its standard library, the shared libraries of the system, installed packages, the
 part of this library that agents use, the image of the submission, and the compiled kernels. Writable: a
 temporary folder of bounded size. All other files of the machine do not exist for the process.
+
+The image is a copy of the files that the digest of the submission covers: it cannot be changed after it was hashed.
 """
 
 from __future__ import annotations
@@ -10,18 +12,23 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+import shutil
 import sys
 import sysconfig
-from collections.abc import Iterable, Sequence
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..errors import SubmissionError
+from ..files import file_digest, open_regular
 from ..networks import VARIABLE as WEIGHTS
+from ..networks import network_files
 from ..sources.cache import cache_root
 from ..sources.dataset import data_root
-from .image import Image
+from ..submission.contents import digest_of, files_of
+from ..submission.loader import Submission
 
 SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/scratch"
 LIBRARY = (  # parts of the package that agents use: not judge, sources, cards and training
@@ -42,6 +49,53 @@ _PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")  # packages whose impo
 LOADED = ("mtp_bench.submission.loader", *_PLAYERS)  # modules that a fork server imports
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 _PASSED = ("LD_LIBRARY_PATH", "NUMBA_DISABLE_JIT", *_THREADS)
+
+
+@dataclass(frozen=True)
+class Image:
+    """A submission as it runs."""
+
+    source: Path  # the folder of the submission
+    submission: Path  # a copy of it
+    networks: Path  # weights of the networks that its manifest names, trained on this machine for this env
+    weights: Mapping[str, str]  # name and hex sha256 of each file of `networks`
+    digest: str  # hex sha256 over names and contents of both
+
+
+_known: dict[tuple[object, ...], Image] = {}
+_folders: list[tempfile.TemporaryDirectory[str]] = []  # removed when this process ends
+
+
+def image_of(submission: Submission, env_id: str, weights_of: str | None = None) -> Image:
+    """The image of a submission for an env; made once per process, and again if a file has changed.
+
+    ``weights_of``: another env whose network weights serve here too. Raises SubmissionError for a folder that is not a
+    submission.
+    """
+    files, networks = files_of(submission.path), network_files(submission.networks, env_id, weights_of)
+    try:
+        states = [(path, (s := path.lstat()).st_size, s.st_mtime_ns, s.st_ino) for path in (*files, *networks)]
+        key = (submission.path, *states)
+        if key not in _known:
+            _known[key] = _copy(submission.path, files, networks)
+    except OSError as error:
+        path = error.filename or submission.path
+        raise SubmissionError(f"{path}: cannot be read: {error.strerror or error}") from None
+    return _known[key]
+
+
+def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Image:
+    _folders.append(tempfile.TemporaryDirectory(prefix="mtp_bench-image-"))
+    root = Path(_folders[-1].name)
+    folder, beside = root / "submission", root / "networks"
+    places = {path: folder / path.relative_to(source) for path in files} | {p: beside / p.name for p in networks}
+    for path in (folder, beside, *(place.parent for place in places.values())):
+        path.mkdir(parents=True, exist_ok=True)
+    for path, place in places.items():
+        with open_regular(path, links=False) as original, place.open("wb") as copy:
+            shutil.copyfileobj(original, copy)
+    weights = {place.name: file_digest(place) for place in sorted(beside.iterdir())}
+    return Image(source, folder, beside, weights, digest_of(folder, files_of(folder), weights))
 
 
 @dataclass(frozen=True)

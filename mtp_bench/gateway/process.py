@@ -17,11 +17,9 @@ from typing import Any
 
 from ..errors import MtpBenchError
 from . import processes
-from .cgroup import make_group
 from .channel import Channel
 from .fork_server import ForkServer, ForkServerError, discard, server_for
-from .image import Image
-from .layout import KERNELS, SUBMISSION, TEMPORARY, Layout, environment, library, packages, python
+from .layout import KERNELS, SUBMISSION, TEMPORARY, Image, Layout, environment, library, packages, python
 from .limits import Isolation, Limits, SandboxBackend
 from .wire import header_of
 
@@ -84,7 +82,7 @@ class AgentProcess:
 
     def _start(self, undo: ExitStack) -> None:
         server = server_for(self._spec.layout) if self._sandboxed else None  # outside the agent's time
-        self._group = make_group(self._limits.memory, MOST_THREADS)
+        self._group = processes.make_group(self._limits.memory, MOST_THREADS)
         if self._group is not None:
             undo.callback(self._group.remove)
         if server is None:

@@ -1,18 +1,119 @@
-"""Memory, threads, files and children of processes, from /proc; 0 or empty on systems other than Linux."""
+"""Processes of an agent: memory, threads, files and children, from /proc, and control groups that limit all together.
+
+On systems other than Linux the numbers are 0 or empty. Control groups are of version 2 if they are delegated to this
+process, of version 1 if their folders can be written; else the judge watches the processes (`AgentProcess`).
+"""
 
 from __future__ import annotations
 
 import ctypes
 import os
+import secrets
 import select
 import signal
 import sys
 import time
 from collections.abc import Iterable
 from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
 
+ROOT = Path("/sys/fs/cgroup")
+_NAME = "mtp_bench"  # followed by the pid of the judge
+_V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
+_V1 = {"memory.limit_in_bytes": "memory", "memory.memsw.limit_in_bytes": "with_swap", "pids.max": "processes"}
+_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")  # the others limit swap, which not every system has
+_REMOVE_SECONDS = 2.0  # that the system may take to empty a group
 _DUMPABLE = 4  # of prctl
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
+
+
+@dataclass(frozen=True)
+class Group:
+    """Control groups of one agent: one of version 2, or one per controller of version 1."""
+
+    folders: tuple[Path, ...]
+
+    @property
+    def members(self) -> list[str]:
+        """Files into which a process writes 0 to join."""
+        return [str(folder / "cgroup.procs") for folder in self.folders]
+
+    def exceeded(self) -> bool:
+        """True if the system ended a process because all together held too much memory."""
+        for name in ("memory.events", "memory.oom_control"):
+            for folder in self.folders:
+                with suppress(OSError, ValueError, StopIteration):
+                    lines = (folder / name).read_text().splitlines()
+                    if int(next(line.split()[1] for line in lines if line.split()[:1] == ["oom_kill"])):
+                        return True
+        return False
+
+    def remove(self) -> None:
+        """Remove the groups; their processes must have ended."""
+        deadline = time.monotonic() + _REMOVE_SECONDS
+        for folder in self.folders:
+            while folder.is_dir() and time.monotonic() < deadline:
+                with suppress(OSError):
+                    folder.rmdir()
+                    break
+                time.sleep(0.01)
+
+
+def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path("/proc/self/cgroup")) -> Group | None:
+    """A group limited to ``memory`` bytes and ``processes`` threads; None if the system does not allow it."""
+    values = {"memory": str(memory), "with_swap": str(memory), "processes": str(processes), None: "0"}
+    places, names = _places(root, own)
+    for place in places:
+        _sweep(place)
+    made: list[Path] = []
+    name = f"{_NAME}-{os.getpid()}-{secrets.token_hex(4)}"
+    try:
+        for place in places:
+            folder = place / name
+            folder.mkdir()
+            made.append(folder)
+        for file, value in names.items():
+            written = [folder / file for folder in made if (folder / file).exists()]
+            if not written and file in _NEEDED:
+                raise OSError(f"no {file}")
+            for path in written:
+                path.write_text(values[value])
+    except OSError:
+        Group(tuple(made)).remove()
+        return None
+    return Group(tuple(made)) if made else None
+
+
+def _sweep(place: Path) -> None:
+    """Remove groups of judges that have ended, and end the processes in them."""
+    for folder in place.glob(f"{_NAME}-*-*"):
+        judge = folder.name.split("-")[1]
+        if judge.isdigit() and not Path(f"/proc/{judge}").exists():
+            with suppress(OSError, ValueError):
+                for line in (folder / "cgroup.procs").read_text().split():
+                    os.kill(int(line), signal.SIGKILL)
+            Group((folder,)).remove()
+
+
+def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
+    """Folders in which groups can be made, and the files of their limits."""
+    entries: dict[str, str] = {}
+    with suppress(OSError, ValueError):
+        for line in own.read_text().splitlines():
+            _, controllers, path = line.split(":", 2)
+            entries |= dict.fromkeys(controllers.split(","), path)
+    if {"memory", "pids"} <= entries.keys():
+        folders = {root / controller / entries[controller].lstrip("/") for controller in ("memory", "pids")}
+        return (sorted(folders) if all(os.access(path, os.W_OK) for path in folders) else []), dict(_V1)
+    if "" in entries:  # a group with processes cannot contain others: use this process's own or its parent
+        here = root / entries[""].lstrip("/")
+        for place in (here, here.parent):
+            with suppress(OSError):
+                given = (place / "cgroup.subtree_control").read_text().split()
+                if {"memory", "pids"} <= set(given) and os.access(place, os.W_OK):
+                    return [place], dict(_V2)
+    return [], dict(_V1)
 
 
 def peak_memory(pid: int) -> int:

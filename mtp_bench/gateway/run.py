@@ -20,8 +20,7 @@ from ..running.run import agent_task, derived_seed
 from ..sources.cache import scene_digest
 from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
-from .image import image_of
-from .layout import compile_kernels, layout_for
+from .layout import compile_kernels, image_of, layout_for
 from .limits import Limits, SandboxBackend, SceneRun
 from .process import AgentProcess, SandboxSpec
 from .sandbox import sandbox_backend
@@ -51,11 +50,9 @@ def run_isolated(
         digest: Expected digest of the submission (`image_of`); None: any.
         backend: The sandbox; None: the one that works here, if any.
 
-    The rollout of an agent that follows the rules equals that of `running.run.run_scene`, but for the times, which are
-    measured outside the agent. An unanswered frame has no rows: all its targets are uncovered.
-
-    Never raises for actions of an agent; raises MtpBenchError for a folder that is not a submission, an unknown scene
-    or missing data.
+    The rollout of an agent that follows the rules equals that of `running.run.run_scene`, but for the times. An
+    unanswered frame has no rows. Never raises for actions of an agent; raises MtpBenchError for a folder that is not a
+    submission, an unknown scene or missing data.
     """
     loaded = load_submission(submission)
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}

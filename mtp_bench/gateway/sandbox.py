@@ -1,17 +1,23 @@
-"""The sandbox of agent processes: bubblewrap with a filter of system calls, where both work on this system."""
+"""The sandbox of agent processes: bubblewrap with a filter of system calls, where both work on this system.
+
+The filter forbids calls that reach other processes or use resources that no limit counts. A forbidden call fails with
+EPERM, one that is newer than this list with ENOSYS, as on an older kernel.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from ..errors import SubmissionError
-from .filter import system_call_filter
 from .layout import DEVICES, TEMPORARY, Layout, bare_layout, environment, python
 from .limits import SandboxBackend
 
@@ -22,6 +28,54 @@ _NAMESPACES = (
     "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try "
     f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent --new-session --as-pid-1 --cap-drop ALL"
 )
+FORBIDDEN = {
+    "keys, which outlive a process": "keyctl add_key request_key",
+    "other processes": (
+        "ptrace process_vm_readv process_vm_writev process_madvise pidfd_getfd kcmp move_pages migrate_pages "
+        "perf_event_open personality"
+    ),
+    "namespaces and mounts": (
+        "unshare setns mount umount2 pivot_root chroot move_mount open_tree fsopen fsconfig fsmount fspick "
+        "mount_setattr open_tree_attr sethostname setdomainname"
+    ),
+    "sockets, whose buffers no limit counts either": "socket socketpair",
+    "memory that no limit counts": (
+        "memfd_create memfd_secret shmget shmat msgget semget mq_open io_uring_setup io_uring_enter io_uring_register "
+        "userfaultfd remap_file_pages"
+    ),
+    "pages that others read, by the page cache": (
+        "mincore preadv2 cachestat fadvise64 readahead io_setup io_submit io_pgetevents inotify_init inotify_init1 "
+        "sync syncfs"
+    ),
+    "locks of files that others see": "flock",
+    "marks on files that others see": (
+        "utime utimes futimesat utimensat chown fchown lchown fchownat setxattr lsetxattr fsetxattr removexattr "
+        "lremovexattr fremovexattr setxattrat removexattrat file_setattr"
+    ),
+    "places of pages, which files in memory keep for others": "mbind set_mempolicy_home_node",
+    "signals by pages that two map": "futex_waitv futex_wake futex_wait futex_requeue",
+    "the kernel": (
+        "bpf init_module finit_module delete_module kexec_load kexec_file_load reboot syslog acct quotactl quotactl_fd "
+        "swapon swapoff "
+        "fanotify_init name_to_handle_at open_by_handle_at iopl ioperm modify_ldt lookup_dcookie vhangup "
+        "settimeofday clock_settime clock_adjtime adjtimex"
+    ),
+}
+PRETENDED = "chmod fchmod fchmodat fchmodat2"  # they return success: copying a file ends with them
+# of fcntl: copies and flags of descriptors, sizes of pipes; all others lock, lease or mark a file
+_FILE_CONTROLS = (range(5), range(1030, 1033))
+_PRIVATE = 128  # of futex: a signal within one process, as all locks of threads are
+_SIGNALS = (1, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13)  # of futex: wake, requeue, lock; waiting sends no signal
+_TAKEN_OUT = (20, 21)  # of madvise: pages of files that others read too
+_PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
+_INT = 0xFFFFFFFF  # the bits of an argument that the kernel reads of these two; a filter sees 64
+_NEW_NAMESPACES = 0x7E020000  # CLONE_NEW* of clone
+_NUMBERS = {  # newer than many a libseccomp; the same number on every processor
+    "futex_waitv": 449, "set_mempolicy_home_node": 450, "cachestat": 451, "fchmodat2": 452, "futex_wake": 454,
+    "futex_wait": 455, "futex_requeue": 456, "setxattrat": 463, "removexattrat": 466, "open_tree_attr": 467,
+    "file_setattr": 469,
+}  # fmt: skip
+_UNKNOWN = range(470, 600)  # calls of future kernels
 
 
 @cache
@@ -83,3 +137,55 @@ def bubblewrap_works() -> bool:
     paths = [TEMPORARY, "/dev", "/proc", *(there for _, there in (*layout.shown, *layout.links))]
     expected = sorted({Path(path).parts[1] for path in paths})
     return done.returncode == 0 and done.stdout.decode() == f"{expected}{os.linesep}"
+
+
+@cache
+def system_call_filter() -> bytes | None:
+    """The filter as a program of the kernel; None if libseccomp is not installed."""
+    try:
+        import pyseccomp
+    except (ImportError, RuntimeError, OSError):
+        return None
+    rules = pyseccomp.SyscallFilter(pyseccomp.ALLOW)
+    forbid = pyseccomp.ERRNO(errno.EPERM)
+    for name in " ".join(FORBIDDEN.values()).split():
+        _add(rules, forbid, name)
+    for name in PRETENDED.split():
+        _add(rules, pyseccomp.ERRNO(0), name)
+    for number in _UNKNOWN:
+        rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), number)
+    for mask, control in _blocks(_FILE_CONTROLS[0].stop, _FILE_CONTROLS[1].start):
+        rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, mask, control))
+    rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.GE, _FILE_CONTROLS[1].stop))
+    for signal in _SIGNALS:
+        rules.add_rule(forbid, "futex", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, 127 | _PRIVATE, signal))
+    for advice in _TAKEN_OUT:
+        rules.add_rule(forbid, "madvise", pyseccomp.Arg(2, pyseccomp.MASKED_EQ, _INT, advice))
+    rules.add_rule(forbid, "prctl", pyseccomp.Arg(0, pyseccomp.MASKED_EQ, _INT, _PARENT_DEATH))
+    # a filter cannot read the arguments of clone3; without it the C library makes threads by clone
+    rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), "clone3")
+    for bit in (1 << n for n in range(32) if _NEW_NAMESPACES & (1 << n)):
+        rules.add_rule(forbid, "clone", pyseccomp.Arg(0, pyseccomp.MASKED_EQ, bit, bit))
+    with tempfile.TemporaryFile() as file:
+        rules.export_bpf(file)
+        file.seek(0)
+        return file.read()
+
+
+def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
+    """``first`` to ``end`` - 1 as masks and values: a rule cannot compare with a range."""
+    while first < end:
+        size = first & -first
+        while first + size > end:
+            size //= 2
+        yield _INT & -size, first
+        first += size
+
+
+def _add(rules: Any, action: int, name: str) -> None:
+    """Add a rule for a call by name, if this processor and this libseccomp know it."""
+    import pyseccomp
+
+    number = _NUMBERS[name] if name in _NUMBERS else pyseccomp.resolve_syscall(pyseccomp.Arch.NATIVE, name)
+    if number >= 0:
+        rules.add_rule(action, number)

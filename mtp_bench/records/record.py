@@ -128,7 +128,7 @@ class HardwarePart(Section):
     cpu: Text
     cores: Count
     memory_gib: _NotNegative
-    gpu: Text | None
+    gpu: Text | None = None  # of version 0.2
 
 
 class LatencyPart(Section):

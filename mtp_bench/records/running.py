@@ -17,7 +17,7 @@ from ..env.rollouts import digest
 from ..errors import MtpBenchError
 from ..files import clean_text
 from ..gateway import Image, Limits, SceneRun, image_of, run_isolated_scenes
-from ..parallel import NO_PROGRESS
+from ..parallel import NO_PROGRESS, cores
 from ..running.options import RunOptions
 from ..running.reference import ranked_scenes
 from ..running.rollout_files import RunInfo
@@ -54,9 +54,9 @@ class Plan:
         return setting_of(self.submission, self.card)
 
     @property
-    def shown(self) -> dict[str, Any]:
-        """Keywords of the env for what the submission observes."""
-        return self.options.shown_to(self.submission)
+    def observed(self) -> dict[str, Any]:
+        """Keyword of the env for what the submission observes."""
+        return {"observe": self.submission.compare.observe}
 
 
 def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
@@ -108,7 +108,7 @@ def run_seed(
         run_isolated_scenes(
             plan.submission.path,
             plan.env,
-            {**plan.keywords, **plan.shown, "data": plan.options.data, "rigid_motion": True},
+            {**plan.keywords, **plan.observed, "data": plan.options.data, "rigid_motion": True},
             seed=seed,
             limits=limits,
             scenes=remaining,
@@ -135,7 +135,7 @@ def evaluate_plan(plan: Plan, runs: Runs, reference: Reference, *, with_progress
 
 def info_of(plan: Plan, seed: int) -> RunInfo:
     """Description of a stored run of the plan, without the data root."""
-    env = MTPEnv(plan.env, data=plan.options.data, evaluation=True, **plan.shown, **plan.keywords)
+    env = MTPEnv(plan.env, data=plan.options.data, evaluation=True, **plan.observed, **plan.keywords)
     info = run_info(env, plan.setting, seed, {**plan.keywords, "rigid_motion": True})
     return info.model_copy(update={"submission_digest": plan.image.digest})
 
@@ -194,21 +194,8 @@ def peak_memory(runs: Runs) -> float:
 
 def hardware() -> HardwarePart:
     """Description of this machine, without names that identify it."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 0
-    cpu = _proc_field(Path("/proc/cpuinfo"), "model name") or platform.processor() or platform.machine()
-    paths = sorted(Path("/proc/driver/nvidia/gpus").glob("*/information"))
-    gpu = ", ".join(filter(None, (_proc_field(path, "Model") for path in paths))) or None
-    try:
-        memory = float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):
-        memory = 0.0
-    return HardwarePart(cpu=cpu, cores=cores, memory_gib=round(memory / 2**30, 1), gpu=gpu)
-
-
-def _proc_field(path: Path, name: str) -> str:
-    """Value of the first line ``name : value`` of a file of /proc; empty if there is no such line."""
-    try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        return ""
-    return next((line.split(":", 1)[1].strip() for line in lines if line.split(":")[0].strip() == name), "")
+    lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines() if Path("/proc/cpuinfo").is_file() else []
+    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    cpu = next(models, "") or platform.processor() or platform.machine()
+    return HardwarePart(cpu=cpu, cores=cores(), memory_gib=round(memory / 2**30, 1))

@@ -19,8 +19,7 @@ import pytest
 
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run, run_isolated
-from mtp_bench.gateway.filter import system_call_filter
-from mtp_bench.gateway.sandbox import sandbox_backend
+from mtp_bench.gateway.sandbox import sandbox_backend, system_call_filter
 from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
 from tests.support.runs import PATIENT, move_home
 
@@ -498,7 +497,7 @@ def test_what_it_hoards_is_counted(
     sandboxed: None, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not grouped:
-        monkeypatch.setattr("mtp_bench.gateway.process.make_group", lambda *_: None)
+        monkeypatch.setattr("mtp_bench.gateway.processes.make_group", lambda *_: None)
     limits = QUICK if what == "threads" else type(QUICK)(**{**vars(QUICK), "memory": 1 << 30})
     code = (
         "if self.frame == 1:\n"

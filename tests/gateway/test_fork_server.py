@@ -16,8 +16,7 @@ import pytest
 
 from mtp_bench.gateway import SceneRun, fork_server
 from mtp_bench.gateway.fork_server import ForkServer, ForkServerError, discard
-from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import Layout, _with_tmp, layout_for, library
+from mtp_bench.gateway.layout import Layout, _with_tmp, image_of, layout_for, library
 from mtp_bench.gateway.process import AgentProcess
 from mtp_bench.gateway.processes import children
 from mtp_bench.gateway.sandbox import sandbox_backend

@@ -13,10 +13,9 @@ import pytest
 
 from mtp_bench.cards import card_text, load_card, with_files
 from mtp_bench.errors import SubmissionError
-from mtp_bench.gateway import filter, run_isolated, sandbox
-from mtp_bench.gateway.cgroup import Group, _places, make_group
-from mtp_bench.gateway.image import image_of
-from mtp_bench.gateway.layout import LIBRARY, environment, layout_for, library, python
+from mtp_bench.gateway import run_isolated, sandbox
+from mtp_bench.gateway.layout import LIBRARY, environment, image_of, layout_for, library, python
+from mtp_bench.gateway.processes import Group, _places, make_group
 from mtp_bench.networks import VARIABLE, file_name
 from mtp_bench.submission import load_submission
 from mtp_bench.submission.contents import files_of
@@ -155,7 +154,7 @@ def test_a_link_that_takes_the_place_of_a_file_is_not_followed(tmp_path: Path, m
         (path / "agent.py").symlink_to(secret)
         return found
 
-    monkeypatch.setattr("mtp_bench.gateway.image.files_of", swapped)
+    monkeypatch.setattr("mtp_bench.gateway.layout.files_of", swapped)
     with pytest.raises(SubmissionError, match=r"agent\.py: cannot be read"):
         image_of(loaded, "MTP-X-v0")
 
@@ -214,7 +213,7 @@ def test_a_busy_machine_is_no_system_without_isolation(monkeypatch: pytest.Monke
 
 
 def test_every_forbidden_call_has_a_number() -> None:
-    known = filter._NUMBERS
-    names = " ".join([*filter.FORBIDDEN.values(), filter.PRETENDED]).split()
+    known = sandbox._NUMBERS
+    names = " ".join([*sandbox.FORBIDDEN.values(), sandbox.PRETENDED]).split()
     native = pyseccomp.Arch.NATIVE
     assert not [name for name in names if name not in known and pyseccomp.resolve_syscall(native, name) < 0]
