@@ -28,20 +28,6 @@ SHOWN = ("subset", "error", "interval", "plain_error", "minADE", "minFDE", "cove
 
 
 @dataclass(frozen=True)
-class EntryOptions:
-    """Options of the entry on the leaderboard."""
-
-    training_data: Annotated[list[str] | None, typer.Option(help="Training data beyond that of its manifest.")] = None
-    commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
-
-    def arguments(self) -> dict[str, Any]:
-        """Arguments of `records.submit`; BadParameter for what is not a commit."""
-        if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
-            raise typer.BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
-        return {"training_data": self.training_data or (), "commit": self.commit}
-
-
-@dataclass(frozen=True)
 class Runs:
     """Seeds and scenes of an environment."""
 
@@ -63,7 +49,6 @@ class Restart:
 
 def submit(
     workers: WorkerChoice,
-    entry: EntryOptions,
     again: Restart,
     runs: Runs,
     path: Annotated[
@@ -75,25 +60,26 @@ def submit(
         bool,
         typer.Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones."),
     ] = False,
+    commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = "",
     root: DataOption = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
     ] = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
-    more = entry.arguments()
+    if not re.fullmatch("([0-9a-f]{7,64})?", commit):
+        raise typer.BadParameter(f"got {commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
     options = RunOptions(root, runs.scenes, range(runs.seeds), workers=workers.workers())
     if everything:
-        for name, given in (("--training-data", entry.training_data), ("--commit", entry.commit)):
-            if given:
-                raise typer.BadParameter("not with --all", param_hint=name)
+        if commit:
+            raise typer.BadParameter("not with --all", param_hint="--commit")
         _submit_all(path, env or (), options, output, {"resume": True, "replace": again.force})
         return
     if path is None:
         raise typer.BadParameter("name a submission, or --all", param_hint="PATH")
     if not env:
         raise typer.BadParameter("name an environment, or --all", param_hint="--env")
-    _submit_one(path, env, options, output, {**more, "resume": again.resume, "replace": again.force})
+    _submit_one(path, env, options, output, {"commit": commit, "resume": again.resume, "replace": again.force})
 
 
 def _submit_all(

@@ -42,9 +42,6 @@ class RunningAgain:
         Path | None,
         typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."),
     ] = None
-    no_sandbox: Annotated[
-        bool, typer.Option("--no-sandbox", help="Run the agent with your rights if no sandbox works here.")
-    ] = False
 
 
 @dataclass(frozen=True)
@@ -102,7 +99,6 @@ def verify(
     for option, given, (needed, there) in (
         ("--submission", again.submission, rerun),
         ("--hidden", again.hidden, rerun),
-        ("--no-sandbox", again.no_sandbox, rerun),
         ("--sign", signing.sign, ("--signer", signing.signer)),
         ("--signer", signing.signer, ("--sign", signing.sign)),
     ):
@@ -110,7 +106,7 @@ def verify(
             raise typer.BadParameter(f"needs {needed}", param_hint=option)
     trust = trusted(signing.base)
     seals = {} if again.hidden is None else open_seals(again.hidden, trust.listed)
-    asked = Round(again.rerun, seals, again.submission, again.no_sandbox)
+    asked = Round(again.rerun, seals, again.submission)
     options = RunOptions(root, workers=WorkerChoice(jobs).workers())
     _check_all(record, _Work(asked, trust, options, env, signing.sign, signing.signer or ""), json_file)
 

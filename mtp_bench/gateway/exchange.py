@@ -7,7 +7,6 @@ import math
 import secrets
 import time
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -52,8 +51,7 @@ class Exchange:
         self._status, self._reason = "finished", ""
         self._started = 0.0
         self._begin = process.begun
-        self._sealer = ThreadPoolExecutor(1)  # hashes an answer while the env makes the next frame
-        self._seal = self._sealer.submit(bytes, seal)  # starts the thread before the agent can use up all threads
+        self._seal = seal
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
         """Build the agent and reset it."""
@@ -84,18 +82,16 @@ class Exchange:
                 self._look()
             except SceneOverError as end:
                 self._status, self._reason, action = end.status, end.reason, None
-        # at most one answer waits to be hashed
-        self._seal = self._sealer.submit(lengthened, self._seal.result(), self._frame, action)
+        self._seal = lengthened(self._seal, self._frame, action)
         self._frame += 1
         broken = action is None and self._malformed > malformed
         return {} if broken else action, spent
 
     def result(self, rollout: Rollout) -> SceneRun:
         """The finished scene as a `SceneRun`."""
-        self._sealer.shutdown()
         return SceneRun(
             rollout=rollout,
-            seal=self._seal.result().hex(),
+            seal=self._seal.hex(),
             status=self._status,
             reason=self._reason,
             malformed=self._malformed,
@@ -130,8 +126,6 @@ class Exchange:
             arrays = arrays_of(header, body, self._shapes)
             fitting = {name: array for name, array in arrays.items() if array is not None}
             if len(fitting) == len(arrays) and _finite(fitting):
-                for array in fitting.values():
-                    array.flags.writeable = False  # it is hashed later
                 return fitting
         except Exception as error:  # any error on reading an answer is the agent's fault
             raise SceneOverError("rejected", f"it broke the wire format: {_error_text(error)}") from None
@@ -173,7 +167,6 @@ def lengthened(seal: bytes, frame: int, action: Action | None) -> bytes:
         parts.append(b"missed")  # as in the seals of stored records
     for name, array in sorted((action or {}).items()):
         parts += [f"|{name} {array.dtype.str} {list(array.shape)}|".encode(), array.data]
-    # in one call: between calls this thread would wait for the interpreter's lock
     return hashlib.sha256(b"".join(parts)).digest()
 
 

@@ -17,7 +17,7 @@ from .ranking import STP, TRUTH
 from .record import Record
 from .running import plan_run
 from .storage import ROLLOUTS
-from .submitting import RECORDS, declared_data, finished_record, plan_content, record_path
+from .submitting import RECORDS, finished_record, plan_content, record_path
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,7 @@ def standing_record(piece: Piece, options: RunOptions = DEFAULTS) -> Record | No
     Its rollouts may be missing, as in a checkout.
     """
     plan = plan_run(piece.submission, piece.env, options)
-    declared = declared_data(piece.submission, plan.card.id)
-    return finished_record(piece.target, plan_content(plan, declared), rollouts=False)
+    return finished_record(piece.target, plan_content(plan), rollouts=False)
 
 
 def why_impossible(piece: Piece, data: str | None = None) -> str | None:

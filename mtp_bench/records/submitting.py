@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -51,7 +50,6 @@ def submit(
     env_id: str,
     options: RunOptions = DEFAULTS,
     output: str | Path | None = None,
-    training_data: Sequence[str] = (),
     commit: str = "",
     resume: bool = False,
     replace: bool = False,
@@ -64,7 +62,6 @@ def submit(
         options: Data, seeds, workers and progress. Some of the scenes make a partial record, which is never
             ranked. With a Dask cluster the record names the hardware of one worker.
         output: Folder; None: leaderboard/records/<name of the submission>.
-        training_data: Training data beyond that of the manifest.
         commit: Hex, the commit that holds the folder; empty: that of the manifest, which cannot name its own commit.
         resume: Continue with the scenes that an interrupted submit of this record finished, and keep a finished record
             of the same plan. Else finished scenes are refused.
@@ -80,9 +77,8 @@ def submit(
     plan = plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output)
     require_target(target, submission, options, resume, replace)
-    declared = declared_data(submission, plan.card.id, training_data)
-    _require_recordable(plan, declared, commit)
-    content = plan_content(plan, declared, commit)
+    content = plan_content(plan, commit)
+    _require_recordable(plan, content)
     if resume and (record := finished_record(target, content)) is not None:
         return record
     with open_parts(target, content, resume) as parts:
@@ -94,7 +90,7 @@ def submit(
         return _save(target, plan, runs, _record(plan, runs, evaluation, content))
 
 
-def plan_content(plan: Plan, training_data: Sequence[str], commit: str = "") -> dict[str, Any]:
+def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
     """All that is decided before the runs of a record, as JSON; a resumed command must have an equal plan."""
     return {
         "submission": plan.image.digest,
@@ -106,7 +102,7 @@ def plan_content(plan: Plan, training_data: Sequence[str], commit: str = "") -> 
         "observe": plan.submission.compare.observe,
         "keywords": plan.keywords,
         "limits": asdict(Limits()),
-        "training_data": list(training_data),
+        "training_data": declared_data(plan.submission, plan.card.id),
         "definitions": DEFINITIONS,
         "versions": library_versions(),
     }
@@ -126,10 +122,10 @@ def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True
     return record if record.plan == digest_of(content) else None
 
 
-def declared_data(submission: Submission, env_id: str, more: Sequence[str] = ()) -> list[str]:
-    """Training data that the record of a submission on an env declares: that of its manifest, and ``more``."""
+def declared_data(submission: Submission, env_id: str) -> list[str]:
+    """Training data that the record of a submission on an env declares."""
     note = submission.note_on(env_id)
-    return [*submission.training_data, *more, *([note] if note else [])]
+    return [*submission.training_data, *([note] if note else [])]
 
 
 def record_path(submission: Submission, card: Card, output: str | Path | None) -> Path:
@@ -227,12 +223,12 @@ def _require_one_data(plan: Plan, runs: Runs, evaluation: Evaluation, target: Pa
                 )
 
 
-def _require_recordable(plan: Plan, training_data: Sequence[str], commit: str) -> None:
+def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
     """Refuse before the work what a record cannot hold: a text that is too long, too many seeds."""
     card = plan.card
     content = {
-        "submission": submission_part(plan, commit).model_dump(mode="json"),
-        "training_data": list(training_data),
+        "submission": submission_part(plan, planned["commit"]).model_dump(mode="json"),
+        "training_data": planned["training_data"],
         "env": {"id": card.id, "split": card.source.split, "keywords": plan.keywords},
         "seeds": list(plan.options.seeds),
         "per_scene": [{"scene": name} for name in plan.scenes],

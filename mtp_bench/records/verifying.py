@@ -64,15 +64,12 @@ class Round:
     rerun: bool = False
     seals: Mapping[str, Sealed] = field(default_factory=dict)  # by env: with hidden scenes, which rank simulated envs
     submission: Path | None = None  # a submission, or a folder of submissions by their names; None: the baselines
-    no_sandbox: bool = False
 
     def verify(
         self, path: Path, record: Record, options: RunOptions, env_id: str | None, ends: ExitStack
     ) -> Verification:
         """Check one record as `verify` does."""
-        return verify(
-            path, options, env_id, self._folder(record), self.rerun, self._sealed(record), ends, self.no_sandbox,
-        )  # fmt: skip
+        return verify(path, options, env_id, self._folder(record), self.rerun, self._sealed(record), ends)
 
     def reached(self, path: Path, record: Record, trust: Trust) -> SignedLevel | None:
         """The signed level of a record if it is as high as this check can reach, on the same seal; else None."""
@@ -104,7 +101,6 @@ def verify(
     rerun: bool = False,
     sealed: Sealed | None = None,
     ends: ExitStack | None = None,
-    no_sandbox: bool = False,
 ) -> Verification:
     """Check a record in itself and by its stored rollouts: scored again they must give its numbers ("re-scored").
 
@@ -118,7 +114,6 @@ def verify(
         sealed: Run it on hidden scenes too ("hidden").
         ends: Deletes the hidden scenes when it is closed, so that several checks make them once; None: they are deleted
             at the end of this check.
-        no_sandbox: Run it again also without a sandbox: it then has the rights of the caller.
 
     A record of an earlier version is checked in itself alone. Raises RecordError if the record is missing, was changed
     or has no stored rollouts, has more seeds than are run again, or would run a stranger's code
@@ -143,8 +138,7 @@ def verify(
         reference = reference_for(card, scenes, options)
         options.progress.started(len(scenes))
         return _score_again(path, record, card, runs, reference, options)
-    if not no_sandbox:
-        _require_sandbox(path, record, options)
+    _require_sandbox(path, record, options)
     if len(record.seeds) > len(SEEDS):
         raise RecordError(f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to run it again")
     plan = _plan(path, record, env_id, submission, options)
@@ -251,8 +245,8 @@ def _require_sandbox(path: Path, record: Record, options: RunOptions) -> None:
     known = baseline_digest(record.submission.name, record.submission.networks) == record.submission.digest
     if not known and options.workers.scheduler is None and sandbox_backend() == "none":
         raise RecordError(
-            f"{path}: no sandbox is available here, so {record.submission.name!r} would run with your rights; install "
-            "bubblewrap, or pass --no-sandbox if you trust this code"
+            f"{path}: no sandbox is available here, so {record.submission.name!r} would run with your rights: install "
+            "bubblewrap"
         )
 
 
@@ -264,9 +258,8 @@ def _differences_on_rerun(record: Record, plan: Plan, runs: Runs) -> Iterator[Di
     yield from differences("env.observe", record.env.observe, plan.submission.compare.observe)
     yield from differences("env.keywords", record.env.keywords, plan.keywords)
     yield from differences("limits", record.limits.model_dump(), LimitsPart(**asdict(Limits())).model_dump())
-    declared = declared_data(plan.submission, record.env.id)  # `submit --training-data` adds to it
-    if not set(declared) <= set(record.training_data):
-        yield Difference("training_data", record.training_data, declared)
+    declared = declared_data(plan.submission, record.env.id)
+    yield from differences("training_data", record.training_data, declared)
     counts = {"malformed", "crashed_scenes"}
     yield from differences("missed", *(part.model_dump(include=counts) for part in (record.missed, unanswered(runs))))
 

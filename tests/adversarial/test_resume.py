@@ -370,8 +370,8 @@ def test_a_whole_record_is_not_made_again(cli: CommandLine, command: list[str], 
     cli.ok(*command, "--resume")
     after = (tmp_path / "out" / RECORD).stat()
     assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
-    cli.ok(*command, "--resume", "--training-data", "more")
-    assert load_record(tmp_path / "out" / RECORD).training_data == ["more"]
+    cli.ok(*command, "--resume", "--commit", "0123abc")
+    assert load_record(tmp_path / "out" / RECORD).submission.commit == "0123abc"
 
 
 def test_the_other_envs_are_run_when_one_fails(cli: CommandLine, command: list[str], card: str, tmp_path: Path) -> None:

@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium import spaces
 
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.gateway import Limits, SceneRun, run_isolated, run_isolated_scenes
-from mtp_bench.gateway.exchange import Exchange, lengthened
-from mtp_bench.gateway.process import AgentProcess
+from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes
+from mtp_bench.gateway.exchange import lengthened
 from mtp_bench.gateway.run import seal_start
 from mtp_bench.gateway.wire import PREFIX, WireError, arrays_of, encode, header_of, plain
 from mtp_bench.parallel import Progress, Workers
@@ -115,16 +113,6 @@ def test_an_unanswered_frame_and_an_empty_answer_have_different_seals() -> None:
     seals = {lengthened(seal_start("a", "s", 0), 0, action) for action in actions}
     assert len(seals) == len(actions)
     assert lengthened(seal_start("a", "s", 0), 1, None) not in seals
-
-
-def test_the_judge_starts_no_thread_once_an_agent_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The agent may have used up all that its user can start."""
-    process = AgentProcess.__new__(AgentProcess)
-    process.begun = 0.0
-    exchange = Exchange(process, Limits(), spaces.Dict({}), b"")
-    monkeypatch.setattr("threading.Thread.start", lambda _: pytest.fail("a thread was started"))
-    assert exchange._sealer.submit(lengthened, exchange._seal.result(), 0, None).result()
-    exchange._sealer.shutdown()
 
 
 ARRAYS = {
