@@ -1,4 +1,4 @@
-"""Random numbers of a scene, and two-state Markov chains.
+"""Random numbers of a scene: hashed, with a memory, and with an exponential tail.
 
 A number is a hash of the seed, the kind of noise, the object and the frame. Neither the order nor the presence of other
 objects changes it.
@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..types import Bools, Floats, Ints
+from ..types import Floats, Ints
 
 Keys = NDArray[np.uint64]  # what numbers are drawn for
 
@@ -22,6 +22,7 @@ _SHIFTS = np.uint64(30), np.uint64(27), np.uint64(31)
 _LOW_BITS = np.uint64(11)  # more than a float can hold
 _VERSION = 2  # of the hashed numbers
 _TINY = 1e-300
+_HALVINGS = 60  # of an interval of quantiles
 _WHOLE = 1e-6  # tolerance: frame periods are quotients of decimal numbers
 
 
@@ -146,17 +147,50 @@ def decayed(correlation: Floats, steps: float) -> Floats:
     return np.asarray(sign * np.abs(correlation) ** steps)
 
 
-def two_state_chains(chance: tuple[Floats, Floats, Floats], begins: Bools, uniform: Floats) -> Bools:
-    """States of J two-state chains over F frames ``[F, J]``.
+def exponential(latent: Floats) -> Floats:
+    """Exponential numbers of mean 1 with the ranks of standard normal ones."""
+    from scipy.special import log_ndtr
 
-    ``chance`` of "yes" where a chain begins, after a "no" and after a "yes", ``[J]`` each; ``begins`` ``[F, J]``;
-    ``uniform`` ``[F, J]`` in [0, 1).
+    return np.asarray(-log_ndtr(-latent))
+
+
+def skewed(normal: Floats, positive: Floats, share: Floats | float) -> Floats:
+    """Skewed numbers of variance 1 from standard normal ones and exponential ones of mean 1.
+
+    ``share``: of the variance, the exponential number's.
     """
-    first, after_no, after_yes = chance
-    yes_after_no = uniform < np.where(begins, first, after_no)
-    yes_after_yes = uniform < np.where(begins, first, after_yes)
-    state = np.zeros(uniform.shape, dtype=bool)
-    previous = np.zeros(uniform.shape[1:], dtype=bool)
-    for t in range(len(state)):
-        previous = state[t] = np.where(previous, yes_after_yes[t], yes_after_no[t])
-    return state
+    return np.asarray(np.sqrt(1.0 - share) * normal + np.sqrt(share) * (positive - 1.0))
+
+
+def skewed_cdf(value: Floats, share: Floats | float) -> Floats:
+    """Distribution function of `skewed` numbers."""
+    from scipy.special import log_ndtr, ndtr
+
+    rest, scale = np.sqrt(1.0 - share), np.sqrt(np.maximum(share, 1e-6))
+    y = value + scale
+    slope = np.minimum(-y / scale + 0.5 * (rest / scale) ** 2 + log_ndtr(y / rest - rest / scale), 0.0)
+    return np.asarray(np.where(np.asarray(share) > 0, np.clip(ndtr(y / rest) - np.exp(slope), 0.0, 1.0), ndtr(value)))
+
+
+def skewed_density(value: Floats, share: float) -> Floats:
+    """Density of `skewed` numbers."""
+    from scipy.special import log_ndtr
+
+    if share == 0:
+        return np.asarray(np.exp(-0.5 * value**2) / np.sqrt(2 * np.pi))
+    rest, scale = np.sqrt(1.0 - share), np.sqrt(share)
+    y = value + scale
+    return np.asarray(np.exp(-y / scale + 0.5 * (rest / scale) ** 2 + log_ndtr(y / rest - rest / scale)) / scale)
+
+
+@lru_cache(maxsize=256)
+def skewed_quantile(chance: float, share: float) -> float:
+    """Value that `skewed` numbers exceed with a chance."""
+    low, high = -12.0, 60.0
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        if float(skewed_cdf(np.asarray(middle), share)) < 1.0 - chance:
+            low = middle
+        else:
+            high = middle
+    return (low + high) / 2

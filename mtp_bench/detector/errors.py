@@ -6,10 +6,11 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
+from scipy.special import chdtri, ndtr
 
 from ..geometry import rotate, wrap_angle
 from ..types import Bools, Floats
-from .draws import Component, Draws, NoiseKind, at_period, keys_of, stationary, two_state_chains
+from .draws import Component, Draws, NoiseKind, at_period, keys_of, stationary
 from .grid import Grid, Neighbours
 from .profile import ClassNoise, PositionNoise
 
@@ -20,7 +21,7 @@ _LATENT = np.linspace(-5.0, 5.0, 1001)  # tails beyond are as heavy as at the en
 
 
 def position_errors(
-    grid: Grid, distance: Floats, direction: Floats, quality: Floats, neighbours: Neighbours, draws: Draws
+    grid: Grid, distance: Floats, direction: Floats, quality: Floats, neighbours: Neighbours | None, draws: Draws
 ) -> Floats:
     """Position errors ``[R, 2]`` m of boxes at ``distance`` ``[R]`` m.
 
@@ -57,8 +58,6 @@ def _tail_factors(grid: Grid, draws: Draws) -> Floats:
 @lru_cache(maxsize=256)
 def _mixing_quantiles(nu: float) -> Floats:
     """Square root of nu over a chi-squared number, at the ranks of `_LATENT` from above."""
-    from scipy.special import chdtri, ndtr
-
     return np.asarray(np.sqrt(nu / chdtri(nu, ndtr(_LATENT))))
 
 
@@ -78,34 +77,31 @@ def measured_velocities(true: Floats, grid: Grid, direction: Floats, draws: Draw
     deviation = grid.of_rows(lambda noise: np.nan if noise.velocity is None else noise.velocity)
     if np.isnan(deviation).all():
         return np.full(true.shape, np.nan)
-    error = _row_normals(draws, NoiseKind.VELOCITY, grid, 2)
+    error = draws.normal(NoiseKind.VELOCITY, Component.WHITE, keys_of(grid.row_keys[:, None], np.arange(2)))
     return np.asarray(true + rotate(deviation[:, None] * error, direction))
-
-
-def _row_normals(draws: Draws, kind: NoiseKind, grid: Grid, count: int) -> Floats:
-    """``count`` standard normal numbers for every row ``[R, count]``."""
-    return draws.normal(kind, Component.WHITE, keys_of(grid.row_keys[:, None], np.arange(count)[None, :]))
 
 
 def _heading_errors(grid: Grid, draws: Draws) -> Floats:
     """Heading errors ``[R]`` rad, with turns by pi."""
-    after_no = grid.of_objects(lambda noise: noise.heading.flip)
-    after_yes = grid.of_objects(lambda noise: noise.heading.flip_again)
-    flipped = _flips(*at_period(after_no, after_yes, grid.steps), grid, draws)[grid.frame, grid.column]
+    flipped = _flips(grid, draws)[grid.frame, grid.column]
     scale = grid.of_rows(lambda noise: noise.heading.scale) / ROBUST_T4
     return np.asarray(scale * _student_t4(grid, draws) + np.pi * flipped)
 
 
-def _flips(after_no: Floats, after_yes: Floats, grid: Grid, draws: Draws) -> Bools:
-    """Mask of headings that are turned by pi ``[F, J]``."""
-    shape = grid.frames, len(grid.ids)
+def _flips(grid: Grid, draws: Draws) -> Bools:
+    """Mask of headings that are turned by pi ``[F, J]``: two-state Markov chains."""
+    flip, flip_again = grid.of_objects(lambda noise: (noise.heading.flip, noise.heading.flip_again)).T
+    after_no, after_yes = at_period(flip, flip_again, grid.steps)
+    state = np.zeros((grid.frames, len(grid.ids)), dtype=bool)
     if not after_no.any():
-        return np.zeros(shape, dtype=bool)
-    uniform = np.ones(shape)
-    uniform[grid.cells] = draws.uniform(NoiseKind.FLIP, Component.PUSH, grid.cell_keys)
-    begins = np.zeros(shape, dtype=bool)
-    begins[grid.span[0] % grid.frames, np.arange(len(grid.ids))] = True
-    return two_state_chains((stationary(after_no, after_yes), after_no, after_yes), begins, uniform)
+        return state
+    uniform = grid.on_grid(draws.uniform(NoiseKind.FLIP, Component.PUSH, grid.cell_keys), other=1.0)
+    begins = np.arange(grid.frames)[:, None] == grid.span[0] % grid.frames
+    first, previous = stationary(after_no, after_yes), state[0]
+    for t in range(grid.frames):
+        chance = np.where(begins[t], first, np.where(previous, after_yes, after_no))
+        previous = state[t] = uniform[t] < chance
+    return state
 
 
 def _student_t4(grid: Grid, draws: Draws) -> Floats:
@@ -119,9 +115,8 @@ def _student_t4(grid: Grid, draws: Draws) -> Floats:
 
 def _estimated_sizes(true: Floats, grid: Grid, draws: Draws) -> Floats:
     """Estimated length, width, height ``[R, 3]`` m."""
-    keys = keys_of(grid.object_keys[:, None], np.arange(3)[None, :])
-    bias = draws.normal(NoiseKind.SIZE, Component.BIAS, keys)
-    white = _row_normals(draws, NoiseKind.SIZE, grid, 3)
+    bias = draws.normal(NoiseKind.SIZE, Component.BIAS, keys_of(grid.object_keys[:, None], np.arange(3)))
+    white = draws.normal(NoiseKind.SIZE, Component.WHITE, keys_of(grid.row_keys[:, None], np.arange(3)))
     share = grid.of_rows(lambda noise: noise.size.white)[:, None]
     latent = np.sqrt(1 - share) * bias[grid.column] + np.sqrt(share) * white
     error = grid.of_rows(lambda noise: noise.size.mean) + grid.of_rows(lambda noise: noise.size.deviation) * latent

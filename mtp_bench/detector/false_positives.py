@@ -10,7 +10,8 @@ import numpy as np
 from ..types import Detections, Floats, Ints, Truth, joined, starts_of
 from .draws import Draws
 from .errors import estimated_boxes, measured_velocities, position_errors
-from .grid import Grid, Neighbours
+from .grid import Grid
+from .profile import FreeFalsePositives
 from .visibility import Sensor, polar
 
 _SPREAD = 0.1  # deviation of each side, share of its mean
@@ -40,12 +41,6 @@ class DetectedRows:
     class_id: Ints  # [R]
     score: Floats  # [R]
 
-    @classmethod
-    def none(cls) -> DetectedRows:
-        """A table of 0 rows."""
-        no_ints = np.zeros(0, dtype=np.int64)
-        return cls(no_ints, np.zeros((0, 7)), np.zeros((0, 2)), no_ints, np.zeros(0))
-
 
 def sorted_detections(parts: Sequence[DetectedRows], frames: int) -> Detections:
     """Detections sorted by frame, descending score and x, so that their order does not show which are false."""
@@ -65,7 +60,7 @@ def detect_false_positives(grid: Grid, visible: DetectedRows, scene: SensedScene
     grid = grid.select(np.flatnonzero(kept))
     frame, distance = visible.frame[kept], distance[kept]
     direction, quality = bearing[kept] + scene.ego[frame, 3], np.full(len(frame), _POOR)
-    offset = position_errors(grid, distance, direction, quality, Neighbours.none(), draws)
+    offset = position_errors(grid, distance, direction, quality, None, draws)
     box = estimated_boxes(visible.box[kept], offset, grid, draws)
     velocity = measured_velocities(visible.velocity[kept], grid, direction, draws)
     return DetectedRows(frame, box, velocity, visible.class_id[kept], visible.score[kept])
@@ -129,15 +124,19 @@ class ReportedClasses:
 
 
 def reported_classes(
-    truth: Truth, classes: Sequence[str], noise_names: Sequence[str], noise_name: str, size: Sequence[float]
+    truth: Truth,
+    classes: Sequence[str],
+    noise_names: Sequence[str],
+    noise_name: str,
+    free: FreeFalsePositives | None,
 ) -> ReportedClasses | None:
     """The ``classes`` that have the noise ``noise_name``, in proportion to their true boxes in the scene.
 
     ``noise_names``: of each class. Without such boxes: the class of that name, or the first one with this noise, with
-    ``size``; None if no class has the noise.
+    the size of ``free``. None if no class has the noise, and without free false positives.
     """
     candidates = [class_id for class_id, name in enumerate(noise_names) if name == noise_name]
-    if not candidates:
+    if not candidates or free is None or not free.rate:
         return None
     boxes = np.bincount(truth.class_id, minlength=len(classes))
     present = [class_id for class_id in candidates if boxes[class_id]]
@@ -145,7 +144,7 @@ def reported_classes(
         means = [truth.box[truth.class_id == class_id, 4:].mean(axis=0) for class_id in present]
         return ReportedClasses(np.array(present), boxes[present] / boxes[present].sum(), np.array(means))
     single = next((class_id for class_id in candidates if classes[class_id] == noise_name), candidates[0])
-    return ReportedClasses(np.array([single]), np.ones(1), np.array([size]))
+    return ReportedClasses(np.array([single]), np.ones(1), np.array([free.size]))
 
 
 def spread_sizes(size: Floats, normal: Floats) -> Floats:

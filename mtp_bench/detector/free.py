@@ -8,7 +8,7 @@ import numpy as np
 
 from ..geometry import wrap_angle
 from ..types import Floats, Ints, Ragged
-from .draws import Draws, NoiseKind, NoiseSubject, decayed
+from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
 from .false_positives import (
     DetectedRows,
     ReportedClasses,
@@ -21,7 +21,6 @@ from .false_positives import (
 from .grid import Grid
 from .profile import ClassNoise, FreeFalsePositives
 from .quality import best_ranks, score_by_rank
-from .skewed import exponential, skewed
 from .visibility import polar
 
 
@@ -44,8 +43,7 @@ def free_false_positives(
     ``number`` separates the random numbers of several noises.
     """
     parameters = noise.free
-    if parameters is None or parameters.rate == 0:
-        return DetectedRows.none()
+    assert parameters is not None  # as `reported_classes` has seen
     draws = Draws(seed, NoiseSubject.FREE, number)
     members = _draw_members(parameters, classes, scene, draws)
     rows = Ragged.of_counts(members.life)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from ..types import Floats, Ints, Truth
 from .draws import Component, Draws, Keys, NoiseKind, decayed, extended_key, keys_of
@@ -24,21 +25,13 @@ class Neighbours:
     weight: Floats  # [Q] 1 at distance 0, 0 where the pair shares no noise
 
     @classmethod
-    def none(cls) -> Neighbours:
-        """Neighbours with 0 pairs."""
-        no_rows = np.zeros(0, dtype=np.int64)
-        return cls(no_rows, no_rows, np.zeros(0))
-
-    @classmethod
     def within(cls, length: float, place: Floats, moment: Ints, object_id: Ints) -> Neighbours:
         """Pairs within ``length`` m of rows at ``place`` ``[R, 2]`` with equal ``moment`` ``[R]``.
 
         ``object_id`` ``[R]`` decides the order of the pairs of a row.
         """
-        from scipy.spatial import KDTree
-
         if not len(place):
-            return cls.none()
+            return cls(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
         separated = np.column_stack([place, 2.0 * length * moment])
         tree = KDTree(separated, balanced_tree=False, compact_nodes=False)
         one, two = tree.query_pairs(length, output_type="ndarray").reshape(-1, 2).T
@@ -54,8 +47,6 @@ class Neighbours:
 
         ``share`` ``[R]`` is the weight of a neighbour at distance 0. Neighbours at rest keep the memory of ``value``.
         """
-        if not len(self.row):
-            return value
         weight = share[self.row] * self.weight
         # bincount adds in the given order, so the sum of a row does not depend on other rows
         others = np.bincount(self.row, weight * value[self.other], len(value))
@@ -138,9 +129,9 @@ class Grid:
         frame, column = self.cells
         return extended_key(self.object_keys[column], frame)
 
-    def on_grid(self, value: Floats) -> Floats:
-        """Numbers of the `cells` on the whole grid ``[F, J]``, 0 elsewhere."""
-        grid = np.zeros((self.frames, len(self.ids)))
+    def on_grid(self, value: Floats, other: float = 0.0) -> Floats:
+        """Numbers of the `cells` on the whole grid ``[F, J]``, ``other`` elsewhere."""
+        grid = np.full((self.frames, len(self.ids)), other)
         grid[self.cells] = value
         return grid
 
@@ -165,14 +156,15 @@ class Grid:
         return np.asarray(constant[self.column] + np.sqrt(1 - bias)[self.column] * series)
 
     def latent(
-        self, memory: Callable[[ClassNoise], SharedMemory], neighbours: Neighbours, draws: Draws, kind: NoiseKind
+        self, memory: Callable[[ClassNoise], SharedMemory], neighbours: Neighbours | None, draws: Draws, kind: NoiseKind
     ) -> Floats:
-        """Standard normal numbers ``[R]`` with a memory; their lasting part is shared with neighbours."""
+        """Standard normal numbers ``[R]`` with a memory; their lasting part is shared with neighbours, if any."""
         bias, ar, phi, white, shared = self.of_objects(
             lambda n: (memory(n).bias, memory(n).ar, memory(n).phi, memory(n).white, memory(n).shared)
         ).T
         lasting = self.lasting(bias / np.maximum(bias + ar, _TINY), phi, draws, kind)
-        lasting = neighbours.mixed(lasting, shared[self.column])
+        if neighbours is not None:
+            lasting = neighbours.mixed(lasting, shared[self.column])
         new = draws.normal(kind, Component.WHITE, self.row_keys)
         share = (white / (bias + ar + white))[self.column]  # the rounded shares of a profile may not sum to 1
         return np.asarray(np.sqrt(1 - share) * lasting + np.sqrt(share) * new)

@@ -10,12 +10,11 @@ import numpy as np
 
 from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Truth
-from .draws import Component, Draws, NoiseKind, NoiseSubject, keys_of
+from .draws import Component, Draws, NoiseKind, NoiseSubject, exponential, keys_of, skewed
 from .false_positives import DetectedRows, SensedScene, detect_false_positives, spread_sizes
 from .grid import Grid
 from .profile import SLOTS, ClassNoise, NearFalsePositives
 from .quality import Qualities, best_ranks, score_by_rank
-from .skewed import exponential, skewed
 
 BESIDE = 0.75, 1.5  # m from the object's centre, where the chance to have the object's class changes
 

@@ -13,7 +13,6 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 from ..errors import UnknownNameError
 from ..strict import Section
 
-LOCATION = 7  # features that the mean quality depends on
 QUANTILES = 11  # of distances: at 0, 10, ..., 100 %
 RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)  # of scores: denser where scores are high
 SLOTS = 2  # places beside every true box at which a false positive can appear
@@ -74,7 +73,7 @@ class Lapses(Section):
 class Quality(SharedMemory):
     """Quality of an object's detection in a frame, which decides its score and whether it is detected."""
 
-    location: Annotated[tuple[float, ...], Field(min_length=LOCATION, max_length=LOCATION, strict=False)]
+    location: Annotated[tuple[float, ...], Field(min_length=7, max_length=7, strict=False)]
     # mean: 1, d, d^2, partly occluded, largely occluded, hidden, truncated; the random part has variance 1
     lapses: Lapses
     latent: Curve  # qualities

@@ -13,7 +13,6 @@ from ..strict import read_toml, validate
 from .profile import Profile
 
 _STORE = Path(__file__).parent / "profiles"
-_COMMENTS = {"size.mean": "length, width, height, m"}
 
 
 @cache
@@ -64,23 +63,19 @@ def profile_text(profile: Profile) -> str:
     return "\n".join(lines) + "\n"
 
 
-def toml_table(heading: str, content: dict[str, Any], section: str = "") -> list[str]:
+def toml_table(heading: str, content: dict[str, Any]) -> list[str]:
     """TOML lines of a table and its sub-tables; lists must be tuples."""
     tables = {key: value for key, value in content.items() if isinstance(value, dict)}
     values = {key: value for key, value in content.items() if key not in tables}
-    lines = ["", f"[{heading}]", *toml_values(values, section)]
+    lines = ["", f"[{heading}]", *toml_values(values)]
     for key, value in tables.items():
-        lines += toml_table(f"{heading}.{key}", value, key)
+        lines += toml_table(f"{heading}.{key}", value)
     return lines
 
 
-def toml_values(content: dict[str, Any], section: str = "") -> list[str]:
-    """TOML lines of values that are not tables, with comments for some parameters of a profile."""
-    lines = []
-    for key, value in content.items():
-        comment = _COMMENTS.get(f"{section}.{key}")
-        lines.append(f"{_key(key)} = {_value(value)}" + (f"  # {comment}" if comment else ""))
-    return lines
+def toml_values(content: dict[str, Any]) -> list[str]:
+    """TOML lines of values that are not tables."""
+    return [f"{_key(key)} = {_value(value)}" for key, value in content.items()]
 
 
 def _key(name: str) -> str:

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..types import Bools, Floats, Ints
-from .draws import Draws, NoiseKind
+from .draws import Draws, NoiseKind, exponential, skewed, skewed_cdf, skewed_quantile
 from .grid import Grid, Neighbours
 from .profile import RANKS
-from .skewed import exponential, skewed, skewed_cdf, skewed_quantile
 from .visibility import HIDDEN, LARGELY, PARTLY, Visibility
 
 

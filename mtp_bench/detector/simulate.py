@@ -31,17 +31,10 @@ def simulate(
 ) -> Detections:
     """Simulate the detections of a scene; equal arguments give equal detections.
 
-    Args:
-        truth: true boxes with the neutral ones; ``class_id`` is an index into ``classes``.
-        ego: ``[F, 4]`` x y z yaw of the sensor, in the truth's frame of reference.
-        classes: class names; UnknownNameError for a class that the profile does not have.
-        profile: the noise.
-        sensor: its coverage; objects outside are never detected.
-        seed: not negative. Kinds of noise have separate random numbers: a changed level leaves all other draws alone.
-        dt: s between frames. Where it differs from the profile's, the memory decays accordingly.
-        visibility: `visibility_of` the truth, if it is already known.
-
-    Rows within a frame are sorted by descending score, then by x.
+    ``truth``: true boxes with the neutral ones, ``class_id`` an index into ``classes``; ``ego``: ``[F, 4]`` x y z yaw
+    of the sensor, in the frame of the truth; ``seed``: not negative; ``dt``: s between frames, the memory of the profile
+    decays accordingly; ``visibility``: `visibility_of` the truth, if known. Rows of a frame are sorted by descending
+    score, then by x. Raises UnknownNameError for a class that the profile does not have.
     """
     require_shape("ego", ego, (truth.frames, 4))
     visibility = visibility_of(truth, ego, sensor) if visibility is None else visibility
@@ -62,9 +55,7 @@ def simulate(
     similar = classes_of_same_noise(truth, noise_names)
     rows = [objects, near_false_positives(grid, scene, qualities, similar, seed)]
     for number, (name, noise) in enumerate(profile.classes.items()):
-        if noise.free is None:
-            continue
-        reported = reported_classes(truth, classes, noise_names, name, noise.free.size)
+        reported = reported_classes(truth, classes, noise_names, name, noise.free)
         if reported is not None:
             rows.append(free_false_positives(noise, reported, scene, number, seed))
     return sorted_detections(rows, len(ego))

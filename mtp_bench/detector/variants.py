@@ -18,8 +18,8 @@ _NO_MEMORY = {"bias": 0.0, "ar": 0.0, "white": 1.0, "phi": 0.0}
 def with_variant(profile: Profile, variant: Variant) -> Profile:
     """``profile`` itself, or a variant named "<name>-iid" or "<name>-hard".
 
-    "iid": the same recall and error distributions without memory: every frame of an object is drawn anew. "hard":
-    lower quality, position errors x 2, false positives x 2.
+    "iid": the same recall and error distributions without memory; "hard": lower quality, twice the position errors and
+    false positives.
     """
     if variant == "as_fitted":
         return profile
@@ -46,20 +46,17 @@ def _without_memory(noise: ClassNoise) -> dict[str, Any]:
 
 def _harder(noise: ClassNoise) -> dict[str, Any]:
     location, free, near = noise.quality.location, noise.free, noise.near
+    # the relative difference between scenes stays
+    dispersion = 1.0 if free is None else 1.0 + WORSE * (free.dispersion - 1.0)
     return {
         **{
             name: _with(axis, {"s0": WORSE * axis.s0, "s1": WORSE * axis.s1})
             for name, axis in (("radial", noise.radial), ("tangential", noise.tangential))
         },
         "quality": _with(noise.quality, {"location": (location[0] - LOWER, *location[1:])}),
-        "free": _with(free, {} if free is None else _more(free.rate, free.dispersion, WORSE)),
+        "free": _with(free, {} if free is None else {"rate": WORSE * free.rate, "dispersion": dispersion}),
         "near": _with(near, {} if near is None else {"chance": min(WORSE * near.chance, 1.0)}),
     }
-
-
-def _more(rate: float, dispersion: float, factor: float) -> dict[str, float]:
-    """``factor`` times as many false positives; the relative difference between scenes stays."""
-    return {"rate": factor * rate, "dispersion": 1.0 + factor * (dispersion - 1.0)}
 
 
 def _with(part: Section | None, changes: dict[str, Any]) -> Section | None:

@@ -75,13 +75,10 @@ def visible_fractions(truth: Truth, ego: Floats) -> Floats:
 
 
 def visible_fraction(box: Floats, sensor: Floats) -> NDArray[np.float64]:
-    """Unoccluded share of the angle that a box spans, 0 to 1: boxes ``[M, 7]`` -> ``[M]``.
+    """Unoccluded share of the angle that a box spans, 0 to 1: boxes ``[M, 7]`` -> ``[M]``, from a position x, y.
 
-    ``sensor`` is its position x, y. The ends of all boxes cut the circle into at most 2 M sectors. If boxes do not
-    overlap, the nearest box is the same all over a sector, so one ray through its middle gives the exact share also for
-    small and far boxes. If boxes overlap, the first box on that ray gets the whole sector.
-
-    A box that contains the sensor is fully visible and hides no other box.
+    The ends of all boxes cut the circle into sectors; a ray through the middle of each finds its nearest box, which is
+    exact for boxes that do not overlap. A box that contains the sensor is fully visible and hides no other box.
     """
     middle, half, inside = _angular_intervals(box, sensor)
     share = np.ones(len(box))

@@ -1,19 +1,11 @@
 """Causes of the remaining error: parts of the ranking error, which add up to it.
 
-At a confidence threshold each target has one error, at most c. One without a forecast has all of it for the first
-cause that applies:
-
-- ``undetected``: no detection of its class lies inside the forecast gate;
-- ``below_threshold``: it has a forecast, of less confidence than the threshold;
-- ``not_forecast``: it was detected, but has no forecast.
-
-The error of one with a forecast is a sum of signed parts:
-
-- ``gt_tracks``: the error of the same predictor on ground-truth tracks;
-- ``localisation``: the part that moving the forecast to the object's true place takes away;
-- ``switched`` or ``rest``: the remainder, by whether the reference tracker ever switches the identity there.
-
-Parts are taken at each budget of false forecasts, between the same two thresholds as the error, and averaged like it.
+A target without a forecast has all of its error for the first cause that applies: ``undetected`` (no detection of its
+class inside the forecast gate), ``below_threshold`` (of the confidence), ``not_forecast``. That of one with a forecast
+is a sum of signed parts: ``gt_tracks`` (the same predictor on ground-truth tracks), ``localisation`` (the part that
+moving the forecast to the true place takes away), and the remainder: ``switched`` if the reference tracker ever
+switches the identity there, else ``rest``. Parts are taken at each budget of false forecasts, and averaged like the
+error.
 """
 
 from __future__ import annotations

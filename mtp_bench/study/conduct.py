@@ -118,7 +118,7 @@ def write_study(folder: Path, findings: Findings, tables: dict[str, Table], comm
     figures = make_figures(findings, tables)
     done("figures")
     for name, figure in figures.items():
-        write_text(folder / FIGURES / f"{name}.svg", figure.svg_file)
+        write_text(folder / FIGURES / f"{name}.svg", f'<?xml version="1.0" encoding="utf-8"?>\n{figure.svg}')
         write_bytes(folder / FIGURES / f"{name}.png", figure.png)
     pictures = draw_worst_events(findings, folder / EVENTS)
     done("pictures of events")

@@ -1,8 +1,4 @@
-"""Look of every figure, with colours for colour blindness, print and dark pages.
-
-A figure is drawn once, in the colours of light paper. In its SVG they become CSS variables, so that the same drawing
-is right on a dark page; a file of its own defines both sets of them.
-"""
+"""Look of every figure: colours for colour blindness and print, letters, and the files of a drawn figure."""
 
 from __future__ import annotations
 
@@ -15,54 +11,46 @@ from typing import Any
 
 WIDTH, HEIGHT = 5.6, 3.3  # inches
 DOTS = 150  # per inch, of PNG files
-# name -> on light, on dark. After Okabe and Ito; each series has a marker, a line style or a hatch of its own too
+# After Okabe and Ito; each series has a marker, a line style or a hatch of its own too
 COLORS = {
-    "ink": ("#1d2126", "#e6e9ec"),
-    "soft": ("#5b646e", "#a4adb6"),
-    "grid": ("#e2e5e8", "#31383f"),
-    "paper": ("#ffffff", "#1a1e22"),
-    "green": ("#009e73", "#25b78c"),
-    "blue": ("#0072b2", "#3f8fe0"),
-    "orange": ("#e69f00", "#e8a317"),
-    "vermillion": ("#d55e00", "#f0793a"),
-    "purple": ("#cc79a7", "#e39cc6"),
-    "sky": ("#56b4e9", "#a3dcfa"),
-    "grey": ("#555b61", "#737a81"),
-    "yellow": ("#f0e442", "#f5ec7a"),
+    "ink": "#1d2126",
+    "soft": "#5b646e",
+    "grid": "#e2e5e8",
+    "green": "#009e73",
+    "blue": "#0072b2",
+    "orange": "#e69f00",
+    "vermillion": "#d55e00",
+    "purple": "#cc79a7",
+    "sky": "#56b4e9",
+    "grey": "#555b61",
+    "yellow": "#f0e442",
 }
 SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
-LIGHT, DARK = (";".join(f"--{name}:{pair[i]}" for name, pair in COLORS.items()) for i in (0, 1))  # variables of CSS
-_FONTS = "font-family: system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif"
-
-
-def hex_color(name: str) -> str:
-    """Hex colour on light paper."""
-    return COLORS[name][0]
-
-
-INK, SOFT, GRID, GROUND = (hex_color(name) for name in ("ink", "soft", "grid", "paper"))
+GROUND = "#ffffff"
+_INK, _SOFT = COLORS["ink"], COLORS["soft"]
 _SETTINGS: dict[str, Any] = {
     "font.family": "sans-serif",
     "text.parse_math": False,  # "$" in a name is a name
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 10,
-    "axes.titlesize": 10.5,
-    "axes.edgecolor": SOFT,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.facecolor": "none",
+    "axes.edgecolor": _SOFT,
+    "axes.labelcolor": _INK,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
     "figure.facecolor": GROUND,
-    "text.color": INK,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
+    "text.color": _INK,
+    "xtick.color": _SOFT,
+    "ytick.color": _SOFT,
+    "xtick.labelcolor": _INK,
+    "ytick.labelcolor": _INK,
     "xtick.labelsize": 9,
     "ytick.labelsize": 9,
     "legend.fontsize": 9,
     "legend.frameon": False,
-    "legend.labelcolor": INK,
-    "grid.color": GRID,
+    "legend.labelcolor": _INK,
+    "grid.color": COLORS["grid"],
+    "grid.linewidth": 0.8,
     "hatch.linewidth": 0.6,
     "svg.fonttype": "none",  # text stays text
 }
@@ -72,13 +60,11 @@ _SETTINGS: dict[str, Any] = {
 class Drawing:
     """A drawn figure."""
 
-    name: str  # of its files
     title: str
     sentence: str  # what it shows
     n: str  # number of targets, objects and scenes
     wide: bool  # needs the width of the page
-    svg: str  # for a page: colours are CSS variables; title and sentence are its label
-    svg_file: str  # on its own
+    svg: str  # title and sentence are its label
     png: bytes
 
 
@@ -102,45 +88,14 @@ def draw(
         across = -(-panels // rows)
         width, height = size or (WIDTH if across == 1 else WIDTH * 1.45, HEIGHT * rows)
         canvas = Figure(figsize=(width, height), layout="constrained")
-        axes: list[Any] = list(canvas.subplots(rows, across, squeeze=False).ravel()[:panels])
-        paint(*axes)
-        for each in axes:
-            each.spines[["top", "right"]].set_visible(False)
-            each.set_axisbelow(True)
-        label = f'<svg role="img" aria-label="{escape(f"{title}. {sentence}")}" data-figure="{name}" '
-        svg = _svg(canvas).replace("<svg ", label, 1)
-        png = io.BytesIO()
-        description = f"{sentence} n: {n}."
-        about = {"Title": title, "Description": description, "Software": None}
-        canvas.savefig(png, format="png", dpi=DOTS, bbox_inches="tight", metadata=about, pil_kwargs={"optimize": True})
-    svg_file = _standalone(svg, title, description)
-    return Drawing(name, title, sentence, n, width > WIDTH * 1.2, svg, svg_file, png.getvalue())
-
-
-def _svg(canvas: Any) -> str:
-    """The drawing as an element of a page: sized by its box, coloured by variables."""
-    text = io.StringIO()
-    anonymous = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    canvas.savefig(text, format="svg", facecolor="none", bbox_inches="tight", metadata=anonymous)
+        paint(*canvas.subplots(rows, across, squeeze=False).ravel()[:panels])
+        text, png = io.StringIO(), io.BytesIO()
+        about = {"Title": title, "Description": f"{sentence} n: {n}."}
+        canvas.savefig(text, format="svg", bbox_inches="tight", metadata={**about, "Date": None, "Creator": None})
+        options: Any = {"dpi": DOTS, "pil_kwargs": {"optimize": True}}
+        canvas.savefig(png, format="png", bbox_inches="tight", metadata={**about, "Software": None}, **options)
     svg = text.getvalue()
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>\s*|<style[^>]*>.*?</style>", "", svg, flags=re.DOTALL)  # pages have a style
-    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
-    svg = svg.replace("font-family: 'DejaVu Sans'", _FONTS)
+    svg = re.sub(r"<style[^>]*>.*?</style>", "", svg[svg.index("<svg") :], flags=re.DOTALL)  # pages have a style
     svg = svg.replace("'DejaVu Sans'", "system-ui, 'DejaVu Sans', sans-serif")
-    for key, (light, _) in COLORS.items():
-        svg = re.sub(re.escape(light), f"var(--{key})", svg, flags=re.IGNORECASE)
-    return svg
-
-
-def _standalone(svg: str, title: str, sentence: str) -> str:
-    """The element as a file that needs no page, with both sets of colours; its description holds the sentence."""
-    style = (
-        f"<style>svg{{{LIGHT};background:var(--paper)}}@media(prefers-color-scheme:dark){{svg{{{DARK}}}}}"
-        f"*{{stroke-linejoin:round;stroke-linecap:butt}}text{{{_FONTS}}}</style>"
-    )
-    heading, description = (escape(text, quote=False) for text in (title, sentence))
-    first = svg.index(">") + 1
-    head = f"<title>{heading}</title><desc>{description}</desc>{style}"
-    return f'<?xml version="1.0" encoding="utf-8"?>\n{svg[:first]}{head}{svg[first:]}'
+    label = f'<svg role="img" aria-label="{escape(f"{title}. {sentence}")}" data-figure="{name}" '
+    return Drawing(title, sentence, n, width > WIDTH * 1.2, svg.replace("<svg ", label, 1), png.getvalue())

@@ -10,7 +10,7 @@ from typing import Any
 from ..tables import Table
 from ..viz.terminal.output import counted
 from .causes import CAUSES
-from .drawing import SERIES, Drawing, draw, hex_color
+from .drawing import COLORS, SERIES, Drawing, draw
 from .findings import Findings
 from .panels import HATCHES, MARKERS, Panel, Series, draw_panels
 from .rows import column, subset_name, texts_of
@@ -108,7 +108,7 @@ def _ranked(findings: Findings, rows: Sequence[Any]) -> Sketch:
 def _events(findings: Findings, rows: Sequence[Any]) -> Sketch:
     rows, lines = _where(rows, agent=findings.subject.name), []
     single = _where(rows, H=1)
-    style = {"color": [hex_color(EVENT_COLORS[row.kind]) for row in single], "hatch": HATCHES[: len(single)]}
+    style = {"color": [COLORS[EVENT_COLORS[row.kind]] for row in single], "hatch": HATCHES[: len(single)]}
     bars = _series_of(single, "", "blue", range(len(single)), "per_trajectory", kind="bar", style=style)
     bars = replace(bars, texts=_pick(single, "events"))
     one = _level("", [1.0], "soft", linestyle=":")

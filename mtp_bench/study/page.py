@@ -12,7 +12,7 @@ from ..tables import Column, Table
 from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
 from ..viz.terminal.verdict import verdict
-from .drawing import DARK, LIGHT, Drawing
+from .drawing import Drawing
 from .figures import n_of
 from .findings import Findings
 from .gallery import EventPicture
@@ -35,8 +35,7 @@ def study_page(
 
     Equal findings give equal bytes: the page holds no date and no random id.
     """
-    colors = f":root{{{LIGHT}}}@media(prefers-color-scheme:dark){{:root{{{DARK}}}}}"
-    style = f"{colors}\n{text_of(_HERE, 'page.css')}"
+    style = text_of(_HERE, "page.css")
     policy = (
         f"default-src 'none'; style-src-elem {source_of(style)}; style-src-attr 'unsafe-inline'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
@@ -66,29 +65,7 @@ def relation_value(row: Any) -> str:
 
 def summary(findings: Findings) -> list[str]:
     """Results in a few sentences with intervals."""
-    sentences = verdict(findings.report, [subject.name for subject in findings.plan.subjects])
-    own = _own_predictor(findings)
-    return [*sentences, own] if own else sentences
-
-
-def _own_predictor(findings: Findings) -> str:
-    """The cost of tracking errors with the subject's predictor; empty if the controls have the same predictor."""
-    subject = findings.subject
-    if not subject.states_references or subject.reference in findings.plan.controls:
-        return ""
-    cost = findings.difference(subject.reference, subject.truth, "all")
-    ideal, real, most = (findings.row(s, "all").error for s in (subject.truth, subject.reference, subject.most))
-    if None in (ideal, real, most) or cost.interval is None:
-        return ""
-    low, high = cost.interval
-    owner = (
-        "its own predictor" if subject.reference == subject.single else f"the predictor of {subject.reference.label}"
-    )
-    return (
-        f"With {owner} the error over all targets is {ideal:.3f} m from ground-truth tracks and {real:.3f} m with one "
-        f"hypothesis ({cost.error:+.3f} m, 95 % {low:+.3f} to {high:+.3f}); {subject.name} has {most:.3f} m with "
-        f"{findings.row(subject.most, 'all').hypotheses}."
-    )
+    return verdict(findings.report, [subject.name for subject in findings.plan.subjects])
 
 
 def facts(findings: Findings) -> list[tuple[str, str]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..scoring.rows import Interval
 from ..types import Floats
-from .drawing import GRID, SERIES, hex_color
+from .drawing import COLORS, SERIES
 
 MARKERS: dict[str, str] = dict(zip(SERIES, "osDv^P*", strict=True))
 LINES: dict[str, str] = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))
@@ -59,7 +59,7 @@ def draw_panels(axes: Sequence[Any], panels: Sequence[Panel], legend: int = 3) -
 
 def draw_panel(axis: Any, panel: Panel) -> None:
     """Draw the series of a panel, its ticks and labels."""
-    axis.grid(axis="x" if panel.stacked else "y", color=GRID, linewidth=0.8)
+    axis.grid(axis="x" if panel.stacked else "y")
     bars = [series for series in panel.series if series.kind == "bar"]
     base = np.zeros((2, max((len(series.x) for series in bars), default=0)))  # tops of positive and negative bars
     for series in panel.series:
@@ -83,7 +83,7 @@ def draw_panel(axis: Any, panel: Panel) -> None:
 
 def _bar(axis: Any, panel: Panel, series: Series, number: int, count: int, base: Floats) -> None:
     value, at = np.array(series.y, dtype=float), np.array(series.x, dtype=float)
-    style = {"color": hex_color(series.color), "hatch": HATCHES[number % len(HATCHES)], "edgecolor": "white"}
+    style = {"color": COLORS[series.color], "hatch": HATCHES[number % len(HATCHES)], "edgecolor": "white"}
     style |= {"label": series.label, **series.style}
     if panel.stacked:
         axis.barh(at, value, 0.62, left=np.where(value >= 0, base[0], base[1]), **style)
@@ -97,7 +97,7 @@ def _bar(axis: Any, panel: Panel, series: Series, number: int, count: int, base:
 
 
 def _level(axis: Any, panel: Panel, series: Series) -> None:
-    style = {"color": hex_color(series.color), "linewidth": 1.5, "label": series.label or None, **series.style}
+    style = {"color": COLORS[series.color], "linewidth": 1.5, "label": series.label or None, **series.style}
     for level in series.y:
         if level is not None:
             (axis.axvline if panel.stacked else axis.axhline)(level, **style)
@@ -106,7 +106,7 @@ def _level(axis: Any, panel: Panel, series: Series) -> None:
 def _marks(axis: Any, panel: Panel, series: Series) -> None:
     """A line or dots with intervals; the intervals of a line are a band."""
     name, value = series.color, np.array(series.y, dtype=float)
-    style: dict[str, Any] = {"color": hex_color(name), "marker": MARKERS.get(name, "o"), "label": series.label or None}
+    style: dict[str, Any] = {"color": COLORS[name], "marker": MARKERS.get(name, "o"), "label": series.label or None}
     if series.kind == "line":
         style |= {"linestyle": LINES.get(name, "-"), "markersize": 4.5, "linewidth": 1.7}
     elif series.kind == "dots":
@@ -117,11 +117,11 @@ def _marks(axis: Any, panel: Panel, series: Series) -> None:
     axis.plot(x, y, **{**style, **series.style})
     for *place, text in zip(x, y, series.texts, strict=False):
         axis.annotate(
-            text, place, xytext=(6, 0), textcoords="offset points", va="center", fontsize=8.5, color=hex_color(name)
+            text, place, xytext=(6, 0), textcoords="offset points", va="center", fontsize=8.5, color=COLORS[name]
         )
     if series.kind == "line" and series.intervals:
         low, high = np.array([pair or (np.nan, np.nan) for pair in series.intervals], dtype=float).T
-        axis.fill_between(series.x, low, high, color=hex_color(name), alpha=0.14, linewidth=0)
+        axis.fill_between(series.x, low, high, color=COLORS[name], alpha=0.14, linewidth=0)
     elif series.intervals:
         _intervals(axis, series.x, series.intervals, name)
 
@@ -130,4 +130,4 @@ def _intervals(axis: Any, x: Any, intervals: Sequence[Interval | None], name: st
     """Thin lines from the low to the high ends, where these are known."""
     known = [(place, *interval) for place, interval in zip(x, intervals, strict=False) if interval is not None]
     if known:
-        axis.vlines(*zip(*known, strict=True), color=hex_color(name), linewidth=1.2)
+        axis.vlines(*zip(*known, strict=True), color=COLORS[name], linewidth=1.2)

@@ -54,14 +54,6 @@ def test_far_objects_and_other_frames_do_not_matter() -> None:
     assert not same(close.select(close.box[:, 0] < 15.0), whole.select(whole.box[:, 0] < 15.0))
 
 
-def test_levels_of_one_kind_leave_the_others_alone() -> None:
-    truth = cars(40, 10, 5.0)
-    plain = detect(truth, profile_of(**{**EVERYTHING, "near": None}))
-    worse = detect(truth, profile_of(**{**EVERYTHING, "near": None, "velocity": 0.9}))
-    assert np.array_equal(plain.box, worse.box)
-    assert not np.array_equal(plain.velocity, worse.velocity)
-
-
 def test_numbers_are_uniform_and_independent() -> None:
     ids, frames = np.arange(400)[None, :], np.arange(300)[:, None]
     one = Draws(7).uniform(NoiseKind.QUALITY, 0, keys_of(ids, frames))

@@ -60,13 +60,6 @@ def test_places_are_inside_the_area_of_the_sensor() -> None:
     assert ((box[:, :2] >= [-10.0, -5.0]) & (box[:, :2] <= [20.0, 30.0])).all()
 
 
-def test_a_shorter_reach_leaves_the_others_as_they_are() -> None:
-    profile = profile_of(free=FREE)
-    far, near = (detect(no_objects(500), profile, sensor=Sensor(reach, np.pi / 2)) for reach in (60.0, 31.0))
-    assert 0.3 < len(near.box) / len(far.box) < 0.7
-    np.testing.assert_array_equal(near.box, far.box[np.hypot(far.box[:, 0], far.box[:, 1]) <= 31.0])
-
-
 def test_boxes_stand_still_while_the_sensor_drives_past_and_none_born_out_of_reach_appears() -> None:
     ego = np.zeros((400, 4))
     ego[:, 0] = np.arange(400) * 2.0

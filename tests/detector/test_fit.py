@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.detection.couplings import Couplings, couplings, lives
+from benchmarks.detection.couplings import couplings
 from mtp_bench.detector import Profile
+from mtp_bench.detector.draws import exponential, skewed, skewed_cdf, skewed_density
 from mtp_bench.detector.fit import fit_profile
 from mtp_bench.detector.fit.quality import fit_ordered_levels
 from mtp_bench.detector.fit.samples import Samples, collect_samples
 from mtp_bench.detector.simulate import simulate
-from mtp_bench.detector.skewed import exponential, skewed, skewed_cdf, skewed_density
 from mtp_bench.detector.visibility import Sensor
 from mtp_bench.errors import DataError
-from mtp_bench.types import Detections, Scene, Truth
+from mtp_bench.types import Scene, Truth
 from tests.support.detector_scenes import CLASSES, DT, FREE, NEAR, grid_truth, profile_of
 
 SENSOR = Sensor(60.0, 2 * np.pi)
@@ -138,27 +138,3 @@ def test_levels_give_the_mean_and_the_cuts(lapses: float) -> None:
     weight, found = fit_ordered_levels(feature, np.searchsorted(cut, value), 4, lapses)
     assert weight == pytest.approx([2.0, -0.7], abs=0.06)
     assert found == pytest.approx(cut, abs=0.04)
-
-
-def drawn(*rows: tuple[int, float, float]) -> Samples:
-    """Samples of a scene with false positives at (frame, x, y), and one object that is far from all."""
-    frame, x, y = np.array(rows, dtype=float).T
-    truth = grid_truth(np.tile([50.0, 0, 0.8, 0, 4, 2, 1.6], (6, 1, 1)), np.zeros((1, 2)), np.zeros(1, int))
-    box = np.tile([0.0, 0, 0.8, 0, 4, 2, 1.6], (len(rows), 1))
-    box[:, 0], box[:, 1] = x, y
-    no_velocity, ones = np.zeros((len(rows), 2)), np.ones(len(rows))
-    found = Detections(np.searchsorted(frame, np.arange(7)), box, no_velocity, np.zeros(len(rows), int), ones)
-    return of_car([Scene("drawn", np.arange(6.0), np.zeros((6, 4)), truth, found)])
-
-
-def test_lives_are_counted_by_hand() -> None:
-    _, false = drawn((0, 10, 0), (0, 30, 0), (1, 10.5, 0), (2, 11, 0), (2, 30, 0), (4, 11, 0))
-    assert lives(false).tolist() == [3, 1, 3, 3, 1, 1]
-
-
-def test_figures_of_a_few_false_positives() -> None:
-    rows = [(t, 10.0 + x, 0.0) for t in range(6) for x in (0.0, 2.0, 10.0, 20.0, 30.0)]
-    figures: Couplings = couplings(*drawn(*rows))
-    assert figures.false_together == pytest.approx(0.4)
-    assert figures.false_long == 1.0
-    assert figures.false_per_frame == 5.0

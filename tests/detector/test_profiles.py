@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mtp_bench.cards import load_card, with_detector
 from mtp_bench.detector import Profile, load_profile, profile_names
 from mtp_bench.detector.profile_file import profile_for, profile_text
 from mtp_bench.detector.variants import with_variant
-from mtp_bench.errors import CardError, UnknownNameError
-from tests.support.detector_scenes import FREE, LASTING, NEAR, cars, detect, on_grid, profile_of, seen_at
+from mtp_bench.errors import CardError
+from tests.support.detector_scenes import FREE, LASTING, NEAR, cars, detect, on_grid, profile_of
 
 FULL = profile_of(quality=LASTING, radial={**LASTING, "s0": 0.2}, free=FREE, near=NEAR)
 
@@ -36,11 +35,6 @@ def test_a_shipped_profile_is_complete_and_read_back_equal(name: str, tmp_path: 
         assert changed.name == f"{name}-{variant}"
         assert Profile.model_validate(changed.model_dump()) == changed
     assert with_variant(profile, "as_fitted") is profile
-
-
-def test_an_unknown_name_is_answered_with_the_nearest_one() -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'nuscenes_megvii'"):
-        load_profile("nuscenes_megvi")
 
 
 def test_odd_names_and_absent_parts_are_read_back_equal(tmp_path: Path) -> None:
@@ -79,13 +73,6 @@ def test_a_wrong_parameter_is_one_clear_error(name: str, tmp_path: Path) -> None
         read_back(FULL.model_copy(update={"classes": {"car": car}}), tmp_path)
 
 
-@pytest.mark.parametrize("variant", ["as_fitted", "iid", "hard"])
-def test_the_variants_of_no_noise_are_no_noise(variant: Literal["as_fitted", "iid", "hard"]) -> None:
-    truth = cars(20, 30)
-    found = detect(truth, with_variant(load_profile("clean"), variant), visibility=seen_at(truth, 20.0, occlusion=3))
-    np.testing.assert_allclose(found.box, truth.box)
-
-
 def test_iid_keeps_recall_and_scores_without_memory() -> None:
     profile = profile_of(quality={**LASTING, "lapses": {"share": 0.4, "bias": 0.5, "phi": 0.9, "shared": 0.5}})
     hits, scores = [], []
@@ -112,19 +99,3 @@ def test_hard_misses_more_errs_more_and_invents_more() -> None:
     assert odds[1] - odds[0] == pytest.approx(1.0, abs=0.15)
     assert deviation[1] / deviation[0] == pytest.approx(2.0, rel=0.1)
     assert false[1] / false[0] == pytest.approx(2.0, rel=0.3)
-
-
-def test_a_card_digests_its_profile() -> None:
-    card = load_card("MTP-Intersection-v0")
-    names = ("nuscenes_megvii", "nuscenes_megvii_raw", "clean")
-    cards = [with_detector(card, name) for name in names]
-    assert len({one.digest for one in cards}) == 3
-    assert [one.detector_name for one in cards] == list(names)
-
-
-def test_a_profile_file_is_a_card_s_own_noise(tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(profile_text(load_profile("nuscenes_megvii")), encoding="utf-8")
-    card = with_detector(load_card("MTP-Intersection-v0"), str(path))
-    assert card.detector is not None
-    assert card.detector.noise == load_profile("nuscenes_megvii")

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.detector.fit.samples import collect_samples, match_boxes, match_gate
+from mtp_bench.detector.fit.samples import collect_samples, match_boxes
 from mtp_bench.detector.visibility import Sensor
-from mtp_bench.errors import DataError
 from mtp_bench.types import Detections, Floats, Scene, Truth
 from tests.support.detector_statistics import ClassStatistics, detector_statistics
 
@@ -80,16 +79,9 @@ def test_match(true: list[ROW], found: list[ROW], expected: list[int]) -> None:
 
 
 def test_gates_are_tighter_for_small_classes() -> None:
-    assert [match_gate(name) for name in ("car", "truck", "cyclist", "pedestrian")] == [2.0, 2.0, 1.5, 1.0]
     walker = truth([(10, 0)], class_id=1)
     assert match_boxes(walker, detections([(11.1, 0)], class_id=1), CLASSES).detection.tolist() == [-1]
     assert match_boxes(walker, detections([(10.9, 0)], class_id=1), CLASSES).detection.tolist() == [0]
-
-
-def test_classes_do_not_mix() -> None:
-    matches = match_boxes(truth([(10, 0)]), detections([(10, 0)], class_id=1), CLASSES)
-    assert matches.detection.tolist() == [-1]
-    assert matches.false.tolist() == [True]
 
 
 def test_a_neutral_box_absorbs_its_detections_and_counts_nowhere() -> None:
@@ -110,14 +102,6 @@ def test_only_what_the_sensor_covers_counts() -> None:
     behind, far, seen = (-10.0, 0.0), (60.0, 0.0), (10.0, 0.0)
     figures = of_car(truth([behind, far, seen]), detections([(-20.0, 0.0), (70.0, 0.0), (20.0, 0.0), (10.0, 0.0)]))
     assert (figures.boxes, figures.recall, figures.false_positives) == (1, 1.0, 1.0)
-
-
-def test_objects_of_different_scenes_are_different_ones() -> None:
-    first, second = pattern("+--"), pattern("--+")
-    figures = detector_statistics([first, second], CLASSES, AHEAD)["car"]
-    assert (figures.boxes, figures.gaps) == (6, 0)
-    with pytest.raises(DataError, match="no scenes"):
-        detector_statistics([], CLASSES, AHEAD)
 
 
 def test_known_visibility_is_used() -> None:

@@ -74,14 +74,6 @@ def test_rows_of_a_frame_are_by_score_and_do_not_show_the_object() -> None:
         assert (np.diff(x)[np.diff(score) == 0] >= 0).all()
 
 
-def test_the_order_of_true_rows_within_a_frame_does_not_matter() -> None:
-    truth, ego = traffic()
-    rng = np.random.default_rng(0)
-    order = np.concatenate([rng.permutation(np.arange(len(truth.box))[truth.rows(t)]) for t in range(len(ego))])
-    shuffled = Truth(truth.start, *(value[order] for key, value in vars(truth).items() if key != "start"))
-    np.testing.assert_allclose(simulated(MEGVII, 2, (shuffled, ego)).box, simulated(MEGVII, 2).box, atol=1e-9)
-
-
 @pytest.mark.parametrize(("yaw", "shift"), [(0.0, (100.0, -50.0, 3.0)), (1.2, (0.0, 0.0, 0.0))])
 def test_detections_move_with_the_world(yaw: float, shift: tuple[float, float, float]) -> None:
     """Errors, families and ground do; only headings of free false positives are even over the world's."""
@@ -114,18 +106,3 @@ def test_a_scene_without_objects_can_be_simulated(frames: int) -> None:
     clean = simulated(load_profile("clean"), 0, scene)
     assert clean.start.tolist() == [0] * (frames + 1)
     assert clean.box.shape == (0, 7)
-
-
-def test_a_class_with_the_noise_of_another_one_has_false_positives_too() -> None:
-    """Otherwise its name would show that a box is true."""
-    truth, ego = traffic(frames=200)
-    classes = ("car", "pedestrian", "cyclist")  # cyclists have the noise of cars
-    assert MEGVII.noise_name("cyclist") == MEGVII.noise_name("bicycle") == "car"
-    truth = Truth(**{**vars(truth), "class_id": truth.object_id % 3})
-    found = simulate(truth, ego, classes, MEGVII, SENSOR, 0, DT)
-    far = np.zeros(len(classes), dtype=int)
-    for t in range(len(ego)):
-        rows, detected = truth.rows(t), found.rows(t)
-        distance = np.linalg.norm(found.box[detected, None, :2] - truth.box[None, rows, :2], axis=-1).min(axis=1)
-        far += np.bincount(found.class_id[detected][distance > 4.0], minlength=len(classes))
-    assert (far > 0).all()

@@ -17,7 +17,6 @@ from mtp_bench.study.causes import CAUSES, causes, causes_at
 from mtp_bench.study.circumstances import Circumstances, circumstances
 from mtp_bench.types import Detections, Rollout, Scene
 from tests.support.scoring_scenes import (
-    WALKER,
     Array,
     Thing,
     make_card,
@@ -107,11 +106,6 @@ def test_the_first_cause_of_a_missing_forecast() -> None:
     assert sum(kept[name][1] for name in CAUSES) == 0  # the weak forecast is right
 
 
-def test_a_walker_is_no_detection_of_a_car() -> None:
-    scene = scene_of([Thing(1, 0, 0)], [Thing(1, 0, 0, class_id=WALKER)])
-    assert named(scene, make_rollout([[]] * 5, samples=1), least=0.0)["undetected"] == [10]
-
-
 @pytest.mark.parametrize(("switched", "name"), [(True, "switched"), (False, "rest")])
 def test_the_parts_of_a_forecast(switched: bool, name: str) -> None:
     # the forecast starts 1 m beside the car and stays there: all of its error is that of the present place
@@ -122,14 +116,6 @@ def test_the_parts_of_a_forecast(switched: bool, name: str) -> None:
     assert parts["localisation"] == [1.0]
     assert parts[name] == [-0.25]  # without the wrong place it is better than from the true past
     assert sum(parts[each][0] for each in CAUSES) == pytest.approx(1.0)
-
-
-def test_a_forecast_that_goes_wrong_has_the_rest() -> None:
-    # at the right place, but 3 m away in the future
-    car = Thing(1, 0, 0)
-    away = make_rollout([[]] * 5, [[], [Thing(1, 0, 0, forecast=still(3))]], samples=1)
-    parts = named(scene_of([car], [car]), away, 0.0, from_truth=0.5)
-    assert (parts["localisation"], parts["rest"]) == ([0.0], [2.5])
 
 
 def test_time_since_an_event_and_age_of_the_track() -> None:

@@ -23,7 +23,7 @@ from mtp_bench.running.stored import open_run, run
 from mtp_bench.running.track_export import export_tracks
 from mtp_bench.study import Study, study
 from mtp_bench.study.causes import CAUSES
-from mtp_bench.study.conduct import find, require_study_folder
+from mtp_bench.study.conduct import find
 from mtp_bench.study.figures import FIGURES, make_figures
 from mtp_bench.study.gallery import command_of, worst_events
 from mtp_bench.study.plan import make_plan, subject_of
@@ -113,17 +113,6 @@ def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     assert not re.findall(r"""(?:src|href)=["'](?!data:|#)|<script|url\((?!["']?#)""", plain)
 
 
-def test_a_screen_reader_finds_headings_and_labels(made: Study) -> None:
-    text = made.page.read_text()
-    assert not re.search(r"<th(?! scope=)[ >]", text.split("<main>")[1])
-    bodies = [table.split("<tbody>")[1] for table in text.split("<table")[1:]]
-    assert all(row.strip().startswith('<th scope="row"') for body in bodies for row in body.split("<tr>")[1:])
-    assert not re.search(r'<(div class="scroll"|pre)(?! tabindex="0" role="region" aria-label="[^"]+">)', text)
-    names = re.findall(r'<svg role="img" aria-label="([^"]+)"', text)
-    assert len(names) == text.count("<svg") == len(FIGURES)
-    assert all(len(name.split(". ", 1)) == 2 for name in names)
-
-
 def test_no_run_is_made_twice(made: Study, tmp_path: Path, card: str, kitti: str) -> None:
     folder = tmp_path / "again"
     shutil.copytree(made.folder, folder)
@@ -191,14 +180,6 @@ def test_a_study_overwrites_studies_alone(name: str, card: str, kitti: str, tmp_
     assert (tmp_path / name).read_text() == "mine"
 
 
-def test_a_study_that_was_stopped_goes_on(tmp_path: Path) -> None:
-    (tmp_path / "runs").mkdir()
-    require_study_folder(tmp_path)  # no file is written yet
-    (tmp_path / ".study").touch()
-    (tmp_path / "index.html").write_text("of the study before")
-    require_study_folder(tmp_path)
-
-
 # ---- plans
 
 
@@ -234,16 +215,6 @@ def test_settings_of_an_agent(name: str) -> None:
         assert subject.equal[1] == subject.single
     if name == "mtp_modes_tracklets":
         assert (subject.single.parameters["on"], subject.reference.parameters["on"]) == ("tracklets", "truth")
-
-
-def test_hypotheses_that_only_the_sweep_states_are_run(tmp_path: Path, card: str) -> None:
-    stated = 'hypotheses = "hypotheses"\nsweep = { hypotheses = [2, 5] }\ngap_references = "controls"'
-    folder = write_submission(tmp_path / "swept", "swept", f"[compare]\n{stated}")
-    agent = folder / "agent.py"
-    agent.write_text(agent.read_text().replace("def build(task", "def build(task, hypotheses=1"))
-    subject = subject_of(load_submission(folder), load_card(card), (1, 2, 5, 20), (5,))
-    assert {count: s.submission.name for count, s in subject.equal.items()} == {1: "stp", 2: "swept", 5: "swept"}
-    assert sorted(subject.free) == [5]
 
 
 # ---- the page in a browser, stored tracks, events

@@ -1,28 +1,35 @@
-"""Fit of false positives by simulation: the parameters whose figures are nearest to the real ones."""
+"""Fit of false positives: counted parameters, and those whose simulated figures are nearest to the real ones."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from ...types import Floats, Scene, joined
+from ...types import Bools, Floats, Ints, Scene, joined
 from ..draws import Draws
-from ..false_positives import DetectedRows, SensedScene, reported_classes
+from ..false_positives import SensedScene, reported_classes
 from ..free import free_false_positives
-from ..grid import truth_grid, truth_neighbours
+from ..grid import Neighbours, truth_grid, truth_neighbours
 from ..near import BESIDE, classes_of_same_noise, near_false_positives
-from ..profile import ClassNoise, FreeFalsePositives, NearFalsePositives, Profile
+from ..profile import QUANTILES, RANKS, SLOTS, ClassNoise, FreeFalsePositives, NearFalsePositives, Profile
 from ..quality import Qualities, draw_qualities
 from ..visibility import Sensor, covered, visibility_of
-from .counts import NEAR, VisibleFalsePositives, count_free, count_near, memory_from_log_odds
 from .samples import FalsePositiveSamples, nearest_true_boxes
 from .search import from_log_odds, nearest_parameters
 
-_HIGH = 0.9  # rank from which scores count as high
+NEAR = 3.0  # m: a false positive this near to a true box of its classes belongs to it
+_SAME_PLACE = 1.0  # m: a false positive this near in a later frame is the same one
+_FEW_DUPLICATES = 20  # for quantiles of their scores
 _FEW = 100  # least false positives for a fit of more than the counted parameters
+_NEAREST = 2.0  # m: the sensor's own vehicle is nearer
+_FADES = 1.0  # s in which the autoregression decays to 1 / e
+_PLACES = tuple(np.linspace(0.0, 1.0, QUANTILES))
+_FRAMES = 100_000  # more than a scene has
+_HIGH = 0.9  # rank from which scores count as high
 _SEEDS = 2  # simulations per set of parameters
-_ROUNDS = 5
 _LEAST = 0.1  # chance to be visible: lower ones fit as well, but drawing the many invisible ones takes long
 _UNKNOWNS = {  # with their start values: log-odds or logarithms
     "chance": -1.7, "survive": 2.0, "lasting": 1.0, "constant": 0.0, "near_lasting": 1.0, "near_constant": 0.0,
@@ -41,12 +48,124 @@ def fit_false_positives(
     for scene in scenes:
         boxes += int((covered(scene.truth, scene.ego, sensor) & of_class[scene.truth.class_id]).sum())
     near_rows = np.asarray(real.beside < NEAR)
-    near = count_near(real, near_rows, boxes, profile.dt)
-    free = count_free(real, ~near_rows, sum(scene.frames for scene in scenes), profile.dt)
+    near = _count_near(real, near_rows, boxes, profile.dt)
+    free = _count_free(real, ~near_rows, sum(scene.frames for scene in scenes), profile.dt)
     if len(real.score) >= _FEW and near is not None and free is not None:
-        simulation = _FalsePositiveSimulation(scenes, classes, profile, name, real, sensor)
-        near, free = simulation.nearest(near, free)
+        near, free = _FalsePositiveSimulation(scenes, classes, profile, name, real, sensor).nearest(near, free)
     return noise.model_copy(update={"near": near, "free": free})
+
+
+def _count_near(real: FalsePositiveSamples, near: Bools, boxes: int, dt: float) -> NearFalsePositives | None:
+    """Parameters of the false positives ``near`` true boxes, ``boxes`` in number; None without any.
+
+    ``dt``: s between frames. The memory is a start value.
+    """
+    if not near.any() or not boxes:
+        return None
+    zone = np.digitize(real.beside, BESIDE)
+    rows = [near & (zone == number) for number in range(3)]
+    first, second, third = (round(float(real.of_class[row].mean()) if row.any() else 1.0, 4) for row in rows)
+    duplicates = rows[0] & real.of_class
+    return NearFalsePositives(
+        chance=round(min(float(near.sum()) / boxes / SLOTS, 1.0), 5),
+        score=_quantiles(real.score[near], RANKS),
+        offset=_quantiles(real.beside[near]),
+        same=(first, second, third),
+        duplicates=_quantiles(real.score[duplicates], RANKS) if duplicates.sum() >= _FEW_DUPLICATES else None,
+        **_memory(1.0, 0.0, dt),
+    )
+
+
+def _count_free(real: FalsePositiveSamples, free: Bools, frames: int, dt: float) -> FreeFalsePositives | None:
+    """Parameters of the ``free`` false positives over ``frames`` frames of ``dt`` s; None without any.
+
+    Chances, lives, families and memory are start values.
+    """
+    if not free.any():
+        return None
+    moment = real.scene[free] * _FRAMES + real.frame[free]
+    count = np.unique(moment, return_counts=True)[1]
+    rate, place = float(free.sum()) / frames, real.place[free]
+    pairs = Neighbours.within(NEAR, place, moment, np.arange(len(place)))
+    distance = np.hypot(*(place[pairs.row] - place[pairs.other]).T)
+    length, width, height = (round(float(side), 4) for side in real.size[free].mean(axis=0))
+    return FreeFalsePositives(
+        rate=round(rate, 4),
+        dispersion=round(max(float((count**2).sum()) / frames / rate - rate, 1.0), 4),
+        chance=0.15,
+        survive=0.88,
+        siblings=0.4,
+        spread=round(float(np.median(distance)) / 1.3 if len(distance) else 1.0, 3),
+        family=0.5,
+        size=(length, width, height),
+        distance=_quantiles(np.maximum(real.distance[free], _NEAREST)),
+        score=_quantiles(real.score[free], RANKS),
+        **_memory(1.0, 0.0, dt),
+    )
+
+
+def _quantiles(value: Floats, share: Sequence[float] = _PLACES) -> tuple[float, ...]:
+    return tuple(round(float(quantile), 4) for quantile in np.quantile(value, share))
+
+
+def _memory(lasting: float, constant: float, dt: float) -> dict[str, float]:
+    """Shares of the variance from the log-odds of the lasting share, and of the constant share of that."""
+    last, stay = from_log_odds(lasting), from_log_odds(constant)
+    bias, ar = round(last * stay, 4), round(last * (1 - stay), 4)
+    return {"bias": bias, "ar": ar, "phi": round(float(np.exp(-dt / _FADES)), 4), "white": round(1.0 - bias - ar, 4)}
+
+
+@dataclass(frozen=True, eq=False)
+class VisibleFalsePositives:
+    """False positives of a class over scenes, real or simulated."""
+
+    scene: Ints  # [D]
+    frame: Ints  # [D]
+    place: Floats  # [D, 2] m
+    score: Floats  # [D]
+    beside: Floats  # [D] m to the nearest true box of its classes
+    parent: Floats  # [D] score of that box' own detection; NaN or -inf where it is undetected
+
+    def figures(self, frames: int, high: float) -> Floats:
+        """Compared figures over ``frames`` frames; scores from ``high`` on count as high.
+
+        Rate and dispersion of free ones, shares that stay for 1 and 4 frames, stand together, are beside an object
+        without a high score; rate of near ones.
+        """
+        near, strong, everyone = self.beside < NEAR, self.score >= high, np.ones(len(self.score), dtype=bool)
+        alone = (self.beside < BESIDE[1]) & ~(self.parent >= high)
+        first, fourth = (self._any_within(_SAME_PLACE, lag, everyone) for lag in (1, 4))
+        again = self._any_within(_SAME_PLACE, 1, strong)
+        count = np.unique(self.scene[~near] * _FRAMES + self.frame[~near], return_counts=True)[1]
+        rate = (~near).sum() / frames
+        return np.array(
+            [
+                rate,
+                (float((count.astype(np.float64) ** 2).sum()) / frames - rate**2) / max(rate, 1e-9),
+                *(_share(stays, kind) for kind in (~near, near) for stays in (first, fourth)),
+                *(_share(again, kind & strong) for kind in (~near, near)),
+                _share(self._any_within(NEAR, 0, everyone), everyone),
+                _share(self._any_within(NEAR, 0, strong), strong),
+                _share(alone, near & strong),
+                near.sum() / frames,
+            ]
+        )
+
+    def _any_within(self, distance: float, lag: int, by: Bools) -> Bools:
+        """Mask of those with another one of ``by`` within ``distance`` m, ``lag`` frames later ``[D]``."""
+        if not by.any():
+            return np.zeros(len(self.frame), dtype=bool)
+        # the third coordinate separates frames, and scenes even more
+        moment = 10.0 * (self.scene * (int(self.frame.max(initial=0)) + 20.0) + self.frame)
+        targets = np.column_stack([self.place, moment])[by]
+        query = np.column_stack([self.place, moment + 10.0 * lag])
+        # two of each, as in its own frame the nearest one is itself
+        nearest = np.isfinite(KDTree(targets).query(query, k=2, distance_upper_bound=distance)[0])
+        return np.asarray(np.where(by, nearest[:, 1], nearest[:, 0]) if lag == 0 else nearest[:, 0])
+
+
+def _share(yes: Bools, among: Bools) -> float:
+    return float(yes[among].mean()) if among.any() else 0.0
 
 
 class _FalsePositiveSimulation:
@@ -63,34 +182,28 @@ class _FalsePositiveSimulation:
         self.scenes = [SensedScene(scene.truth, scene.ego, sensor, 1.0, 1.0) for scene in scenes]
         self.noise_names = [profile.noise_name(other) for other in classes]
         self.high = float(np.quantile(real.score, _HIGH))
-        alone = ~(real.parent >= self.high) & (real.beside < BESIDE[1])
-        near = np.asarray(real.beside < NEAR)
-        found = VisibleFalsePositives(real.scene, real.frame, real.place, real.score, near, alone)
+        found = VisibleFalsePositives(real.scene, real.frame, real.place, real.score, real.beside, real.parent)
         self.real = found.figures(self.frames, self.high)
+        visible = [scene.visible for scene in scenes]
         self.qualities = [
-            self._qualities(sensed, scene.visible, seed)
+            [self._qualities(*each, seed) for each in zip(self.scenes, visible, strict=True)]
             for seed in range(_SEEDS)
-            for sensed, scene in zip(self.scenes, scenes, strict=True)
-        ]
+        ]  # fmt: skip
 
     def nearest(
         self, near: NearFalsePositives, free: FreeFalsePositives
     ) -> tuple[NearFalsePositives, FreeFalsePositives]:
         """Parameters with figures nearest to the real ones, from counted ones as a start."""
-        scale = 0.08 * np.abs(self.real) + 0.01
-        start = np.array(list(_UNKNOWNS.values()))
-        dt = self.profile.dt
-        unknown = nearest_parameters(
-            lambda x: self._figures(*_parameters(near, free, x, dt)), self.real, scale, start, _ROUNDS
-        )
+        scale, start, dt = 0.08 * np.abs(self.real) + 0.01, np.array(list(_UNKNOWNS.values())), self.profile.dt
+        unknown = nearest_parameters(lambda x: self._figures(*_parameters(near, free, x, dt)), self.real, scale, start)
         return _parameters(near, free, unknown, dt)
 
     def _qualities(self, scene: SensedScene, visible: Floats | None, seed: int) -> Qualities:
-        truth = scene.truth
-        grid = truth_grid(truth, [self.profile.noise(name) for name in self.classes], 1.0)
-        neighbours = truth_neighbours(grid, truth.box[:, :2], self.profile.neighbours)
-        visibility = visibility_of(truth, scene.ego, scene.sensor, visible)
-        return draw_qualities(grid, visibility, neighbours, Draws(seed))
+        grid = truth_grid(scene.truth, [self.profile.noise(name) for name in self.classes], 1.0)
+        neighbours = truth_neighbours(grid, scene.truth.box[:, :2], self.profile.neighbours)
+        return draw_qualities(
+            grid, visibility_of(scene.truth, scene.ego, scene.sensor, visible), neighbours, Draws(seed)
+        )
 
     def _figures(self, near: NearFalsePositives, free: FreeFalsePositives) -> Floats:
         """Mean figures of simulated false positives over seeds."""
@@ -104,29 +217,20 @@ class _FalsePositiveSimulation:
 
     def _simulated(self, profile: Profile, number: int, seed: int) -> VisibleFalsePositives:
         """Simulated false positives of one scene."""
-        scene = self.scenes[number]
-        qualities = self.qualities[seed * len(self.scenes) + number]
-        similar = classes_of_same_noise(scene.truth, self.noise_names)
-        grid = truth_grid(scene.truth, [profile.noise(name) for name in self.classes], 1.0)
-        rows = [near_false_positives(grid, scene, qualities, similar, 1000 * seed + number)]
-        noise = profile.classes[self.name]
-        assert noise.free is not None
-        reported = reported_classes(scene.truth, self.classes, self.noise_names, self.name, noise.free.size)
+        scene, qualities, noise = self.scenes[number], self.qualities[seed][number], profile.classes[self.name]
+        truth, draw = scene.truth, 1000 * seed + number
+        similar = classes_of_same_noise(truth, self.noise_names)
+        grid = truth_grid(truth, [profile.noise(name) for name in self.classes], 1.0)
+        rows = [near_false_positives(grid, scene, qualities, similar, draw)]
+        reported = reported_classes(truth, self.classes, self.noise_names, self.name, noise.free)
         if reported is not None:
-            rows.append(free_false_positives(noise, reported, scene, 0, 1000 * seed + number))
-        score = np.where(qualities.reported, qualities.score, -np.inf)
-        return self._beside_objects(joined(rows), scene, score, number)
-
-    def _beside_objects(
-        self, detected: DetectedRows, scene: SensedScene, score: Floats, number: int
-    ) -> VisibleFalsePositives:
-        of_class = np.array(self.noise_names)[scene.truth.class_id] == self.name
-        nearest, beside = nearest_true_boxes(scene.truth, of_class, detected.frame, detected.box)
-        parent = np.append(score, -np.inf)[nearest]
-        alone = (beside < BESIDE[1]) & ~(parent >= self.high)
-        scenes = np.full(len(detected.frame), number)
-        near = np.asarray(beside < NEAR)
-        return VisibleFalsePositives(scenes, detected.frame, detected.box[:, :2], detected.score, near, alone)
+            rows.append(free_false_positives(noise, reported, scene, 0, draw))
+        found = joined(rows)
+        of_class = np.array(self.noise_names)[truth.class_id] == self.name
+        nearest, beside = nearest_true_boxes(truth, of_class, found.frame, found.box)
+        parent = np.append(np.where(qualities.reported, qualities.score, -np.inf), -np.inf)[nearest]
+        scenes = np.full(len(found.frame), number)
+        return VisibleFalsePositives(scenes, found.frame, found.box[:, :2], found.score, beside, parent)
 
 
 def _parameters(
@@ -142,11 +246,11 @@ def _parameters(
         "family": round(from_log_odds(value["family"]), 4),
         "rate": round(free.rate * factor["rate"], 4),
         "dispersion": round(1.0 + max(free.dispersion - 1.0, 0.05) * factor["dispersion"], 4),
-        **memory_from_log_odds(value["lasting"], value["constant"], dt),
+        **_memory(value["lasting"], value["constant"], dt),
     }
     near_update = {
         "chance": round(min(near.chance * factor["near_rate"], 1.0), 5),
         "parent": round(float(np.tanh(value["parent"])), 4),
-        **memory_from_log_odds(value["near_lasting"], value["near_constant"], dt),
+        **_memory(value["near_lasting"], value["near_constant"], dt),
     }
     return near.model_copy(update=near_update), free.model_copy(update=free_update)

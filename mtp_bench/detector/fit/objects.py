@@ -5,11 +5,13 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from scipy.optimize import lsq_linear, minimize
+from scipy.special import gammaln
 
 from ...geometry import wrap_angle
 from ...types import Bools, Floats
 from ..grid import Neighbours
-from ..profile import ClassNoise, HeadingNoise, LatentMemory, PositionNoise, SizeNoise
+from ..profile import ClassNoise, HeadingNoise, PositionNoise, SizeNoise
 from .quality import NEIGHBOUR_LENGTH, fit_quality, random_part
 from .samples import HEADING, HEIGHT, RADIAL, SIZE, TANGENTIAL, ObjectSamples
 
@@ -19,6 +21,7 @@ _LAGS = (1, 2, 3, 4, 6, 8, 12, 16)  # frames
 _FEW_PAIRS, _FEW = 50, 30  # least pairs for a correlation, least values for other figures
 _CLOSE = 5.0  # m between neighbours whose errors are compared
 _DRAWS = 100_000
+_MIXES = 50  # draws of shared numbers
 _BOUND, _SIZE_BOUND = 3.0, 4.0  # of latent numbers, so that one large error does not make a correlation
 _NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal number
 _PHI = np.linspace(0.0, 0.98, 99)
@@ -44,14 +47,14 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
         radial=axes[0],
         tangential=axes[1],
         nu=round(nu, 4),
-        heading=fit_heading(objects),
-        size=fit_size(objects),
-        velocity=fit_velocity(objects),
+        heading=_heading(objects),
+        size=_size(objects),
+        velocity=_velocity(objects),
         z=_height(objects),
     )
 
 
-def fit_heading(objects: ObjectSamples) -> HeadingNoise:
+def _heading(objects: ObjectSamples) -> HeadingNoise:
     """Fit the robust deviation of the heading modulo pi, and the chances of a flip after a flip and after none.
 
     The last one follows from the share of flips in the long run.
@@ -68,7 +71,7 @@ def fit_heading(objects: ObjectSamples) -> HeadingNoise:
     return HeadingNoise(scale=round(scale, 4), flip=round(flip, 4), flip_again=round(again, 4))
 
 
-def fit_size(objects: ObjectSamples) -> SizeNoise:
+def _size(objects: ObjectSamples) -> SizeNoise:
     """Fit mean and deviation of the errors of length, width and height, and their share that is new in every frame."""
     error = objects.error[:, SIZE]
     mean, deviation = error[objects.hit].mean(axis=0), error[objects.hit].std(axis=0)
@@ -76,10 +79,12 @@ def fit_size(objects: ObjectSamples) -> SizeNoise:
     product = [latent[a] * latent[b] for a, b in map(objects.hit_pairs, range(1, 9))]
     lasting = float(np.mean(np.concatenate(product))) if sum(map(len, product)) >= _FEW else 0.0
     white = min(max(1.0 - lasting, 0.0), 1.0)
-    return SizeNoise(mean=_triple(mean), deviation=_triple(deviation), white=round(white, 4))
+    return SizeNoise(
+        mean=tuple(mean.round(4).tolist()), deviation=tuple(deviation.round(4).tolist()), white=round(white, 4)
+    )
 
 
-def fit_velocity(objects: ObjectSamples) -> float | None:
+def _velocity(objects: ObjectSamples) -> float | None:
     """Fit the robust deviation of the velocity per axis, m/s; None if too few velocities were measured."""
     finite = objects.velocity_error[np.isfinite(objects.velocity_error).all(axis=1)]
     deviation = robust_deviation(finite.ravel()) if len(finite) >= _FEW else None
@@ -89,10 +94,6 @@ def fit_velocity(objects: ObjectSamples) -> float | None:
 def robust_deviation(value: Floats) -> float | None:
     """Standard deviation from the median absolute deviation; None without values."""
     return float(_NORMAL_MAD * np.median(np.abs(value - np.median(value)))) if len(value) else None
-
-
-def _triple(value: Floats) -> tuple[float, float, float]:
-    return round(float(value[0]), 4), round(float(value[1]), 4), round(float(value[2]), 4)
 
 
 def _height(objects: ObjectSamples) -> tuple[float, float]:
@@ -105,8 +106,6 @@ def _height(objects: ObjectSamples) -> tuple[float, float]:
 
 def _position_margins(error: Floats, distance: Floats, random: Floats, hit: Bools) -> tuple[tuple[Axis, Axis], float]:
     """Parameters of both axes and nu of errors ``[R, 2]`` distributed as ``(s0 + s1 d) exp(-gain q) T_nu``."""
-    from scipy.optimize import minimize
-
     size = np.abs(error[hit])
     typical = np.log(np.maximum(1.4826 * np.median(size, axis=0), 1e-3))
     bounds = [(-7.0, 1.0), (-10.0, 1.0), (-1.0, 2.0)] * 2 + [(-2.0, 4.0)]
@@ -119,8 +118,6 @@ def _position_margins(error: Floats, distance: Floats, random: Floats, hit: Bool
 
 def _student_loss(unknown: Floats, size: Floats, distance: Floats, quality: Floats) -> float:
     """Negative log-likelihood of absolute errors ``size`` ``[R, 2]``, the mean of each axis added up."""
-    from scipy.special import gammaln
-
     nu = 1.05 + np.exp(unknown[6])
     norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
     total = 0.0
@@ -149,13 +146,11 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
             weight.append(np.sqrt(len(earlier)))
     if not lags:
         return {"bias": 0.0, "ar": 0.0, "phi": 0.0, "white": 1.0}
-    return fit_memory(np.array(lags), np.array(correlation), np.array(weight)).model_dump()
+    return _memory(np.array(lags), np.array(correlation), np.array(weight))
 
 
-def fit_memory(lag: Floats, correlation: Floats, weight: Floats) -> LatentMemory:
+def _memory(lag: Floats, correlation: Floats, weight: Floats) -> dict[str, float]:
     """Least squares fit of ``bias + ar phi^lag`` to a correlation per lag, with all shares in 0..1."""
-    from scipy.optimize import lsq_linear
-
     best, least = (0.0, 0.0, 0.0), np.inf
     for phi in _PHI:
         # the white share is a third unknown, and a heavy weight makes all three sum to 1
@@ -166,7 +161,7 @@ def fit_memory(lag: Floats, correlation: Floats, weight: Floats) -> LatentMemory
         if fitted.cost < least:
             least, best = float(fitted.cost), (float(fitted.x[0]), float(fitted.x[1]), float(phi))
     bias, ar = round(best[0], 4), round(best[1], 4)
-    return LatentMemory(bias=bias, ar=ar, phi=round(best[2], 4), white=round(max(1.0 - bias - ar, 0.0), 4))
+    return {"bias": bias, "ar": ar, "phi": round(best[2], 4), "white": round(max(1.0 - bias - ar, 0.0), 4)}
 
 
 def _attenuation(nu: float) -> float:
@@ -187,17 +182,9 @@ def _shared_weight(latent: Floats, near: Neighbours, objects: ObjectSamples, las
     variance = float(np.nanmean(latent**2))
     real = float(np.mean(latent[near.row[pair]] * latent[near.other[pair]])) / variance
     shares = np.linspace(0.0, 1.0, 21)
-    implied = [lasting * _implied_correlation(near, float(share), pair, len(latent)) for share in shares]
-    return round(float(shares[int(np.argmin(np.abs(np.array(implied) - real)))]), 4)
-
-
-def _implied_correlation(near: Neighbours, share: float, pair: Bools, rows: int) -> float:
-    """Mean correlation of mixed numbers over pairs."""
-    from scipy.sparse import csr_array, eye_array
-
-    weight = share * near.weight
-    mix = csr_array(eye_array(rows) + csr_array((weight, (near.row, near.other)), (rows, rows)))
-    norm = np.sqrt(np.asarray(mix.multiply(mix).sum(axis=1)).ravel())
-    one, other = near.row[pair], near.other[pair]
-    product = np.asarray(mix[one].multiply(mix[other]).sum(axis=1)).ravel()
-    return float(np.mean(product / (norm[one] * norm[other])))
+    implied = np.zeros(len(shares))
+    for number in np.random.default_rng(0).standard_normal((_MIXES, len(latent))):
+        for i, share in enumerate(shares):
+            mixed = near.mixed(number, np.full(len(number), share))
+            implied[i] += lasting * np.mean(mixed[near.row[pair]] * mixed[near.other[pair]]) / _MIXES
+    return round(float(shares[int(np.argmin(np.abs(implied - real)))]), 4)

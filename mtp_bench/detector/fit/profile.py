@@ -31,20 +31,11 @@ def fit_profile(
     floor: Mapping[str, float] | None = None,
     alike: Mapping[str, str] | None = None,
 ) -> Profile:
-    """Fit a profile of the detector that made the detections of ``scenes``.
+    """Fit a profile of the detector that made the detections of ``scenes``, whose truth must be complete.
 
-    Args:
-        scenes: Scenes with complete truth and detections.
-        classes: Names of the class indices.
-        dt: Frame period in seconds.
-        sensor: Coverage of the detector.
-        name: Name of the profile, as ``summary`` and ``source``.
-        summary: One line about the detector.
-        source: Data that the profile is fitted to.
-        floor: Least score per class of the detections that count; without one the lowest score that occurs.
-        alike: Classes, and the class that they are fitted together with and whose noise they have.
-
-    Classes with fewer than 100 detected true boxes are left out; DataError if none remains.
+    ``dt``: s between frames; ``sensor``: its coverage; ``floor``: least score per class of the detections that count,
+    without one the lowest score that occurs; ``alike``: classes, and the class that they are fitted together with and
+    whose noise they have. Classes with fewer than 100 detected true boxes are left out; DataError if none remains.
     """
     scenes, alike = list(scenes), dict(alike or {})
     samples = collect_samples(scenes, classes, sensor, floor, alike)
@@ -55,7 +46,7 @@ def fit_profile(
             f"no detector profile can be fitted: detections of true boxes: {hits}; expected at least {LEAST_HITS} of "
             "one class. Give more scenes, or a lower floor of the scores"
         )
-    noise = {one: fit_objects(samples[one][0], _operating_point(samples[one], one, floor)) for one in fitted}
+    noise = {one: fit_objects(samples[one][0], (floor or {}).get(one, _lowest_score(samples[one]))) for one in fitted}
     profile = Profile(
         name=name,
         summary=summary,
@@ -75,10 +66,8 @@ def fit_profile(
     return profile.model_copy(update={"classes": complete})
 
 
-def _operating_point(samples: Samples, name: str, floor: Mapping[str, float] | None) -> float:
-    """Least score of a class."""
-    if floor is not None and name in floor:
-        return floor[name]
+def _lowest_score(samples: Samples) -> float:
+    """Lowest score of a class, rounded down."""
     objects, false = samples
     return math.floor(1e4 * float(min(objects.score[objects.hit].min(), false.score.min(initial=np.inf)))) / 1e4
 

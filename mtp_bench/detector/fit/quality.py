@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize
+from scipy.special import ndtri
 
 from ...types import Bools, Floats, Ints
-from ..draws import Draws
+from ..draws import Draws, skewed_cdf, skewed_density
 from ..grid import Grid, Neighbours
 from ..profile import ClassNoise, Lapses, Quality
 from ..quality import random_quality
-from ..skewed import skewed_cdf, skewed_density
 from .samples import ObjectSamples
 from .search import from_log_odds, nearest_parameters
 
 NEIGHBOUR_LENGTH = 20.0  # m; objects farther apart share no noise
 _SHARES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)  # of the scores below the cuts
 _BEST = 1.5  # quality of the highest score above the last cut
-_LAPSES = (0.1, 0.3, 0.5, 0.7)  # candidate shares of the variance
+_LAPSES = (0.3, 0.5, 0.7)  # candidate shares of the variance
 _LAGS = (1, 3, 8)  # frames
 _BANDS = ((0.0, 5.0), (5.0, 10.0))  # m between neighbours
 _SECOND = 0.15  # share of the hits below the second score threshold at which misses are compared
 _FEW = 60  # least pairs for a correlation
 _SEEDS = 8
-_ROUNDS = 5
 _START = np.array([1.0, 0.0, 1.0, -0.5, 0.5, 1.0, 0.0])
 _SCALE = 0.03  # of all compared figures, which are correlations
 _LEAST_STEP = 1e-4  # between two cuts
@@ -38,13 +38,13 @@ def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
     best, least = None, np.inf
     for share in _LAPSES:
         quality = _margins(objects, floor, share)
-        simulation = QualitySimulation.of(objects, quality)
+        simulation = _QualitySimulation(objects, quality)
         real = simulation.correlations(objects.hit, objects.score)
-        unknown = nearest_parameters(simulation.simulated, real, np.full(len(real), _SCALE), _START, _ROUNDS)
+        unknown = nearest_parameters(simulation.simulated, real, np.full(len(real), _SCALE), _START)
         difference = (simulation.simulated(unknown) - real)[np.isfinite(real)] / _SCALE
         if float(difference @ difference) < least:
             best, least = _with_memory(quality, unknown), float(difference @ difference)
-        if not scored and share == _LAPSES[1]:
+        if not scored:
             break
     assert best is not None
     return best
@@ -92,31 +92,22 @@ def _with_memory(quality: Quality, unknown: Floats) -> Quality:
     return quality.model_copy(update={**update, "shared": round(shared, 4), "lapses": lapses})
 
 
-@dataclass(frozen=True, eq=False)
-class QualitySimulation:
+class _QualitySimulation:
     """True objects of a class over all scenes, joined to one long scene in which qualities can be drawn."""
 
-    grid: Grid
-    neighbours: Neighbours
-    location: Floats  # [R] mean quality
-    quality: Quality  # with fitted margins
-    second_threshold: float  # score
-    pairs: tuple[tuple[Ints, Ints], ...]  # of rows: of one object by `_LAGS`, then of neighbours by `_BANDS`
-
-    @classmethod
-    def of(cls, objects: ObjectSamples, quality: Quality) -> QualitySimulation:
-        """Simulation for the samples of a class."""
+    def __init__(self, objects: ObjectSamples, quality: Quality) -> None:
+        """``quality``: with fitted margins."""
         width = int(objects.frame.max(initial=0)) + 1
         ids, column = np.unique(objects.object, return_inverse=True)
-        grid = Grid(width, ids, objects.frame, column, (), np.zeros(len(ids), dtype=np.int64), 1.0)
+        self.grid = Grid(width, ids, objects.frame, column, (), np.zeros(len(ids), dtype=np.int64), 1.0)
         moment = objects.scene * width + objects.frame
-        near = Neighbours.within(NEIGHBOUR_LENGTH, objects.place, moment, objects.object)
+        near = self.neighbours = Neighbours.within(NEIGHBOUR_LENGTH, objects.place, moment, objects.object)
         distance = np.hypot(*(objects.place[near.row] - objects.place[near.other]).T)
         bands = [(distance > low) & (distance <= high) & (near.row < near.other) for low, high in _BANDS]
-        beside = [(near.row[band], near.other[band]) for band in bands]
-        second = float(np.quantile(objects.score[objects.hit], _SECOND))
-        location = objects.feature @ np.array(quality.location)
-        return cls(grid, near, location, quality, second, (*map(objects.pairs, _LAGS), *beside))
+        # rows of one object by `_LAGS`, then of neighbours by `_BANDS`
+        self.pairs = [*map(objects.pairs, _LAGS), *((near.row[band], near.other[band]) for band in bands)]
+        self.second_threshold = float(np.quantile(objects.score[objects.hit], _SECOND))
+        self.location, self.quality = objects.feature @ np.array(quality.location), quality
 
     def simulated(self, unknown: Floats) -> Floats:
         """Mean `correlations` over seeds, with the memory given by log-odds."""
@@ -168,9 +159,6 @@ def fit_ordered_levels(feature: Floats, level: Ints, levels: int, lapses: float)
     ``level`` ``[R]`` 0, 1, ... is the number of cuts below a number with this mean and variance 1, whose lower tail has
     the exponential share ``lapses``; the first cut is 0.
     """
-    from scipy.optimize import minimize
-    from scipy.special import ndtri
-
     share = np.cumsum(np.bincount(level, minlength=levels))[:-1] / len(level)
     start = ndtri(np.clip(share, 1e-3, 1 - 1e-3))
     gaps = np.log(np.maximum(np.diff(start), 1e-2))

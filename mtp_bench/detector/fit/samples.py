@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from ...errors import DataError
 from ...geometry import center_distance, wrap_angle
@@ -15,6 +16,7 @@ from ..visibility import Sensor, covered, polar, visibility_of
 
 RADIAL, TANGENTIAL, HEIGHT, HEADING, SIZE = 0, 1, 2, 3, slice(4, 7)  # columns of ``ObjectSamples.error``
 
+# m, largest BEV distance of a detection from its true box
 _GATES = {"pedestrian": 1.0, "cyclist": 1.5, "bicycle": 1.5, "motorcycle": 1.5}
 _VEHICLE_GATE = 2.0
 _DUPLICATE = 0.75  # m: a second detection this near to the matched one belongs to the same object
@@ -78,11 +80,10 @@ def collect_samples(
     floor: Mapping[str, float] | None = None,
     pooled: Mapping[str, str] | None = None,
 ) -> dict[str, Samples]:
-    """Samples per class over ``scenes``.
+    """Samples per class over ``scenes``; raises DataError without a scene.
 
-    ``classes``: the task's, in the order of class indices; ``floor``: least score per class of the detections that
-    count; ``pooled``: classes, and the class whose samples theirs are added to. Boxes are matched class by class in any
-    case. Raises DataError without a scene.
+    ``floor``: least score per class of the detections that count; ``pooled``: classes, and the class whose samples
+    theirs are added to. Boxes are matched class by class in any case.
     """
     pooled = pooled or {}
     parts: dict[str, list[Samples]] = {name: [] for name in classes if name not in pooled}
@@ -184,11 +185,6 @@ class Matches:
     duplicate: Bools  # [D] false ones beside the detection of a true box
 
 
-def match_gate(class_name: str) -> float:
-    """Largest BEV distance in m of a detection from its true box; 2 m for vehicles."""
-    return _GATES.get(class_name, _VEHICLE_GATE)
-
-
 def above_floor(detections: Detections, classes: Sequence[str], floor: Mapping[str, float] | None) -> Detections:
     """Detections with at least the score ``floor`` of their class; a class without one keeps all."""
     if not floor:
@@ -214,22 +210,14 @@ def match_boxes(truth: Truth, detections: Detections, classes: Sequence[str]) ->
             if not len(i) or not len(j):
                 continue
             distance = center_distance(truth.box[i, None], detections.box[None, j])
-            near = distance <= match_gate(name)
-            pair_i, pair_j = _assign(distance, match_gate(name))
+            gate = _GATES.get(name, _VEHICLE_GATE)
+            near, beyond = distance <= gate, (min(distance.shape) + 1) * (gate + 1.0)  # more than all pairs together
+            pair_i, pair_j = linear_sum_assignment(np.where(near, distance, beyond))
+            kept = near[pair_i, pair_j]
+            pair_i, pair_j = pair_i[kept], pair_j[kept]
             detection[i[pair_i]] = j[pair_j]
             false[j[pair_j]] = False
             false[j[near[truth.neutral[i]].any(axis=0)]] = False
             beside = center_distance(detections.box[j[pair_j], None], detections.box[None, j]) <= _DUPLICATE
             duplicate[j[beside.any(axis=0)]] = True
     return Matches(detection=detection, false=false, duplicate=duplicate & false)
-
-
-def _assign(distance: Floats, gate: float) -> tuple[Ints, Ints]:
-    """Rows and columns of pairs within the gate: the most pairs, then the least sum of distances."""
-    from scipy.optimize import linear_sum_assignment
-
-    near = distance <= gate
-    beyond = (min(distance.shape) + 1) * (gate + 1.0)  # more than all pairs together
-    row, column = linear_sum_assignment(np.where(near, distance, beyond))
-    kept = near[row, column]
-    return row[kept], column[kept]
