@@ -149,7 +149,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         """Draw the frame of the last action; before the first action, frame 0.
 
         ``rgb_array``: a bird's-eye picture [720, 960, 3], with true boxes unless in evaluation mode. ``rerun``: every
-        frame is logged without this call, into rerun's active recording (`rerun.init`) or a viewer that opens; returns
+        frame is logged without this call, into rerun's active recording (`rerun.init`); returns
         None, as without a render mode.
         """
         if self.render_mode is None:

@@ -11,7 +11,7 @@ from ..cards import Card
 from ..scoring.lineage import Hypotheses, hypotheses
 from ..scoring.matching import match
 from ..scoring.pairs import box_pairs
-from ..types import Bools, Floats, Ints, Rollout
+from ..types import Bools, Ints, Rollout
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +56,6 @@ class Answers:
     def object_track_id(self) -> Ints:
         """Id [O] of that track, -1 without one."""
         return np.append(self.rollout.track_id, -1)[self.object_track]
-
-    @cached_property
-    def track_confidence(self) -> Floats:
-        """Confidence [N] of the forecast that belongs to each track, NaN without one."""
-        confidence = np.full(len(self.rollout.track_id) + 1, np.nan)
-        confidence[self.object_track] = self.rollout.object_confidence
-        return confidence[:-1]
 
     @cached_property
     def earlier(self) -> Ints:

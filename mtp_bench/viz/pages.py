@@ -8,20 +8,14 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..errors import MtpBenchError
-
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 
 @cache
 def text_of(folder: Path, name: str) -> str:
-    """A text that ships with the library; raises MtpBenchError where it is missing."""
-    path = folder / name
-    try:
-        return path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise MtpBenchError(f"cannot read {path}, a part of mtp-bench: {error.strerror}; install it again") from None
+    """A text that ships with the library."""
+    return (folder / name).read_text(encoding="utf-8")
 
 
 def source_of(text: str) -> str:
@@ -31,9 +25,7 @@ def source_of(text: str) -> str:
 
 def templates_of(folder: Path) -> Environment:
     """The templates in a folder. Values are escaped, and a name without a value is an error."""
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(
-        loader=FunctionLoader(lambda name: text_of(folder, name)), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+    loader = FileSystemLoader(folder)
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)

@@ -19,12 +19,17 @@ from PIL import Image
 from mtp_bench.viz.palette import Color
 from mtp_bench.viz.rerun import viewer as rerun_viewer
 from mtp_bench.viz.rerun.sdk import ViewerClient
-from mtp_bench.viz.rerun.viewer import address_of, free_port, start_viewer
+from mtp_bench.viz.rerun.viewer import LOCAL, free_port, start_viewer
 
 T = TypeVar("T")
 
 DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
 WAIT = 40.0  # s
+
+
+def address_of(port: int) -> str:
+    """Address of a viewer at this port of this machine."""
+    return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
 def require_driver() -> None:

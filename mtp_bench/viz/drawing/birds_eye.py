@@ -133,12 +133,8 @@ def _draw_answers(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, str
         canvas.lines([trail], FALSE if wrong else TRACK, 1.0 if wrong else 1.6, 150)
     canvas.boxes(boxes[false], FALSE_TRACK)
     canvas.boxes(boxes[~false], TRACK_BOX)
-    names = []
-    for i in np.argsort(false, kind="stable"):
-        number, confidence = int(rollout.track_id[rows[i]]), float(answers.track_confidence[rows[i]])
-        percent = "" if np.isnan(confidence) or confidence >= 0.995 else f" {100 * confidence:.0f}%"
-        names.append((boxes[i], f"{number}{percent}", FALSE if false[i] else TRACK))
-    return names
+    order = np.argsort(false, kind="stable")
+    return [(boxes[i], str(rollout.track_id[rows[i]]), FALSE if false[i] else TRACK) for i in order]
 
 
 def _draw_forecasts(canvas: Canvas, run: Replay, answered: int) -> None:

@@ -90,20 +90,13 @@ def frame_times(scene: Scene, frames: Ints | None = None) -> list[rr.TimeColumn]
 def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None:
     """Log the coordinates and the road, which do not move."""
     recording.log(f"{root}world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for name, color in (("center", CENTER), ("border", BORDER)):
-        lines = map_lines(scene, border=name == "border")
-        if lines:
-            recording.log(f"{root}world/map/{name}", rr.LineStrips3D(lines, colors=color, radii=EDGE), static=True)
-
-
-def map_lines(scene: Scene, border: bool) -> list[NDArray[np.float32]]:
-    """Polylines [n, 3] of the road: lane borders but in junctions, or middles of lanes; on the ground of detections."""
     boxes = scene.detections.box  # not the true ones, which an evaluation does not show
     ground = float(np.median(boxes[:, 2] - boxes[:, 6] / 2)) if len(boxes) else 0.0
-    lines = [lane.center for lane in scene.lanes]
-    if border:
-        lines = [line for lane in scene.lanes if not lane.junction for line in (lane.left, lane.right)]
-    return [np.column_stack([line, np.full(len(line), ground)]).astype(np.float32) for line in lines]
+    borders = [line for lane in scene.lanes if not lane.junction for line in (lane.left, lane.right)]
+    for name, color, lines in (("center", CENTER, [lane.center for lane in scene.lanes]), ("border", BORDER, borders)):
+        strips = [np.column_stack([line, np.full(len(line), ground)]).astype(np.float32) for line in lines]
+        if strips:
+            recording.log(f"{root}world/map/{name}", rr.LineStrips3D(strips, colors=color, radii=EDGE), static=True)
 
 
 def log_scene(log: Log, run: Replay) -> None:

@@ -9,20 +9,17 @@ import numpy as np
 from gymnasium import logger
 
 from ...env.live import LiveEpisode
-from ...errors import MtpBenchError
 from ..replay import Replay
 from .entities import Log, frame_times, log_answers, log_map, log_scene, trail_frames
 from .layout import live_layout
-from .recording import APPLICATION
 from .sdk import rr
 from .shown import TOP_HYPOTHESES, ShownAgent
-from .viewer import open_viewer
 
 _EPISODES = itertools.count(1)  # of this process: every episode has a place of its own in a recording
 
 
 class LiveRecording:
-    """Renderer of an env: logs into rerun's active recording (`rerun.init`), else into a viewer that it opens.
+    """Renderer of an env: logs into rerun's active recording, that of `rerun.init`.
 
     The entities of each episode lie under ``episode-1/``, ``episode-2/`` and so on.
     """
@@ -31,14 +28,8 @@ class LiveRecording:
         self._recording = rr.get_data_recording()
         self._episode: LiveEpisode | None = None
         self._root = ""
-        if self._recording is None:
-            try:
-                address = open_viewer("call rerun.init() and rerun.save() or rerun.connect_grpc() before")
-                self._recording = rr.RecordingStream(APPLICATION, recording_id=None, send_properties=False)
-                self._recording.connect_grpc(address)
-            except MtpBenchError as error:
-                # Not an error: Gymnasium's checker renders in every mode, also where there is no screen.
-                logger.warn(f"nothing is shown: {error}")
+        if self._recording is None:  # not an error: Gymnasium's checker renders in every mode
+            logger.warn("nothing is shown: call rerun.init('mtp_bench', spawn=True) before, which opens a viewer")
 
     def render(self, episode: LiveEpisode) -> None:
         """Log ``episode.frame``; in evaluation mode nothing that derives from the truth."""

@@ -35,10 +35,10 @@ def viewer_program() -> str:
     raise MtpBenchError(f"the viewer of rerun is missing: {INSTALL}")
 
 
-def require_display(otherwise: str = OTHERWISE) -> None:
-    """Raise MtpBenchError if no window can open; ``otherwise``: what to do then."""
+def require_display() -> None:
+    """Raise MtpBenchError if no window can open."""
     if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise MtpBenchError(f"no display for the viewer: {otherwise}")
+        raise MtpBenchError(f"no display for the viewer: {OTHERWISE}")
 
 
 def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
@@ -52,17 +52,6 @@ def show_recording(replays: Sequence[Replay], level: str = "top", at: Incident |
         save_recording(path, replays, level, at)
         with path.open("rb") as content:  # which the viewer reads although the file is gone then
             start_viewer(free_port(), ["--hide-welcome-screen", "-"], content)
-
-
-def open_viewer(otherwise: str) -> str:
-    """Open an empty viewer that stays when this process ends; returns its address, on this machine only.
-
-    Raises MtpBenchError without a display, and if the viewer does not start; ``otherwise`` as `require_display`.
-    """
-    require_display(otherwise)
-    port = free_port()
-    start_viewer(port, ["--expect-data-soon", "--hide-welcome-screen"])
-    return address_of(port)
 
 
 def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, ready: Callable[[str], object]) -> None:
@@ -109,8 +98,3 @@ def start_viewer(port: int, options: Sequence[str], content: IO[bytes] | None = 
         time.sleep(0.05)
     viewer.terminate()
     raise MtpBenchError("the viewer did not start: try --save FILE.rrd or --web")
-
-
-def address_of(port: int) -> str:
-    """Address of a viewer at this port of this machine."""
-    return f"rerun+http://{LOCAL}:{port}/proxy"
