@@ -69,15 +69,14 @@ class Replay:
 
     scene: Scene
     answers: Answers
-    agent: str
     truth_track: Ints  # [R] track of the best hypothesis matched to each true box, -1 without one
-    matched: NDArray[np.intp]  # [R, H] the same for every hypothesis, but -1 for neutral boxes
     track_false: Bools  # [N] in the best hypothesis, and of no true object
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     truth_forecast: Ints  # [R] forecast object matched to each true box, every forecast kept, -1 without one
     worth: Floats  # [R, 3] minADE, error (m) and confidence of the forecast of each true box, NaN if missing
-    incidents: tuple[Incident, ...]  # in the order of frames
+    incidents: tuple[Incident, ...] = ()  # in the order of frames
+    agent: str = ""  # name
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
     first: int = 0  # frame of the scene in which the answers begin
     judged: bool = True  # False: the answers are not compared with the truth
@@ -86,19 +85,17 @@ class Replay:
     def of_episode(cls, episode: LiveEpisode, back: int) -> Replay:
         """The last ``back`` + 1 frames of an episode while it is played, which are not compared with the truth."""
         first = max(0, episode.frame - back)
-        rollout, truth = episode.rollout(first), np.zeros(len(episode.scene.truth.box), dtype=np.int64)
+        scene, rollout = episode.scene, episode.rollout(first)
+        truth = np.zeros(len(scene.truth.box), dtype=np.int64)
         return cls(
-            scene=episode.scene,
+            scene=scene,
             answers=Answers(rollout, episode.card),
-            agent="",
             truth_track=truth,
-            matched=truth[:, None],
             track_false=np.zeros(len(rollout.track_id), dtype=bool),
-            detection_false=np.zeros(len(episode.scene.detections.box), dtype=bool),
+            detection_false=np.zeros(len(scene.detections.box), dtype=bool),
             forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
             truth_forecast=truth,
             worth=np.full((len(truth), 3), np.nan),
-            incidents=(),
             first=first,
             judged=False,
         )
@@ -119,6 +116,11 @@ class Replay:
         return self.scene.frames
 
     @cached_property
+    def matched(self) -> NDArray[np.intp]:
+        """Track [R, H] of every hypothesis matched to each true box, -1 without one and for neutral boxes."""
+        return match_hypotheses(self.scene.truth, self.rollout, self.answers.hypotheses.member, self.card)
+
+    @cached_property
     def events(self) -> tuple[Incident, ...]:
         """The incidents that are events of a true object, not runs of false forecasts."""
         return tuple(incident for incident in self.incidents if incident.kind != "spurious")
@@ -128,12 +130,9 @@ class Replay:
         """True positives, false negatives and false positives of the best hypothesis in each frame: TP, FN, FP [F]."""
         evaluated, tracked = ~self.scene.truth.neutral, self.truth_track >= 0
         frame, track_frame = self.scene.truth.frame_of_rows, self.rollout.tracks.frame_of_rows
-        rows = {
-            "TP": frame[evaluated & tracked],
-            "FN": frame[evaluated & ~tracked],
-            "FP": track_frame[self.track_false],
-        }
-        return {name: np.bincount(of, minlength=self.frames) for name, of in rows.items()}
+        rows = (frame[evaluated & tracked], frame[evaluated & ~tracked], track_frame[self.track_false])
+        counts = [np.bincount(each, minlength=self.frames) for each in rows]
+        return dict(zip(("TP", "FN", "FP"), counts, strict=True))
 
     def incident(self, name: str) -> Incident:
         """The incident of this name; raises UnknownNameError."""
@@ -172,13 +171,11 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         answers=answers,
         agent=agent,
         truth_track=np.append(chosen, -1)[of_track.object_of_truth],
-        matched=match_hypotheses(truth, rollout, answers.hypotheses.member, card),
         track_false=track_false & scene.truth_complete,
         detection_false=of_detection.unmatched & scene.truth_complete,
         forecast_false=forecast_false & scene.truth_complete,
         truth_forecast=truth_forecast,
         worth=worth,
-        incidents=(),
     )
     return replace(run, incidents=_named([*_identity_incidents(run), *_runs(run)]))
 

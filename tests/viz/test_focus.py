@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from mtp_bench.geometry import rotate
 from mtp_bench.viz.counterpart import counterpart
-from mtp_bench.viz.drawing.report import SIZE, report, stacked
+from mtp_bench.viz.drawing.report import SIZE, report
 from mtp_bench.viz.focus import Focus, ObjectForecast
-from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, focuses_of, frame_of, key_of, turn_of, window_of
+from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, frame_of, key_of, turn_of, window_of
 from mtp_bench.viz.replay import NO_EVENT, Replay, replay
 from mtp_bench.viz.sentence import sentence, went
 from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, crowd, told
@@ -322,14 +322,3 @@ def test_false_forecasts(first: Replay) -> None:
         focus = Focus(other, none)
         assert sentence(focus) == "no event: at 0.2 s there is no false forecast of a car"
         assert report(focus).size == SIZE
-
-
-def test_pictures_stand_below_each_other(first: Replay) -> None:
-    at, run = first.incident("ids-0"), steady(first)
-    focuses = focuses_of([first, run], at)
-    assert [focus.replay.agent for focus in focuses] == ["drawn", "steady"]
-    assert turn_of(focuses[0]) == turn_of(focuses[1])
-    both = [report(focus) for focus in focuses]
-    image = np.asarray(stacked(both))
-    assert image.shape == (2 * SIZE[1], SIZE[0], 3)
-    assert np.array_equal(image[SIZE[1] :], np.asarray(both[1]))

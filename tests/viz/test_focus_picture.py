@@ -121,27 +121,6 @@ def test_the_command_writes_a_picture(cli: CommandLine, events_run: Path, known:
     assert len(list(tmp_path.iterdir())) == 4
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--png", "a.png"], "a picture shows one event: name it with --at"),
-        (["--at", "ids-0", "--png", "a.jpg"], "ends in .png"),
-        (["--at", "ids-0", "--png", "a.png", "--web"], "choose one of them"),
-        (["--at", "ids-0", "--png", "a.png", "--save", "a.rrd"], "choose one of them"),
-    ],
-    ids=["no event", "suffix", "web", "save"],
-)
-def test_wrong_usage(
-    arguments: list[str], text: str, cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    output = cli("view", events_run, *known, *arguments)
-    assert output.status == 2
-    assert text in " ".join(output.err.replace("│", " ").split())
-    assert not list(tmp_path.iterdir())
-
-
 def test_a_picture_needs_neither_rerun_nor_a_screen(
     cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,9 +172,3 @@ def test_a_committed_picture_says_what_would_be_drawn_today(name: str, repositor
         shown = [{key: image.text[key] for key in ("Title", "Description")} for image in (committed, now)]  # type: ignore[attr-defined]
         assert shown[0] == shown[1], "make it again: python docs/make_pictures.py"
         assert committed.size == now.size
-
-
-def test_the_page_shows_every_committed_picture(repository: Path) -> None:
-    page = (repository / "docs" / "visualization" / "why.md").read_text()
-    assert all(f"../pictures/{name}.png" in page for name in PICTURES)
-    assert sorted(path.stem for path in (repository / "docs" / "pictures").glob("focus_*.png")) == sorted(PICTURES)

@@ -16,7 +16,7 @@ from mtp_bench.viz.drawing.report import SIZE, report, save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import ROLES
 from mtp_bench.viz.palette import Color
-from mtp_bench.viz.photo import HEIGHT, photo_of, photos_around, projected
+from mtp_bench.viz.photo import HEIGHT, photo_of, projected
 from mtp_bench.viz.replay import Replay, replay
 from tests.support.camera_images import GREY, write_image
 from tests.support.camera_images import SIZE as PIXELS
@@ -92,13 +92,6 @@ def test_the_camera_that_sees_most_of_it_is_chosen(seen: Replay) -> None:
     car = seen.scene.truth.box[event(seen).rows[EVENT]]
     np.testing.assert_allclose(photo.middle[0], 800, atol=1e-6)
     assert photo.extent == pytest.approx(1000 * car[5] / (car[0] - car[4] / 2 + 10))
-
-
-def test_nobody_sees_it(seen: Replay) -> None:
-    only = replace(seen, images=tuple(image for image in seen.images if image.camera == "AWAY"))
-    assert photo_of(event(only), EVENT) is None
-    assert photos_around(event(only)) == {}
-    assert report(event(only)).size == SIZE
 
 
 def test_false_forecasts_are_seen_too(seen: Replay) -> None:

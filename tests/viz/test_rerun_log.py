@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import MtpBenchError, load_submission
-from mtp_bench.env import MTPEnv
-from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench import MtpBenchError
 from mtp_bench.sources import CameraImage
 from mtp_bench.types import Rollout
 from mtp_bench.viz.answers import Answers
@@ -264,13 +262,3 @@ def test_a_missing_or_other_version_of_rerun_is_one_error(
     with pytest.raises(MtpBenchError, match=text) as error:
         importlib.import_module("mtp_bench.viz.rerun.sdk")
     assert 'pip install "rerun-sdk>=0.41,<0.42"' in str(error.value)
-
-
-@pytest.mark.data
-def test_a_recording_of_a_real_log_holds_the_rollout(data_root: Path, tmp_path: Path) -> None:
-    env = MTPEnv("MTP-nuScenes-mini-v0", data=str(data_root), evaluation=True)
-    rollout = run_scene(load_submission("mtp").build(agent_task(env, 0)), env, "scene-0103", seed=0)
-    found = read(save(tmp_path / "a.rrd", replay(env.scene, rollout, env.card)))
-    shown = [h for h in range(rollout.member.shape[1]) if f"world/hyp/{h:02d}/box" in found]
-    assert len(shown) == TOP_HYPOTHESES
-    assert_recorded(found, env.scene, rollout, shown, TOP_SAMPLES)
