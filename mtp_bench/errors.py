@@ -22,6 +22,10 @@ class DataError(MtpBenchError):
     """A data root, a file or a row of a dataset is missing or broken."""
 
 
+class MissingDataError(DataError):
+    """A data root or a file of a dataset is not there."""
+
+
 class SubmissionError(MtpBenchError):
     """A submission folder cannot be loaded or its agent breaks the contract."""
 

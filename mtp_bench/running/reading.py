@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ..cards import Card
-from ..errors import DataError
 from ..sources import DataStatus, describe, open_source
 
 
@@ -29,21 +28,17 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
-    """Status of the data of ``card``, with a problem for each broken file and a note on skipped rows."""
+    """Status of the data of ``card`` after reading all its scenes: broken files, counts, and a note on skipped rows."""
     status = describe(card, data)
-    if status.root is None or status.missing or status.about.generated:
+    if not status.usable or status.about.generated:
         return status
-    skipped = []
-    try:
-        source = open_source(card, data)
-    except DataError as error:
-        status.add_problem(error)
-        return status
+    source, skipped = open_source(card, data), []
     for name in source.names:
-        try:
-            skipped.append(source.load(name).skipped)
-        except DataError as error:
-            status.add_problem(error)
+        with status.noted():
+            scene = source.load(name)
+            skipped.append(scene.skipped)
+            rows = {"true boxes": len(scene.truth.box), "detections": len(scene.detections.box)}
+            status.counts.update({"scenes": 1, "frames": scene.frames, **rows})
     line = skipped_line(total_skipped(skipped))
     status.notes += [] if line is None else [line]
     return status

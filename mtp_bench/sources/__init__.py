@@ -14,7 +14,6 @@ from ..types import Scene
 from .base import CameraImage as CameraImage
 from .base import ChangedScenes, Preparation, SourcePackage
 from .base import SceneSource as SceneSource
-from .dataset import DataCheck as DataCheck
 from .dataset import Dataset as Dataset
 from .dataset import DataStatus as DataStatus
 from .simulated import detected as detected
@@ -93,11 +92,11 @@ def about(card: Card) -> Dataset:
 
 
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:
-    """Files that ``card`` needs, those that were found, and how to get the others; a missing root is not an error."""
-    package = _package(card)
-    status = package.locate(card, data)
+    """Folder of the data that ``card`` needs, and what stops its source from being opened; no scene is read."""
+    status = _package(card).locate(card, data)
     if status.root is not None:
-        package.inspect(card, status)
+        with status.noted():
+            open_source(card, data)
     return status
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card, SourceSection
 from ..cards.own import TEXTS, folder_digest, known_digest
 from ..cards.source import DetectionsSection
-from ..errors import CardError, DataError, nearest
+from ..errors import CardError, DataError, MissingDataError, nearest
 from ..types import Detections, Floats, Ints, Lane, Scene, StoredTracks
 from .dataset import Dataset, DataStatus
 
@@ -90,7 +90,6 @@ class SourcePackage:
     open: Callable[[Card, DataRoot], SceneSource]
     about: Callable[[Card], Dataset]  # facts about the dataset; reads no data
     locate: Callable[[Card, DataRoot], DataStatus]  # where the files are, see `Dataset.status`
-    inspect: Callable[[Card, DataStatus], None] = lambda card, status: None  # completes the status of what was found
     tracks: TrackForm | None = None  # in which trackers store their tracks of this dataset
     prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None
     discard: Callable[[Card], None] = lambda card: None
@@ -121,7 +120,7 @@ def own_detections(card: Card) -> Path | None:
         raise DataError(f"{card.id} has the detections with sha256 {expected}: name their file or folder, --detections")
     path = Path(section.detections_file).expanduser()
     if not path.exists():
-        raise DataError(f"no file or folder {path}, expected {section.traits.detection_file}")
+        raise MissingDataError(f"no file or folder {path}, expected {section.traits.detection_file}")
     digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
     if expected not in (None, digest):
         raise DataError(f"{path} has the sha256 {digest}, expected {expected}: the detections of {card.id}")

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
 
-from ..errors import DataError
+from ..errors import DataError, MissingDataError
 
-Read = TypeVar("Read")
 VARIABLE = "MTP_BENCH_DATA"
 
 
@@ -30,20 +30,6 @@ def data_root(data: str | Path | None) -> tuple[Path, str]:
 
 
 @dataclass(frozen=True)
-class DataCheck:
-    """A count over the files beside the known total of the dataset."""
-
-    what: str
-    found: int
-    expected: int
-
-    @property
-    def ok(self) -> bool:
-        """True if the count is the known total."""
-        return self.found == self.expected
-
-
-@dataclass(frozen=True)
 class Dataset:
     """Facts about a dataset, of the file ``dataset.toml`` in the package of its source."""
 
@@ -55,7 +41,6 @@ class Dataset:
     how_to_get: str
     optional: Mapping[str, str] = field(default_factory=dict)  # pattern of files -> note if there are none
     generated: bool = False  # made by the library: there are no files to read and check
-    totals: Mapping[str, Any] = field(default_factory=dict)  # known counts, for a source's ``inspect``
 
     @classmethod
     def of(cls, module: str) -> Dataset:
@@ -78,7 +63,7 @@ class Dataset:
             if any(path.is_dir() for path in folder.glob(holds)):
                 return folder
         there = [Path(other).name for other in others if any((folder / other).is_dir() for folder in folders)]
-        raise DataError(
+        raise MissingDataError(
             f"no {self.name} data: {holds} is in none of {', '.join(map(str, folders))} ({data_root(data)[1]})"
             + (f"; found there: {', '.join(there)}" if there else "")
             + f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
@@ -96,62 +81,27 @@ class Dataset:
 
 @dataclass
 class DataStatus:
-    """Files that a card needs of a dataset and those that were found; names are relative to the root."""
+    """Folder of the data of a card, and what is missing or wrong in it."""
 
     about: Dataset
     root: Path | None  # None: not found
     searched: tuple[Path, ...]  # folders in which the root was looked for
-    missing: list[str] = field(default_factory=list)  # files and folders that the card needs
+    missing: list[str] = field(default_factory=list)  # files and folders that the card needs, one sentence each
     notes: list[str] = field(default_factory=list)  # on optional files
     problems: list[str] = field(default_factory=list)  # files that cannot be read, one sentence each
-    checks: list[DataCheck] = field(default_factory=list)
+    counts: Counter[str] = field(default_factory=Counter)  # scenes, frames and rows of the card that were read
 
     @property
     def usable(self) -> bool:
         """True if the card's scenes can be read: every needed file is there and sound."""
         return self.root is not None and not self.missing and not self.problems
 
-    @property
-    def verified(self) -> bool:
-        """True if the data is usable and every count is the known total."""
-        return self.usable and all(check.ok for check in self.checks)
-
-    @property
-    def folder(self) -> Path:
-        """The root, of a dataset that was found."""
-        assert self.root is not None
-        return self.root
-
-    def require(self, *names: str) -> None:
-        """Note which of these files are missing."""
-        self.missing += [name for name in names if not (self.folder / name).is_file()]
-
-    def require_all(self, folder: str, names: Sequence[str]) -> None:
-        """Note which of the files ``names`` of ``folder`` are missing; the folder alone if all of them are."""
-        absent = [f"{folder}/{name}" for name in names if not (self.folder / folder / name).is_file()]
-        self.missing += [f"{folder}/"] if len(absent) == len(names) else absent
-
-    def attempt(self, read: Callable[[Path], Read], name: str) -> Read | None:
-        """Result of ``read`` on a file; None if the file is absent, or wrong, which is noted as a problem."""
-        path = self.folder / name
-        if not path.is_file():
-            return None
+    @contextmanager
+    def noted(self) -> Iterator[None]:
+        """Note a DataError of the block, once, in place of raising it."""
         try:
-            return read(path)
+            yield
         except DataError as error:
-            self.add_problem(error)
-            return None
-
-    def note_detector(self, advice: str) -> None:
-        """Note ``advice`` on running without stored detections, if those are missing."""
-        if advice and any("/det" in f"/{name}" for name in self.missing):
-            self.notes.append(advice.removeprefix("; "))
-
-    def add_problem(self, error: DataError) -> None:
-        """Note the message of an error, once."""
-        if str(error) not in self.problems:
-            self.problems.append(str(error))
-
-    def count(self, counts: Mapping[str, int], totals: Mapping[str, int]) -> None:
-        """Check the ``counts`` that have a known total."""
-        self.checks += [DataCheck(what, counts[what], total) for what, total in totals.items() if what in counts]
+            lines = self.missing if isinstance(error, MissingDataError) else self.problems
+            if str(error) not in lines:
+                lines.append(str(error))

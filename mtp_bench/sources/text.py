@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError
+from ..errors import DataError, MissingDataError
 from ..types import Bools, Floats, Ints
 
 LIMIT = 1e9  # of a number: far beyond metres, pixels, frames and identities
@@ -98,7 +98,7 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise DataError(f"no file {path}") from None
+        raise MissingDataError(f"no file {path}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{path} cannot be read as text: {error}") from None
 
@@ -160,7 +160,7 @@ def read_bytes(path: Path) -> bytes:
     try:
         content = path.read_bytes()
     except FileNotFoundError:
-        raise DataError(f"no file {path}") from None
+        raise MissingDataError(f"no file {path}") from None
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
     content = content.removeprefix(codecs.BOM_UTF8)  # some editors write it

@@ -250,12 +250,12 @@ def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
     printed = cli.ok("data", "--data", kitti, "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")
     assert list(content) == list(card_ids())
-    assert "usable, counts differ" in printed
-    assert "found: 3 of 21 sequences" in printed
+    assert "complete" in printed
+    assert "found: 3 scenes, 20 frames" in printed
     assert printed.count("licence: CC BY-NC-SA 3.0 (Geiger et al.)") == 1
     first = content["MTP-KITTI-v0"]
-    assert (first["usable"], first["verified"], first["missing"], first["problems"]) == (True, False, [], [])
-    assert {"what": "sequences", "found": 3, "known": 21} in first["checks"]
+    assert (first["usable"], first["missing"], first["problems"]) == (True, [], [])
+    assert first["counts"]["scenes"] == 3
 
 
 def test_data_that_is_not_there(cli: CommandLine, tmp_path: Path) -> None:

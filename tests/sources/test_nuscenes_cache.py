@@ -148,42 +148,22 @@ def test_prepare_reports_its_work(data: Path, own_cache: Path) -> None:
     assert len(list(own_cache.rglob("*.npz"))) == 9
 
 
-def test_status(data: Path) -> None:
+def test_status_names_missing_and_wrong_files(data: Path) -> None:
     status = describe(nuscenes_card(), data)
-    assert (status.usable, status.verified, status.root) == (True, False, data / "nuscenes")
-    assert {check.what: (check.found, check.expected) for check in status.checks} == {
-        "scenes": (3, 10), "keyframes": (12, 404),
-        "prediction targets of mini_train": (0, 742), "prediction targets of mini_val": (0, 61),
-    }  # fmt: skip
-    assert status.notes[-1] == "detections: megvii_all.json"
-
-
-def test_status_names_missing_files(data: Path) -> None:
-    other = describe(nuscenes_card(version="v1.0-trainval", detector="x"), data)
-    assert other.missing == ["v1.0-trainval/"]
-    assert other.notes[-1] == "versions found: v1.0-mini"
-    (data / PREDICTION).unlink()
-    (data / DETECTIONS).unlink()
-    status = describe(nuscenes_card(truth="targets"), data)
-    prediction, detections = status.missing
-    assert prediction == "maps/prediction/prediction_scenes.json"
-    assert "has no file megvii*.json; found: none" in detections
-    assert [check.found for check in status.checks] == [3, 12]
-    (line,) = describe(nuscenes_card(detections_file="none.json", detections_sha256="0" * 64), data).missing
-    assert "none.json" in line
-    (data / "nuscenes" / VERSION / "scene.json").unlink()
-    assert describe(nuscenes_card(), data).missing == ["v1.0-mini/scene.json"]
-
-
-def test_status_names_wrong_files(data: Path) -> None:
-    status = describe(nuscenes_card(split="mini_val"), data)
-    assert "no scene of split 'mini_val'" in status.problems[0]
+    assert (status.usable, status.root) == (True, data / "nuscenes")
+    missing = {
+        "has no folder 'v1.0-trainval'; found: v1.0-mini": {"version": "v1.0-trainval"},
+        "has no file x*.json; found: megvii_all.json": {"detector": "x"},
+        "no file or folder none.json": {"detections_file": "none.json", "detections_sha256": "0" * 64},
+    }
+    for text, source in missing.items():
+        assert text in describe(nuscenes_card(**source), data).missing[0]
+    assert "no scene of split 'mini_val'" in describe(nuscenes_card(split="mini_val"), data).problems[0]
     write_json(data / DETECTIONS, make_detections(SCENES[:2]))
-    (problem,) = describe(nuscenes_card(), data).problems
-    assert "no entry for sample 'scene-0003-t0'" in problem
+    assert "no entry for sample 'scene-0003-t0'" in describe(nuscenes_card(), data).problems[0]
     tables = make_tables()
     tables["sample"][1]["timestamp"] = -1
     write_tables(data, tables)
-    status = describe(nuscenes_card(), data)
-    assert (status.usable, status.checks) == (False, [])
-    assert "sample.json" in status.problems[0]
+    assert "sample.json" in describe(nuscenes_card(), data).problems[0]
+    (data / PREDICTION).unlink()
+    assert "prediction_scenes.json" in describe(nuscenes_card(truth="targets"), data).missing[0]

@@ -14,8 +14,7 @@ from mtp_bench.cards import Card, load_card, with_split
 from mtp_bench.errors import DataError
 from mtp_bench.geometry import center_distance, wrap_angle
 from mtp_bench.scoring.targets import find_targets
-from mtp_bench.sources import describe, open_source
-from mtp_bench.sources.nuscenes.source import NuScenes
+from mtp_bench.sources import open_source
 from mtp_bench.types import Floats, Scene
 
 pytestmark = pytest.mark.data
@@ -47,16 +46,6 @@ def train(data_root: Path) -> list[Scene]:
 
 
 def test_counts_of_mini(data_root: Path, mini: list[Scene]) -> None:
-    status = describe(MINI, data_root)
-    assert status.verified
-    assert {check.what: check.found for check in status.checks} == {
-        "scenes": 10,
-        "keyframes": 404,
-        "prediction targets of mini_train": 742,
-        "prediction targets of mini_val": 61,
-    }
-    tables = NuScenes(MINI, data_root).tables
-    assert (tables.instances, tables.boxes) == (905, 18389)
     assert [len(mini), sum(scene.frames for scene in mini)] == [10, 404]
     assert sum(len(scene.truth.box) for scene in mini) == 18389 - 2323 - 1378  # without barriers and cones
     assert sum(scene.truth.neutral.sum() for scene in mini) == 25  # somebody on a scooter
@@ -68,8 +57,6 @@ def test_counts_of_mini(data_root: Path, mini: list[Scene]) -> None:
 
 
 def test_counts_of_trainval(data_root: Path, train: list[Scene]) -> None:
-    status = describe(TRAIN, data_root)
-    assert (status.usable, status.verified) == (True, False)  # 100 of 850 scenes
     assert [len(train), sum(scene.frames for scene in train)] == [100, 3893]
     assert sum(len(np.unique(scene.truth.object_id)) for scene in train) == 624
     assert sum(len(scene.truth.box) for scene in train) == 16341

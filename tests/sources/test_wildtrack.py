@@ -11,6 +11,7 @@ import pytest
 
 from mtp_bench.cards import Card
 from mtp_bench.errors import DataError, UnknownNameError
+from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe
 from mtp_bench.sources.motion import as_places
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack, read_detections
@@ -139,15 +140,6 @@ def test_velocities_look_back(root: Path) -> None:
     np.testing.assert_allclose(truth.velocity[truth.object_id == 2][1:], 0, atol=1e-12)
 
 
-def test_status(root: Path) -> None:
-    status = describe(wildtrack_card(), root)
-    assert status.usable
-    assert not status.verified
-    found = {check.what: (check.found, check.expected) for check in status.checks}
-    assert found == {"frames": (400, 400), "annotations": (1, 9518), "people": (1, 313), "detections": (1, 966)}
-    assert status.notes[0] == "detections only for the last 40 frames; the other frames have simulated ones"
-
-
 def test_missing_files(root: Path, tmp_path: Path) -> None:
     (root / DETECTIONS).unlink()
     with pytest.raises(DataError, match=r"no file .*mvdet_test.txt, detections of wildtrack-1800; .*MVDet"):
@@ -163,11 +155,12 @@ def test_a_file_without_detections(root: Path) -> None:
 
 
 def test_status_names_missing_and_broken_files(root: Path) -> None:
-    write(root / ANNOTATIONS / "00001805.json", "[")
+    write(root / ANNOTATIONS / "00001605.json", "[")
     (root / ANNOTATIONS / "00001810.json").unlink()
-    (root / DETECTIONS).unlink()
-    status = describe(wildtrack_card(), root)
-    assert status.missing == ["annotations_positions/00001810.json", "detections/mvdet_test.txt"]
+    status = read_status(wildtrack_card(), root)
+    assert [line.rsplit("/", 1)[1] for line in status.missing] == ["00001810.json"]
     assert len(status.problems) == 1
-    assert "00001805.json" in status.problems[0]
-    assert describe(wildtrack_card(split="train"), root).missing == []
+    assert "00001605.json" in status.problems[0]
+    assert read_status(wildtrack_card(split="train"), root).usable
+    (root / DETECTIONS).unlink()
+    assert "mvdet_test.txt, detections of wildtrack-1800" in describe(wildtrack_card(), root).missing[0]

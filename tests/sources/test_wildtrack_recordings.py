@@ -13,7 +13,6 @@ from mtp_bench.detector import load_profile
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.visibility import Sensor, visibility_of
 from mtp_bench.scoring import find_targets
-from mtp_bench.sources import describe
 from mtp_bench.sources.wildtrack.source import SCENES, SPLITS, STORED, Wildtrack
 from mtp_bench.types import Detections, Scene, Truth
 
@@ -41,14 +40,6 @@ def hits(truth: Truth, detections: Detections) -> int:
 
 
 def test_counts_of_the_dataset(data_root: Path, scenes: dict[str, Scene]) -> None:
-    status = describe(load_card("MTP-WILDTRACK-v0"), data_root)
-    assert {check.what: check.found for check in status.checks} == {
-        "frames": 400,
-        "annotations": 9518,
-        "people": 313,
-        "detections": 966,
-    }
-    assert status.verified
     assert tuple(scenes) == tuple(SCENES)
     assert sum(scene.frames for scene in scenes.values()) == 400
     assert sum(len(scene.truth.box) for scene in scenes.values()) == 9518

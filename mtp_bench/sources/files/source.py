@@ -10,7 +10,7 @@ from urllib.parse import unquote
 
 from ...cards import Card, FilesSource
 from ...cards.own import folder_digest, split_folder
-from ...errors import DataError, UnknownNameError
+from ...errors import DataError, MissingDataError, UnknownNameError
 from ...types import Scene
 from ..base import section_of
 from ..dataset import Dataset, DataStatus
@@ -95,11 +95,11 @@ def _card_folder(section: FilesSource, card: Card) -> list[tuple[str, Path]]:
         )
     folder = split_folder(Path(section.folder), section.split)
     if not folder.is_dir():
-        raise DataError(f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with --files")
+        raise MissingDataError(f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with --files")
     folders = scene_folders(folder)
     if not folders:
         advice = f"; it is a scene itself: name the folder above, {folder.parent}" if is_scene(folder) else ""
-        raise DataError(f"{folder} has no scene, expected {EXPECTED}{advice}")
+        raise MissingDataError(f"{folder} has no scene, expected {EXPECTED}{advice}")
     digest = folder_digest(folder)
     if section.sha256 not in (None, digest):
         raise DataError(
@@ -110,18 +110,8 @@ def _card_folder(section: FilesSource, card: Card) -> list[tuple[str, Path]]:
 
 
 def files_status(card: Card, data: object = None) -> DataStatus:
-    """Status of the scenes of the card's folder; their content is not checked."""
+    """The folder of the card's scenes."""
     section = section_of(card, FilesSource)
     folder = split_folder(Path(section.folder or ""), section.split)
-    if section.scenes is None and (section.folder is None or not folder.is_dir()):
-        return DataStatus(DATASET, None, (folder,))
-    status = DataStatus(DATASET, folder, (folder,))
-    try:
-        count = len(scene_folders(folder) if section.scenes is None else section.scenes)
-    except DataError as error:
-        status.add_problem(error)
-        return status
-    if not count:
-        status.missing.append(EXPECTED)
-    status.notes.append(f"scenes: {count}")
-    return status
+    there = section.scenes is not None or (section.folder is not None and folder.is_dir())
+    return DataStatus(DATASET, folder if there else None, (folder,))

@@ -2,7 +2,7 @@
 
 from ..base import SourcePackage
 from .image import scene_images
-from .layout import DATASET, LABELS, inspect
+from .layout import DATASET, LABELS
 from .layout import KittiSource as KittiSource
 from .source import KittiTracking
 from .tracks import FORM
@@ -11,7 +11,6 @@ PACKAGE = SourcePackage(
     open=KittiTracking,
     about=lambda card: DATASET,
     locate=lambda card, data: DATASET.status(data, LABELS),
-    inspect=inspect,
     tracks=FORM,
     images=scene_images,
 )

@@ -1,19 +1,18 @@
-"""KITTI tracking in a card and in a folder: the section ``[source]``, splits, and the status of the files."""
+"""KITTI tracking in a card and in a folder: the section ``[source]``, splits and detections."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field
 
 from ...cards import Card, instead_of_stored
 from ...cards.source import DetectionsSection, Traits
-from ...errors import DataError
+from ...errors import MissingDataError
 from ..base import own_detections, section_of
-from ..dataset import Dataset, DataStatus
-from .files import read_labels, read_oxts, read_sequence_map
+from ..dataset import Dataset
+from .files import read_sequence_map
 
 SEQUENCE_MAP = "evaluate_tracking.seqmap.val"
 # AB3DMOT's split, for a root without the sequence map
@@ -21,7 +20,6 @@ VALIDATION = ("0001", "0006", "0008", "0010", "0012", "0013", "0014", "0015", "0
 TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclist", 3)}  # label type, detection code
 LABELS = "training/label_02"
 IMAGES = "training/image_02"  # shown beside an event
-SEQUENCES = tuple(f"{i:04d}" for i in range(21))
 DATASET = Dataset.of(__file__)
 
 
@@ -68,32 +66,16 @@ def require_detector(root: Path, card: Card) -> Path:
         return own
     folder = root / "detections"
     if not folder.is_dir():
-        raise DataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
+        raise MissingDataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
     names = sorted(path.name for path in folder.iterdir() if path.is_dir())
     if section.detector not in names:
         listed = ", ".join(names) or "none"
-        raise DataError(f"{folder} has no detector {section.detector!r}; found: {listed}{instead_of_stored(card)}")
+        raise MissingDataError(
+            f"{folder} has no detector {section.detector!r}; found: {listed}{instead_of_stored(card)}"
+        )
     for name in card.task.classes:
         if not (folder / section.detector / TYPES[name][0]).is_dir():
-            raise DataError(f"no folder {folder / section.detector / TYPES[name][0]}, expected for class {name!r}")
+            raise MissingDataError(
+                f"no folder {folder / section.detector / TYPES[name][0]}, expected for class {name!r}"
+            )
     return folder / section.detector
-
-
-def inspect(card: Card, status: DataStatus) -> None:
-    """Note the files that ``card`` needs, and count over the files of all sequences."""
-    section = section_of(card, KittiSource)
-    validation = tuple(status.attempt(read_sequence_map, SEQUENCE_MAP) or VALIDATION)
-    names = validation if section.split == "val" else [name for name in SEQUENCES if name not in validation]
-    folders = [LABELS, "training/calib", "training/oxts"]
-    if card.detector is None and section.detections_file is None:
-        stored = f"detections/{section.detector}"
-        folders += [f"{stored}/{TYPES[name][0]}" for name in card.task.classes if name in TYPES]
-    for folder in folders:
-        status.require_all(folder, [f"{name}.txt" for name in names])
-    status.note_detector(instead_of_stored(card))
-    labels = [status.attempt(read_labels, f"{LABELS}/{name}.txt") for name in SEQUENCES]
-    ids = [rows.object_id[rows.type != "DontCare"] for rows in labels if rows is not None]
-    oxts = [status.attempt(read_oxts, f"training/oxts/{name}.txt") for name in SEQUENCES]
-    counts = {"sequences": len(ids), "frames": sum(len(rows.attitude) for rows in oxts if rows is not None)}
-    counts |= {"tracks": sum(len(np.unique(own)) for own in ids), "boxes": sum(map(len, ids))}
-    status.count(counts, status.about.totals)

@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 import numpy as np
 
-from ...errors import DataError
+from ...errors import DataError, MissingDataError
 from ...types import Floats, Ints
 from ..text import TextTable, read_table, read_text
 
@@ -44,7 +44,7 @@ def read_sequence_info(path: Path) -> SequenceInfo:
     sequence = path.parent.name
     if not path.is_file() and sequence in KNOWN:
         known = KNOWN[sequence]
-        raise DataError(
+        raise MissingDataError(
             f"no file {path}; some copies come without it: write it with the lines '[Sequence]', 'name={sequence}', "
             f"'frameRate={known.rate:g}' and 'seqLength={known.length}'"
         )

@@ -10,10 +10,10 @@ from pydantic import Field
 
 from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
-from ...errors import CardError, DataError, UnknownNameError
+from ...errors import CardError, MissingDataError, UnknownNameError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
-from ..dataset import Dataset, DataStatus
+from ..dataset import Dataset
 from ..motion import people_detections, people_truth
 from .files import DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
 
@@ -75,7 +75,7 @@ class Mot3d:
         for name in needed(card):
             if not (self.folder / name).is_file():
                 advice = instead_of_stored(card) if name == DETECTIONS else ""
-                raise DataError(f"no file {self.folder / name}{advice}")
+                raise MissingDataError(f"no file {self.folder / name}{advice}")
         self._kept = split_frames(card, self._info.length)
 
     @property
@@ -109,23 +109,6 @@ class Mot3d:
             visible=np.ones(len(truth.box)),
             recording=section.sequence,
         )
-
-
-def inspect(card: Card, status: DataStatus) -> None:
-    """Note the files that ``card`` needs, and count over them."""
-    folder, sequence = folder_of(card), section_of(card, Mot3dSource).sequence
-    status.require(*(f"{folder}/{name}" for name in needed(card)))
-    status.note_detector(instead_of_stored(card))
-    info = status.attempt(read_sequence_info, f"{folder}/{SEQINFO}")
-    # Without seqinfo.ini the rows are still counted, against the known length of the sequence.
-    length = (info or KNOWN[sequence]).length
-    truth = status.attempt(lambda path: read_truth(path, length), f"{folder}/{TRUTH}")
-    ids = truth.object_id if truth else np.zeros(0)
-    counts = {"frames": info.length if info else 0, "tracks": len(np.unique(ids)), "boxes": len(ids)}
-    if DETECTIONS in needed(card):
-        stored = status.attempt(lambda path: read_detections(path, length), f"{folder}/{DETECTIONS}")
-        counts["detections"] = len(stored.frame) if stored else 0
-    status.count(counts, status.about.totals[sequence])
 
 
 def split_frames(card: Card, length: int) -> dict[str, Ints]:

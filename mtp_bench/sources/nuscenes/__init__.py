@@ -5,14 +5,13 @@ from .cameras import scene_images
 from .layout import DATASET, VERSIONS
 from .layout import NuScenesSource as NuScenesSource
 from .road import scene_lanes
-from .source import NuScenes, inspect, prepare_nuscenes
+from .source import NuScenes, prepare_nuscenes
 from .tracks import FORM
 
 PACKAGE = SourcePackage(
     open=NuScenes,
     about=lambda card: DATASET,
     locate=lambda card, data: DATASET.status(data, VERSIONS),
-    inspect=inspect,
     prepare=prepare_nuscenes,
     tracks=FORM,
     lanes=scene_lanes,

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from ...cards import Card, instead_of_stored
 from ...cards.source import STORED_DETECTOR, DetectionsSection, Traits
-from ...errors import DataError
+from ...errors import MissingDataError
 from ..base import own_detections, section_of
 from ..dataset import Dataset
 
@@ -94,11 +94,11 @@ def versions(root: Path) -> tuple[str, ...]:
 def table_paths(root: Path, version: str) -> dict[str, Path]:
     """The table files of a version by name; raises DataError where the version or a table is missing."""
     if not (root / version).is_dir():
-        raise DataError(f"{root} has no folder {version!r}; found: {', '.join(versions(root)) or 'none'}")
+        raise MissingDataError(f"{root} has no folder {version!r}; found: {', '.join(versions(root)) or 'none'}")
     paths = {name: root / version / f"{name}.json" for name in TABLES}
     for path in paths.values():
         if not path.is_file():
-            raise DataError(f"no file {path}: this table of {version} is missing; unpack the metadata again")
+            raise MissingDataError(f"no file {path}: this table of {version} is missing; unpack the metadata again")
     return paths
 
 
@@ -111,7 +111,7 @@ def prediction_path(root: Path) -> Path | None:
 def require_prediction(root: Path, card: Card) -> None:
     """Raise DataError if the card needs the list of prediction targets and it is missing."""
     if section_of(card, NuScenesSource).truth == "targets" and prediction_path(root) is None:
-        raise DataError(
+        raise MissingDataError(
             f"no file {root / PREDICTION}: {card.id} needs the targets of the prediction challenge, which come with "
             "the map expansion pack of https://www.nuscenes.org/nuscenes#download"
         )
@@ -129,11 +129,13 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
     section = section_of(card, NuScenesSource)
     folder = root / "detections"
     if not folder.is_dir():
-        raise DataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
+        raise MissingDataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
     paths = tuple(sorted(path for path in folder.glob(f"{glob.escape(section.detector)}*.json") if path.is_file()))
     if not paths:
         found = ", ".join(sorted(path.name for path in folder.glob("*.json") if path.is_file())) or "none"
-        raise DataError(f"{folder} has no file {section.detector}*.json; found: {found}{instead_of_stored(card)}")
+        raise MissingDataError(
+            f"{folder} has no file {section.detector}*.json; found: {found}{instead_of_stored(card)}"
+        )
     return paths
 
 

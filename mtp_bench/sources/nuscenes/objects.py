@@ -61,7 +61,6 @@ class TrueBoxes:
     neutral: Bools  # [R] of a category beside the evaluated ones, or without a point of lidar and radar
     listed: Bools  # [R] a target of the prediction challenge
     token: list[str]  # of all instances
-    boxes: int  # of all categories
 
 
 def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes) -> TrueBoxes:
@@ -99,7 +98,6 @@ def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyfram
         neutral=neutral[order],
         listed=listed[order],
         token=list(instances),
-        boxes=len(records),
     )
 
 

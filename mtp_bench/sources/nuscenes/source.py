@@ -1,4 +1,4 @@
-"""nuScenes logs with stored detections, from the official tables, and their status for ``mtp-bench data``."""
+"""nuScenes logs with stored detections, from the official tables."""
 
 from __future__ import annotations
 
@@ -11,21 +11,17 @@ from ...errors import DataError, UnknownNameError
 from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
 from ..base import DataRoot, Preparation, class_ids, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
-from ..dataset import DataStatus
 from ..motion import backward_velocity
 from .detections import open_detections, scene_detections
 from .layout import (
     CLASSES,
     DATASET,
-    PREDICTION,
     SPLITS,
-    TABLES,
     VERSIONS,
     NuScenesSource,
     detection_paths,
     require_prediction,
     split_scenes,
-    versions,
 )
 from .store import TableStore, open_tables
 from .tables import SECOND
@@ -125,40 +121,3 @@ def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bo
         eligible=eligible[row],
         neutral=neutral[row],
     )
-
-
-def inspect(card: Card, status: DataStatus) -> None:
-    """Note the files that ``card`` needs, and count over the tables.
-
-    Makes the compact copy of the tables and detections, if the files are complete and it is missing.
-    """
-    section = section_of(card, NuScenesSource)
-    status.require_all(section.version, [f"{name}.json" for name in TABLES])
-    if status.missing:
-        status.notes.append(f"versions found: {', '.join(versions(status.folder))}")
-        return
-    if section.truth == "targets":
-        status.require(PREDICTION)
-    try:
-        paths = detection_paths(status.folder, card)
-        status.notes += [f"detections: {path.name}" for path in paths]
-    except DataError as error:
-        status.missing.append(str(error))
-    try:
-        tables = open_tables(status.folder, section.version)
-        _count(status, tables)
-        if not status.missing:
-            NuScenes(card, status.folder)  # raises what stops the card's scenes from being read
-    except DataError as error:
-        status.add_problem(error)
-
-
-def _count(status: DataStatus, tables: TableStore) -> None:
-    """Counts over the tables of all splits."""
-    counts = {"scenes": len(tables.scenes), "keyframes": int(tables.start[-1])}
-    counts |= {"instances": tables.instances, "boxes": tables.boxes}
-    if tables.targets is not None:
-        targets = dict(zip(tables.scenes, tables.targets.tolist(), strict=True))
-        for split in SPLITS:
-            counts[f"prediction targets of {split}"] = sum(targets[name] for name in split_scenes(split, targets))
-    status.count(counts, status.about.totals.get(tables.version, {}))

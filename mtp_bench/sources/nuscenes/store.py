@@ -102,8 +102,6 @@ class TableStore:
     scenes: tuple[str, ...]  # [S] names, sorted
     start: Ints  # [S + 1] first row of each scene among all samples
     targets: Ints | None  # [S] prediction targets; None without the list of targets
-    instances: int  # of all categories
-    boxes: int  # of all categories
 
     def samples(self, scene: str) -> range:
         """Rows of the samples of a scene."""
@@ -147,8 +145,6 @@ def open_tables(root: Path, version: str) -> TableStore:
         scenes=tuple(index["scene"].tolist()),
         start=index["start"],
         targets=index.get("targets"),
-        instances=int(index["instances"]),
-        boxes=int(index["boxes"]),
     )
 
 
@@ -164,8 +160,7 @@ def _fill(sources: dict[str, Path], folder: Path) -> None:
     tokens = np.array([token.encode() for token in keyframes.token], dtype=np.bytes_)
     write_arrays(folder / f"{SAMPLES}.npz", {"token": tokens})
     listed = {"targets": np.array(targets, dtype=np.int64)} if PREDICTION in sources else {}
-    numbers = {"instances": np.array(len(boxes.token)), "boxes": np.array(boxes.boxes)}
-    index_arrays = {"scene": np.array(keyframes.scene, dtype=np.str_), "start": keyframes.start, **numbers, **listed}
+    index_arrays = {"scene": np.array(keyframes.scene, dtype=np.str_), "start": keyframes.start, **listed}
     write_arrays(folder / f"{INDEX}.npz", index_arrays)
 
 

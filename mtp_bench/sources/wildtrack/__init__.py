@@ -1,12 +1,11 @@
 """WILDTRACK: the published annotations and MVDet's detections, read into scenes."""
 
 from ..base import SourcePackage
-from .source import ANNOTATIONS, DATASET, Wildtrack, inspect
+from .source import ANNOTATIONS, DATASET, Wildtrack
 from .source import WildtrackSource as WildtrackSource
 
 PACKAGE = SourcePackage(
     open=Wildtrack,
     about=lambda card: DATASET,
     locate=lambda card, data: DATASET.status(data, ANNOTATIONS),
-    inspect=inspect,
 )

@@ -11,10 +11,10 @@ import numpy as np
 
 from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
-from ...errors import DataError, UnknownNameError
+from ...errors import DataError, MissingDataError, UnknownNameError
 from ...types import Detections, Floats, Ints, Ragged, Scene, Truth
 from ..base import no_detections, require_classes, require_rate, section_of
-from ..dataset import Dataset, DataStatus
+from ..dataset import Dataset
 from ..motion import people_detections, people_truth
 from ..text import TextTable, read_json, read_table
 
@@ -72,9 +72,10 @@ class Wildtrack:
         require_rate(card, DATASET.name, RATE)
         self.root = DATASET.find(data, ANNOTATIONS)
         self.names = SPLITS[self.section.split]
-        if needs_detections(card) and not (self.root / DETECTIONS).is_file():
+        stored = self.section.detector is not None and STORED in self.names
+        if stored and not (self.root / DETECTIONS).is_file():
             lost = f"no file {self.root / DETECTIONS}, detections of {STORED}{instead_of_stored(card)}"
-            raise DataError(f"{lost}; to get them: {DATASET.how_to_get}")
+            raise MissingDataError(f"{lost}; to get them: {DATASET.how_to_get}")
 
     def load(self, name: str) -> Scene:
         """Read one scene; if it has no stored detections, ``detector`` is empty."""
@@ -92,31 +93,6 @@ class Wildtrack:
             visible=np.ones(len(truth.box)),  # seven cameras all around: no line of sight from one point counts
             recording="wildtrack",
         )
-
-
-def needs_detections(card: Card) -> bool:
-    """True if a scene of the card's split has stored detections and the card wants them."""
-    section = section_of(card, WildtrackSource)
-    return section.detector is not None and STORED in SPLITS[section.split]
-
-
-def inspect(card: Card, status: DataStatus) -> None:
-    """Note the files that ``card`` needs, and count over all files."""
-    section = section_of(card, WildtrackSource)
-    numbers = [SCENES[scene] + STEP * t for scene in SPLITS[section.split] for t in range(SCENE_FRAMES)]
-    status.require_all(ANNOTATIONS, [f"{number:08d}.json" for number in numbers])
-    if needs_detections(card):
-        status.require(DETECTIONS)
-        status.note_detector(instead_of_stored(card))
-    if section.detector is not None:
-        status.notes.append(f"detections only for the last {SCENE_FRAMES} frames; the other frames have simulated ones")
-    names = sorted(path.name for path in (status.folder / ANNOTATIONS).glob("*.json"))
-    frames = [status.attempt(read_annotations, f"{ANNOTATIONS}/{name}") for name in names]
-    people = np.concatenate([np.zeros(0, dtype=np.int64), *(frame[0] for frame in frames if frame is not None)])
-    detections = status.attempt(read_detections, DETECTIONS)
-    counts = {"frames": len(names), "annotations": len(people), "people": len(np.unique(people))}
-    counts["detections"] = 0 if detections is None else len(detections.frame)
-    status.count(counts, status.about.totals)
 
 
 def _truth(folder: Path, numbers: Ints) -> Truth:

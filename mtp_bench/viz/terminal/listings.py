@@ -39,9 +39,9 @@ def status_table(statuses: Mapping[str, DataStatus]) -> Table:
 
 def _state(status: DataStatus) -> str:
     if status.about.generated:
-        return "generated" if status.verified else "made when used"
+        return "made when used"
     if status.usable:
-        return "complete" if status.verified else "usable, counts differ"
+        return "complete"
     return "missing" if status.root is None else "incomplete"
 
 
@@ -64,11 +64,10 @@ def status_json(status: DataStatus) -> dict[str, Any]:
         "root": None if status.root is None else str(status.root),
         "searched": [str(path) for path in status.searched],
         "usable": status.usable,
-        "verified": status.verified,
         "missing": status.missing,
         "problems": status.problems,
         "notes": status.notes,
-        "checks": [{"what": check.what, "found": check.found, "known": check.expected} for check in status.checks],
+        "counts": dict(status.counts),
     }
 
 
@@ -83,12 +82,12 @@ def _findings(statuses: Mapping[str, DataStatus]) -> list[str]:
 
 def _found(status: DataStatus) -> list[str]:
     where = f"in {status.root}" if status.root else f"missing; looked in {', '.join(map(str, status.searched))}"
-    counts = [f"{check.found} of {check.expected} {check.what}" for check in status.checks]
+    counts = ", ".join(f"{number} {what}" for what, number in status.counts.items())
     return [
         where,
         *(f"missing: {line}" for line in status.missing),
         *(f"wrong: {line}" for line in status.problems),
-        *(f"found: {', '.join(counts[i : i + 4])}" for i in range(0, len(counts), 4)),
+        *([f"found: {counts}"] if counts else []),
         *status.notes,
     ]
 
