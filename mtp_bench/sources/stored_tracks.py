@@ -27,8 +27,8 @@ from .files.checks import check_boxes
 from .files.columns import FORMS
 from .files.save import box_columns
 from .files.scene import boxes_of, class_ids_of, find_table, ids_of, scores_of, velocities_of
-from .files.table import ColumnTable, read_table, write_table
-from .text import repeated
+from .files.table import read_table, write_table
+from .text import RowTable, repeated
 
 FEWER = "--scenes N (scenes= in Python) takes the first N alone"  # advice if only some scenes have tracks
 
@@ -113,7 +113,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Stored
     _refuse_misspelt(table, classes)
     kind = table.words["class"]
     twice = repeated(frame, kind, number)  # an id in another class is another track
-    table.refuse(twice, "id", lambda row: f"a second box of this {kind[row]} in frame {frame[row]}")
+    table.refuse(twice, lambda row: f"a second box of this {kind[row]} in frame {frame[row]}", "id")
     kept, velocity = np.flatnonzero(class_id >= 0), velocities_of(table)
     return stored_tracks(
         scene.frames,
@@ -126,7 +126,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Stored
     )
 
 
-def _refuse_misspelt(table: ColumnTable, classes: Sequence[str]) -> None:
+def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
     """Raise DataError for a class that is one of the task's in other letters ("Cars", "vehicle.car")."""
     kind = table.words["class"]
     for got in np.unique(kind[~np.isin(kind, classes)]).tolist():

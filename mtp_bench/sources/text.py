@@ -28,48 +28,60 @@ Content = TypeVar("Content")
 
 
 @dataclass(frozen=True, eq=False)
-class TextTable:
-    """Rows of numbers of a text file."""
+class RowTable:
+    """Columns of a table with R rows; an error about a row names the file, the line and the column."""
 
-    path: Path
-    columns: Sequence[str]
-    line: Ints  # [R] line in the file, from 1
-    value: Floats  # [R, columns]; 0 in the column of texts
-    text: NDArray[np.str_]  # [R] the column of texts; empty if there is none
+    source: str  # the file
+    unit: str  # what ``line`` counts: lines of a text, or rows
+    line: Ints  # [R]
+    numbers: dict[str, Floats]  # [R] each; NaN for an empty cell
+    words: dict[str, NDArray[np.str_]]  # [R] each
+
+    def __len__(self) -> int:
+        return len(self.line)
 
     def __getitem__(self, column: str) -> Floats:
         """The numbers [R] of a column."""
-        return self.value[:, self.columns.index(column)]
+        return self.numbers[column]
 
-    def select(self, rows: Bools) -> TextTable:
+    def has(self, name: str) -> bool:
+        """True if the table has the column."""
+        return name in self.numbers or name in self.words
+
+    def matrix(self, columns: str) -> Floats:
+        """The numbers [R, n] of columns, their names with blanks between them."""
+        return np.column_stack([self.numbers[name] for name in columns.split()])
+
+    def select(self, rows: Bools) -> RowTable:
         """The table of some of the rows [R]."""
-        return TextTable(self.path, self.columns, self.line[rows], self.value[rows], self.text[rows])
+        numbers, words = ({name: own[rows] for name, own in part.items()} for part in (self.numbers, self.words))
+        return RowTable(self.source, self.unit, self.line[rows], numbers, words)  # type: ignore[arg-type]
 
-    def refuse(self, bad: Bools, what: str | Callable[[int], str]) -> None:
-        """Raise DataError for the first row of ``bad`` [R]; ``what``: the message, or a function of the row."""
-        refuse(bad, lambda row: f"{self.path}, line {self.line[row]}: {what if isinstance(what, str) else what(row)}")
+    def where(self, row: int, column: str = "") -> str:
+        """Name of a row, or of a cell, for messages."""
+        return f"{self.source}, {self.unit} {self.line[row]}" + (f", column {column!r}" if column else "")
 
-    def refuse_not_finite(self, first: int | None = None) -> None:
-        """Raise DataError for NaN, infinity or a number beyond `LIMIT` in the ``first`` columns, or in all."""
-        bad = ~(np.abs(self.value[:, :first]) <= LIMIT)
+    def refuse(self, bad: Bools, problem: str | Callable[[int], str], column: str = "") -> None:
+        """Raise DataError for the first row of ``bad`` [R]; ``problem``: the message, or a function of the row."""
+        refuse(bad, lambda row: f"{self.where(row, column)}: {problem if isinstance(problem, str) else problem(row)}")
 
-        def what(row: int) -> str:
-            place = int(np.argmax(bad[row]))
-            return f"{self.columns[place]} is {self.value[row, place]:g}, expected a finite number up to {LIMIT:g}"
-
-        self.refuse(np.asarray(bad.any(axis=1)), what)
+    def refuse_not_finite(self, columns: str) -> None:
+        """Raise DataError for NaN, infinity or a number beyond `LIMIT` in these columns."""
+        for column in columns.split():
+            bad = ~(np.abs(self[column]) <= LIMIT)
+            self.refuse(bad, f"expected a finite number up to {LIMIT:g}", column)
 
     def refuse_degrees(self, column: str, rows: Bools | None = None) -> None:
         """Raise DataError for an angle of some turns, in all ``rows`` or in these: it is in degrees."""
-        turned = np.abs(self[column]) > TURN
-        bad = np.isfinite(self[column]) & turned & (True if rows is None else rows)
-        self.refuse(bad, lambda row: f"{column} is {self[column][row]:g}, {RADIANS}")
+        value = self[column]
+        bad = np.isfinite(value) & (np.abs(value) > TURN) & (True if rows is None else rows)
+        self.refuse(bad, lambda row: f"{value[row]:g}, {RADIANS}", column)
 
     def whole(self, column: str) -> Ints:
         """A column as integers; raises DataError for a number that is not whole."""
         value = self[column]
         bad = ~((np.abs(value) <= LIMIT) & (value == np.round(value)))
-        self.refuse(bad, lambda row: f"{column} is {value[row]:g}, expected a whole number up to {LIMIT:g}")
+        self.refuse(bad, lambda row: f"{value[row]:g}, expected a whole number up to {LIMIT:g}", column)
         return value.astype(np.int64)
 
     def refuse_second_box(self, frame: Ints, object_id: Ints, rows: Ints) -> None:
@@ -110,7 +122,7 @@ def numbered_lines(path: Path) -> tuple[Ints, list[str]]:
     return np.array(kept, dtype=np.int64), [lines[number - 1] for number in kept]
 
 
-def read_table(path: Path, columns: str, delimiter: str | None = None, text: str = "") -> TextTable:
+def read_table(path: Path, columns: str, delimiter: str | None = None, text: str = "") -> RowTable:
     """Numbers in the named ``columns`` of a file; an empty file gives no rows.
 
     ``columns``: their names, blanks between them. ``delimiter`` of the file: None for blanks. ``text``: the column that
@@ -119,17 +131,16 @@ def read_table(path: Path, columns: str, delimiter: str | None = None, text: str
     number, lines = numbered_lines(path)
     names = columns.split()
     kinds: list[Any] = [(name, "U16" if name == text else "f8") for name in names]
-    no_text = np.empty(0, dtype="U16")
-    if not lines:
-        return TextTable(path, names, number, np.empty((0, len(names))), no_text)
     try:
-        rows = np.loadtxt(lines, dtype=kinds, delimiter=delimiter, comments=None, ndmin=1)
+        rows = (
+            np.loadtxt(lines, dtype=kinds, delimiter=delimiter, comments=None, ndmin=1) if lines else np.empty(0, kinds)
+        )
     except ValueError as error:
         problem = _first_problem(lines, names, delimiter, text)
         where, what = problem if problem is not None else (0, str(error))
         raise DataError(f"{path}, line {number[where]}{what}") from None
-    value = np.column_stack([np.zeros(len(rows)) if name == text else rows[name] for name in names])
-    return TextTable(path, names, number, value, rows[text] if text else no_text)
+    numbers = {name: np.ascontiguousarray(rows[name]) for name in names if name != text}
+    return RowTable(str(path), "line", number, numbers, {text: rows[text]} if text else {})
 
 
 def _first_problem(

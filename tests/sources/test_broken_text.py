@@ -23,11 +23,11 @@ TABLES: dict[str, tuple[str, str]] = {  # second line of a table, what the error
     "too long": ("1,2,3,4", "line 3: 4 columns"),
     "blanks for commas": ("1 2 3", "line 3: 1 columns"),
     "a word": ("1,two,3", r"line 3, column 2 \(x\): got 'two', expected a number"),
-    "not a number": ("1,nan,3", "line 3: x is nan, expected a finite number"),
-    "infinite": ("1,inf,3", "line 3: x is inf, expected a finite number"),
-    "too large": ("1,-1e308,3", r"line 3: x is -1e\+308, expected .* up to 1e\+09"),
-    "half a frame": ("1.5,2,3", "line 3: frame is 1.5, expected a whole number"),
-    "degrees": ("1,2,90", r"line 3: yaw is 90, expected radians"),
+    "not a number": ("1,nan,3", "line 3, column 'x': expected a finite number"),
+    "infinite": ("1,inf,3", "line 3, column 'x': expected a finite number"),
+    "too large": ("1,-1e308,3", r"line 3, column 'x': expected .* up to 1e\+09"),
+    "half a frame": ("1.5,2,3", "line 3, column 'frame': 1.5, expected a whole number"),
+    "degrees": ("1,2,90", r"line 3, column 'yaw': 90, expected radians"),
     "no text": ("\udcff", "cannot be read as text"),
 }
 
@@ -36,7 +36,7 @@ TABLES: dict[str, tuple[str, str]] = {  # second line of a table, what the error
 def test_a_table(tmp_path: Path, line: str, text: str) -> None:
     def read() -> None:
         table = read_table(tmp_path / "table.txt", "frame x yaw", ",")
-        table.refuse_not_finite()
+        table.refuse_not_finite("frame x yaw")
         table.refuse_degrees("yaw")
         table.whole("frame")
 
@@ -47,10 +47,10 @@ def test_a_table_that_is_sound(tmp_path: Path) -> None:
     (tmp_path / "table.txt").write_text("0 Car 1.5\r\n\r\n  7  Van -2e3\r\n", encoding="utf-8-sig")
     table = read_table(tmp_path / "table.txt", "frame type x", text="type")
     assert (table.whole("frame").tolist(), table["x"].tolist()) == ([0, 7], [1.5, -2000.0])
-    assert (table.text.tolist(), table.line.tolist()) == (["Car", "Van"], [1, 3])
-    assert table.select(table.text == "Van").line.tolist() == [3]
+    assert (table.words["type"].tolist(), table.line.tolist()) == (["Car", "Van"], [1, 3])
+    assert table.select(table.words["type"] == "Van").line.tolist() == [3]
     write(tmp_path / "table.txt")
-    assert read_table(tmp_path / "table.txt", "frame x").value.shape == (0, 2)
+    assert read_table(tmp_path / "table.txt", "frame x").matrix("frame x").shape == (0, 2)
 
 
 PARKED, CALIBRATION = kitti.PARKED, kitti.CALIBRATION.splitlines()
@@ -91,7 +91,7 @@ KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error 
 
 GT, DET, INI, row, seqinfo = mot3d.GT, mot3d.DET, mot3d.INI, mot3d.row, mot3d.seqinfo
 MOT3D: dict[str, tuple[str, Lines, str]] = {
-    "a score not finite": (DET, [row(1, -1, 0, 0, np.inf)], "line 1: confidence is inf"),
+    "a score not finite": (DET, [row(1, -1, 0, 0, np.inf)], "line 1, column 'confidence': expected a finite"),
     "frames from 0": (GT, [row(0, 7, 0, 0)], "line 1: frame 0, expected 1 to 10, the seqLength of seqinfo.ini"),
     "a frame after the end": (DET, [row(11, -1, 0, 0)], "line 1: frame 11, expected 1 to 10"),
     "a person twice": (GT, [row(1, 7, 0, 0), row(2, 7, 0, 0), row(1, 7, 1, 0)], "line 3: a second box of object 7"),

@@ -126,7 +126,7 @@ def test_no_file_of_a_user_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         save_scene(replace(scene, name="two"), tmp_path, CLASSES, "csv")
     assert (tmp_path / "two").read_text() == "mine"
     monkeypatch.chdir(folder)
-    with pytest.raises(MtpBenchError, match="is the working folder"):
+    with pytest.raises(MtpBenchError, match="the working folder"):
         save_scene(scene, tmp_path, CLASSES, "csv")
 
 

@@ -206,7 +206,7 @@ def test_missing_root(root: Path, tmp_path: Path) -> None:
 def test_status_lists_missing_and_wrong_files(root: Path) -> None:
     status = read_status(mot3d_card(), root)
     assert status.usable
-    assert status.counts["frames"] == 10
+    assert status.counts["frames"] == 4
     write(root / GT, "1,2,3")
     assert "3 columns, expected 10 (frame, id, left," in read_status(mot3d_card(), root).problems[0]
     (root / DET).unlink()

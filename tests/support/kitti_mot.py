@@ -82,7 +82,7 @@ def detection_image_boxes(root: Path, scene: Scene, classes: tuple[str, ...]) ->
         for kind, code in (TYPES[name] for name in classes)
     ]
     order = np.argsort(np.concatenate([part.frame for part in parts]), kind="stable")
-    image_box = np.concatenate([part.table.value[:, 2:6] for part in parts])[order]
+    image_box = np.concatenate([part.table.matrix("left top right bottom") for part in parts])[order]
     np.testing.assert_array_equal(np.concatenate([part.score for part in parts])[order], scene.detections.score)
     return image_box
 

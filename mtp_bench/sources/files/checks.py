@@ -9,8 +9,7 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
-from ..text import LIMIT, RADIANS, TURN, refuse, repeated
-from .table import ColumnTable
+from ..text import LIMIT, RADIANS, TURN, RowTable, refuse, repeated
 
 MOST_FRAMES = 1_000_000
 FARTHEST = 1e5  # m, x and y: rollouts keep boxes in single precision, which is coarser than centimetres farther away
@@ -31,7 +30,7 @@ RANGES = {  # column -> least, largest, message
 }
 
 
-def scene_frames(where: str, tables: dict[str, ColumnTable], rate: float) -> tuple[Ints, Floats]:
+def scene_frames(where: str, tables: dict[str, RowTable], rate: float) -> tuple[Ints, Floats]:
     """Numbers [F], rising, and times [F] in s of the frames: the rows of the ego table, else all numbers in use.
 
     ``rate``: frames per second if there is no ego table with times. Raises DataError.
@@ -42,7 +41,7 @@ def scene_frames(where: str, tables: dict[str, ColumnTable], rate: float) -> tup
             raise DataError(f"{ego.source} has no rows, expected one per frame")
         number = ego.whole("frame")
         falls = np.diff(number, prepend=number[0] - 1) <= 0
-        ego.refuse(falls, "frame", "expected a number above that of the row before")
+        ego.refuse(falls, "expected a number above that of the row before", "frame")
         return number, ego.numbers["time"] if ego.has("time") else (number - number[0]) / rate
     used = np.unique(np.concatenate([table.whole("frame") for table in tables.values()]))
     if not len(used):
@@ -59,11 +58,11 @@ def scene_frames(where: str, tables: dict[str, ColumnTable], rate: float) -> tup
     return number, (number - number[0]) / rate
 
 
-def frame_index(table: ColumnTable, number: Ints) -> Ints:
+def frame_index(table: RowTable, number: Ints) -> Ints:
     """Index of each row's frame among the ``number`` [F] of a scene; DataError for an unknown frame."""
     frame = table.whole("frame")
     index = np.minimum(np.searchsorted(number, frame), len(number) - 1)
-    table.refuse(number[index] != frame, "frame", f"no frame of the scene, which has {number[0]} to {number[-1]}")
+    table.refuse(number[index] != frame, f"no frame of the scene, which has {number[0]} to {number[-1]}", "frame")
     return index
 
 
@@ -94,27 +93,28 @@ def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
     refuse(step > GAP * period, lambda t: f"{where}: frame {t + 1} is {step[t]:g} s after the one before, {longest}")
 
 
-def check_boxes(table: ColumnTable, frame: Ints, frames: int) -> None:
+def check_boxes(table: RowTable, frame: Ints, frames: int) -> None:
     """Raise DataError for the first impossible value."""
     outside = (frame < 0) | (frame >= frames)
-    table.refuse(outside, "frame", lambda row: f"frame {frame[row]}, but the scene has the frames 0 to {frames - 1}")
+    table.refuse(outside, lambda row: f"frame {frame[row]}, but the scene has the frames 0 to {frames - 1}", "frame")
     for column in filter(table.has, RANGES):
         _check_range(table, column)
 
 
-def _check_range(table: ColumnTable, column: str) -> None:
+def _check_range(table: RowTable, column: str) -> None:
     low, high, expected = RANGES[column]
     value = table.numbers[column]
     unknown = np.isnan(value) & (column in ("vx", "vy"))
-    table.refuse(~(unknown | ((value >= low) & (value <= high))), column, lambda row: f"{value[row]:.10g}, {expected}")
+    bad = ~(unknown | ((value >= low) & (value <= high)))
+    table.refuse(bad, lambda row: f"{value[row]:.10g}, {expected}", column)
 
 
-def check_objects(table: ColumnTable, frame: Ints, number: Ints, classes: Sequence[str]) -> None:
+def check_objects(table: RowTable, frame: Ints, number: Ints, classes: Sequence[str]) -> None:
     """Raise DataError if an object has two boxes in a frame, or two classes of the task."""
-    table.refuse(repeated(frame, number), "id", "a second box of this object in this frame")
+    table.refuse(repeated(frame, number), "a second box of this object in this frame", "id")
     kind = table.words["class"]
     used = np.flatnonzero(np.isin(kind, classes))
     order = used[np.lexsort((frame[used], number[used]))]
     changed: Bools = np.zeros(len(kind), dtype=bool)
     changed[order[1:]] = (np.diff(number[order]) == 0) & (kind[order[1:]] != kind[order[:-1]])
-    table.refuse(changed, "class", lambda row: f"{str(kind[row])!r}, but this object has another class before")
+    table.refuse(changed, lambda row: f"{str(kind[row])!r}, but this object has another class before", "class")

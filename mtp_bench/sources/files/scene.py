@@ -15,10 +15,11 @@ from ...errors import DataError, closest
 from ...types import ID_LIMIT, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import class_ids, no_detections, section_of
 from ..motion import backward_velocity
+from ..text import RowTable
 from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
 from .columns import BOX, FORMS, TABLES
 from .save import scene_tables
-from .table import ColumnTable, read_table
+from .table import read_table
 
 _SIMILAR = 0.9  # of file names: `detection`, not `detections_old`
 
@@ -62,7 +63,7 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
             numbers: dict[str, Floats] = {
                 key: np.asarray(value, dtype=np.float64) for key, value in columns[name].items()
             }
-            table = ColumnTable(f"{where}: {name}", "row", rows, numbers, words)
+            table = RowTable(f"{where}: {name}", "row", rows, numbers, words)
             check_boxes(table, table.whole("frame"), scene.frames)
             if name == "truth":
                 check_objects(table, table.whole("frame"), table.whole("id"), card.task.classes)
@@ -104,7 +105,7 @@ def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
 
 
 def _truth(
-    table: ColumnTable, frame: Ints, time: Floats, card: Card, skipped: dict[str, int]
+    table: RowTable, frame: Ints, time: Floats, card: Card, skipped: dict[str, int]
 ) -> tuple[Truth, Floats | None]:
     """Truth and visible shares of a table, sorted by frame."""
     row = _usable_rows(table, frame, len(time), "truth", card.task.classes, skipped)
@@ -118,13 +119,13 @@ def _truth(
         velocity=backward if given is None else given[row],
         class_id=class_ids_of(table, card.task.classes)[row],
         object_id=number[row],
-        eligible=table.flags("eligible", default=True)[row],
-        neutral=table.flags("neutral", default=False)[row],
+        eligible=table.numbers.get("eligible", np.ones(len(table)))[row] == 1,
+        neutral=table.numbers.get("neutral", np.zeros(len(table)))[row] == 1,
     )
     return truth, table.numbers["visible"][row] if table.has("visible") else None
 
 
-def _detections(table: ColumnTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]) -> Detections:
+def _detections(table: RowTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]) -> Detections:
     row = _usable_rows(table, frame, frames, "detections", card.task.classes, skipped)
     velocity = velocities_of(table)
     return Detections(
@@ -137,7 +138,7 @@ def _detections(table: ColumnTable, frame: Ints, frames: int, card: Card, skippe
 
 
 def _usable_rows(
-    table: ColumnTable, frame: Ints, frames: int, name: str, classes: Sequence[str], skipped: dict[str, int]
+    table: RowTable, frame: Ints, frames: int, name: str, classes: Sequence[str], skipped: dict[str, int]
 ) -> Ints:
     """Rows of ``classes``, sorted by frame and otherwise in their order; all rows are checked."""
     check_boxes(table, frame, frames)
@@ -158,29 +159,29 @@ def _usable_rows(
     return np.asarray(row[np.argsort(frame[row], kind="stable")])
 
 
-def boxes_of(table: ColumnTable) -> Floats:
+def boxes_of(table: RowTable) -> Floats:
     """Boxes ``[R, 7]``; without z they stand on the ground."""
-    columns = {"z": table.numbers["h"] / 2, **table.numbers}
+    columns = {"z": table["h"] / 2, **table.numbers}
     return np.column_stack([columns[name] for name in BOX])
 
 
-def velocities_of(table: ColumnTable) -> Floats | None:
+def velocities_of(table: RowTable) -> Floats | None:
     """Velocities ``[R, 2]``; None if the table has none."""
-    return np.column_stack([table.numbers["vx"], table.numbers["vy"]]) if table.has("vx") else None
+    return table.matrix("vx vy") if table.has("vx") else None
 
 
-def scores_of(table: ColumnTable) -> Floats:
+def scores_of(table: RowTable) -> Floats:
     """Scores ``[R]``; 1 if the table has none."""
     return table.numbers.get("score", np.ones(len(table)))
 
 
-def class_ids_of(table: ColumnTable, classes: Sequence[str]) -> Ints:
+def class_ids_of(table: RowTable, classes: Sequence[str]) -> Ints:
     """Index of each row's class among ``classes`` ``[R]``, -1 for another class."""
     names, index = np.unique(table.words["class"], return_inverse=True)
     return class_ids(names.tolist(), classes)[index] if len(names) else np.zeros(0, dtype=np.int64)
 
 
-def ids_of(table: ColumnTable) -> Ints:
+def ids_of(table: RowTable) -> Ints:
     """Numbers of the objects ``[R]``: those of the table, or indices of the sorted words.
 
     If one id is not a whole number from 0 to `ID_LIMIT`, all are words.

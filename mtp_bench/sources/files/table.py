@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import reprlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,56 +13,14 @@ from numpy.typing import NDArray
 
 from ...errors import DataError, nearest
 from ...files import open_regular
-from ...types import Bools, Floats, Ints
-from ..text import LIMIT, MOST_LETTERS, refuse
+from ..text import LIMIT, MOST_LETTERS, RowTable
 from .columns import COLUMNS, TableColumn
 
 LARGEST_FILE = 1 << 30  # bytes
 LATEST = 1e12  # s: clocks that count from 1970 fit
 
 
-@dataclass(frozen=True, eq=False)
-class ColumnTable:
-    """Columns of a table with R rows."""
-
-    source: str  # the file, for messages
-    unit: str  # what ``line`` counts: lines of a text, or rows
-    line: Ints  # [R]
-    numbers: dict[str, Floats]  # [R] each; NaN for an empty cell
-    words: dict[str, NDArray[np.str_]]  # [R] each
-
-    def __len__(self) -> int:
-        return len(self.line)
-
-    def has(self, name: str) -> bool:
-        """True if the table has the column."""
-        return name in self.numbers or name in self.words
-
-    def where(self, row: int, column: str) -> str:
-        """Name of a cell, for messages."""
-        return f"{self.source}, {self.unit} {self.line[row]}, column {column!r}"
-
-    def refuse(self, bad: Bools, column: str, problem: str | Callable[[int], str]) -> None:
-        """Raise DataError for the first row where ``bad``; the problem may depend on the row."""
-        refuse(bad, lambda row: f"{self.where(row, column)}: {problem if isinstance(problem, str) else problem(row)}")
-
-    def whole(self, column: str) -> Ints:
-        """A column of whole numbers."""
-        value = self.numbers[column]
-        bad = ~((np.abs(value) <= LIMIT) & (value == np.round(value)))
-        self.refuse(bad, column, lambda row: f"{value[row]:g}, expected a whole number")
-        return value.astype(np.int64)
-
-    def flags(self, column: str, default: bool) -> Bools:
-        """A column of 0 and 1; ``default`` in all rows if the table does not have it."""
-        if column not in self.numbers:
-            return np.full(len(self), default)
-        value = self.numbers[column]
-        self.refuse((value != 0) & (value != 1), column, lambda row: f"{value[row]:g}, expected 0 or 1")
-        return np.asarray(value == 1)
-
-
-def read_table(path: Path, name: str) -> ColumnTable:
+def read_table(path: Path, name: str) -> RowTable:
     """The table ``name`` (truth, detections, ego or tracks) in a file; raises DataError for a wrong file or cell."""
     import pyarrow
     from pyarrow import compute
@@ -85,7 +42,7 @@ def read_table(path: Path, name: str) -> ColumnTable:
         for column in content.columns:
             filled |= compute.not_equal(column, "").to_numpy()
         content, line = content.filter(filled), line[filled]
-    table = ColumnTable(str(path), "row" if is_parquet else "line", line, {}, {})
+    table = RowTable(str(path), "row" if is_parquet else "line", line, {}, {})
     for column in COLUMNS[name]:
         if column.name in content.column_names:
             _add_column(table, column, content.column(column.name))
@@ -145,7 +102,7 @@ def _read_csv(path: Path, stream: Any, name: str) -> Any:
         raise
 
 
-def _add_column(table: ColumnTable, column: TableColumn, values: Any) -> None:
+def _add_column(table: RowTable, column: TableColumn, values: Any) -> None:
     """Add a column of an Arrow table to ``table``."""
     from pyarrow import types
 
@@ -158,22 +115,24 @@ def _add_column(table: ColumnTable, column: TableColumn, values: Any) -> None:
         words = ["" if value is None else str(value).strip() for value in values.to_pylist()]
         long = np.array([len(word) > MOST_LETTERS for word in words], dtype=bool)
         limit = f"expected at most {MOST_LETTERS}"
-        table.refuse(long, name, lambda row: f"a word of {len(words[row])} characters, {limit}")
+        table.refuse(long, lambda row: f"a word of {len(words[row])} characters, {limit}", name)
         table.words[name] = np.array(words, dtype=np.str_)
-        table.refuse(table.words[name] == "", name, "an empty cell, expected a word")
+        table.refuse(table.words[name] == "", "an empty cell, expected a word", name)
         return
     if is_word:
         values = _numbers(table, column, values)
     numbers = values.cast("float64", safe=False).to_numpy()
     if not column.gaps:
-        table.refuse(values.is_null().to_numpy(), name, "an empty cell, expected a number")
+        table.refuse(values.is_null().to_numpy(), "an empty cell, expected a number", name)
     largest = LATEST if name == "time" else LIMIT
     bad = ~(np.abs(numbers) <= largest) & ~(np.isnan(numbers) & column.gaps)
-    table.refuse(bad, name, lambda row: f"{numbers[row]:g}, expected a finite number up to {largest:g}")
+    table.refuse(bad, lambda row: f"{numbers[row]:g}, expected a finite number up to {largest:g}", name)
+    if column.flag:
+        table.refuse((numbers != 0) & (numbers != 1), lambda row: f"{numbers[row]:g}, expected 0 or 1", name)
     table.numbers[name] = numbers
 
 
-def _numbers(table: ColumnTable, column: TableColumn, values: Any) -> Any:
+def _numbers(table: RowTable, column: TableColumn, values: Any) -> Any:
     """The numbers that words stand for; null for an empty cell."""
     from pyarrow import ArrowInvalid, compute, scalar, string
 

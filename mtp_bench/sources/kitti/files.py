@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from ...errors import DataError
 from ...geometry import wrap_angle
 from ...types import Bools, Floats, Ints
-from ..text import TextTable, numbered_lines, read_table
+from ..text import RowTable, numbered_lines, read_table
 
-_BOX = "height width length x y z rotation_y"  # in camera axes
-LABEL = f"frame id type truncated occluded alpha left top right bottom {_BOX}"
+BOX_FIELDS = "height width length x y z rotation_y"  # in camera axes
+LABEL = f"frame id type truncated occluded alpha left top right bottom {BOX_FIELDS}"
 RESULT = f"{LABEL} score"  # of trackers and detectors, for the benchmark
-DETECTION = f"frame type left top right bottom score {_BOX} alpha"
+DETECTION = f"frame type left top right bottom score {BOX_FIELDS} alpha"
 OXTS = (
     "lat lon alt roll pitch yaw vn ve vf vl vu ax ay az af al au wx wy wz wf wl wu "
     "pos_accuracy vel_accuracy navstat numsats posmode velmode orimode"
@@ -35,7 +35,7 @@ SENSOR_FROM_CAMERA = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.
 class LabelRows:
     """Rows of ``label_02/%04d.txt`` in the order of the file, all types included."""
 
-    table: TextTable  # columns `LABEL`
+    table: RowTable  # columns `LABEL`
     frame: Ints  # [R]
     object_id: Ints  # [R] -1 for DontCare
     type: NDArray[np.str_]  # [R] one of `KINDS`
@@ -47,7 +47,7 @@ class LabelRows:
 class DetectionRows:
     """Detections of one class in the order of the file."""
 
-    table: TextTable  # columns `DETECTION`, or `RESULT`
+    table: RowTable  # columns `DETECTION`, or `RESULT`
     frame: Ints  # [R]
     score: Floats  # [R] raw logit
     box: Floats  # [R, 7] sensor frame; may hold NaN or sizes that are not positive
@@ -66,15 +66,16 @@ def read_labels(path: Path) -> LabelRows:
     """Labels of one sequence; an empty file gives no rows. DataError names the line that is wrong."""
     table = read_table(path, LABEL, text="type")
     require_kinds(table)
-    boxed = table.text != "DontCare"
-    table.refuse_not_finite()
+    kind = table.words["type"]
+    boxed = kind != "DontCare"
+    table.refuse_not_finite(LABEL.replace(" type", ""))
     refuse_flat(table, boxed)
     table.refuse_degrees("rotation_y", boxed)
     frame, object_id = table.whole("frame"), table.whole("id")
     table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
-    box = sensor_boxes(table.value[:, 10:17])
+    box = sensor_boxes(table.matrix(BOX_FIELDS))
     box[~boxed] = np.nan
-    return LabelRows(table, frame, object_id, table.text, table.value[:, 6:10], box)
+    return LabelRows(table, frame, object_id, kind, table.matrix("left top right bottom"), box)
 
 
 def read_detections(path: Path, kind: str, code: int) -> DetectionRows:
@@ -87,7 +88,7 @@ def read_detections(path: Path, kind: str, code: int) -> DetectionRows:
     got = table.whole("type")
     table.refuse(got != code, lambda row: f"type {got[row]}, expected {code} ({kind})")
     table.refuse_degrees("rotation_y")
-    return DetectionRows(table, table.whole("frame"), table["score"], sensor_boxes(table.value[:, 7:14]))
+    return DetectionRows(table, table.whole("frame"), table["score"], sensor_boxes(table.matrix(BOX_FIELDS)))
 
 
 def read_results(path: Path, kind: str) -> DetectionRows:
@@ -98,45 +99,44 @@ def read_results(path: Path, kind: str) -> DetectionRows:
     table = read_table(path, RESULT, text="type")
     require_kinds(table)
     table.whole("frame")
-    chosen = table.select(table.text == kind)
+    chosen = table.select(table.words["type"] == kind)
     chosen.refuse_degrees("rotation_y")
-    return DetectionRows(chosen, chosen.whole("frame"), chosen["score"], sensor_boxes(chosen.value[:, 10:17]))
+    return DetectionRows(chosen, chosen.whole("frame"), chosen["score"], sensor_boxes(chosen.matrix(BOX_FIELDS)))
 
 
-def require_kinds(table: TextTable) -> None:
+def require_kinds(table: RowTable) -> None:
     """Raise DataError for the first row with a type that KITTI does not have."""
-    unknown = ~np.isin(table.text, KINDS)
-    table.refuse(unknown, lambda row: f"type {str(table.text[row])!r}, expected one of {', '.join(KINDS)}")
+    kind = table.words["type"]
+    table.refuse(~np.isin(kind, KINDS), lambda row: f"type {str(kind[row])!r}, expected one of {', '.join(KINDS)}")
 
 
-def refuse_flat(table: TextTable, rows: Bools) -> None:
+def refuse_flat(table: RowTable, rows: Bools) -> None:
     """Raise DataError for a box, among these ``rows``, with a side that is not above 0."""
-    sides = np.column_stack([table[name] for name in ("height", "width", "length")])
-    table.refuse(rows & (sides <= 0).any(axis=1), "a box with a size that is not above 0")
+    flat = (table.matrix("height width length") <= 0).any(axis=1)
+    table.refuse(rows & flat, "a box with a size that is not above 0")
 
 
 def read_oxts(path: Path) -> Oxts:
     """GPS/IMU rows of one sequence, at least one."""
     table = _rows_of_frames(path, OXTS)
-    table.refuse_not_finite(11)
-    velocity = np.column_stack([table[name] for name in ("ve", "vn", "vu")])
-    return Oxts(geodetic=table.value[:, :3], attitude=table.value[:, 3:6], velocity=velocity)
+    table.refuse_not_finite("lat lon alt roll pitch yaw vn ve vu")
+    return Oxts(table.matrix("lat lon alt"), table.matrix("roll pitch yaw"), table.matrix("ve vn vu"))
 
 
 def read_odometry(path: Path) -> Floats:
     """Poses ``[F, 3, 4]`` camera to world (world = camera axes of frame 0), one row of 12 numbers per frame."""
     table = _rows_of_frames(path, ODOMETRY)
-    table.refuse_not_finite()
-    pose = table.value.reshape(-1, 3, 4)
+    table.refuse_not_finite(ODOMETRY)
+    pose = table.matrix(ODOMETRY).reshape(-1, 3, 4)
     turn = pose[:, :, :3]
     off = np.abs(turn @ turn.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > ROUNDING
     table.refuse(off | (np.linalg.det(turn) < 0), "expected a rotation in the first three columns of a 3 x 4 matrix")
     return pose
 
 
-def _rows_of_frames(path: Path, columns: str) -> TextTable:
+def _rows_of_frames(path: Path, columns: str) -> RowTable:
     table = read_table(path, columns)
-    if not len(table.value):
+    if not len(table):
         raise DataError(f"{path} is empty, expected one row per frame")
     return table
 

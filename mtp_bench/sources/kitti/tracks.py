@@ -17,7 +17,7 @@ from ...types import Floats, Ints, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
 from ..stored_tracks import FEWER, stored_tracks
 from ..text import read_table
-from .files import RESULT, camera_fields, refuse_flat, require_kinds, sensor_boxes
+from .files import BOX_FIELDS, RESULT, camera_fields, refuse_flat, require_kinds, sensor_boxes
 from .layout import TYPES, KittiSource
 from .poses import Poses
 from .source import KittiTracking
@@ -29,11 +29,13 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     Rows of other classes and other frames are left out. DataError names the line that is wrong.
     """
     table = read_table(path, RESULT, text="type")
-    table.refuse_not_finite()
+    table.refuse_not_finite(RESULT.replace(" type", ""))
     require_kinds(table)
     frame, object_id = table.whole("frame"), table.whole("id")
     types = [TYPES[name][0] for name in classes]
-    class_id = np.array([types.index(text) if text in types else -1 for text in table.text.tolist()], dtype=np.int64)
+    class_id = np.array(
+        [types.index(text) if text in types else -1 for text in table.words["type"].tolist()], dtype=np.int64
+    )
     used = (class_id >= 0) & (frame % stride == 0)
     last = (scene.frames - 1) * stride
     outside = used & ((frame < 0) | (frame > last))
@@ -42,7 +44,7 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     refuse_flat(table, used)
     for index in range(len(classes)):
         table.refuse_second_box(frame, object_id, np.flatnonzero(used & (class_id == index)))
-    box = sensor_boxes(table.value[used, 10:17])
+    box = sensor_boxes(table.matrix(BOX_FIELDS)[used])
     box = box if poses is None else poses.to_world(box, frame[used])
     return stored_tracks(
         scene.frames, frame[used] // stride, object_id[used], class_id[used], box, table["score"][used]

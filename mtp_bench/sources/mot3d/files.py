@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import DataError, MissingDataError
 from ...types import Floats, Ints
-from ..text import TextTable, read_table, read_text
+from ..text import RowTable, read_table, read_text
 
 SEQINFO, TRUTH, DETECTIONS = "seqinfo.ini", "gt/gt.txt", "det/det.txt"  # inside train/<sequence>
 COLUMNS = "frame id left top width height confidence X Y Z"
@@ -32,7 +32,7 @@ KNOWN = {"PETS09-S2L1": SequenceInfo(7.0, 795), "TUD-Stadtmitte": SequenceInfo(2
 class Rows:
     """Rows of ``gt.txt`` or ``det.txt`` in the order of the file."""
 
-    table: TextTable
+    table: RowTable
     frame: Ints  # [R] from 1
     object_id: Ints  # [R] -1 for detections
     confidence: Floats  # [R] detections: score; truth: 0 = not to be evaluated
@@ -81,8 +81,8 @@ def read_detections(path: Path, length: int) -> Rows:
 def _read_rows(path: Path, length: int) -> Rows:
     """The rows of either file, whose frames lie in the sequence; an empty file gives no rows."""
     table = read_table(path, COLUMNS, ",")
-    table.refuse_not_finite()
+    table.refuse_not_finite(COLUMNS)
     frame = table.whole("frame")
     outside = (frame < 1) | (frame > length)
     table.refuse(outside, lambda row: f"frame {frame[row]}, expected 1 to {length}, the seqLength of {SEQINFO}")
-    return Rows(table, frame, table.whole("id"), table["confidence"], table.value[:, 7:])
+    return Rows(table, frame, table.whole("id"), table["confidence"], table.matrix("X Y Z"))

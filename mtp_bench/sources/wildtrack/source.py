@@ -16,7 +16,7 @@ from ...types import Detections, Floats, Ints, Ragged, Scene, Truth
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import people_detections, people_truth
-from ..text import TextTable, read_json, read_table
+from ..text import RowTable, read_json, read_table
 
 ANNOTATIONS = "annotations_positions"
 DETECTIONS = "detections/mvdet_test.txt"
@@ -125,7 +125,7 @@ class _Person(msgspec.Struct):
 class GroundDetections:
     """Rows of a file ``frame gx gy``."""
 
-    table: TextTable
+    table: RowTable
     frame: Ints  # [R] the number of the annotation file
     place: Floats  # [R, 2] m on the ground plane
 
@@ -144,10 +144,10 @@ def read_annotations(path: Path) -> tuple[Ints, Floats]:
 def read_detections(path: Path) -> GroundDetections:
     """Detections, rows ``frame gx gy`` on the grid of the annotations; DataError names the line that is wrong."""
     table = read_table(path, "frame gx gy")
-    frame, cell = table.whole("frame"), table.value[:, 1:]
+    frame, cell = table.whole("frame"), table.matrix("gx gy")
     off = np.asarray(~((cell >= 0) & (cell < GRID)).all(axis=1))  # NaN is off the grid, too
     table.refuse(off, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} is off the grid of {GRID[0]} x {GRID[1]}")
-    _, first, place = np.unique(table.value, axis=0, return_index=True, return_inverse=True)
+    _, first, place = np.unique(table.matrix("frame gx gy"), axis=0, return_index=True, return_inverse=True)
     original = first[place.reshape(-1)]
     table.refuse(
         original < np.arange(len(original)),
