@@ -151,7 +151,7 @@ def test_prepare_reports_its_work(data: Path, own_cache: Path) -> None:
 def test_status_names_missing_and_wrong_files(data: Path) -> None:
     status = describe(nuscenes_card(), data)
     assert (status.usable, status.root) == (True, data / "nuscenes")
-    missing = {
+    missing: dict[str, dict[str, Any]] = {
         "has no folder 'v1.0-trainval'; found: v1.0-mini": {"version": "v1.0-trainval"},
         "has no file x*.json; found: megvii_all.json": {"detector": "x"},
         "no file or folder none.json": {"detections_file": "none.json", "detections_sha256": "0" * 64},
