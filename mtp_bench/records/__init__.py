@@ -17,7 +17,6 @@ from .seal import retire as retire
 from .seal import seal as seal
 from .storage import load_record as load_record
 from .storage import record_paths as record_paths
-from .storage import save_record as save_record
 from .submitting import submit as submit
 from .trust import Trust as Trust
 from .trust import trusted as trusted

@@ -52,18 +52,15 @@ def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) ->
     Of several submissions with one name, the one with a signed level keeps it. If none or several have a level, no
     submission keeps it.
     """
-    owners: dict[str, set[str]] = {}
-    signed: dict[str, set[str]] = {}
+    taken = {}
     genuine = [record for record in records if why_not_genuine(record) is None]
     for record in genuine:
-        owners.setdefault(record.submission.name, set()).add(record.submission.digest)
-        if record.digest in levels:
-            signed.setdefault(record.submission.name, set()).add(record.submission.digest)
-    taken = {}
-    for record in genuine:
-        name = record.submission.name
-        if len(owners[name]) > 1 and signed.get(name) != {record.submission.digest}:
-            taken[record.digest] = f"{len(owners[name])} submissions have the name {name!r}"
+        name, digest = record.submission.name, record.submission.digest
+        namesakes = [each for each in genuine if each.submission.name == name]
+        owners = {each.submission.digest for each in namesakes}
+        signed = {each.submission.digest for each in namesakes if each.digest in levels}
+        if len(owners) > 1 and signed != {digest}:
+            taken[record.digest] = f"{len(owners)} submissions have the name {name!r}"
     return taken
 
 

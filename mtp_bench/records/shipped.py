@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from .._bundle import baseline_names, card_ids
-from ..cards import Card, load_card
+from ..cards import load_card
 from ..running.reference import frozen_reference
 from ..scoring import Reference
 from ..scoring.subsets import SUBSETS, Subset
@@ -23,7 +23,7 @@ class Shipped:
 
     card: str  # digest
     simulated: bool  # hidden scenes rank
-    most: float  # m, the largest error of a target
+    most: float  # m, the largest error of a target: that of a missed one
     weights: str  # hash of the frozen event weights
     sums: Mapping[str, Mapping[Subset, float]]  # `scene_key` -> weight of the targets of a scene on each subset
 
@@ -40,12 +40,8 @@ def shipped(env_id: str) -> Shipped | None:
     frozen = frozen_reference(card)
     if frozen is None:
         return None
-    return Shipped(card.digest, card.simulated, largest_error(card), frozen.digest, _sums(frozen))
-
-
-def largest_error(card: Card) -> float:
-    """Largest error of a target, metres: that of a missed one."""
-    return max(card.per_class(card.task.miss_error))
+    most = max(card.per_class(card.task.miss_error))
+    return Shipped(card.digest, card.simulated, most, frozen.digest, _sums(frozen))
 
 
 def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:

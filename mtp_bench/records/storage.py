@@ -10,8 +10,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from .._bundle import bundled
-from ..errors import MtpBenchError, RecordError
-from ..files import ABSENT, read_bounded, require_folder, write_text
+from ..errors import RecordError
+from ..files import ABSENT, read_bounded
 from ..running.rollout_files import load_run
 from ..strict import SectionT, explain
 from ..submission.manifest import PARTS as PARTS
@@ -77,22 +77,6 @@ def record_text(record: Record, path: Path) -> tuple[Record, str]:
     if size > MOST_BYTES:
         raise RecordError(f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB")
     return record, text
-
-
-def save_record(record: Record, path: str | Path) -> Record:
-    """Write ``record`` with its digests and return it with them; folders are made, the file is written atomically.
-
-    Raises MtpBenchError if it cannot be written, RecordError if it is not JSON.
-    """
-    path = Path(path)
-    record, text = record_text(record, path)
-    require_folder(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise MtpBenchError(f"cannot write {path}: {error.strerror or error}") from None
-    write_text(path, text)
-    return record
 
 
 def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:

@@ -21,7 +21,6 @@ from mtp_bench.records import (
     load_record,
     open_seal,
     read_level,
-    save_record,
     standings,
     submit,
     trusted,
@@ -41,7 +40,7 @@ from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.leaderboards import SIGNER, listed, make_key
 from tests.support.small_scenes import CARD_ID
-from tests.support.stored_records import hex_of, hidden_part, ships_of, signed_level, write_record
+from tests.support.stored_records import hex_of, hidden_part, save_record, ships_of, signed_level, write_record
 
 Content = dict[str, Any]
 Change = Callable[[Content], Any]
@@ -560,7 +559,7 @@ def test_a_hidden_part_that_is_not_of_its_seal_is_not_shown(
     sign(path, record, key, "hidden", hidden=sealed_part(promise, commitment=hex_of("of nobody")))
     assert "its hidden scenes are of no seal" in note(path, leaderboard)
     sign(path, record, key, "hidden", hidden=hidden_part(1.0, 2.0, 3.0, commitment=promise.commitment))
-    assert "has 3 hidden scenes" in note(path, leaderboard)
+    assert "3 hidden scenes" in note(path, leaderboard)
     sign(path, record, key, "hidden", hidden=sums_of_others(sealed_part(promise)))
     assert "hidden scenes: row 'all': error is 1.5, the sums of its units give 0.1" in note(path, leaderboard)
     sign(path, record, key, "re-run", hidden=sealed_part(promise))

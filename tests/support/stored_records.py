@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from mtp_bench.gateway import Limits
@@ -14,7 +15,7 @@ from mtp_bench.records.evaluation import scorer_digest, status_of
 from mtp_bench.records.record import HiddenPart, MissedPart, Record, ScenePart
 from mtp_bench.records.seal import ListedSeal
 from mtp_bench.records.shipped import Shipped, baseline_digest
-from mtp_bench.records.storage import sealed
+from mtp_bench.records.storage import record_text, sealed
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, ratio
 from mtp_bench.scoring.subsets import Subset
@@ -110,6 +111,14 @@ def make_record(
     runs = len(content["per_scene"]) * len(content["seeds"])
     content.setdefault("status", status_of(env["scenes"], env["scenes_of_split"], missed, runs)[0])
     return sealed(Record.model_validate(content))
+
+
+def save_record(record: Record, path: Path) -> Record:
+    """Write a record with its digests and return it with them."""
+    record, text = record_text(record, path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return record
 
 
 def _scenes(errors: Sequence[float]) -> list[dict[str, Any]]:

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.records import Record, save_record
+from mtp_bench.records import Record
 from mtp_bench.records.attestation import Level
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.scoring.statistics import PairedDifference
@@ -44,7 +44,7 @@ from mtp_bench.viz.board.drawings import (
 from mtp_bench.viz.board.overview import leader_of, overview_of
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, on_terminal, read_json
-from tests.support.stored_records import hidden_part, signed_level, write_record
+from tests.support.stored_records import hidden_part, save_record, signed_level, write_record
 
 MOST_BYTES = 300_000  # of a page without records
 MAIN, FEW = "MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"
