@@ -24,7 +24,6 @@ from .agent import Predictor as Predictor
 from .agent import Sampler as Sampler
 from .agent import Tracker as Tracker
 from .env.building import make_action as make_action
-from .env.renderers import RENDERERS as _RENDERERS
 from .errors import ActionError as ActionError
 from .errors import CardError as CardError
 from .errors import DataError as DataError
@@ -94,8 +93,6 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
 
 
 def _register() -> None:
-    _RENDERERS["rgb_array"] = "mtp_bench.viz.drawing.birds_eye:EpisodePictures"
-    _RENDERERS["rerun"] = "mtp_bench.viz.rerun.live:LiveRecording"
     for env_id in card_ids():
         if env_id not in _gymnasium.registry:  # the module may be loaded anew
             _gymnasium.register(id=env_id, entry_point="mtp_bench.env:MTPEnv", kwargs={"card": env_id})

@@ -12,10 +12,7 @@ from typing import Any
 from ._version import __version__
 from .errors import MtpBenchError
 
-Started = Callable[[int], object]  # called with the number of work items
 Done = Callable[[str], object]  # called with the name of every finished item
-
-BACKENDS = ("loky", "dask")
 _CONNECT_SECONDS = 10  # wait for the scheduler
 _WORKER_SECONDS = 30  # wait for its first worker: workers that died may be restarting
 _one_at_a_time = threading.Lock()  # one call per worker process: agents need not be thread-safe
@@ -25,54 +22,41 @@ def _ignore(_: object) -> None:
     """Do nothing."""
 
 
-def _require_backend(backend: str, scheduler: str | None) -> None:
-    if backend not in BACKENDS:
-        raise MtpBenchError(f"backend is {backend!r}, expected one of: {', '.join(BACKENDS)}")
-    if backend == "dask" and not scheduler:
-        raise MtpBenchError("backend 'dask' needs the address of a scheduler, such as tcp://127.0.0.1:8786")
-    if backend != "dask" and scheduler is not None:
-        raise MtpBenchError(f"scheduler {scheduler!r} is for backend 'dask', got backend {backend!r}")
-    if backend == "dask":
-        try:
-            import distributed  # noqa: F401
-        except ImportError:
-            raise MtpBenchError("backend 'dask' needs Dask: pip install 'dask[distributed]'") from None
-
-
 @dataclass(frozen=True)
 class Progress:
-    """Progress callbacks."""
+    """Progress callbacks; ``started`` takes the number of work items."""
 
-    started: Started = _ignore
+    started: Callable[[int], object] = _ignore
     done: Done = _ignore
 
 
 @dataclass(frozen=True)
 class Workers:
-    """The workers of a parallel map: ``count`` processes of this machine, or all workers of a Dask scheduler.
+    """The workers of a parallel map: ``count`` processes of this machine, or all workers of a Dask ``scheduler``.
 
-    Raises MtpBenchError unless the backend is known and installed and has the address that it needs.
+    Raises MtpBenchError for a count below 1, and for a scheduler without Dask.
     """
 
     count: int = 1
-    backend: str = "loky"
-    scheduler: str | None = None
+    scheduler: str | None = None  # address, such as tcp://10.0.0.1:8786
 
     def __post_init__(self) -> None:
         if self.count < 1:
             raise MtpBenchError(f"workers is {self.count}, expected at least 1")
-        _require_backend(self.backend, self.scheduler)
+        if self.scheduler is not None:
+            try:
+                import distributed  # noqa: F401
+            except ImportError:
+                raise MtpBenchError("a scheduler needs Dask: pip install 'dask[distributed]'") from None
 
 
 NO_PROGRESS = Progress()
+SERIAL = Workers()  # in this process, one call after the other
 
 
 def cores() -> int:
     """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-SERIAL = Workers()  # in this process, one call after the other
 
 
 def parallel_map(
@@ -81,10 +65,10 @@ def parallel_map(
     workers: Workers = SERIAL,
     done: Callable[[int], object] = _ignore,
 ) -> list[Any]:
-    """Results of ``function(*call)`` for every call, in the order of ``calls``, the same for all backends.
+    """Results of ``function(*call)`` for every call, in the order of ``calls``, the same for all kinds of workers.
 
     ``done`` is called with the index of every finished call, in the order of completion. For more than one worker
-    function, arguments and results must pickle. Raises what a call raises; with Dask also as `_cluster_map`.
+    function, arguments and results must pickle. Raises what a call raises, and as `unordered_map`.
     """
     results: dict[int, Any] = {}
     for index, result in unordered_map(function, calls, workers):
@@ -98,11 +82,12 @@ def unordered_map(
 ) -> Iterator[tuple[int, Any]]:
     """Index and result of every call of `parallel_map`, in the order of completion.
 
-    Raises MtpBenchError if a process of this machine died, or if its result or exception cannot be pickled.
+    Raises MtpBenchError if a process of this machine died, if its result or exception cannot be pickled, for a
+    scheduler that does not answer or has no workers of this version, and for a call that killed several workers.
     """
     indexed = [(index, function, call) for index, call in enumerate(calls)]
     if workers.scheduler is not None:
-        yield from _cluster_map(_indexed, indexed, workers.scheduler)
+        yield from _on_cluster(indexed, workers.scheduler)
     elif workers.count == 1 or len(calls) < 2:
         yield from (_indexed(*call) for call in indexed)
     else:
@@ -130,40 +115,38 @@ def _indexed(index: int, function: Callable[..., Any], call: tuple[Any, ...]) ->
     return index, function(*call)
 
 
-def _cluster_map(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:
-    """Results of ``function(*call)`` for every call, as they come, from the workers of the scheduler at this address.
+def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:
+    """Results of `_indexed` for every call, as they come, from the workers of the scheduler at this address.
 
-    Function, arguments and results must pickle, and paths in them must be the same on every worker. A worker that dies
-    loses nothing: its calls are made again by another. A worker process makes one call at a time, whatever the number
-    of its threads. Raises what a call raises, and MtpBenchError for a scheduler that does not answer or has no workers,
-    workers with another version of the library, and a call that killed several workers.
+    Paths in the arguments must be the same on every worker. The calls of a worker that dies are made again by another.
     """
-    from distributed import KilledWorker
+    import distributed
 
-    distributed, client = _connect(scheduler)
+    client = _connect(scheduler)
     try:
         _require_workers(client, scheduler)
-        futures = client.map(_alone, [function] * len(calls), calls, pure=False)
+        futures = client.map(_alone, calls, pure=False)
+        untyped: Any = distributed
         try:
-            for _, result in distributed.as_completed(futures, loop=client.loop, with_results=True):
+            for _, result in untyped.as_completed(futures, loop=client.loop, with_results=True):
                 yield result
-        except KilledWorker as error:
+        except distributed.KilledWorker as error:
             raise MtpBenchError(
                 f"several workers of {scheduler} died in the same call ({error.task}): is their memory enough?"
             ) from None
         finally:
-            client.cancel(futures)  # after an error nobody waits for the others
+            client.cancel(futures)  # after an error the others are not waited for
     finally:
         client.close()
 
 
-def _connect(scheduler: str) -> tuple[Any, Any]:
-    """The module distributed, which has no types, and a client of the scheduler."""
+def _connect(scheduler: str) -> Any:
+    """A client of the scheduler."""
     import distributed
 
     untyped: Any = distributed
     try:
-        return untyped, untyped.Client(scheduler, timeout=_CONNECT_SECONDS, set_as_default=False)
+        return untyped.Client(scheduler, timeout=_CONNECT_SECONDS, set_as_default=False)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
     # The client that was begun is closed here and now. Closed by the collector while another one or a cluster starts,
@@ -189,6 +172,6 @@ def _library_version() -> str:
     return __version__
 
 
-def _alone(function: Callable[..., Any], call: tuple[Any, ...]) -> Any:
+def _alone(call: tuple[Any, ...]) -> Any:
     with _one_at_a_time:
-        return function(*call)
+        return _indexed(*call)

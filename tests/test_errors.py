@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mtp_bench.errors import closest, nearest
+from mtp_bench.errors import nearest
 
 KNOWN = ("MTP-KITTI-v0", "MTP-nuScenes-v0", "stp")
 
@@ -20,9 +20,3 @@ KNOWN = ("MTP-KITTI-v0", "MTP-nuScenes-v0", "stp")
 )
 def test_the_nearest_name_whatever_its_case(got: str, meant: str) -> None:
     assert nearest(got, KNOWN) == f": did you mean {meant!r}?"
-
-
-def test_all_names_where_none_is_near() -> None:
-    assert nearest("zzz", KNOWN) == ": known are MTP-KITTI-v0, MTP-nuScenes-v0, stp"
-    assert nearest("zzz", []) == ": none is known"
-    assert closest(3, KNOWN) == ""

@@ -74,13 +74,6 @@ def test_a_folder_behind_a_link_is_replaced_and_the_link_stays(tmp_path: Path) -
     assert [path.name for path in target.parent.iterdir()] == ["runs"]
 
 
-def test_a_link_to_nothing_is_filled(tmp_path: Path) -> None:
-    (tmp_path / "out").symlink_to(Path("disk", "runs"))
-    fill(tmp_path / "out", "new")
-    assert said(tmp_path / "disk" / "runs") == "new"
-    assert (tmp_path / "out").is_symlink()
-
-
 def test_a_link_to_where_nothing_can_be_written_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "out").symlink_to(tmp_path / "file" / "runs")
@@ -137,12 +130,6 @@ def test_an_error_of_writing_is_one_of_the_system_too(tmp_path: Path) -> None:
     assert (error.errno, error.filename) == (errno.ENOSPC, str(tmp_path / "out"))
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_an_error_of_reading_stays_what_it_is(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError) as caught, whole_file(tmp_path / "a.json"):
-        (tmp_path / "source.json").read_text()
-    assert caught.value.filename == str(tmp_path / "source.json")
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")

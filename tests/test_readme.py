@@ -80,11 +80,6 @@ def test_the_example_runs(repository: Path, capsys: pytest.CaptureFixture[str]) 
     assert -1000 < min(map(float, rewards)) < 0
 
 
-def test_the_first_agent_has_eight_lines(repository: Path) -> None:
-    lines = block(repository / "README.md", "python", "gym.make").splitlines()
-    assert len([line for line in lines if line and not line.startswith("import")]) == 8
-
-
 def test_the_example_of_the_detector_runs(repository: Path) -> None:
     found: dict[str, Any] = {}
     text = block(repository / "mtp_bench/detector/README.md", "python", "simulate(")

@@ -16,7 +16,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from docs.generate import badges, environments, recordings, reference
+from docs.generate import environments, recordings, reference
 from docs.generate.drawings import DRAWINGS, FOLDER
 from docs.generate.pictures import LARGEST
 from docs.make_pictures import REAL
@@ -104,13 +104,6 @@ def test_nothing_is_loaded_from_elsewhere(site: Path, pages: dict[Path, Page]) -
         assert "@import" not in style.read_text()
 
 
-def test_nobody_s_address_is_invented(pages: dict[Path, Page], repository: Path) -> None:
-    """Until the project has one, no page claims to lie somewhere."""
-    assert 'repo_url: ""' in (repository / "mkdocs.yml").read_text()
-    assert not [page.file for page in pages.values() if 'rel="canonical"' in page.file.read_text()]
-    assert "[project.urls]" not in (repository / "pyproject.toml").read_text()
-
-
 @pytest.mark.parametrize("env_id", card_ids())
 def test_every_environment_has_its_page(site: Path, env_id: str) -> None:
     text = (site / "environment" / f"{env_id}.html").read_text()
@@ -122,12 +115,6 @@ def test_every_environment_has_its_page(site: Path, env_id: str) -> None:
     simulated, pictured = load_card(env_id).simulated, f'src="pictures/{env_id}.webp"' in text
     assert pictured or not simulated
     assert (recordings.OWN in text) is (pictured and not simulated)
-
-
-def test_failures_in_recordings_are_shown_where_the_data_is(site: Path) -> None:
-    page = Page(site / "visualization" / "why.html")
-    found = [f"../pictures/{name}.png" in page.loaded for name in REAL]
-    assert ("They are not shown here" in page.file.read_text()) is not any(found)
 
 
 @pytest.mark.data
@@ -165,14 +152,6 @@ def test_fields_say_their_shape(site: Path) -> None:
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawings_show_what_the_scorer_says(name: str) -> None:
     assert (FOLDER / f"{name}.svg").read_text() == DRAWINGS[name](), "run python -m docs.generate.drawings"
-
-
-def test_badges_are_true(repository: Path) -> None:
-    drawn = badges.badges()
-    for name, picture in drawn.items():
-        assert (badges.FOLDER / f"{name}.svg").read_text() == picture, "run python -m docs.generate.badges"
-        assert f"](docs/badges/{name}.svg)" in (repository / "README.md").read_text()
-    assert "3.11 to 3.13" in drawn["python"]
 
 
 @pytest.fixture(scope="module")

@@ -13,12 +13,8 @@ from ..errors import CardError, MtpBenchError, nearest
 from ..strict import Section
 from .source import SourceSection
 
-LARGEST_DISTANCE = 1e4  # m, of a gate or an error
-PerClass = dict[str, float]  # a single number in the TOML stands for every class
-
-
-# Hints for agents, and the place on the leaderboard.
-_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")
+PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]  # a single number in the TOML stands for every class
+_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")  # hints for agents, and the place on the leaderboard
 
 
 class EventGate(Section):
@@ -26,6 +22,13 @@ class EventGate(Section):
 
     measure: Literal["iou_3d", "center_distance"]
     threshold: PerClass  # inclusive: IoU at least, or metres at most
+
+    @field_validator("threshold")
+    @classmethod
+    def _require_share(cls, threshold: PerClass, info: ValidationInfo) -> PerClass:
+        if info.data.get("measure") == "iou_3d" and max(threshold.values(), default=0) > 1:
+            raise ValueError("expected an IoU of at most 1")
+        return threshold
 
 
 class TaskSection(Section):
@@ -48,6 +51,25 @@ class TaskSection(Section):
         if isinstance(value, dict) and type(value.get("threshold")) in (int, float):
             return {**value, "threshold": dict.fromkeys(classes, value["threshold"])}
         return dict.fromkeys(classes, value) if type(value) in (int, float) else value
+
+    @field_validator("classes")
+    @classmethod
+    def _require_once(cls, classes: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(classes)) < len(classes):
+            raise ValueError("expected each class once")
+        return classes
+
+    @field_validator("event_gate", "forecast_gate", "miss_error")
+    @classmethod
+    def _require_each_class(cls, value: Any, info: ValidationInfo) -> Any:
+        table = value.threshold if isinstance(value, EventGate) else value
+        classes = info.data.get("classes", tuple(table))
+        for name in (*table, *classes):
+            if name not in classes:
+                raise ValueError(f"unknown class {name!r}{nearest(name, classes)}")
+            if name not in table:
+                raise ValueError(f"no value for class {name!r}")
+        return value
 
 
 class SizeSection(Section):
@@ -183,7 +205,6 @@ class Card(Section):
 
 def check_consistency(card: Card, where: str) -> None:
     """Raise CardError, naming the card by ``where``, unless its sections fit each other."""
-    _check_classes(card, where)
     check_detector(card, where)
     _check_length(card, where)
     _check_detections(card, where)
@@ -207,28 +228,6 @@ def check_detector(card: Card, where: str) -> None:
             noise.noise(name)
     except MtpBenchError as error:
         raise CardError(f"{where}: {error}") from None
-
-
-def _check_classes(card: Card, where: str) -> None:
-    task, classes = card.task, set(card.task.classes)
-    if len(classes) != len(task.classes):
-        raise CardError(f"{where}: task.classes is {list(task.classes)}, expected each class once")
-    iou = task.event_gate.measure == "iou_3d"
-    for key, table, largest in (
-        ("task.event_gate.threshold", task.event_gate.threshold, 1.0 if iou else LARGEST_DISTANCE),
-        ("task.forecast_gate", task.forecast_gate, LARGEST_DISTANCE),
-        ("task.miss_error", task.miss_error, LARGEST_DISTANCE),
-    ):
-        for name in table:
-            if name not in classes:
-                raise CardError(f"{where}: {key} has an unknown class {name!r}{nearest(name, classes)}")
-        for name in task.classes:
-            if name not in table:
-                raise CardError(f"{where}: {key} has no value for class {name!r}")
-            if not 0 < table[name] <= largest:
-                raise CardError(
-                    f"{where}: {key}.{name} is {table[name]}, expected a number above 0, at most {largest:g}"
-                )
 
 
 def _check_length(card: Card, where: str) -> None:

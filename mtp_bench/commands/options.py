@@ -135,17 +135,17 @@ class WorkerChoice:
     """The workers of a command."""
 
     jobs: JobsOption = 0
-    backend: Annotated[str, typer.Option(help="loky: processes here. dask: workers of a Dask cluster.")] = "loky"
     scheduler: Annotated[
-        str | None, typer.Option(help="Address of the Dask scheduler, such as tcp://10.0.0.1:8786.")
+        str | None,
+        typer.Option(help="Run on the workers of the Dask scheduler at this address, such as tcp://10.0.0.1:8786."),
     ] = None
 
     def workers(self) -> Workers:
-        """The workers; raises BadParameter at once for a backend that cannot work."""
+        """The workers; raises BadParameter for a scheduler without Dask."""
         try:
-            return Workers(self.jobs or cores(), self.backend, self.scheduler)
+            return Workers(self.jobs or cores(), self.scheduler)
         except MtpBenchError as error:
-            raise typer.BadParameter(str(error), param_hint="--backend, --scheduler") from None
+            raise typer.BadParameter(str(error), param_hint="--scheduler") from None
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
 from ..types import Scene
-from .renderers import RENDERERS
+from .live import RENDERERS
 
 MOST_BYTES = 64 << 20  # of one action, and of one observation: they are sent between an agent and the env
 OBSERVE = ("detections", "truth", "tracks")

@@ -26,9 +26,8 @@ from .arguments import OBSERVE as OBSERVE
 from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .checks import examine
 from .feedback import Feedback
-from .live import LiveEpisode, live_episode
+from .live import RENDERERS, LiveEpisode, Renderer, live_episode, open_renderer
 from .observation import Feed, LocalFrame, make_feed
-from .renderers import RENDERERS, Renderer, open_renderer
 from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
 

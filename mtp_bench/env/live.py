@@ -1,16 +1,24 @@
-"""The current episode of an env, for renderers."""
+"""The current episode of an env, and the renderers that draw it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pkgutil import resolve_name
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..cards import Card
 from ..types import Detections, Ints, Rollout, Scene
 from .observation import Feed, LocalFrame
 from .rollouts import RecordedAction, assemble, empty_rollout
+
+RENDERERS = {  # render mode -> class, imported when an env first renders
+    "rgb_array": "mtp_bench.viz.drawing.birds_eye:EpisodePictures",
+    "rerun": "mtp_bench.viz.rerun.live:LiveRecording",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,3 +64,19 @@ def live_episode(
         hidden = np.zeros(len(scene.truth.box), dtype=bool)
         shown = replace(shown, truth=scene.truth.select(hidden), visible=None)
     return LiveEpisode(card, shown, not evaluation, actions, feed.dropped)
+
+
+class Renderer(Protocol):
+    """Drawing of an episode while it is played; one object serves all episodes of an env."""
+
+    def render(self, episode: LiveEpisode) -> NDArray[np.uint8] | None:
+        """Draw the frame that was answered last; returns the picture [height, width, 3], if there is one."""
+
+    def close(self) -> None:
+        """Release what drawing has opened."""
+
+
+def open_renderer(mode: str) -> Renderer:
+    """A renderer of a mode in `RENDERERS`."""
+    renderer: Renderer = resolve_name(RENDERERS[mode])()
+    return renderer

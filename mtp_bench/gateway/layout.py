@@ -34,7 +34,7 @@ SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels
 LIBRARY = (  # parts of the package that agents use: not judge, sources, cards and training
     "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py", "shapes.py",
     "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
-    "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py", "env/renderers.py",
+    "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py",
     "gateway/child.py", "gateway/wire.py", "gateway/fork_server_main.py",
 )  # fmt: skip
 # files of /proc on the kernel, keys or the whole machine: empty for agents

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .._bundle import baseline_names, bundled
-from ..errors import MtpBenchError, SubmissionError, UnknownNameError
+from ..errors import SubmissionError, UnknownNameError
 from .contents import digest_of, files_of, import_from
 from .manifest import MANIFEST, Manifest, Role, read_manifest
 
@@ -114,22 +114,10 @@ def _find(name: str | Path) -> Path:
     path = path.parent if path.name == MANIFEST else path
     if (path / MANIFEST).exists():
         return path.resolve()
-    raise _not_found(str(name), path)
-
-
-def _not_found(text: str, path: Path) -> MtpBenchError:
-    """The error for ``text``, which is not a baseline and whose ``path`` is not the folder of a submission."""
-    if path.is_dir():
-        return SubmissionError(f"{path}: no {MANIFEST} in this folder")
-    if path.is_file():
-        inside = (path.parent / MANIFEST).exists()
-        expected = f"name its folder, {path.parent}" if inside else f"expected a folder with {MANIFEST}"
-        return SubmissionError(f"{path} is a file: {expected}")
-    if "," in text:
-        return SubmissionError(f"{text!r} is not a submission: put blanks between agents, not commas")
-    if "/" in text or os.sep in text:
-        return SubmissionError(f"{text}: no such folder, expected one with {MANIFEST}")
-    return UnknownNameError("submission", text, baseline_names(), f"name a baseline, or a folder with {MANIFEST}")
+    if path.exists() or "/" in str(name) or os.sep in str(name):
+        raise SubmissionError(f"{name} is not a submission, expected a folder with {MANIFEST}")
+    hint = f"name a baseline, or a folder with {MANIFEST}; put blanks between agents"
+    raise UnknownNameError("submission", str(name), baseline_names(), hint)
 
 
 def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, Any]) -> None:

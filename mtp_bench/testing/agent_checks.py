@@ -20,9 +20,6 @@ from .playing import Suite, first_difference, play, play_made_up, score_of
 Findings = Iterator[Finding]
 SCENES = 2  # checked unless scenes are named
 MOTION_TOLERANCE = 0.05  # of the score, for the rounding of forecasts and for draws along the axes
-_FEW = 6  # frames that show if other sizes work
-_SMALL = {"detections": 4, "tracks": 3, "objects": 2, "hypotheses": 1, "samples": 1}
-_MORE = {"detections": 9, "tracks": 7, "objects": 5, "hypotheses": 3, "samples": 2}
 _SPACING = 6.0  # m between detections
 _SPEED = 2.0  # m/s along x
 _FULL = np.array([False, True, True, True, False, False, True])
@@ -38,8 +35,8 @@ def check_agent(
     """Findings of all checks of an agent, with an "ok" for each check that passes; an "error" means that it fails.
 
     ``make_agent`` takes a task and returns an agent, as ``load_submission(path).build`` does. It plays the first two
-    ``scenes`` of the env ``env_id``, or those named, several times: to the end, again, after another scene, in other
-    sizes, with overwritten observations, turned and shifted, and frames without detections and full of them.
+    ``scenes`` of the env ``env_id``, or those named, several times: to the end, again, after another scene, with
+    overwritten observations, turned and shifted, and frames without detections and full of them.
     Exceptions of the agent become findings. ``env_keywords`` are further keywords of the env (``data``), ``seed``
     is that of the run.
 
@@ -135,28 +132,6 @@ def _leaves_observations(suite: Suite) -> Findings:
         yield Finding("error", "", got, "no references kept", where, advice)
 
 
-def _other_sizes(suite: Suite) -> Findings:
-    """Play with smaller and larger arrays than the env's own."""
-    task = suite.env.task
-    for sizes in (_SMALL, {name: getattr(task, name) + more for name, more in _MORE.items()}):
-        try:
-            env = suite.other_env(**sizes)
-        except MtpBenchError:  # the env has the largest allowed size
-            continue
-        shown = ", ".join(f"{name} {value}" for name, value in sizes.items())
-        advice = "take every size from the task"
-        try:
-            played = play(suite.agent(env), env, suite.scenes[0], suite.seed, _FEW)
-        except AgentError as failed:
-            yield replace(failed.finding, where=f"{failed.finding.where}; {shown}", advice=advice)
-            continue
-        wrong = [seen for seen in suite.new_problems(played).values() if seen.problem.level == "error"]
-        if wrong:
-            got = "; ".join(f"{seen.problem.field} {seen.problem.reason}" for seen in wrong)
-            where = f"{wrong[0].where}; {shown}"
-            yield Finding("error", "", got, "actions of the task's sizes", where, advice)
-
-
 def _extremes(suite: Suite) -> Findings:
     """Play frames without detections and full of them."""
     task = agent_task(suite.env, suite.seed)
@@ -222,7 +197,6 @@ _CHECKS: tuple[tuple[str, Callable[[Suite], Findings], str], ...] = (
     ("determinism", _deterministic, "same seed, same actions"),
     ("reset", _forgets, "no state is carried from one scene to the next"),
     ("observations", _leaves_observations, "observations are neither written nor kept"),
-    ("sizes", _other_sizes, "other numbers of tracks, objects, hypotheses and samples work"),
     ("extremes", _extremes, "frames without detections and full of them work"),
     ("rigid motion", _unmoved, "turned and shifted coordinates give the same score"),
     ("latency", _latency, "too few frames to time"),

@@ -54,17 +54,15 @@ class Played:
     written: str = ""  # first observation that it wrote into; empty: none
 
 
-def play(
-    agent: Agent, env: MTPEnv, scene: str, seed: int, frames: int | None = None, scribble: bool = False, turn: int = 0
-) -> Played:
-    """Play the first ``frames`` frames of a ``scene`` of ``env`` (None: all of them); raises AgentError.
+def play(agent: Agent, env: MTPEnv, scene: str, seed: int, scribble: bool = False, turn: int = 0) -> Played:
+    """Play a ``scene`` of ``env``; raises AgentError.
 
     ``seed``: of the run, from which those of env and agent are derived. ``scribble``: overwrite every observation after
     the action, as an env with buffers would do. ``turn``: number of the rigid motion, in an env with rigid motions.
     """
     place = "" if turn == 0 else f"|{turn}"
     first, _ = env.reset(seed=derived_seed(seed, scene + place, "env"), options={"scene": scene})
-    return _play(agent, agent_task(env, seed), _episode(env, first, frames), f"scene {scene}", scribble)
+    return _play(agent, agent_task(env, seed), _episode(env, first), f"scene {scene}", scribble)
 
 
 def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
@@ -81,9 +79,9 @@ def first_difference(a: Played, b: Played) -> str:
     return "" if len(a.actions) == len(b.actions) else f"{a.where}, frame {min(len(a.actions), len(b.actions))}"
 
 
-def _episode(env: MTPEnv, observation: Observation, frames: int | None) -> Steps:
+def _episode(env: MTPEnv, observation: Observation) -> Steps:
     number, over = 0, False
-    while not over and (frames is None or number < frames):
+    while not over:
         action = yield f"frame {number}", observation
         observation, _, _, over, _ = env.step(action)
         number += 1

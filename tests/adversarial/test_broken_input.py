@@ -161,7 +161,7 @@ def test_a_manifest(change: Change, said: str, cli: CommandLine, tmp_path: Path)
     (folder / "submission.toml").unlink()
     change(folder / "submission.toml")
     if "link" in said:  # what leads nowhere is no manifest
-        said = "no submission.toml in this folder"
+        said = "is not a submission, expected a folder with submission.toml"
     assert said in refused(cli("check", folder))
 
 
@@ -313,7 +313,7 @@ def test_what_lies_in_a_submission(
 
 def test_a_submission_that_is_a_link_to_itself(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
     (tmp_path / "echo").symlink_to(tmp_path / "echo")
-    assert "no such folder" in refused(cli("submit", tmp_path / "echo", "--env", card, "--data", kitti))
+    assert "is not a submission" in refused(cli("submit", tmp_path / "echo", "--env", card, "--data", kitti))
 
 
 def test_a_file_that_grows_while_it_is_hashed(tmp_path: Path) -> None:

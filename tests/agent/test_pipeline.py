@@ -77,15 +77,6 @@ def test_mtp_with_one_hypothesis_is_stp() -> None:
     assert sum(int(a["object_valid"].sum()) for a in stp) > 100
 
 
-def test_an_agent_repeats_itself_after_reset() -> None:
-    agent = load_submission("mtp").build(TASK)
-    first = answers(agent)
-    assert_equal_actions(first, answers(agent))
-    other = answers(agent, replace(TASK, seed=4))
-    np.testing.assert_array_equal(first[-1]["track_box"], other[-1]["track_box"])
-    assert not np.array_equal(first[-1]["forecast"], other[-1]["forecast"])
-
-
 def test_the_order_of_the_actions_arrays() -> None:
     # One cyclist at rest in view of one hypothesis.
     (action,) = answers(pipeline(1), frames=[frame((3.0, 4.0, CYCLIST))])
@@ -268,13 +259,6 @@ def test_forecasts_that_do_not_fit_the_frame(shape: tuple[int, ...], row: Any, m
         play(Recorder(lambda *_: wrong), frames=PAIR)
 
 
-def test_forecasts_of_another_type_or_with_other_weights() -> None:
-    with pytest.raises(ShapeError, match=r"predict returned a ndarray, expected mtp_bench\.agent\.Forecasts"):
-        play(Recorder(lambda *_: np.zeros((2, 1, 3, 2))), frames=PAIR)
-    with pytest.raises(ShapeError, match=r"log_weight has shape \(2, 3\), expected \(2, 4\)"):
-        Forecasts(np.zeros((2, 4, 3, 2)), np.zeros((2, 3)))
-
-
 def test_a_pool_has_a_row_once_with_the_mass_of_its_hypotheses() -> None:
     row = np.array([[3, 3, 1], [-1, 2, -1], [0, 0, 0]])
     pools = make_pools(row, np.log([0.5, 0.3, 0.2]))
@@ -303,16 +287,3 @@ def test_only_pools_that_are_too_large_are_reduced() -> None:
     np.testing.assert_array_equal(table, np.concatenate([samples[1], samples[3]])[None])
     np.testing.assert_allclose(np.exp(log_weight), [[0.36, 0.04, 0.54, 0.06]])
     np.testing.assert_allclose(np.exp(weight).sum(axis=1), 1.0)
-
-
-def test_earlier_observations_are_copies() -> None:
-    """An env may fill the same arrays anew for every frame."""
-    recorder = Recorder()
-    agent = Pipeline(HypothesisTracker(1, at_once()), recorder, KMeansSampler())
-    agent.reset(SMALL)
-    first = observation(frame((0.0, 0.0, 0)))
-    agent.act(first)
-    seen = first["detection_box"].copy()
-    first["detection_box"][:] = 9.0
-    agent.act(observation(frame((0.5, 0.0, 0))))
-    np.testing.assert_array_equal(recorder.frames[-1].seen[0]["detection_box"], seen)

@@ -104,8 +104,6 @@ WRONG_USAGE = {
     "no output": ["run", "stp", "--env", "MTP-KITTI-v0"],
     "no scene": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scenes", "0"],
     "no seed": ["compare", "stp", "--env", "MTP-KITTI-v0", "--seeds", "0"],
-    "unknown backend": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--backend", "ray"],
-    "no backend for it": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scheduler", "tcp://a:1"],
     "a page of another form": ["board", "-o", "RESULTS.md"],
     "a table of another form": ["board", "--table", "table.xls"],
     "more scenes than are checked": ["check", "stp", "--scenes", "10"],
@@ -129,7 +127,7 @@ def test_wrong_usage(
 UNKNOWN = {
     "env": (["run", "stp", "--env", "MTP-KITI-v0"], "unknown environment 'MTP-KITI-v0': did you mean 'MTP-KITTI-v0'?"),
     "agent": (["run", "spt", "--env", "CARD"], "unknown submission 'spt': did you mean 'stp'?"),
-    "folder": (["run", "EMPTY", "--env", "CARD"], "no submission.toml in this folder"),
+    "folder": (["run", "EMPTY", "--env", "CARD"], "is not a submission, expected a folder"),
     "card file": (["run", "stp", "--env", "none.toml"], "no card file at none.toml"),
     "agent beside others": (["compare", "stp", "mpt", "--env", "CARD"], "unknown submission 'mpt': did you mean 'mtp'"),
     "env of a comparison": (["compare", "stp", "--env", "KITTI-v0"], "did you mean 'MTP-KITTI-v0'?"),

@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as st_np
 
 from mtp_bench.env.action import ROWS
 from mtp_bench.env.checks import examine
-from mtp_bench.env.rollouts import FAINTEST, log_softmax, record_action
+from mtp_bench.env.rollouts import record_action
 from tests.support.small_scenes import Action, decode, empty_action, full_action, task
 
 TASK = task()
@@ -192,14 +192,6 @@ def test_anything_but_a_dict_is_an_action_without_a_sound_row() -> None:
         assert recorded.invalid.tolist() == [5, 3, 4]
 
 
-def test_a_hypothesis_may_be_empty() -> None:
-    action = full_action(TASK)
-    action["hypothesis_member"][0] = 0
-    answer = decode(action, TASK)
-    assert np.isfinite(answer.hypothesis_log_weight).tolist() == [True, True, False]
-    assert answer.member.any(axis=0).tolist() == [False, True, False]
-
-
 def test_sound_rows_are_kept_as_stated() -> None:
     action = full_action(TASK)
     recorded = decode(action, TASK)
@@ -251,12 +243,6 @@ def test_the_agent_s_arrays_are_left_alone_and_it_may_go_on_writing_into_them() 
         array[...] = 1
     for name, value in before.items():
         np.testing.assert_array_equal(getattr(answer, name), value)
-
-
-def test_a_faint_weight_is_present_and_minus_infinity_is_not() -> None:
-    got = log_softmax(np.array([0.0, -1e29, -np.inf]), np.array([True, True, False]))
-    assert got.tolist() == [0.0, FAINTEST, -np.inf]
-    assert log_softmax(np.zeros((2, 3)), np.zeros((2, 3), dtype=bool)).tolist() == [[-np.inf] * 3] * 2
 
 
 WILD = st.dictionaries(

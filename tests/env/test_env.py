@@ -23,7 +23,6 @@ from tests.support.small_scenes import (
     EchoAgent,
     bare_scene,
     empty_action,
-    full_action,
     make_scene,
 )
 
@@ -69,15 +68,6 @@ def test_the_first_ego_pose_is_the_origin_and_time_starts_at_zero(make_env: Make
     assert observation["detection_valid"].tolist() == [1, 1, 1, 0, 0, 0]
     assert not observation["detection_box"][3:].any()
     assert info == dict.fromkeys(INFO, 0)
-
-
-def test_later_frames_are_in_the_same_local_frame(make_env: MakeEnv) -> None:
-    env = make_env(make_scene())
-    seen, _ = play(env, lambda observation: empty_action(env.task))
-    moved = seen[3][0]["detection_box"][0, :2] - seen[0][0]["detection_box"][0, :2]
-    np.testing.assert_allclose(np.hypot(*moved), 3 * 0.8, atol=1e-5)
-    np.testing.assert_allclose(np.hypot(*seen[3][0]["ego_pose"][:2]), 3 * 0.5, atol=1e-5)
-    assert float(seen[3][0]["time"]) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize("keywords", [{}, {"observe": "truth"}, {"evaluation": True}], ids=str)
@@ -130,14 +120,6 @@ def test_a_detection_outside_of_the_space_is_left_out_and_counted(case: str, mak
     assert observation["detection_valid"].sum() == 2
     assert info["dropped_detections"] == 1
     assert env.observation_space.contains(observation)
-
-
-def test_the_rows_go_to_the_best_that_fit_and_to_earlier_ones_among_equals(make_env: MakeEnv) -> None:
-    observation, _ = make_env(with_box(0, slice(None), np.nan), detections=2).reset()
-    assert observation["detection_score"].tolist() == [1.0, -2.0]
-    scene = make_scene()
-    even = replace(scene, detections=replace(scene.detections, score=np.zeros(len(scene.detections.score))))
-    assert make_env(even, detections=2).reset()[0]["detection_class"].tolist() == [0, 0]
 
 
 def test_true_boxes_come_as_detections_with_their_ids(make_env: MakeEnv) -> None:
@@ -300,33 +282,21 @@ def test_a_random_turn_and_shift_changes_what_is_seen_but_neither_answers_nor_re
 
 
 def test_every_action_of_the_space_is_sound(make_env: MakeEnv) -> None:
-    env = make_env(make_scene(frames=100))
+    env = make_env(make_scene(frames=40))
     env.action_space.seed(3)
     env.reset(seed=3)
-    for t in range(100):
+    for t in range(40):
         action = env.action_space.sample()
         action["track_id"] = np.arange(5)  # the space cannot say that ids are unique,
         action["forecast_log_weight"][:, 0] = 0.0  # nor that a sample is there
         observation, reward, _, truncated, info = env.step(action)
         assert env.observation_space.contains(observation)
         assert np.isfinite(reward)
-        assert truncated == (t == 99)
+        assert truncated == (t == 39)
         assert not any(info[name] for name in INFO[2:])
     rollout = env.rollout()
     assert len(rollout.track_id) > 0
     assert len(rollout.object_box) > 0
-
-
-def test_violations_are_counted_in_info_and_rollout(make_env: MakeEnv) -> None:
-    env = make_env(make_scene(frames=2), strict=False)
-    env.reset()
-    action = full_action(env.task)
-    action["track_box"][0] = np.nan
-    action["hypothesis_log_weight"][2] = np.nan
-    action["object_class"][:2] = 9
-    infos = [env.step(each)[4] for each in (action, empty_action(env.task))]
-    counts = [[info[name] for name in INFO[2:]] for info in infos]
-    assert counts == env.rollout().invalid.tolist() == [[1, 1, 2], [0, 0, 0]]
 
 
 # ---- what it earns, and what is never told

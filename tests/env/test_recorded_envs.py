@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_submission
-from mtp_bench.cards import load_card, with_detector, with_split
+from mtp_bench.cards import load_card, with_split
 from mtp_bench.env import MTPEnv
 from mtp_bench.running.run import jobs_of, run_jobs
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.ranking_error import errors_at
-from mtp_bench.sources import open_source
 from tests.support.command_line import CommandLine, read_json
 
 pytestmark = pytest.mark.data
@@ -58,29 +57,6 @@ def test_a_file_of_detections_is_run_and_scored(
     assert by_name["rows"][0]["minADE"] == by_file["rows"][0]["minADE"]
     assert by_file["condition"]["detector"] == "megvii-mine"
     assert by_name["condition"]["card"] != by_file["condition"]["card"]
-
-
-def test_simulated_people_stand_where_people_were(data_root: Path) -> None:
-    card = with_detector(load_card("MTP-PETS-v0"), "wildtrack_mvdet")
-    source = open_source(card, data_root)
-    scene = source.load(source.names[0])
-    assert scene.simulated
-    low, high = scene.truth.box[:, :2].min(axis=0) - 1.0, scene.truth.box[:, :2].max(axis=0) + 1.0
-    assert ((scene.detections.box[:, :2] > low) & (scene.detections.box[:, :2] < high)).all()
-    assert len(np.unique(scene.detections.box[:, 3:], axis=0)) == 1, "nothing but places"
-
-
-def test_the_clock_does_not_run_ahead(data_root: Path) -> None:
-    """The time step of a frame is that since the frame before, on nuScenes 0.4 to 0.6 s."""
-    env = MTPEnv("MTP-nuScenes-mini-v0", data=str(data_root), scenes=["scene-0103"])
-    observation, _ = env.reset()
-    action = {name: np.zeros(space.shape, space.dtype) for name, space in env.action_space.items()}  # type: ignore[attr-defined]
-    before = 0.0
-    assert observation["dt"] == 0.5
-    for _ in range(5):
-        observation = env.step(action)[0]
-        assert observation["dt"] == pytest.approx(observation["time"] - before)
-        before = float(observation["time"])
 
 
 def test_silence_is_worst_where_only_targets_are_known(data_root: Path) -> None:

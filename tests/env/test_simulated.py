@@ -74,18 +74,6 @@ def scores(env_id: str, scenes: int, agent: str = "stp", **keywords: Any) -> lis
     return run_scenes(make, env_id, keywords, names, finish=score_scene)
 
 
-@pytest.mark.parametrize("env_id", ["MTP-Intersection-v0", "MTP-Merge-v0"])
-def test_errors_rise_with_the_noise_and_events_come_from_it(env_id: str) -> None:
-    error, events = [], []
-    for detector in ("clean", None, "hard"):
-        keywords = {} if detector is None else {"detector": detector}
-        found = scores(env_id, 2, **keywords)
-        events.append(sum(sum(score.own_events.values()) for score in found))
-        error.append(sum(score.capped.sum() for score in found) / sum(len(score.capped) for score in found))
-    assert error[0] < error[1] < error[2]
-    assert events[0] < 0.15 * events[1]
-
-
 @pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Cards with scenes of a few seconds."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -170,11 +169,6 @@ def test_strict_is_the_default_outside_of_evaluation(make_env: MakeEnv) -> None:
             assert env.step(None)[4]["frame"] == 1  # type: ignore[arg-type]
 
 
-def test_the_error_travels() -> None:
-    error = pickle.loads(pickle.dumps(ActionError("forecast: is missing")))
-    assert str(error) == "forecast: is missing"
-
-
 def test_the_messages_in_the_documentation_are_these(make_env: MakeEnv, repository: Path) -> None:
     lines = ["| mistake | | what the env says |", "|---|---|---|"]
     for case in WRONG:
@@ -191,7 +185,7 @@ def test_nothing_is_said_of_an_action_from_the_action_space(make_env: MakeEnv) -
     env = make_env(scene(), tracks=3, objects=2, samples=2)
     env.reset()
     env.action_space.seed(0)
-    for _ in range(100):
+    for _ in range(30):
         action = env.action_space.sample()
         for rows in ("track", "object"):
             action[f"{rows}_valid"][1:] = 0
@@ -223,32 +217,3 @@ RECORDED = ("MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0", "MTP-PET
 @pytest.mark.parametrize("env_id", [*SIMULATED, *(pytest.param(env_id, marks=pytest.mark.data) for env_id in RECORDED)])
 def test_nothing_is_said_of_baselines(env_id: str, agent: str) -> None:
     assert silent_play(agent, MTPEnv(env_id, rigid_motion=True)) > 10
-
-
-@pytest.mark.data
-def test_a_right_answer_earns_more_than_a_wrong_one_on_pets() -> None:
-    """The first version rewarded a right answer on PETS with -1.0, and `None`, NaN or a wrong shape with 0.0."""
-    env = MTPEnv("MTP-PETS-v0", strict=False)
-    name = env.scene_names[0]
-    player = load_submission("stp").build(agent_task(env, 0))
-    player.reset(agent_task(env, 0))
-
-    def not_a_number(observation: Observation) -> Action:
-        action = player.act(observation)
-        action["forecast"][:] = np.nan
-        return action
-
-    agents: dict[str, Callable[[Observation], Any]] = {
-        "right": player.act,
-        "silent": lambda observation: empty_action(env.task),
-        "None": lambda observation: None,
-        "NaN": not_a_number,
-        "shape": lambda observation: {**player.act(observation), "forecast": np.zeros((3, 2))},
-    }
-    rewards = {}
-    for kind, act in agents.items():
-        player.reset(agent_task(env, 0))
-        rewards[kind] = np.array(play(env, act, options={"scene": name})[1])
-    for kind in ("None", "NaN", "shape"):
-        assert (rewards[kind] <= rewards["silent"]).all(), kind
-        assert rewards[kind].sum() < rewards["silent"].sum() < rewards["right"].sum()

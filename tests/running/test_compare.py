@@ -11,7 +11,6 @@ import pytest
 
 from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
-from mtp_bench.parallel import Progress
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import expand
@@ -93,41 +92,6 @@ def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
     assert everything["ms_per_frame"] > 0
 
 
-def test_what_is_undefined_is_null(once: Once) -> None:
-    rows = once("stp")["rows"]
-    stp = {row["subset"]: row for row in rows if row["agent"] == "stp"}
-    nothing = ["minADE", "minFDE", "error", "interval", "plain_error", "energy_score", "coverage", "gap_closed", "rank"]
-    assert {key: stp["paper_ids"][key] for key in nothing} == dict.fromkeys(nothing)
-    assert [stp["paper_ids"][key] for key in ("targets", "events", "objects", "scenes")] == [0, 0, 0, 0]
-    # the tracker loses both cars where the detections have a gap: targets that nobody covers
-    lost = stp["paper_frag"]
-    assert [lost[key] for key in ("targets", "events", "objects", "scenes")] == [2, 6, 2, 1]
-    assert (lost["minADE"], lost["coverage"], lost["plain_error"], lost["missed"]) == (None, 0.0, 2.0, 2.0)
-    assert stp["all"]["interval"] is None  # two scenes
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_second_run_writes_the_same_but_for_the_time(
-    jobs: int, once: Once, cli: CommandLine, tmp_path: Path, card: str, kitti: str
-) -> None:
-    again = written(cli, tmp_path / "again.json", card, kitti, "stp", "mtp", "--jobs", jobs)
-    assert without_times(again) == without_times(once("stp", "mtp"))
-
-
-def test_a_folder_stands_beside_the_baselines_and_does_not_change_them(
-    once: Once, cli: CommandLine, tmp_path: Path, card: str, kitti: str
-) -> None:
-    folder = write_submission(tmp_path / "mine")
-    alone = once("stp")["rows"]
-    beside = written(cli, tmp_path / "beside.json", card, kitti, folder, "stp", folder, "--jobs", 1)["rows"]
-    assert settings_of(alone) == CONTROLS
-    assert settings_of(beside) == [*CONTROLS, ("echo", 2, 4, "equal")]  # it declares none and states two
-    assert without_times({"rows": beside})["rows"][: len(alone)] == without_times({"rows": alone})["rows"]
-    (echo,) = [row for row in beside if row["agent"] == "echo" and row["subset"] == "all"]
-    assert 0 < echo["coverage"] < 1
-    assert echo["minADE"] > 0
-
-
 def test_more_seeds_are_more_draws_of_the_same_targets(card: str, kitti: str) -> None:
     runs = [RunOptions(kitti, seeds=seeds) for seeds in ((0,), (1,), (0, 1))]
     one, other, both = (compare([], card, options).report.to_json()["rows"] for options in runs)
@@ -135,20 +99,6 @@ def test_more_seeds_are_more_draws_of_the_same_targets(card: str, kitti: str) ->
     assert [row["targets"] for row in pair] == [24, 24, 24]
     assert pair[0]["error"] != pair[1]["error"]
     assert pair[2]["error"] == pytest.approx((pair[0]["error"] + pair[1]["error"]) / 2)
-
-
-def test_fewer_scenes_are_the_first_ones(card: str, kitti: str) -> None:
-    done: list[str] = []
-    total: list[int] = []
-    options = RunOptions(kitti, scenes=1, progress=Progress(total.append, done.append))
-    result = compare([], card, options)
-    assert set(done) == {"0001"}
-    assert total[0] == len(CONTROLS)  # the rest are runs of the reference
-    assert sum(total) == len(done)
-    row = result.report.to_json()["rows"][0]
-    assert (row["scenes"], row["targets"], row["interval"]) == (1, 15, None)
-    with pytest.raises(MtpBenchError, match="scenes is 0, expected at least 1"):
-        RunOptions(kitti, scenes=0)
 
 
 @pytest.mark.parametrize("names", [["echo", "echo"], ["stp"]], ids=["each other", "a baseline"])

@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 
 from mtp_bench import parallel as _cluster
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import MtpBenchError, SubmissionError
-from mtp_bench.parallel import Done, Progress, Workers, _cluster_map
+from mtp_bench.errors import MtpBenchError
+from mtp_bench.parallel import Done, Progress, Workers, parallel_map
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import Job, run_jobs
 from mtp_bench.types import Task
-from tests.running.test_runner import make_failing
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 NAMES = ["0006", "0001", "0008"]
@@ -40,10 +39,6 @@ def make_slow(task: Task) -> SlowAgent:
     return SlowAgent(noise=0.1)
 
 
-def make_deadly(task: Task) -> SlowAgent:
-    os._exit(1)
-
-
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """A scheduler with two worker processes of one thread each."""
@@ -54,7 +49,7 @@ def cluster() -> Iterator[Any]:
 
 
 def on(cluster: Any, done: Done = lambda _: None) -> RunOptions:
-    return RunOptions(workers=Workers(1, "dask", cluster.scheduler_address), progress=Progress(done=done))
+    return RunOptions(workers=Workers(1, cluster.scheduler_address), progress=Progress(done=done))
 
 
 def jobs(card: str, kitti: str, make: Any, seeds: int = 1) -> list[Job]:
@@ -90,39 +85,11 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
     assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
 
 
-def test_an_agent_that_kills_every_worker_is_given_up(
-    cluster: Any, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)  # instead of 3: every worker takes long to start
-    text = f"several workers of {cluster.scheduler_address} died in the same call"
-    with pytest.raises(MtpBenchError, match=text):
-        run_jobs(jobs(card, kitti, make_deadly)[:1], on(cluster))
-
-
-def test_an_agent_that_fails_is_named_as_in_this_process(cluster: Any, card: str, kitti: str) -> None:
-    text = "agent 'mine' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
-    with pytest.raises(SubmissionError, match=text):
-        run_jobs(jobs(card, kitti, make_failing)[1:2], on(cluster))
-
-
-WRONG: dict[str, tuple[str, str | None, str]] = {
-    "another backend": ("ray", None, "backend is 'ray', expected one of: loky, dask"),
-    "no address": ("dask", None, "needs the address of a scheduler"),
-    "an address for nothing": ("loky", "tcp://127.0.0.1:1", "is for backend 'dask', got backend 'loky'"),
-}
-
-
-@pytest.mark.parametrize(("backend", "scheduler", "text"), WRONG.values(), ids=WRONG)
-def test_a_backend_that_cannot_work_is_refused(backend: str, scheduler: str | None, text: str) -> None:
-    with pytest.raises(MtpBenchError, match=text):
-        Workers(1, backend, scheduler)
-
-
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(_cluster, "_CONNECT_SECONDS", 0.2)
     with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"):
-        list(_cluster_map(np.add, [(1, 2)], "tcp://127.0.0.1:9"))
+        parallel_map(np.add, [(1, 2)], Workers(1, "tcp://127.0.0.1:9"))
     with pytest.raises(MtpBenchError, match=r"no Dask scheduler answers at 'nowhere'"):
-        list(_cluster_map(np.add, [(1, 2)], "nowhere"))
+        parallel_map(np.add, [(1, 2)], Workers(1, "nowhere"))
     clients = [one for one in gc.get_objects() if type(one) is distributed_untyped.Client]
     assert not clients, "one that is half made waits for ever where the collector closes it while a cluster starts"

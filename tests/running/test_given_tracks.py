@@ -115,21 +115,6 @@ def test_the_command_exports_what_can_be_read_back(
     assert not (tmp_path / "t.json").exists()
 
 
-def test_tracks_of_some_scenes_are_imported(cli: CommandLine, known: list[str], tmp_path: Path) -> None:
-    cli.ok("run", "stp", *known, "--scenes", 2, "-o", tmp_path / "run", "--jobs", 1)
-    cli.ok("export", tmp_path / "run", *known, "-o", tmp_path / "theirs")
-    words = ("import", tmp_path / "theirs", *known, "-o", tmp_path / "tables")
-    said = cli(*words).error
-    assert said.startswith(f"no file {tmp_path / 'theirs' / '0008.'}")
-    assert "; --scenes N (scenes= in Python) takes the first N alone" in said
-    said = cli.ok(*words, "--scenes", 2)
-    assert "of 2 scenes in" in said
-    assert "--scenes 2 --tracks" in " ".join(said.split())
-    assert sorted(path.name for path in (tmp_path / "tables").iterdir()) == ["0001.csv", "0006.csv"]
-    again = ("--tracks", tmp_path / "tables", "-o", tmp_path / "again", "--jobs", 1)
-    cli.ok("run", "given_tracks", *known, "--scenes", 2, *again)
-
-
 def test_stored_tracks_have_no_record(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
     options = RunOptions(kitti, seeds=(0,), track_file=tracks)
     for name, message in (("given_tracks", "it has no record"), ("stp", "stp do not observe them")):

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-import ast
-import re
-import runpy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pytest
-from PIL import Image
 
 import mtp_bench
 from mtp_bench.cards import load_card, with_files, with_scenes
@@ -21,7 +15,6 @@ from mtp_bench.running.rollout_files import load_run
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine
 from tests.support.own_scenes import write_long_log
-from tests.test_readme import blocks
 
 ENV = "MTP-nuScenes-v0"
 
@@ -35,28 +28,6 @@ def logs(tmp_path: Path) -> Path:
 def scene(logs: Path) -> Scene:
     (scene,) = mtp_bench.load_scenes(with_files(load_card(ENV), logs))
     return scene
-
-
-def test_the_example_is_short_and_shows_something(
-    repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = repository / "examples" / "own_csv.py"
-    _, *statements = ast.parse(path.read_text(encoding="utf-8")).body  # without the docstring
-    assert sum((one.end_lineno or 0) - one.lineno + 1 for one in statements) <= 15
-    monkeypatch.chdir(tmp_path)
-    runpy.run_path(str(path))
-    assert re.search(r"error \d+\.\d\d m", capsys.readouterr().out)
-    with Image.open(tmp_path / "failure.png") as picture:
-        pixels, sentence = np.asarray(picture), picture.info["Description"]
-    assert "lost-0: at 6.5 s car 0 loses track" in str(sentence)
-    (block,) = blocks(repository / "docs" / "visualization" / "why.md", "python")  # the same from Python
-    page: dict[str, Any] = {}
-    exec(compile(block, "why.md", "exec"), page)
-    assert page["picture_of"]("runs/two_cars", "one", "lost-0", "same.png") == sentence
-    assert (tmp_path / "same.png").read_bytes() == (tmp_path / "failure.png").read_bytes()
-    view = pixels[:, : pixels.shape[1] * 3 // 4].reshape(-1, 3)
-    assert len(np.unique(view, axis=0)) > 20
-    assert (view != view[0]).any(axis=1).mean() > 0.01
 
 
 def test_from_a_folder_to_a_score_in_any_working_directory(
@@ -75,20 +46,6 @@ def test_from_a_folder_to_a_score_in_any_working_directory(
     assert "mtp" in compared
     write_long_log(logs, frames=29)
     assert "they are not those of MTP-nuScenes-v0, or were changed" in cli("score", tmp_path / "run").error
-
-
-def test_a_card_file_in_any_working_directory(
-    cli: CommandLine, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    text = mtp_bench.cards.card_text(with_files(load_card(ENV), logs))
-    (tmp_path / "mine.toml").write_text(text.replace(ENV, "mine").replace(str(logs), "logs"))
-    monkeypatch.chdir(tmp_path)
-    cli.ok("run", "stp", "--env", "mine.toml", "-o", "run", "--jobs", 1)
-    assert "complete" in cli.ok("data", "--env", "mine.toml")
-    (tmp_path / "mine.toml").unlink()
-    (tmp_path / "sub").mkdir()
-    monkeypatch.chdir(tmp_path / "sub")
-    assert "mine" in cli.ok("score", "../run")
 
 
 def test_scenes_in_memory_play_run_compare_and_score(scene: Scene, logs: Path, tmp_path: Path) -> None:
@@ -137,11 +94,3 @@ def test_a_record_is_not_of_own_scenes(logs: Path) -> None:
 
     with pytest.raises(MtpBenchError, match="a record is of the scenes that its env names: no files can take their"):
         plan_run(mtp_bench.load_submission("stp"), ENV, RunOptions(files=str(logs)))
-
-
-def test_own_scenes_stand_beside_no_figures_of_the_paper(logs: Path, cli: CommandLine, tmp_path: Path) -> None:
-    cli.ok("run", "stp", "--env", ENV, "--files", logs, "-o", tmp_path / "run", "--jobs", 1)
-    shown = cli.ok("score", tmp_path / "run")
-    assert "MTP-nuScenes-v0, changed: m, less is better" in shown
-    assert "the paper's" not in shown
-    assert "8.345" not in shown

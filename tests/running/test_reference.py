@@ -13,7 +13,7 @@ import pytest
 
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
-from mtp_bench.errors import CardError, DataError
+from mtp_bench.errors import CardError
 from mtp_bench.records.running import plan_run
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
@@ -135,14 +135,6 @@ def keys_of(env: str, scenes: Sequence[str]) -> list[str]:
 
 def frozen_digest(env: str) -> str:
     return read_reference(frozen_path(env)).digest
-
-
-def test_a_changed_frozen_file_is_refused(shipped: str, kitti: str) -> None:
-    path, _ = freeze(shipped, RunOptions(kitti))
-    text = path.read_text()
-    path.write_text(text.replace('"runs": 48', '"runs": 47'))
-    with pytest.raises(DataError, match=r"MTP-Small-v0\.json: hash is "):
-        frozen_reference(load_card(shipped))
 
 
 def test_a_baseline_that_cannot_track_alone_is_no_reference(tmp_path: Path, kitti: str) -> None:

@@ -15,16 +15,14 @@ from mtp_bench.cards import Card
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import SubmissionError, UnknownNameError
-from mtp_bench.parallel import Progress, Workers
-from mtp_bench.running.options import RunOptions
-from mtp_bench.running.run import Job, derived_seed, run_jobs, run_scene
+from mtp_bench.running.run import run_scene
 from mtp_bench.running.settings import setting_of
 from mtp_bench.running.stored import run_info
 from mtp_bench.submission import load_submission
 from mtp_bench.types import Rollout, Scene, Task
 from tests.support.command_line import write_submission
 from tests.support.runs import run_scenes
-from tests.support.small_scenes import Action, EchoAgent, make_echo, make_noisy
+from tests.support.small_scenes import Action, EchoAgent, make_noisy
 
 NAMES = ["0006", "0001", "0008"]
 
@@ -94,18 +92,6 @@ def test_results_come_in_the_order_of_the_names_whatever_the_number_of_jobs(card
     assert len({digest(rollout) for rollout in alone}) == 3
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_finish_sees_scene_rollout_and_card_and_progress_every_name(jobs: int, card: str, kitti: str) -> None:
-    done: list[str] = []
-    total: list[int] = []
-    options = RunOptions(workers=Workers(jobs), progress=Progress(total.append, done.append))
-    given = [Job(make_echo, card, {"data": kitti}, name) for name in NAMES]
-    results = run_jobs(given, options, summary)
-    assert results == [("0006", 21, "MTP-Small-v0"), ("0001", 27, "MTP-Small-v0"), ("0008", 0, "MTP-Small-v0")]
-    assert sorted(done) == sorted(NAMES)
-    assert total == [3]
-
-
 def test_a_failing_agent_is_named_with_scene_and_frame(card: str, kitti: str) -> None:
     text = "agent 'mine' failed on scene '0001' at frame 2: ZeroDivisionError: by zero"
     with pytest.raises(SubmissionError, match=text):
@@ -124,18 +110,6 @@ def test_a_misspelt_parameter_is_one_clear_error(card: str, kitti: str) -> None:
         run_scenes(make_misspelt, card, {"data": kitti}, ["0001"])
 
 
-@pytest.mark.data
-def test_a_rigid_motion_does_not_change_what_an_honest_agent_says_of_a_real_log(data_root: Path) -> None:
-    keywords = {"data": str(data_root)}
-    (still,) = run_scenes(make_echo, "MTP-KITTI-v0", keywords, ["0012"])
-    (moved,) = run_scenes(make_echo, "MTP-KITTI-v0", {**keywords, "rigid_motion": True}, ["0012"])
-    assert len(still.object_box) > 0
-    np.testing.assert_array_equal(moved.member, still.member)
-    np.testing.assert_allclose(moved.track_box[:, :3], still.track_box[:, :3], atol=1e-3)
-    np.testing.assert_allclose(np.cos(moved.track_box[:, 3] - still.track_box[:, 3]), 1, atol=1e-6)
-    assert np.abs(moved.forecast.astype(int) - still.forecast).max() <= 1  # cm
-
-
 def test_the_task_says_nothing_of_the_scene(card: str, kitti: str) -> None:
     agent, env = WatchingAgent([]), MTPEnv(card, kitti, evaluation=True)
     for name in NAMES:
@@ -143,10 +117,6 @@ def test_the_task_says_nothing_of_the_scene(card: str, kitti: str) -> None:
     first = agent.tasks[0]
     assert agent.tasks == [first] * len(NAMES)
     assert repr(first).replace(str(first.seed), "0") == repr(env.task)
-
-
-def test_seeds_stay() -> None:
-    assert derived_seed(0, "0001", "agent") == 2043270001
 
 
 def test_run_info_says_where_a_run_comes_from(card: str, kitti: str, tmp_path: Path) -> None:

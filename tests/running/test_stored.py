@@ -6,10 +6,8 @@ import json
 import os
 import re
 import shutil
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,7 +22,7 @@ from mtp_bench.running.rollout_files import load_run
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.submission.loader import load_submission
 from tests.running.test_rollout_files import edit_json
-from tests.support.command_line import CommandLine, plain_environment, read_json, write_submission
+from tests.support.command_line import CommandLine, plain_environment, read_json
 from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD, write_card
 
@@ -102,18 +100,6 @@ def test_a_stored_run_scores_as_in_a_comparison(
     assert without_times(scored) == without_times(same)
     lost = next(row for row in scored if row["subset"] == "paper_frag")
     assert (lost["events"], lost["targets"]) == (6, 2)
-
-
-def test_true_pasts_are_sorted_by_the_scores_of_detections_as_in_a_comparison(
-    tmp_path: Path, card: str, kitti: str
-) -> None:
-    aside = "observation['detection_box'][1, 1] += 3.0"  # a false forecast
-    agent = write_submission(tmp_path / "sees", "sees", '[compare]\nobserve = "truth"\n', aside)
-    stored.run(str(agent), card, tmp_path / "run", RunOptions(kitti))
-    scored = stored.score(tmp_path / "run", RunOptions(kitti), card).report.to_json()["rows"]
-    rows = compare([str(agent)], card, RunOptions(kitti)).report.to_json()["rows"]
-    assert without_times(scored) == without_times([row for row in rows if row["agent"] == "sees"])
-    assert scored[0]["error_by_score"] != pytest.approx(scored[0]["error"])
 
 
 def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti: str) -> None:
@@ -207,44 +193,3 @@ def test_an_earlier_run_is_replaced_only_when_asked(
     cli.ok("run", "stp", "--env", card, "--data", kitti, "-o", tmp_path / "link", "--jobs", 1, "--force")
     assert (tmp_path / "link").is_symlink()
     assert load_run(folder).info.agent == "stp"
-
-
-@pytest.mark.parametrize(("body", "jobs"), [("1 / 0", 1), ("import nothing_at_all", 2)])
-def test_a_failing_agent_leaves_the_earlier_run(
-    body: str, jobs: int, cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str
-) -> None:
-    before = digests(folder)
-    agent = write_submission(tmp_path / "mine", body=f"if len(observation): {body}")
-    error = cli("run", agent, "--env", card, "--data", kitti, "-o", folder, "--jobs", jobs, "--force").error
-    assert "agent 'echo' failed on scene '000" in error
-    assert "at frame 0: " in error
-    assert digests(folder) == before
-    assert load_run(folder).info.agent == "stp"
-    new = tmp_path / "new"
-    assert "failed" in cli("run", agent, "--env", card, "--data", kitti, "-o", new, "--jobs", jobs).error
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine", "run"]
-
-
-def test_a_signal_ends_the_workers_too(tmp_path: Path, card: str, kitti: str) -> None:
-    mark = tmp_path / "running"
-    body = f"import time, pathlib; pathlib.Path({str(mark)!r}).touch(); time.sleep(600)"
-    agent = write_submission(tmp_path / "mine", body=body)
-    command = [sys.executable, "-c", "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"]
-    command[-1] += "; from mtp_bench.commands.app import main; main()"
-    command += ["run", str(agent), "--env", card, "--data", kitti, "-o", str(tmp_path / "run"), "--jobs", "2"]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        env=plain_environment(),
-    )  # fmt: skip
-    try:
-        while not mark.exists():
-            assert process.poll() is None, process.communicate()
-            time.sleep(0.05)
-        os.killpg(process.pid, signal.SIGINT)
-        out, err = process.communicate(timeout=60)
-    finally:
-        if process.poll() is None:
-            os.killpg(process.pid, signal.SIGKILL)
-    assert (process.returncode, out) == (130, "")
-    assert err.startswith("interrupted; ")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine", "running"]

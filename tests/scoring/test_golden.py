@@ -152,15 +152,6 @@ def test_motmetrics_remembers_a_pair_across_frames_without_a_match() -> None:
     assert got["MOTP"] == pytest.approx(0.1)
 
 
-def test_large_ids_of_several_types_stay_apart() -> None:
-    place = [[0.0, 0.0]]
-    frames = [
-        ("s", t, [1], place, np.array([2**60 + 1 + t], dtype=kind), place)
-        for t, kind in enumerate((np.uint64, np.int64))
-    ]
-    assert tracking_counts(frames, mode="sticky")["IDS"] == 1
-
-
 # ---- forecasts
 
 FORECAST = EXPECTED["prediction_in_pred_json"]

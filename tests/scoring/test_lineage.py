@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mtp_bench.scoring import find_events, history, score_scene
+from mtp_bench.scoring import find_events, history
 from mtp_bench.scoring.events import object_history
 from mtp_bench.scoring.lineage import Hypotheses, hypotheses, lineage_events, match_hypotheses
 from tests.support.scoring_scenes import (
@@ -153,26 +153,6 @@ def test_who_says_nothing_goes_on_from_the_best_hypothesis() -> None:
     assert found.parent[2:].tolist() == [[0, 0]] * 3
     assert np.flatnonzero(got.lost[:, 0]).tolist() == [2]
     assert np.flatnonzero(got.reacquired[:, 0]).tolist() == [4]
-
-
-def test_saying_nothing_has_the_events_of_an_empty_hypothesis() -> None:
-    # hypothesis 1 is the best and holds the object; hypothesis 0 holds nothing
-    tracks = [[held(1, 0, 1)], [held(1, 0, 1)], [], [held(1, 0, 1)], [held(2, 0, 1)]]
-    said = [[-3, -0.1]] * 5
-    score = {}
-    for name, weight, parent in (("empty", [NEVER, 0], [-1, 1]), ("silent", [NEVER, NEVER], [-1, -1])):
-        rollout = make_rollout(tracks, log_weight=[*said[:2], weight, *said[3:]], hypotheses=2, samples=4)
-        parents = np.array([[0, 1], [0, 1], parent, [1, 1] if name == "empty" else [0, 1], [0, 1]])
-        score[name] = score_scene(make_scene([[Thing(5, 0, 0)]] * 5), replace(rollout, hypothesis_parent=parents), CARD)
-    assert score["silent"].own_events == score["empty"].own_events == {"ids": 1, "lost": 1, "wrong": 0, "reacquired": 1}
-    assert score["silent"].guessed_parents == 0, "there is nothing to guess"
-
-
-def test_absent_hypotheses_have_no_events() -> None:
-    tracks = [[held(1, 0, 0, 1)], [held(2, 0, 0, 1)]]
-    got, _ = events(tracks, [[-1, -1], [0, NEVER]], 2)
-    assert got.ids[1].tolist() == [True, False]
-    assert not got.lost.any()
 
 
 ABSENT = {

@@ -93,21 +93,6 @@ def test_the_heading_is_that_of_the_platform() -> None:
     assert one(replace(image, heading=np.array([np.pi / 2])), 9.0)  # across, 8.9 m away: 18.5 px
 
 
-def test_no_object_and_no_region() -> None:
-    nothing = np.zeros(0, dtype=np.int64)
-    assert unconfirmable(field(), nothing, np.zeros((0, 2)), nothing).shape == (0,)
-
-
-def test_a_table_is_its_rows() -> None:
-    rng = np.random.default_rng(3)
-    regions = [(*corner, *(corner + rng.uniform(5, 80, 2))) for corner in rng.uniform(0, 150, (9, 2))]
-    image = replace(field(*regions, frames=4), region_start=np.array([0, 3, 3, 8, 9]))
-    frame, xy, kind = rng.integers(0, 4, 500), rng.uniform(-3, 9, (500, 2)), rng.integers(0, 2, 500)
-    want = [one(image, xy[i, 0], xy[i, 1], int(kind[i]), int(frame[i])) for i in range(500)]
-    assert unconfirmable(image, frame, xy, kind).tolist() == want
-    assert 50 < sum(want) < 450
-
-
 @settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.floats(-3.1, 3.1), st.floats(-100, 100), st.floats(-100, 100), st.floats(-9, 9))
 def test_the_place_of_the_world_does_not_matter(yaw: float, x: float, y: float, z: float) -> None:

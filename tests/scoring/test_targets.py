@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.errors import DataError
 from mtp_bench.geometry import rotate
 from mtp_bench.scoring import find_targets
 from tests.support.scoring_scenes import Thing, make_card, make_scene
@@ -68,14 +67,6 @@ def test_an_official_list_needs_no_past(present: str, want: Sequence[int]) -> No
     assert targets.future[:, :, 0].tolist() == [[t + 1.0, t + 2.0, t + 3.0] for t in want]
 
 
-def test_order_is_that_of_the_truth() -> None:
-    scene = make_scene([[Thing(9, 0, t), Thing(3, 5, t), Thing(5, 9, t)] for t in range(6)])
-    targets = find_targets(scene, CARD)
-    assert targets.object_id.tolist() == [9, 3, 5] * 2
-    assert targets.row.tolist() == [3, 4, 5, 6, 7, 8]
-    assert targets.start.tolist() == [0, 0, 3, 6, 6, 6, 6]
-
-
 def test_distance_and_approach_are_those_to_the_ego_of_each_frame() -> None:
     scene = make_scene(line("xxxxx"))
     ego = np.zeros((5, 4))
@@ -103,12 +94,6 @@ PATHS = {
 def test_moving_is_the_straight_displacement_over_the_future(x: tuple[float, ...], moving: bool) -> None:
     scene = make_scene([[Thing(1, place, 0.0)] for place in x])
     assert find_targets(scene, CARD).moving.tolist() == [moving]
-
-
-def test_an_object_twice_in_a_frame_is_an_error() -> None:
-    scene = make_scene([[Thing(1, 0, 0)], [Thing(1, 0, 0), Thing(1, 5, 5)]], name="0001")
-    with pytest.raises(DataError, match="scene '0001': identity 1 occurs twice in frame 1"):
-        find_targets(scene, CARD)
 
 
 def test_moving_is_measured_in_the_world_where_every_frame_has_its_own_frame_of_reference() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import DataError, UnknownNameError
+from mtp_bench.errors import DataError
 from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.scoring.weights import WEIGHED, Reference, SceneWeights, count_runs, scene_key, tracking_events
 from mtp_bench.scoring.weights_file import read_reference, write_reference
@@ -72,26 +72,6 @@ def test_the_weight_is_the_share_of_the_runs(reference: Reference, subset: str) 
     assert reference.weight("z", subset).tolist() == [0, 0]
 
 
-def test_a_run_that_loses_and_finds_at_once_counts_once_in_frag() -> None:
-    both = np.array([[False, True, True]])
-    assert count_runs([both, both], 1).tolist() == [[0, 2, 2, 2]]
-
-
-def test_255_runs_fit() -> None:
-    events = np.ones((1, 3), dtype=bool)
-    assert count_runs([events] * 255, 1).tolist() == [[255] * 4]
-
-
-def test_false_forecasts_of_some_scenes(reference: Reference) -> None:
-    assert [reference.false_forecasts(names) for names in ([], ["s"], ["z", "s"])] == [0, 3, 7]
-    assert reference.holds(["z", "s"])
-    assert not reference.holds(["s", "unknown"])
-    with pytest.raises(DataError, match=f"no event weights of scene 'unknown' of {CARD.id}"):
-        reference.false_forecasts(["unknown"])
-    with pytest.raises(UnknownNameError, match="weighted subset 'reaquired': did you mean 'reacquired'"):
-        reference.weight("s", "reaquired")
-
-
 def test_a_file_holds_the_same_and_no_scene(reference: Reference, tmp_path: Path) -> None:
     path = tmp_path / "reference.json"
     write_reference(path, reference)
@@ -110,13 +90,6 @@ def test_a_file_holds_the_same_and_no_scene(reference: Reference, tmp_path: Path
     assert [p.name for p in tmp_path.iterdir()] == [path.name]  # nothing half-written is left
 
 
-def test_writing_does_not_depend_on_the_order_of_scenes(reference: Reference, tmp_path: Path) -> None:
-    turned = replace(reference, scenes=dict(reversed(reference.scenes.items())))
-    for name, one in (("a.json", reference), ("b.json", turned)):
-        write_reference(tmp_path / name, one)
-    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
-
-
 def test_everything_in_it_is_in_the_digest(reference: Reference) -> None:
     scene = reference.of("s")
     changed = [
@@ -132,14 +105,6 @@ def test_everything_in_it_is_in_the_digest(reference: Reference) -> None:
     others += [reference_of_streams(runs=5), reference_of_streams(parameters={}), reference_of_streams(scenes={})]
     assert len({one.digest for one in [reference, *others]}) == len(others) + 1
     assert replace(reference, frozen=True).digest == reference.digest
-
-
-def test_where_weights_come_from_in_a_sentence(reference: Reference) -> None:
-    short = reference.digest[:12]
-    assert replace(reference, frozen=True).origin == f"frozen event weights of 4 runs of 'stp' (hash {short})"
-    assert reference.origin == (
-        f"event weights of 4 runs of 'stp' on these scenes (hash {short}), not the frozen ones of a ranking"
-    )
 
 
 KEY = scene_key(CARD.id, "s")

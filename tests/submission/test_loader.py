@@ -77,13 +77,6 @@ def test_a_submission_is_read(folder: Path) -> None:
     assert submission.compare.samples == ("equal",)
 
 
-def test_a_relative_path_stays_valid_elsewhere(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder.parent)
-    submission = load_submission("silent")
-    monkeypatch.chdir("/")
-    assert submission.build(TASK).act({}) == {}
-
-
 def test_parameters_reach_the_agent_and_overrides_win(folder: Path) -> None:
     agent = built(folder, hypotheses=20)
     assert (agent.task, agent.gate, agent.hypotheses) == (TASK, 1.5, 20)
@@ -150,15 +143,6 @@ def test_modules_that_no_digest_covers_are_not_imported(name: str, folder: Path)
     (folder / "agent.py").write_text(f"import importlib\nimportlib.import_module('.{name}', __package__)\n{AGENT}")
     with pytest.raises(SubmissionError, match="is not part of a submission"):
         built(folder)
-
-
-def test_a_package_of_a_submission_has_modules_too(folder: Path) -> None:
-    (folder / "net").mkdir()
-    (folder / "net" / "__init__.py").write_text("from .layers import GATE\n")
-    (folder / "net" / "layers.py").write_text("GATE = 7.0\n")
-    (folder / "agent.py").write_text("from .net import GATE\n" + AGENT.replace("= task, gate, ", "= task, GATE, "))
-    assert built(folder).gate == 7.0
-    assert not list(folder.rglob("__pycache__"))
 
 
 def test_a_factory_works_in_another_process(folder: Path) -> None:
@@ -232,15 +216,14 @@ def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_p
         load_submission("nowhere")
     assert str(caught.value).count("ab3dmot") == 1, "the baselines, once"
     assert "name a baseline, or a folder with submission.toml" in str(caught.value)
-    with pytest.raises(SubmissionError, match=r"no submission\.toml in this folder"):
+    with pytest.raises(SubmissionError, match=r"is not a submission, expected a folder with submission\.toml"):
         load_submission(tmp_path)
 
 
 NO_SUBMISSION = {
-    "./nowhere": "./nowhere: no such folder, expected one with submission.toml",
-    "silent/agent.py": "silent/agent.py is a file: name its folder, silent",
-    "notes.txt": "notes.txt is a file: expected a folder with submission.toml",
-    "stp,mtp": "'stp,mtp' is not a submission: put blanks between agents, not commas",
+    "./nowhere": "./nowhere is not a submission, expected a folder with submission.toml",
+    "notes.txt": "notes.txt is not a submission, expected a folder with submission.toml",
+    "stp,mtp": "put blanks between agents",
 }
 
 

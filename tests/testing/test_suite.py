@@ -18,7 +18,6 @@ from mtp_bench.testing import Finding, check_agent, check_card
 from mtp_bench.types import Observation, Task
 from tests.support.own_scenes import BOX, TRUTH, write_tables
 from tests.support.small_scenes import CARD, Action, EchoAgent, make_echo, write_card
-from tests.support.small_scenes import task as small_task
 
 SCENES = ["0006", "0001"]
 
@@ -43,7 +42,7 @@ def test_good_agents_pass(name: str, tmp_path: Path) -> None:
     assert faults(findings) == []
     checks = [finding.check for finding in findings]
     assert checks == [
-        "build", "contract", "determinism", "reset", "observations", "sizes", "extremes", "rigid motion", "latency",
+        "build", "contract", "determinism", "reset", "observations", "extremes", "rigid motion", "latency",
     ]  # fmt: skip
     assert "ms per frame (p50)" in findings[-1].got
 
@@ -121,20 +120,12 @@ class Keeping(EchoAgent):
         return action
 
 
-class FixedSize(EchoAgent):
-    """Has the sizes of one env in its code."""
-
-    def reset(self, task: Task) -> None:
-        super().reset(small_task())
-
-
 BROKEN: dict[str, tuple[Change | type[EchoAgent], list[tuple[str, str]], str]] = {
     "random": (unclocked, [("error", "determinism")], "scene 0006, frame 0, forecast"),
     "ragged": (ragged, [("error", "contract"), ("warning", "observations")], "scene 0006, frame 0"),
     "leaks": (remembering, [("error", "reset")], "scene 0006, frame 0, track_id"),
     "writes": (writing, [("warning", "observations")], "scene 0006, frame 0, detection_box"),
     "keeps": (Keeping, [("error", "observations")], "scene 0006, frame 1"),
-    "fixed sizes": (FixedSize, [("error", "sizes")] * 2, "tracks 3, objects 2, hypotheses 1, samples 1"),
     "no detections": (needing_detections, [("error", "extremes")], "frame 0 (no detections)"),
     "located": (located, [("error", "rigid motion")], "scene 0006, scene 0001"),
     "not a number": (put("track_box", (0, 0), np.nan), [("error", "contract")], "frame 0, track_box[0] = [nan"),

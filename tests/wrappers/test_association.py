@@ -52,11 +52,6 @@ def test_ignored_detections_have_no_track(env: AssociationOnly) -> None:
     assert play(env, *[[IGNORE] * 4] * 8) == [[]] * 8
 
 
-def test_always_new_tracks_end_after_two_frames_without_a_detection(env: AssociationOnly) -> None:
-    ids = play(env, *[[NEW, IGNORE, IGNORE, IGNORE]] * 8)
-    assert ids == [[0], [0, 1], [0, 1, 2], [1, 2, 3], [4, 2, 3], [4, 3], [4, 5], [5, 6]]  # by slots
-
-
 def test_what_cannot_be_continued_is_ignored(env: AssociationOnly) -> None:
     """Nothing is there yet; then the cars are 20 m apart, and the walker is of another class."""
     far = [CONTINUE + 1] * 4
@@ -97,17 +92,6 @@ def test_columns_of_the_observation(env: AssociationOnly) -> None:
     near = env.table(observation)[:3, 6:].reshape(3, 2, 4)
     np.testing.assert_allclose(near[0, 0], [1, 1, 0.5, 0], atol=1e-5)  # now its velocity is known
     np.testing.assert_allclose(near[2, 0], [1, 1, 0, 1 / 3], atol=1e-5)  # the walker waited a frame
-
-
-def test_the_observation_turns_with_the_platform(make_env: MakeEnv) -> None:
-    seen = []
-    for keywords in ({}, {"rigid_motion": True}):
-        env = AssociationOnly(make_env(make_scene(), **keywords), detections=4)
-        observation, _ = env.reset(seed=1)
-        for _ in range(4):
-            observation, *_ = env.step(env.nearest(observation))
-        seen.append(observation)
-    np.testing.assert_allclose(seen[0], seen[1], atol=1e-5)
 
 
 @pytest.mark.parametrize(
