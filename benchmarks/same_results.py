@@ -72,10 +72,19 @@ def rollouts(folder: Path) -> dict[str, str]:
         with np.load(path) as arrays:
             for name in sorted(arrays.files):
                 if name not in NOT_RESULTS:
-                    array = np.ascontiguousarray(arrays[name])
+                    array = np.ascontiguousarray(_as_planes(name, arrays[name]))
                     content = f"{array.dtype.str}{array.shape}".encode() + array.tobytes()
                     hashes[f"{path.stem}/{name}"] = hashlib.sha256(content).hexdigest()[:16]
     return hashes
+
+
+def _as_planes(name: str, array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """A stored array in the form of version 0.2: floats and differences of forecasts as planes of bytes."""
+    if name == "forecast" and array.dtype == np.int16:
+        array = (array << 1) ^ (array >> 15)
+    elif array.dtype.kind != "f":
+        return array
+    return np.moveaxis(np.ascontiguousarray(array)[..., None].view(np.uint8), -1, 0)
 
 
 def rows(path: Path) -> list[dict[str, Any]]:

@@ -49,9 +49,3 @@ def test_baselines_track_and_forecast_classes_of_own_cards() -> None:
     assert noise.measurement[0] == noise.measurement[1]
     with pytest.raises(UnknownNameError, match="class for detector 'pointrcnn-ours' 'pedestrain': did you mean"):
         detector_parameters("pointrcnn-ours", ("pedestrain",))
-
-
-def test_motion_noise_knows_as_many_classes_as_it_can() -> None:
-    task = kitti_task(detector="megvii-own", motion_noise="", classes=("car", "pedestrian", "forklift"))
-    car, pedestrian, forklift = stored_noise(task).measurement
-    assert (car == forklift, car == pedestrian) == (True, False)

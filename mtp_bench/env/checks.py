@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import closest, describe_problem
 from ..types import ABSENT_BELOW, ID_LIMIT, Bools, Floats, Ints, Task
-from .action import COORDINATE_LIMIT, FIELD, FIELDS, FORECAST_LIMIT, MASK, ROWS, SIZE_LIMIT, Field, Rows
+from .action import COORDINATE_LIMIT, FIELD, FIELDS, FORECAST_LIMIT, ROWS, SIZE_LIMIT, Field, Rows
 
 Arrays = dict[str, NDArray[Any]]
 _LEAVE_OUT = "leave such rows out"
@@ -90,7 +90,6 @@ def examine(action: object, task: Task) -> Examined:
         sound[rows][claimed_rows[~bad]] = True
     if {"hypothesis_member", "hypothesis_log_weight"} <= set(arrays):
         problems += _check_membership(arrays, sound, task)
-    problems += _check_masks(arrays)
     whole = {field.name: arrays[field.name] if field.name in arrays else field.filled(task) for field in FIELDS}
     return Examined(whole, claimed, sound, problems)
 
@@ -234,17 +233,6 @@ def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> l
         *_of_rows(arrays, "track_id", "twice in one hypothesis", once, repeated, "tracks", advice, outside=False),
         *_of_rows(arrays, "track_valid", "in no hypothesis, so unused", held, unused, outside=False),
     ]
-
-
-def _check_masks(arrays: Arrays) -> list[ActionProblem]:
-    """Find entries of masks that are neither 0 nor 1; they count as 1."""
-    problems: list[ActionProblem] = []
-    for field in FIELDS:
-        if field.content is MASK and field.name in arrays:
-            mask = arrays[field.name].reshape(len(arrays[field.name]), -1)
-            rows = np.flatnonzero(((mask < 0) | (mask > 1)).any(axis=1))
-            problems += _of_rows(arrays, field.name, "neither 0 nor 1", field.content.expected, rows)
-    return problems
 
 
 def _repeated(track_id: Ints, member: Bools) -> Bools:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,7 +41,6 @@ class StoredScore:
     """Report of a stored run."""
 
     report: Report
-    origin: str  # of the event weights of its subsets
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
 
@@ -58,19 +56,14 @@ class OpenedRun:
 
     def rollouts(self, scene: str | None = None) -> Sequence[Rollout]:
         """All rollouts, or that of one scene; raises UnknownNameError if the run does not have it."""
-        if scene is None:
-            return self.run.rollouts
-        chosen = [rollout for rollout in self.run.rollouts if rollout.scene == scene]
-        if not chosen:
-            raise UnknownNameError(f"scene of {self.folder}", scene, [rollout.scene for rollout in self.run.rollouts])
-        return chosen
+        by_scene = {rollout.scene: rollout for rollout in self.run.rollouts}
+        if scene is not None and scene not in by_scene:
+            raise UnknownNameError(f"scene of {self.folder}", scene, by_scene)
+        return self.run.rollouts if scene is None else [by_scene[scene]]
 
     def first(self, scene: str | None = None) -> Rollout:
-        """The rollout of ``scene``, or the first one; raises RolloutError if the run is empty."""
-        rollouts = self.rollouts(scene)
-        if not rollouts:
-            raise RolloutError(f"{self.folder}: holds no scene; run the agent again")
-        return rollouts[0]
+        """The rollout of ``scene``, or the first one."""
+        return self.rollouts(scene)[0]
 
     def scene(self, name: str) -> Scene:
         """The scene of this name with the boxes that the agent was shown as its detections: see `shown_boxes`.
@@ -185,7 +178,7 @@ def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card
     report = summarise([agent], card, reference)
     if info.note:
         report.condition["trained"] = f"{info.note}: {info.agent}"
-    return StoredScore(report, reference.origin, total_skipped(each.skipped for each in scores))
+    return StoredScore(report, total_skipped(each.skipped for each in scores))
 
 
 def open_run(folder: Path, data: str | None = None, env: str | Card | None = None) -> OpenedRun:
@@ -233,7 +226,9 @@ def _text(folder: Path, info: RunInfo, key: str) -> str | None:
 
 def _check(folder: Path, stored: Run) -> None:
     """Raise RolloutError if the description of the run contradicts its rollouts."""
-    count = Counter(rollout.scene for rollout in stored.rollouts)
+    scenes = [rollout.scene for rollout in stored.rollouts]
+    if not scenes or len(set(scenes)) < len(scenes):
+        raise RolloutError(f"{folder}: holds the scenes {scenes}, expected at least one, and each once")
     for rollout in stored.rollouts:
         samples = rollout.forecast.shape[1]
         if samples != stored.info.samples:
@@ -241,5 +236,3 @@ def _check(folder: Path, stored: Run) -> None:
                 f"{folder}: states {stored.info.samples} samples per object, scene {rollout.scene!r} has {samples}; "
                 "run the agent again"
             )
-        if count[rollout.scene] > 1:
-            raise RolloutError(f"{folder}: names scene {rollout.scene!r} {count[rollout.scene]} times, expected once")

@@ -6,6 +6,7 @@ import reprlib
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -111,13 +112,9 @@ def _where(frame: Frame) -> str:
 
 def _time(frame: Frame) -> float:
     """The t of a frame."""
-    try:
-        time = float(frame[1])
-    except (TypeError, ValueError):
-        time = np.nan
-    if not np.isfinite(time):
+    if not isinstance(frame[1], Real) or not np.isfinite(frame[1]):
         raise ShapeError(f"t of frame {_where(frame)} is {frame[1]!r}, expected a finite number")
-    return time
+    return float(frame[1])
 
 
 def _ids(frame: Frame, place: int, name: str) -> list[int | str]:

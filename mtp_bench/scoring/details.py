@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -127,25 +127,18 @@ def _false_of_class(table: AgentTable, c: int) -> int:
 
 def _bins(table: AgentTable, card: Card) -> list[Bin]:
     """Errors by distance to the ego (where there is one), by class, moving or static."""
-    edges = list(pairwise(DISTANCE_BINS)) if card.has_ego else []
-    bins = [
-        _bin(table, "distance", _metres(low, high), (table.distance >= low) & (table.distance < high))
-        for low, high in edges
-    ]
+    bins = []
+    for low, high in pairwise(DISTANCE_BINS) if card.has_ego else ():
+        name = f"{low:g}-{high:g} m" if np.isfinite(high) else f"beyond {low:g} m"
+        mask = (table.distance >= low) & (table.distance < high)
+        bins.append(Bin(by="distance", bin=name, errors=_errors(table, mask)))
     for c, name in enumerate(card.task.classes):
         mask = table.class_id == c
-        bins.append(_bin(table, "class", name, mask, _accuracy(table, mask, _false_of_class(table, c))))
-    return [*bins, _bin(table, "motion", "moving", table.moving), _bin(table, "motion", "static", ~table.moving)]
-
-
-def _metres(low: float, high: float) -> str:
-    return f"{low:g}-{high:g} m" if np.isfinite(high) else f"beyond {low:g} m"
-
-
-def _bin(
-    table: AgentTable, by: Literal["distance", "class", "motion"], name: str, mask: Bools, accuracy: float | None = None
-) -> Bin:
-    return Bin(by=by, bin=name, errors=_errors(table, mask), EPA=accuracy)
+        accuracy = _accuracy(table, mask, _false_of_class(table, c))
+        bins.append(Bin(by="class", bin=name, errors=_errors(table, mask), EPA=accuracy))
+    for name, mask in (("moving", table.moving), ("static", ~table.moving)):
+        bins.append(Bin(by="motion", bin=name, errors=_errors(table, mask)))
+    return bins
 
 
 def _errors(table: AgentTable, mask: Bools) -> Errors:

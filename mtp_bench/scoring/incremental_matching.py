@@ -1,7 +1,6 @@
 """Incremental matching: forecasts are added one by one, and a cut keeps those added so far.
 
-Removing forecasts changes the matching of the others, so each cut needs a matching of its own. Adding them by falling
-confidence gives the matchings of all cuts in one pass: each addition changes the matching along one path.
+Added by falling confidence, they give the matchings of all cuts in one pass: each addition changes one path.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Lineages of hypotheses: the parent of each hypothesis in the frame before, and the events along the lineage.
 
-An agent states the parent (``hypothesis_parent``). Else it is guessed, often wrongly, as the hypothesis whose tracks
-moved least. Identities are followed along the lineage, never by rank (protocol, "Events").
+An agent states the parent (``hypothesis_parent``), else it is guessed as the hypothesis whose tracks moved least.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """One-to-one matching of ragged rows: maximum cardinality first, then minimum total cost (protocol, "Matching").
 
-All frames are matched at once. A pair without competitor is decided by array operations, so are components with one
-row, one column, or two of each; only larger components reach an assignment solver. Equal input gives equal output;
-among solutions of equal cost the one with the lower row, then the lower column is preferred where the choice is ours.
+All frames are matched at once; only larger components of pairs reach an assignment solver. Among solutions of equal
+cost the one with the lower row, then the lower column is preferred where the choice is ours.
 """
 
 from __future__ import annotations

@@ -6,9 +6,8 @@
 | fixed error | those of a confidence of at least 0.5; false ones cost c / 2 |
 | bADE, which ranks | as many as a budget of false forecasts allows, averaged over budgets |
 
-A cut keeps the forecasts of at least some confidence. The higher it is, the fewer false forecasts and the more targets
-without one. The error at a budget is that of the last cut within it, and the rest of the budget buys a share of the
-next cut.
+A cut keeps the forecasts of at least some confidence. The error at a budget is that of the last cut within it, and the
+rest of the budget buys a share of the next cut.
 """
 
 from __future__ import annotations

@@ -149,6 +149,7 @@ def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None) ->
     covered = float((weight * table.covered).sum())
     unit_weight = table.unit_weight(weight)
     gap, same = _gap(table, subset, shared), _gap(table, subset, own)
+    fixed = ratio(sum(score.fixed_error for score in table.scores) / len(setting.seeds), len(table.unit))
     beside = shared.stp if shared.stp is not None and shared.stp.setting.samples == setting.samples else None
     stp = paired_difference(table.errors(subset), beside.errors(subset), unit_weight) if beside else None
 
@@ -169,7 +170,7 @@ def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None) ->
         missed=mean(ranked.missed),
         error_by_score=mean(ranked.by_score),
         plain_error=mean(table.capped),
-        fixed_error=_fixed_error(table) if subset == "all" else None,
+        fixed_error=fixed if subset == "all" else None,
         energy_score=mean_covered(table.energy_score),
         coverage=ratio(covered / len(setting.seeds), total),
         difference_to_stp=stp and stp.mean,
@@ -194,12 +195,6 @@ def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None) ->
             sum(score.frames for score in table.scores),
         ),
     )
-
-
-def _fixed_error(table: AgentTable) -> float | None:
-    """Per target, mean over seeds."""
-    summed = sum(score.fixed_error for score in table.scores) / len(table.setting.seeds)
-    return ratio(summed, len(table.unit))
 
 
 def _effective_objects(table: AgentTable, subset: Subset) -> float:

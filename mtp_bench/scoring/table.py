@@ -218,22 +218,20 @@ def _people(run: Sequence[SceneScore], scene: Ints) -> Ints:
 
 
 def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, Floats]:
+    """Weight [n] of the targets on each subset; raises RolloutError for a scene with another number of targets."""
     count = sum(len(score) for score in run)
-    weights: dict[str, Floats] = {name: np.zeros(count) for name in SUBSETS}
-    if reference is not None:
-        for name in SUBSETS[1:]:
-            weights[name] = np.concatenate([_of_targets(reference.weight(s.scene, name), s) for s in run])
-    return {**weights, "all": np.ones(count)}
-
-
-def _of_targets(weight: Floats, score: SceneScore) -> Floats:
-    """``weight``; raises RolloutError unless it has one entry per target of the scene."""
-    if len(weight) != len(score):
-        raise RolloutError(
-            f"the event weights of scene {score.scene!r} are of {len(weight)} targets, the scene has {len(score)}: "
-            "the reference was made of other data"
-        )
-    return weight
+    weights: dict[str, Floats] = {name: np.full(count, float(name == "all")) for name in SUBSETS}
+    if reference is None:
+        return weights
+    for score in run:
+        if (targets := reference.of(score.scene).targets) != len(score):
+            raise RolloutError(
+                f"the event weights of scene {score.scene!r} are of {targets} targets, the scene has {len(score)}: "
+                "the reference was made of other data"
+            )
+    for name in SUBSETS[1:]:
+        weights[name] = np.concatenate([reference.weight(score.scene, name) for score in run])
+    return weights
 
 
 def _events(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, float | None]:

@@ -1,7 +1,6 @@
 """Event weights: rates of errors of the reference tracker at each target, frozen per env (protocol, "Event weights").
 
-A scene is keyed by the first 16 hex digits of sha256("env/scene"), so that weights can be published without the content
-of a dataset.
+Scenes are keyed by a hash of their names, so that weights can be published without the content of a dataset.
 """
 
 from __future__ import annotations

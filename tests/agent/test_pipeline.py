@@ -93,20 +93,6 @@ def test_the_order_of_the_actions_arrays() -> None:
     assert np.abs(action["forecast"][0, :, 0]).max() < 5.0
 
 
-def test_all_samples_of_all_hypotheses_fit_into_a_larger_task() -> None:
-    free = replace(TASK, samples=6 * 20)
-    for all_samples, reduced in zip(answers(pipeline(6), free), answers(pipeline(6)), strict=True):
-        np.testing.assert_array_equal(all_samples["object_box"], reduced["object_box"])
-        alive = int(np.isfinite(all_samples["hypothesis_log_weight"]).sum())
-        drawn = np.isfinite(all_samples["forecast_log_weight"]).sum(axis=1)
-        assert set(drawn.tolist()) <= {20 * h for h in range(alive + 1)}
-        assert (np.isfinite(reduced["forecast_log_weight"]).sum(axis=1) <= 20).all()
-        if all_samples["object_valid"].any():
-            assert drawn.max() == 20 * alive
-            far = np.abs(all_samples["forecast"]).max(axis=(1, 2, 3))
-            assert (np.abs(reduced["forecast"]).max(axis=(1, 2, 3)) <= far + 1e-4).all()  # centres lie among them
-
-
 def test_samples_weigh_as_much_as_their_hypothesis() -> None:
     free = replace(TASK, samples=4 * 3 * 20)
     posterior, uniform = (answers(pipeline(4, 3, weighting=name), free)[-1] for name in ("posterior", "uniform"))
@@ -203,23 +189,6 @@ def test_a_predictor_gets_the_tracks_that_stand_for_objects_once_per_frame() -> 
             np.testing.assert_array_equal(tracks.past[took, -back], box)
     assert [f.number for f in recorder.frames] == list(range(len(CROWD)))
     assert [len(f.seen) for f in recorder.frames[:12]] == [*range(1, 11), 10, 10]
-
-
-def test_trackers_state_covariance_and_affinities() -> None:
-    recorder = Recorder()
-    play(recorder, hypotheses=3)
-    tracks = recorder.frames[-1].tracks
-    assert tracks.covariance is not None
-    assert tracks.affinity is not None
-    assert (np.linalg.eigvalsh(tracks.covariance) > 0).all()
-    pairs = tracks.affinity
-    assert len(pairs.before) == len(tracks.box)
-    taken = np.flatnonzero((tracks.detection >= 0) & (pairs.before >= 0))
-    assert len(taken)
-    for row in taken:  # the detection that a track took is among the pairs of the track that it continues
-        mine = slice(pairs.start[pairs.before[row]], pairs.start[pairs.before[row] + 1])
-        assert tracks.detection[row] in pairs.detection[mine]
-    assert (pairs.gain > 0).all()
 
 
 def test_forecasts_may_move_an_object_state_its_presence_and_leave_it_out() -> None:

@@ -25,16 +25,6 @@ from mtp_bench.sources.wildtrack import WildtrackSource
 from tests.cards.test_cards import put, simulated_content
 
 
-def test_a_card_is_stored_whatever_its_files_are_called(tmp_path: Path) -> None:
-    file, folder = tmp_path / "my détections.json", tmp_path / "my boxes"
-    file.write_text("{}")
-    folder.mkdir()
-    named = with_detections(load_card("MTP-nuScenes-mini-v0"), file), with_detections(load_card("MTP-KITTI-v0"), folder)
-    assert [card.detector_name for card in named] == ["megvii-my-d-tections", "pointrcnn-my-boxes"]
-    for card in (*named, with_files(named[1], folder)):
-        assert parse_card(card.stored()) == card
-
-
 def test_other_stored_detections_of_nuscenes_by_name() -> None:
     card = load_card("MTP-nuScenes-mini-v0")
     other = changed_card(card, "val", "centerpoint")
@@ -117,17 +107,6 @@ def test_a_profile_without_the_class_is_an_error() -> None:
     del noise["alike"]["bus"]
     with pytest.raises(CardError, match="class of detector profile 'nuscenes_megvii' 'bus'"):
         parse_card(put(simulated_content(), "detector", {"noise": noise}))
-
-
-def test_another_split_and_detector() -> None:
-    card = load_card("MTP-Intersection-v0")
-    assert changed_card(card) == card
-    changed = changed_card(card, "test", "clean")
-    assert (changed.source.split, changed.detector_name) == ("test", "clean")
-    assert with_detector(card, "hard").detector_name == "nuscenes_megvii-hard"
-    assert with_detector(card, "iid").detector_name == "nuscenes_megvii-iid"
-    assert with_detector(card, "clean").detector == card.detector.model_copy(update={"profile": "clean"})  # type: ignore[union-attr]
-    assert len({c.digest for c in (card, changed, with_split(card, "test"), with_detector(card, "clean"))}) == 4
 
 
 def test_a_profile_from_a_file(tmp_path: Path) -> None:

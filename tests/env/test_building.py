@@ -136,13 +136,3 @@ def test_a_wrong_argument_is_one_clear_error(changes: dict[str, Any], text: str)
 def test_numbers_can_be_left_to_the_env() -> None:
     got = decode(make_action(TASK, BOX, CLASS, FUTURE + 400, checked=False), TASK)
     assert got.invalid.tolist() == [0, 0, 2]
-
-
-def test_a_track_that_no_hypothesis_holds_is_left_out_first() -> None:
-    task = replace(TASK, tracks=2)
-    member = np.array([[False, True, False], [False, False, True]])
-    box = np.array([[x, 0, 0, 0, 4, 2, 1.5] for x in (1.0, 2.0, 3.0)])
-    one = Tracks.of_one_hypothesis(np.arange(3), box, np.zeros(3, dtype=int))
-    tracks = replace(one, member=member, log_weight=np.array([0.0, -1.0]))
-    action = make_action(task, BOX, CLASS, FUTURE, tracks=tracks)
-    assert action["track_id"].tolist() == [1, 2]

@@ -344,17 +344,6 @@ def test_rewards_add_up_to_the_error_at_the_fixed_operating_point(scene: Scene, 
         assert not any(reward for t, reward in enumerate(rewards) if t == scene.frames or not live[t])
 
 
-def test_the_reward_of_a_frame(make_env: MakeEnv) -> None:
-    env = make_env(make_scene())
-    _, rewards = play(env, echo(env))
-    # Cars move 0.8 and 0.5 m per frame and a sample says so; all boxes are 0.1 m off. The walker stands still, his
-    # best sample moves 0.5 m per frame.
-    assert rewards[2] == pytest.approx(-(0.1 + 0.1 + 1.0), abs=0.18)
-    assert rewards[0] == rewards[7] == 0.0  # nothing could be a target there
-    _, silent = play(env, lambda observation: empty_action(env.task))
-    assert silent == [0.0, -6.0, -6.0, -6.0, -6.0, 0.0, 0.0, 0.0]
-
-
 def test_an_answer_that_cannot_be_read_is_a_false_forecast_per_detection(make_env: MakeEnv) -> None:
     env = make_env(make_scene(empty=(2,)), strict=False)
     unreadable: list[Any] = [None, {}, "forecast", {"forecast": 3}]

@@ -59,12 +59,6 @@ def test_noise_and_cuts_are_those_of_matched_detections() -> None:
     np.testing.assert_allclose(fitted.cuts, [[0.1, 1.2], [0.25, 1.5]], atol=1e-5)
 
 
-def test_neutral_truth_does_not_tell_the_noise() -> None:
-    scene = make_scene([[Thing(1, 0, 0), Thing(2, 9, 0, neutral=True)]])
-    scene = replace(scene, detections=seen([[[0.5, 0, 0, CAR], [9.0, 0, 0, CAR]]], [1, 2]))
-    assert matched_detections(scene, CARD).score.tolist() == [1]
-
-
 def test_a_class_that_was_never_matched_takes_what_all_classes_have() -> None:
     found = matched_detections(scene_of(0.2, 0.03), CARD)
     fitted = fit_perturbation([found], 3)

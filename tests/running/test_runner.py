@@ -46,21 +46,6 @@ class FailingAgent:
         return {}
 
 
-@dataclass
-class WatchingAgent:
-    """Keeps the tasks it was told."""
-
-    tasks: list[Task]
-
-    def reset(self, task: Task) -> None:
-        self.tasks.append(task)
-
-    def act(self, observation: dict[str, NDArray[Any]]) -> Action:
-        for array in observation.values():
-            array[...] = 0  # an agent may write into what it gets
-        return {}
-
-
 def make_failing(task: Task) -> FailingAgent:
     return FailingAgent(at=2)
 
@@ -98,25 +83,9 @@ def test_a_failing_agent_is_named_with_scene_and_frame(card: str, kitti: str) ->
         run_scenes(make_failing, card, {"data": kitti}, ["0001"] * 2, workers=2)
 
 
-def test_an_agent_that_fails_at_reset_is_named(card: str, kitti: str) -> None:
-    text = "agent 'FailingAgent' failed on scene '0001' at reset: RuntimeError: no weights"
-    with pytest.raises(SubmissionError, match=text) as caught:
-        run_scene(FailingAgent(at=-1), MTPEnv(card, kitti), "0001", seed=0)
-    assert isinstance(caught.value.__cause__, RuntimeError)
-
-
 def test_a_misspelt_parameter_is_one_clear_error(card: str, kitti: str) -> None:
     with pytest.raises(SubmissionError, match="cannot be built: unknown parameter 'nosie': did you mean 'noise'"):
         run_scenes(make_misspelt, card, {"data": kitti}, ["0001"])
-
-
-def test_the_task_says_nothing_of_the_scene(card: str, kitti: str) -> None:
-    agent, env = WatchingAgent([]), MTPEnv(card, kitti, evaluation=True)
-    for name in NAMES:
-        run_scene(agent, env, name, seed=1)
-    first = agent.tasks[0]
-    assert agent.tasks == [first] * len(NAMES)
-    assert repr(first).replace(str(first.seed), "0") == repr(env.task)
 
 
 def test_run_info_says_where_a_run_comes_from(card: str, kitti: str, tmp_path: Path) -> None:

@@ -113,14 +113,6 @@ def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti:
     assert len(set(digests(tmp_path / "here").values())) == 3
 
 
-def test_more_hypotheses_than_the_card_has_are_on_record(tmp_path: Path, card: str, kitti: str) -> None:
-    stored.run("mtp", card, tmp_path / "run", RunOptions(kitti, scenes=1))
-    run = load_run(tmp_path / "run")
-    assert run.info.keywords == {"hypotheses": 20}
-    assert (run.info.parameters, run.info.samples) == ({"hypotheses": 20}, 4)
-    assert run.rollouts[0].hypothesis_log_weight.shape[1] == 20
-
-
 CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {  # what a file may hold: tests of rollouts
     "npz missing": (lambda folder: (folder / "0006.npz").unlink(), "0006.npz is missing"),
     "fewer samples than stored": (
@@ -129,7 +121,7 @@ CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {  # what a file may hol
     ),
     "a scene twice": (
         edit_json(lambda content: content["scenes"].append(content["scenes"][0])),
-        "names scene '0001' 2 times, expected once",
+        "expected at least one, and each once",
     ),
     "another card": (
         edit_json(lambda content: content["info"].update(card_digest="0" * 16)),
@@ -159,13 +151,6 @@ def test_a_run_for_another_version_of_the_card(
     error = cli("score", folder, "--data", kitti, "--env", "MTP-Small-v0").error
     assert "made for MTP-Small-v0 with card digest" in error
     assert error.endswith("run the agent again")
-
-
-def test_a_card_that_was_changed_in_the_run_is_refused(cli: CommandLine, folder: Path, kitti: str) -> None:
-    edit_json(lambda run: run["info"]["card"]["task"].update(miss_error=3.0))(folder)
-    assert "with card digest" in cli("score", folder, "--data", kitti).error
-    edit_json(lambda run: run["info"]["card"].update(task=3))(folder)
-    assert "card: task: got 3: expected a table" in cli("score", folder, "--data", kitti).error
 
 
 def test_a_run_without_its_card(cli: CommandLine, folder: Path, card: str, kitti: str) -> None:

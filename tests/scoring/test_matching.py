@@ -220,19 +220,6 @@ def test_boxes_pair_by_overlap() -> None:
     assert found.cost.tolist() == pytest.approx([0.4])
 
 
-def test_blocks_of_candidates_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(0)
-    frame, kinds = np.repeat(np.arange(5), 8), rng.integers(0, 2, 40)
-    here, there = (boxes(*rng.uniform(0, 6, (40, 2))) for _ in "ab")
-    parts = []
-    for block in (1 << 17, 7, 1):
-        monkeypatch.setattr("mtp_bench.scoring.pairs._BLOCK", block)
-        found = box_pairs(frame, here, kinds, frame, there, kinds, "iou_3d", (0.1, 0.3))
-        parts.append([found.row.tolist(), found.column.tolist(), found.cost.tolist()])
-    assert len(parts[0][0]) > 7
-    assert parts[0] == parts[1] == parts[2]
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_large_components_are_matched_in_memory_of_their_pairs(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     rng = np.random.default_rng(seed)

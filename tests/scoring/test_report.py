@@ -24,7 +24,7 @@ from mtp_bench.scoring import (
     summarise,
 )
 from mtp_bench.scoring.rank import ALONE
-from mtp_bench.scoring.rows import Clear, PairedRow, Row
+from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
 
@@ -110,23 +110,6 @@ def test_seeds_are_averaged_per_target() -> None:
     assert got.fixed_error == pytest.approx((2.25 + 2.75 + 2.5 + 7) / 3)
     assert row(report, "ids").error == pytest.approx((0.5 + 1.5 + 10) / 3)
     assert got.seeds == 3
-
-
-def test_where_the_truth_holds_targets_only_budgets_are_of_forecasts() -> None:
-    things = [Thing(1, 3, 0)]
-    said = [Thing(1, 3, 0, forecast=np.tile([4.0, 0.0], (2, 3, 1)), confidence=0.5)]
-    said += [Thing(9, 60 + 9 * i, 0) for i in range(24)]
-    scene = make_scene([things] * 5, truth_complete=False)
-    score = score_scene(scene, make_rollout([[]] * 5, [[], said], samples=2), CARD)
-    report = summarise([agent("a", [score])], CARD, reference(counts=[[4] * 4], forecasts=24))
-    assert row(report).error == pytest.approx((10 + 1 + 10) / 3)  # 20, 40, and 24 of STP per live frame
-    assert row(report, "ids").error == 10
-    detail = report.details[0]
-    assert detail.EPA is detail.AP_f is detail.brier is detail.false_per_frame is None
-    assert detail.tracking.all.FP is detail.tracking.all.MOTA is detail.tracking.false_tracks is None
-    assert detail.forecasts_per_frame == 25
-    assert dict(detail.curve)[30.0] == 1.0
-    assert report.condition["truth"].endswith("false forecasts cannot be known")
 
 
 # ---- several scenes: STP, the truth, and agents between them
@@ -284,21 +267,6 @@ def test_objects_are_those_of_the_recording() -> None:
     cut = [replace(score, recording="whole" if i < 9 else score.scene) for i, score in enumerate(run(0.6))]
     got = row(summarise([agent("a", cut)], CARD))
     assert (got.objects, got.effective_objects, got.scenes) == (8, pytest.approx(24**2 / (2 * 81 + 6)), 12)
-
-
-def test_own_events_are_shown() -> None:
-    detail = summarise([agent("a", [answer(0.5, switch=True)])], CARD).details[0]
-    assert detail.own["own_ids"].targets == detail.own["all_h_ids"].targets == 1
-    assert detail.own["own_ids"].minADE == pytest.approx(0.5)
-    assert detail.own["own_frag"].minADE is None
-    assert detail.own_events == {"ids": 1, "lost": 0, "wrong": 0, "reacquired": 0}
-    tracking = detail.tracking
-    car = Clear(TP=5, FP=0, FN=0, IDS=1, FRAG=0, MOTA=0.8, MOTP=0.0, IDF1=0.8, HOTA=0.0)
-    assert tracking.classes["car"].model_copy(update={"HOTA": 0.0}) == car
-    # a fifth of the object's frames goes with one track, four fifths with the other
-    assert pytest.approx(((0.2 + 4 * 0.8) / 5) ** 0.5) == tracking.classes["car"].HOTA
-    assert tracking.classes["pedestrian"].MOTP is None
-    assert tracking.all.FN == 5
 
 
 def test_motp_of_an_overlap_gate_is_the_mean_overlap() -> None:

@@ -131,17 +131,6 @@ def test_any_heading_up_to_the_rounding_of_forecasts(yaw: float) -> None:
 
 @steady
 @given(seeds)
-def test_only_the_order_of_confidences_matters_to_what_ranks(seed: int) -> None:
-    scene, rollout = random_case(seed)
-    ranks = np.unique(rollout.object_confidence, return_inverse=True)[1]
-    other = sure(rollout, np.sort(np.random.default_rng(seed).random(9))[ranks])
-    np.testing.assert_array_equal(
-        at_budgets(score_scene(scene, other, CARD)), at_budgets(score_scene(scene, rollout, CARD))
-    )
-
-
-@steady
-@given(seeds)
 def test_forecasts_in_frames_without_targets_do_not_matter(seed: int) -> None:
     scene, rollout = random_case(seed)
     kept = np.flatnonzero(live_frames(scene, CARD)[rollout.objects.frame_of_rows])

@@ -206,11 +206,6 @@ def test_an_unknown_parameter_or_function_names_the_nearest(folder: Path, tmp_pa
         built(write(tmp_path / "wrong", MANIFEST.replace(":build", ":built")))
 
 
-def test_a_build_function_may_take_any_parameter(tmp_path: Path) -> None:
-    agent = AGENT.replace("hypotheses=1", "**rest").replace("gate, hypotheses)\n", "gate, rest)\n")
-    assert built(write(tmp_path / "any", agent=agent), free=1).hypotheses == {"free": 1}
-
-
 def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_path: Path) -> None:
     with pytest.raises(UnknownNameError, match="unknown submission") as caught:
         load_submission("nowhere")

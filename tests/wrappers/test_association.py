@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from mtp_bench import ActionError, MtpBenchError
 from mtp_bench.env import MTPEnv
-from mtp_bench.prediction import LearnedPresence
 from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly
 from tests.env.conftest import MakeEnv
 from tests.env.conftest import make_env as make_env
@@ -148,12 +147,6 @@ def test_the_nearest_neighbour_earns_more_than_ignoring_or_beginning_everything(
     nearest = reward(env, env.nearest)
     assert nearest > 0.8 * reward(env, lambda observation: np.full(size or (), IGNORE))  # rewards are negative
     assert nearest > 0.8 * reward(env, lambda observation: np.full(size or (), NEW))
-
-
-def test_a_presence_and_a_predictor_can_be_given() -> None:
-    """Confidences below 0.5 do not cost a false forecast: one that is learned earns more."""
-    certain, weighed = (make_roundabout(presence=presence) for presence in (None, LearnedPresence()))
-    assert reward(weighed, weighed.nearest) > reward(certain, certain.nearest)
 
 
 def test_an_env_of_another_library() -> None:
