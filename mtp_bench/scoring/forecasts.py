@@ -14,7 +14,7 @@ from .definitions import CURVE_KS
 from .displacement import displacement, floored, k_curve, sample_errors
 from .incremental_matching import NEVER, Additions, add_in_order, final_match
 from .matching import Matched, columns_to_rows, match
-from .neutral import unconfirmable
+from .neutral import neutral_places
 from .pairs import Pairs, Rows, box_pairs
 from .ranking_error import Cuts
 from .targets import Targets
@@ -91,10 +91,8 @@ class Candidates:
     @cached_property
     def neutral_place(self) -> Bools:
         """Forecasts [S] at places where no label could confirm an object."""
-        forecasts, image = self.forecasts, self.scene.image
-        if image is None:
-            return np.zeros(len(forecasts.box), dtype=bool)
-        return unconfirmable(image, forecasts.frame, forecasts.box[:, :2], forecasts.class_id)
+        forecasts = self.forecasts
+        return neutral_places(self.scene, forecasts.frame, forecasts.box[:, :2], forecasts.class_id)
 
 
 def candidates(scene: Scene, targets: Targets, forecasts: RecordedForecasts, live: Bools, card: Card) -> Candidates:

@@ -28,6 +28,13 @@ def evaluated(scene: Scene) -> Scene:
     return replace(scene, truth=replace(truth, eligible=truth.eligible & ~hidden, neutral=truth.neutral | hidden))
 
 
+def neutral_places(scene: Scene, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
+    """True for objects at ``xy`` [n, 2] m that no label of the scene could confirm [n]; False without an image."""
+    if scene.image is None:
+        return np.zeros(len(xy), dtype=bool)
+    return unconfirmable(scene.image, frame, xy, class_id)
+
+
 def unconfirmable(image: ImageField, frame: Ints, xy: Floats, class_id: Ints) -> Bools:
     """True for objects at ``xy`` [n, 2] m, scene's frame of reference, that no label of the image could confirm [n].
 
