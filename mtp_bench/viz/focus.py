@@ -216,11 +216,6 @@ class Focus:
         forecasts = ((role, self.forecast(frame)) for role, frame in frames.items())
         return [(role, forecast) for role, forecast in forecasts if forecast is not None]
 
-    @property
-    def bold(self) -> str:
-        """Reason why a sample of a forecast is drawn bold, in words."""
-        return "is nearest to the truth" if len(self.future(self.at.frame)) > 1 else "has the most weight"
-
 
 def _until_gap(rows: Ints, first: int, last: int) -> Ints:
     """The ``rows`` [F] of the frames from ``first`` until a gap (-1) or ``last``, forwards or backwards."""

@@ -1,4 +1,4 @@
-"""Pictures of an event: what is bright and what is dim in a frame, the part of the world shown, and the key.
+"""Pictures of an event: what is bright and what is dim in a frame, and the part of the world shown.
 
 Nothing is drawn here.
 """
@@ -16,7 +16,7 @@ from ..types import Floats, Ints
 from .counterpart import counterpart
 from .focus import Focus
 from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
-from .replay import NO_EVENT, Incident, Replay
+from .replay import Incident, Replay
 
 MOST_DETECTIONS = 6  # that are bright: the nearest
 MOST_BRIGHT = 12  # boxes of any kind
@@ -27,14 +27,6 @@ OFF_CENTER = 0.3  # of half a picture: the object stays in the middle third
 ROLES = {  # role of a thing in the event -> its colour
     "truth": TRUTH, "before": BEFORE, "now": NOW, "detection": BLACK, "event": EVENT, "dim": DIM,
 }  # fmt: skip
-
-
-class Key(NamedTuple):
-    """One line of the key."""
-
-    role: str  # of ROLES
-    mark: str  # "box", "other", "path", "forecast", "ring"
-    text: str
 
 
 @dataclass(frozen=True)
@@ -138,18 +130,13 @@ def length_of(focus: Focus) -> float:
 
 
 def turn_of(focus: Focus) -> float:
-    """Direction (rad) of the object's way: of its future, else its past or its forecast, else its heading."""
-    if focus.facing is not None:
-        return focus.facing
-    t = focus.at.frame
-    forecast = focus.forecast(t)
-    ways = [focus.future(t), focus.path(t, 0)[::-1], *([] if forecast is None else [forecast.nearest_path])]
-    least = max(1.0, 0.5 * length_of(focus))
-    for way in ways:
-        if len(way) > 1 and np.hypot(*(way[-1] - way[0])) > least:
-            return float(np.arctan2(*(way[-1] - way[0])[::-1]))
-    row = focus.rows[t]
-    return float(focus.replay.scene.truth.box[row, 3]) if row >= 0 else 0.0
+    """Direction (rad) of the object's way: of its future, else its heading; 0 for a false forecast."""
+    row, future = focus.rows[focus.at.frame], focus.future(focus.at.frame)
+    if focus.facing is not None or row < 0:
+        return focus.facing or 0.0
+    way = future[-1] - future[0]
+    turns = np.hypot(*way) > length_of(focus) / 2
+    return float(np.arctan2(way[1], way[0]) if turns else focus.replay.scene.truth.box[row, 3])
 
 
 def window_of(focus: Focus, t: int) -> Window:
@@ -175,29 +162,3 @@ def close_window(focus: Focus, t: int) -> Window:
     half = float(np.clip(1.3 * reach.max(initial=0.0), 1.2 + 0.8 * length_of(focus), 12.0))
     x, y = focus.place(t).tolist()
     return Window(x, y, 2 * half, 2 * half, turn_of(focus))
-
-
-def key_of(focus: Focus) -> list[Key]:
-    """Meaning of the marks of the picture of the event."""
-    at, shown = focus.at, frame_of(focus, focus.at.frame)
-    last = at.frame + max(len(shown.future) - 1, 0)
-    known = focus.seconds(last) - focus.seconds(at.frame)
-    lines = [
-        (len(shown.object_box) > 0, Key("truth", "box", f"{focus.named}, true box")),
-        (known > 0, Key("truth", "path", f"where it really goes in {round(known, 1):g} s")),
-        (len(shown.others) > 0, Key("truth", "other", "true object of the other track")),
-    ]
-    lines += [
-        (True, Key(track.role, "box", f"track {track.track_id}, its track {track.role}")) for track in shown.tracks
-    ]
-    for role, forecast in focus.forecasts(at.frame):
-        when = "a frame before" if role == "before" else "now"
-        owner = f"of track {forecast.track_id}" if forecast.track_id >= 0 else "of no track"
-        lines.append((True, Key(role, "forecast", f"forecast {when}, {owner}")))
-    ring = "the event of the other run" if at.kind == NO_EVENT else "the event"
-    lines += [
-        (len(shown.detection_box) > 0, Key("detection", "box", f"detections within {focus.near:g} m")),
-        (True, Key("event", "ring", ring)),
-        (True, Key("dim", "box", "all other boxes")),
-    ]
-    return [line for applies, line in lines if applies]

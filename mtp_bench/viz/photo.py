@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from ..geometry import bev_corners
 from ..sources.base import CameraImage
 from ..types import Floats
-from .drawing.canvas import EDGE, FINER, PAPER, font
+from .drawing.canvas import FINER, PAPER, font
 from .focus import Focus
 from .framing import ROLES, frame_of
 from .palette import BLACK
@@ -47,15 +47,15 @@ class Photo:
             return None
 
 
-def photo_of(focus: Focus, t: int) -> Photo | None:
-    """The image of frame ``t`` in which most of the object is seen; None if no camera sees it."""
-    shown, at = frame_of(focus, t), focus.at
+def photo_of(focus: Focus) -> Photo | None:
+    """The image of the event's frame in which most of the object is seen; None if no camera sees it."""
+    shown, at = frame_of(focus, focus.at.frame), focus.at
     boxes = [("truth", box) for box in shown.object_box] + [(track.role, track.box) for track in shown.tracks]
-    if not boxes and at.kind == "spurious" and t == at.frame:  # a forecast without a track
+    if not boxes and at.kind == "spurious":  # a forecast without a track
         boxes = [("now", focus.replay.rollout.object_box[at.row].astype(np.float64))]
     best, most = None, 0.0
     for image in focus.replay.images if boxes else ():
-        if image.frame == t:
+        if image.frame == at.frame:
             edges = [(role, projected(image.projection, box)) for role, box in boxes]
             points = np.clip(edges[0][1].reshape(-1, 2), 0, image.size)
             low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(2), np.zeros(2))
@@ -63,14 +63,6 @@ def photo_of(focus: Focus, t: int) -> Photo | None:
             if area > most:
                 best, most = Photo(image, tuple(edges), (low + high) / 2, float((high - low).max())), area
     return best
-
-
-def photos_around(focus: Focus) -> dict[int, Photo | None]:
-    """Photos of the frames t - 1, t and t + 1 of the scene; empty if none shows the event's own frame."""
-    at = focus.at.frame
-    frames = [t for t in (at - 1, at, at + 1) if 0 <= t < focus.replay.frames]
-    photos = {t: photo_of(focus, t) for t in frames} if focus.replay.images else {}
-    return photos if photos.get(at) is not None else {}
 
 
 def projected(projection: Floats, box: Floats) -> Floats:
@@ -86,34 +78,18 @@ def projected(projection: Floats, box: Floats) -> Floats:
     return np.asarray(ends[..., :2] / ends[..., 2:])
 
 
-def photo_row(focus: Focus, photos: dict[int, Photo | None], wide: int) -> Image.Image:
-    """A row of ``wide`` x HEIGHT pixels: the image of the event's frame, and t - 1, t and t + 1 from near."""
-    t, row = focus.at.frame, Image.new("RGB", (wide, HEIGHT), PAPER)
-    now = photos[t]
-    assert now is not None, "a row is drawn if the event is seen"
-    width = min(round((HEIGHT - CAPTION) * now.image.size[0] / now.image.size[1]), wide // 2)
-    reach = max([LEAST, *(AROUND * photo.extent for photo in photos.values() if photo is not None)]) / 2
-    _paste(row, now, f"{now.image.camera}, {focus.seconds(t):.1f} s", (0, width), None)
-    for i, (s, name) in enumerate(((t - 1, "t - 1"), (t, "t"), (t + 1, "t + 1"))):
-        photo = photos.get(s)
-        other = photo is not None and photo.image.camera != now.image.camera
-        title = f"{name}, {photo.image.camera}" if photo is not None and other else name
-        columns = (width + (wide - width) * i // 3, width + (wide - width) * (i + 1) // 3)
-        _paste(row, photo, title, columns, reach)
-    return row
-
-
-def _paste(row: Image.Image, photo: Photo | None, title: str, columns: tuple[int, int], reach: float | None) -> None:
-    """Draw an image with its title between two ``columns`` of the row, or the reason why it is missing."""
-    ink, (left, right) = ImageDraw.Draw(row), columns
-    drawn = None if photo is None else draw_photo(photo, (right - left, HEIGHT - CAPTION), reach)
-    ink.text((left + 10, 4), title, fill=BLACK, font=font(TEXT))
-    if drawn is not None:
+def photo_row(photo: Photo, wide: int) -> Image.Image:
+    """A row of ``wide`` x HEIGHT pixels: the whole image, and the object from near."""
+    row, high = Image.new("RGB", (wide, HEIGHT), PAPER), HEIGHT - CAPTION
+    ink, middle = ImageDraw.Draw(row), min(round(high * photo.image.size[0] / photo.image.size[1]), wide // 2)
+    ink.text((10, 4), photo.image.camera, fill=BLACK, font=font(TEXT))
+    for left, right, reach in ((0, middle, None), (middle, wide, max(LEAST, AROUND * photo.extent) / 2)):
+        drawn = draw_photo(photo, (right - left, high), reach)
+        if drawn is None:
+            ink.text((left + 10, CAPTION + 6), f"{photo.image.path.name} cannot be read", fill=BLACK, font=font(TEXT))
+            break
         row.paste(drawn, (left, CAPTION))
-    else:
-        reason = "no image shows it" if photo is None else f"{photo.image.path.name[:24]}\ncannot be read"
-        ink.text((left + 10, CAPTION + 6), reason, fill=BLACK, font=font(TEXT))
-    ink.rectangle([left, 0, right - 1, HEIGHT - 1], outline=EDGE)
+    return row
 
 
 def draw_photo(photo: Photo, size: tuple[int, int], reach: float | None = None) -> Image.Image | None:

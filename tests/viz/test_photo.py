@@ -85,7 +85,7 @@ def test_what_is_behind_the_camera_is_cut_off(x: float, count: int) -> None:
 
 
 def test_the_camera_that_sees_most_of_it_is_chosen(seen: Replay) -> None:
-    photo = photo_of(event(seen), EVENT)
+    photo = photo_of(event(seen))
     assert photo is not None
     assert photo.image.camera == "BEHIND"
     assert [role for role, _ in photo.edges] == ["truth", "before", "now"]
@@ -98,7 +98,7 @@ def test_false_forecasts_are_seen_too(seen: Replay) -> None:
     ghost = [Thing(80, 15.0, 5.0, forecast=[[(15.0, 5.0)] * 3] * 2)]
     rollout = make_rollout([[]] * seen.frames, [ghost] * seen.frames, samples=2)  # of no track
     run = replace(replay(seen.scene, rollout, seen.card), images=seen.images)
-    photo = photo_of(Focus(run, run.incident("spurious-0")), run.incident("spurious-0").frame)
+    photo = photo_of(Focus(run, run.incident("spurious-0")))
     assert photo is not None
     assert [role for role, _ in photo.edges] == ["now"]
 
@@ -123,10 +123,8 @@ def test_the_row_shows_the_image_and_the_boxes(seen: Replay) -> None:
 
 @pytest.mark.parametrize("content", [b"", b"no image", b"\xff\xd8\xff\xe0 cut off"], ids=["empty", "text", "cut off"])
 def test_a_broken_image_is_named_and_the_rest_is_drawn(content: bytes, seen: Replay, tmp_path: Path) -> None:
-    photo = photo_of(event(seen), EVENT)
+    photo = photo_of(event(seen))
     assert photo is not None
     photo.image.path.write_bytes(content)
-    row = report(event(seen)).crop((0, SIZE[1], SIZE[0], SIZE[1] + HEIGHT))
-    assert 0.2 * SIZE[0] * HEIGHT < near(row, GREY, 4) < 0.6 * SIZE[0] * HEIGHT
     save_report(tmp_path / "a.png", event(seen))
     assert (tmp_path / "a.png").is_file()

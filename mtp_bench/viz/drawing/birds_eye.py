@@ -41,7 +41,6 @@ ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
 SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
 MARGIN = 3.0  # m around the objects of a fixed place
 EVENT_SECONDS = 1.5  # time that an event stays in the picture
-LOG = 10  # events that are listed
 
 
 def windows_of(scene: Scene, card: Card) -> list[Window]:
@@ -90,7 +89,7 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
         names = [(ego_boxes(scene.ego[t][None])[0], "ego", EGO), *names]
     for box, text, color in names:
         callout(canvas, ink, box[:2], text, color, 0.5 * float(box[4]) * canvas.scale, SMALL, None)
-    panel = column((PANEL, SIZE[1]), list(_heading(run, t)), legend(run), list(_events(run, t)))
+    panel = column((PANEL, SIZE[1]), list(_heading(run, t)), legend(run), [])
     whole = Image.new("RGB", SIZE)
     whole.paste(image, (0, 0))
     whole.paste(panel, (image.width, 0))
@@ -186,15 +185,6 @@ def _heading(run: Replay, t: int) -> Iterator[Text]:
         tracked, untracked, false = (int(series[t]) for series in run.counts.values())
         text = f"tracked {tracked}, untracked {untracked}"
         yield text + (f", false {false}" if scene.truth_complete else ""), MIDDLE, BLACK
-
-
-def _events(run: Replay, t: int) -> Iterator[Text]:
-    """The last events."""
-    events = [event for event in reversed(run.events) if event.frame <= t][:LOG]
-    if events:
-        yield "events so far, newest first", MIDDLE, GRAY
-    for event in events:
-        yield f"{event.frame}: {event.label}", MIDDLE, BLACK
 
 
 def legend(run: Replay) -> list[Mark]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -162,13 +161,9 @@ def _around(pixel: NDArray[np.float64], radius: float) -> list[float]:
     return [*((pixel - radius) * FINER).tolist(), *((pixel + radius) * FINER).tolist()]
 
 
-def _dashes(path: NDArray[np.float64]) -> list[tuple[Any, Any]]:
+def _dashes(path: NDArray[np.float64]) -> Iterable[tuple[Any, Any]]:
     """Ends of the dashes along a polyline [n, 2] of pixels."""
-    parts = []
-    for a, b in pairwise(path):
-        length = float(np.hypot(*(b - a)))
-        steps = max(2, round(length / (2 * DASH)))
-        cuts = np.linspace(0.0, 1.0, 2 * steps + 1)[:, None]
-        points = a + (b - a) * cuts
-        parts += [(points[i], points[i + 1]) for i in range(0, 2 * steps, 2)]
-    return parts
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
+    cuts = np.linspace(0.0, along[-1], 2 * max(2, round(float(along[-1]) / (2 * DASH))))
+    points = np.column_stack([np.interp(cuts, along, axis) for axis in path.T])
+    return zip(points[::2], points[1::2], strict=True)

@@ -11,9 +11,9 @@ from PIL import Image, ImageDraw, PngImagePlugin
 from ..._version import __version__
 from ...files import whole_file
 from ..focus import Focus
-from ..framing import ROLES, Key, close_window, frame_of, key_of, window_of
+from ..framing import ROLES, close_window, frame_of, window_of
 from ..palette import BLACK, Color
-from ..photo import photo_row, photos_around
+from ..photo import photo_of, photo_row
 from ..sentence import sentence
 from .canvas import EDGE, GRAY, PAPER, Outline, font, text_size
 from .close_up import DETECTION_NEAR, DIM_TRUTH, OBJECT, OTHER_OBJECT, draw_focus
@@ -23,21 +23,33 @@ SIZE = (1200, 800)  # pixels, of a report
 COLUMN, CAPTION = 300, 26
 ROW = 256  # pixels of the height for the small pictures, with their captions
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
+KEY = (
+    Mark("the object, true box", OBJECT),
+    Mark("where it really goes", line=ROLES["truth"], width=4.0),
+    Mark("true object of the other track", OTHER_OBJECT),
+    Mark("its track before the event", Outline(ROLES["before"], 1.5, fill=90)),
+    Mark("its track now", Outline(ROLES["now"], 1.5, fill=90)),
+    Mark("forecast before the event", line=ROLES["before"], width=2.0, dashed=True),
+    Mark("forecast now", line=ROLES["now"], width=3.0),
+    Mark("detections nearby", DETECTION_NEAR),
+    Mark("the event"),
+    Mark("all other boxes", DIM_TRUTH),
+)
 REMARK = (
     "Seen from above; the way of the object, or its front, points to the right. Bold: the sample of the forecast that "
-    "{bold}; thin: the others."
+    "is nearest to the truth, or the heaviest if that is unknown; thin: the others."
 )
 
 
 def report(focus: Focus) -> Image.Image:
-    """The picture of an event, of SIZE: frame t above the small pictures, which may add a row of camera images."""
+    """The picture of an event, of SIZE: frame t above the small pictures, which may add a camera image."""
     return stacked([picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW)), small_pictures(focus)])
 
 
 def small_pictures(focus: Focus) -> Image.Image:
-    """Close-ups of t - 1, t and t + 1, and below them a row of camera images, if one shows the event."""
-    photos = photos_around(focus)
-    return stacked([strip(focus), *([photo_row(focus, photos, SIZE[0])] if photos else [])])
+    """Close-ups of t - 1, t and t + 1, and below them the camera image that shows the event, if there is one."""
+    photo = photo_of(focus)
+    return stacked([strip(focus), *([] if photo is None else [photo_row(photo, SIZE[0])])])
 
 
 def stacked(images: Sequence[Image.Image]) -> Image.Image:
@@ -68,8 +80,7 @@ def picture(focus: Focus, t: int, size: tuple[int, int]) -> Image.Image:
     top = 40 + 26 * len(lines)
     wide, high = size[0] - COLUMN, size[1] - top
     whole.paste(draw_focus(focus, t, (wide, high), window_of(focus, t)), (0, top))
-    remark = (REMARK.format(bold=focus.bold), SMALL, GRAY)
-    whole.paste(column((COLUMN, high), [], [_mark(key) for key in key_of(focus)], [remark]), (wide, top))
+    whole.paste(column((COLUMN, high), [], KEY, [(REMARK, SMALL, GRAY)]), (wide, top))
     ink = ImageDraw.Draw(whole)
     ink.text((14, 8), _title(focus, t), fill=GRAY, font=font(SMALL))
     for i, line in enumerate(lines):
@@ -112,19 +123,3 @@ def _follower(focus: Focus, t: int) -> tuple[str, Color]:
         return f"no track follows {focus.named}", ROLES["now"]
     role = {each.track_id: each.role for each in frame_of(focus, t).tracks}.get(track)
     return f"track {track} follows {focus.named}", BLACK if role is None else ROLES[role]
-
-
-def _mark(key: Key) -> Mark:
-    """The mark of a line of the key."""
-    color, newest = ROLES[key.role], key.role == "now"
-    match key.mark:
-        case "ring":
-            return Mark(key.text)
-        case "path":
-            return Mark(key.text, line=color, width=4.0)
-        case "forecast":
-            return Mark(key.text, line=color, width=3.0 if newest else 2.0, dashed=not newest)
-        case "other":
-            return Mark(key.text, OTHER_OBJECT)
-    boxes = {"truth": OBJECT, "detection": DETECTION_NEAR, "dim": DIM_TRUTH}
-    return Mark(key.text, boxes.get(key.role, Outline(color, 1.5, fill=90)))

@@ -10,7 +10,7 @@ import numpy as np
 from ...types import Floats, Ints, starts_of
 from ..drawing.report import small_pictures
 from ..focus import Focus
-from ..framing import FocusFrame, frame_of, key_of, length_of, turn_of, window_of
+from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
 from ..palette import NOW, SKY, TRUTH, Color
 from ..sentence import sentence
 from .colors import SWITCH, Colors, packed
@@ -20,15 +20,29 @@ from .sdk import rr
 
 SECONDS = 5.0  # before and after the event in which its things are bright
 COLORS: dict[str, Color] = {"truth": TRUTH, "before": SKY, "now": NOW, "detection": (190, 190, 190)}
-WORDS = {
-    "truth": "green", "before": "blue", "now": "orange", "detection": "light grey", "event": "pink", "dim": "dark grey",
-}  # fmt: skip
 SIDES = {"truth": np.pi / 2, "now": -np.pi / 2, "before": np.pi}  # rad from the way of the object to its name
 BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen
 LIFT = 0.3  # m, that lines lie above the ground of dim things
 
 Things = Sequence[tuple[str, Floats]]  # a role, and a box [7] or a path [n, 2]
 Labelled = tuple[str, Floats, str]  # role, place [2] and text
+
+
+TEXT = """{heading}
+
+| mark | what |
+|---|---|
+| green box, green path | the object, and where it really goes |
+| blue box, blue path | its track before the event, and its forecast |
+| orange box, orange paths | its track now, and its forecast |
+| light grey box | detections nearby |
+| pink ring | the event |
+| dark grey box | all other boxes |
+
+Bold: the sample that is nearest to the truth, or the heaviest if that is unknown.
+The viewer stays at frame {frame}. Drag the time cursor to leave it, and step with the arrow keys; the play button leads
+back. To play the whole scene, switch the loop off and set the speed to 1.
+"""
 
 
 def log_focus(recording: rr.RecordingStream, focus: Focus, root: str, large: bool) -> None:
@@ -67,7 +81,8 @@ def log_focus(recording: rr.RecordingStream, focus: Focus, root: str, large: boo
         recording.log(f"{root}world/focus", rr.Clear(recursive=True))
         recording.reset_time()
     recording.log(f"{root}focus/pictures", rr.Image(np.asarray(small_pictures(focus))), static=True)
-    recording.log(f"{root}focus/text", rr.TextDocument(text(focus, large), media_type="text/markdown"), static=True)
+    text = TEXT.format(heading=f"{'###' if large else '####'} {sentence(focus)}.", frame=focus.at.frame)
+    recording.log(f"{root}focus/text", rr.TextDocument(text, media_type="text/markdown"), static=True)
 
 
 def log_ring(recording: rr.RecordingStream, focus: Focus) -> None:
@@ -75,18 +90,6 @@ def log_ring(recording: rr.RecordingStream, focus: Focus) -> None:
     angle, (x, y, z), radius = np.linspace(0.0, 2 * np.pi, 49), focus.at.position, 0.4 + 0.65 * length_of(focus)
     ring = np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle), np.full(len(angle), z)])
     recording.log("world/at", rr.LineStrips3D([ring], radii=RING, colors=SWITCH), static=True)
-
-
-def text(focus: Focus, large: bool = True) -> str:
-    """The sentence and the key, in Markdown; ``large``: the sentence in large letters."""
-    lines = [f"| {WORDS[key.role]} {key.mark.replace('other', 'box')} | {key.text} |" for key in key_of(focus)]
-    table = "\n".join(["| mark | what |", "|---|---|", *lines])
-    hint = (
-        f"The viewer stays at frame {focus.at.frame}. Drag the time cursor to leave it, and step with the arrow keys; "
-        "the play button leads back. To play the whole scene, switch the loop off and set the speed to 1."
-    )
-    heading = f"### {sentence(focus)}." if large else f"**{sentence(focus)}.**"
-    return f"{heading}\n\n{table}\n\nBold: the sample that {focus.bold}. {hint}\n"
 
 
 def _frames(focus: Focus) -> Ints:
