@@ -88,7 +88,7 @@ def camera_images(
 
 def about(card: Card) -> Dataset:
     """Facts about the dataset that ``card`` needs, such as its licence; reads no data."""
-    return _package(card).about(card)
+    return _package(card).dataset
 
 
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:
@@ -110,15 +110,9 @@ def prepare(
 ) -> None:
     """Do now the work that is done once per machine: simulate scenes, or make the compact copy of nuScenes tables.
 
-    Args:
-        card: names the scenes.
-        data: the data root, as for `open_source`.
-        scenes: number of simulated scenes to make; None: all. Those in the cache are not made again.
-        workers: processes that simulate scenes.
-        started: is called with the number of pieces of work.
-        progress: is called with the name of each piece that is done.
-
-    Raises DataError.
+    ``scenes``: number of simulated scenes to make, None for all; those in the cache are not made again. ``workers``:
+    processes that simulate. ``started`` is called with the number of pieces of work, ``progress`` with the name of each
+    that is done. Raises DataError.
     """
     _package(card).prepare(card, data, Preparation(scenes, workers, started, progress))
 

@@ -88,7 +88,7 @@ class SourcePackage:
     """Functions of the package of a source, its ``PACKAGE``; `mtp_bench.sources` finds it by the card's section."""
 
     open: Callable[[Card, DataRoot], SceneSource]
-    about: Callable[[Card], Dataset]  # facts about the dataset; reads no data
+    dataset: Dataset
     locate: Callable[[Card, DataRoot], DataStatus]  # where the files are, see `Dataset.status`
     tracks: TrackForm | None = None  # in which trackers store their tracks of this dataset
     prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None

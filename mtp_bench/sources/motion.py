@@ -14,8 +14,6 @@ PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for every
 def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floats) -> Floats:
     """Velocities ``[R, 2]`` m/s since the object's position in the frame before; NaN if it was absent.
 
-    They use no later frame.
-
     ``frame`` and ``object_id`` ``[R]``, ``position`` ``[R, 2]`` m, ``time`` ``[F]`` s.
     """
     velocity = np.full(position.shape, np.nan)

@@ -19,13 +19,10 @@ RowsT = TypeVar("RowsT", Truth, Detections)
 def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     """``scene`` with the detections of the card's simulated detector; unchanged if it has stored ones.
 
-    The noise depends on the scene's name and the detector's seed, or on ``seed`` alone if it is given. All profiles
-    share random numbers: a box that one of them misses is likely missed by another.
-
-    Measured velocities do not contain the next frame: if true velocities do, the truth gets backward velocities. An
-    unknown velocity is measured as 0, as that of a false positive, since a missing one would show that a box is true
-    and new. If every frame has its own frame of reference, free false positives stand still in the world, or in the
-    sensor's frame if the scene has no world poses; velocities are those in the world, turned into the frames.
+    The noise depends on the scene's name and the detector's seed, or on ``seed`` alone if it is given. Measured
+    velocities do not contain the next frame: true velocities that do are replaced by backward ones. An unknown velocity
+    is measured as 0, as that of a false positive, since a missing one would show that a box is true and new. If every
+    frame has its own frame of reference, velocities are those in the world, turned into the frames.
     """
     from ..detector.simulate import simulate
     from ..detector.visibility import Sensor, visibility_of, visible_fractions
@@ -84,8 +81,7 @@ def in_world(scene: Scene) -> Scene:
 def in_frames(seen: Detections, world: Floats, time: Floats) -> Detections:
     """Detections of the world in the frames ``world`` ``[F, 4]`` x y z yaw, which are at the times ``time`` ``[F]`` s.
 
-    Velocities are those in the frames: an object that stands in the world moves against a frame that drives. The motion
-    of the frames before the first is unknown.
+    Velocities are those in the frames: an object that stands in the world moves against a frame that drives.
     """
     frame = seen.frame_of_rows
     before = np.maximum(frame - 1, 0)

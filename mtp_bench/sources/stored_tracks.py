@@ -1,12 +1,8 @@
 """Tracks stored by other programs, read as `mtp_bench.types.StoredTracks` of a scene.
 
-====================== =================================================================================
-a ``.json`` file       nuScenes: the official submission to the tracking task
-a folder of ``.txt``   KITTI: a file of the tracking benchmark's result form for each sequence, as AB3DMOT writes
-a folder of tables     every source: a ``.csv`` or ``.parquet`` for each scene, see `TABLE`
-====================== =================================================================================
-
-The columns of a table are `sources.files.columns.TRACKS`. A slash in the name of a scene is ``%2F`` in its file name.
+A ``.json`` file is a submission to nuScenes' tracking task, a folder of ``.txt`` has KITTI's result form (as AB3DMOT
+writes). For every source: a folder with a ``.csv`` or ``.parquet`` for each scene, whose columns are
+`sources.files.columns.TRACKS`. A slash in the name of a scene is ``%2F`` in its file name.
 """
 
 from __future__ import annotations

@@ -359,15 +359,6 @@ def test_names_that_no_file_of_a_run_could_have(name: str, base: Card) -> None:
         open_source(with_scenes(base, [replace(make_scene(), detector="mine", name=name)]))
 
 
-def test_what_is_hidden_is_no_scene(tmp_path: Path, base: Card) -> None:
-    card = with_files(base, write_tables(tmp_path))
-    write_tables(tmp_path / "other")
-    (tmp_path / "other" / "one").rename(tmp_path / ".checkpoint")
-    (tmp_path / "other").rmdir()
-    assert open_source(with_files(base, tmp_path)).names == ("one",)
-    assert with_files(base, tmp_path).digest == card.digest
-
-
 def test_names_do_not_stand_for_contents(tmp_path: Path) -> None:
     first, second = (write_tables(tmp_path / name) for name in "ab")
     (second / "one" / "truth.csv").rename(second / "one" / "ego.csv")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,9 +11,9 @@ from mtp_bench.sources.highway.driving import Leaders, RoadState, observe
 from mtp_bench.sources.highway.lanes import route_table
 from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.simulate import overlapping, simulate_world
-from mtp_bench.sources.highway.vehicles import Driver, Entries, draw_parked_boxes, draw_traits
+from mtp_bench.sources.highway.vehicles import Driver, draw_parked_boxes, draw_traits
 from mtp_bench.sources.highway.walking import Footway, SidewalkUse, keep_off_road, remaining_way
-from mtp_bench.sources.highway.world import ARM_WEIGHTS, CLASSES, RATE, TURN_WEIGHTS, ScenarioName, Traffic, World
+from mtp_bench.sources.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
 from mtp_bench.types import Floats, Ints
 
 DT = 1.0 / RATE
@@ -30,19 +28,6 @@ def rng(seed: int = 0) -> np.random.Generator:
 @pytest.fixture(scope="module")
 def busy() -> World:
     return simulate_world(BUSY, 4)
-
-
-@pytest.fixture(scope="module")
-def another() -> World:
-    return simulate_world(BUSY, 6)
-
-
-def speeds(world: World, people: bool) -> list[Floats]:
-    """Speeds of everybody on foot, or of every vehicle that drives."""
-    truth = world.truth
-    every = [truth.object_id == number for number in np.unique(truth.object_id)]
-    chosen = [own for own in every if (truth.class_id[own][0] == PEDESTRIAN) == people and truth.velocity[own].any()]
-    return [np.hypot(*truth.velocity[own].T) for own in chosen]
 
 
 def people(world: World) -> list[tuple[Ints, Floats]]:
@@ -62,23 +47,6 @@ def test_a_drift_has_its_spread_and_forgets() -> None:
     assert last.std() == pytest.approx(0.5, rel=0.05)
     assert abs(last.mean()) < 0.03
     assert np.corrcoef(first, last)[0, 1] == pytest.approx(np.exp(-1.0), abs=0.05)
-
-
-def test_vehicles_take_the_ways_of_the_plan() -> None:
-    road_map = build_map("intersection", 5.0)
-    gate = Entries(road_map, 1, rng())
-    turns, main = {1: 0, 2: 0, 3: 0}, 0
-    for _ in range(3000):
-        profile, route = gate._draw()
-        if profile.length > 6.0:
-            continue  # long ones drive straight on
-        first, *_, last = (road_map.geometry.index[road[0]] for road in road_map.routes[route].roads)
-        turns[(int(last[1][1]) - int(first[0][1])) % 4] += 1
-        main += first[0] in ("o0", "o2")
-    share = np.array(TURN_WEIGHTS) / sum(TURN_WEIGHTS)
-    assert np.array(list(turns.values())) / sum(turns.values()) == pytest.approx(share, abs=0.03)
-    assert main / sum(turns.values()) == pytest.approx(1.0 / (1.0 + ARM_WEIGHTS[1]), abs=0.03)
-    assert share[1] > 0.5  # most drive straight on
 
 
 @pytest.mark.parametrize("scenario", ["intersection", "roundabout"])
@@ -116,35 +84,6 @@ def test_parked_cars_are_true_objects_that_never_move(busy: World) -> None:
             assert not truth.velocity[own].any()
             parked += 1
     assert parked == BUSY.parked
-
-
-def test_the_ego_is_no_parked_car() -> None:
-    ego = simulate_world(replace(BUSY, sensor="ego", seconds=15.0), 0).ego
-    assert np.hypot(*(ego[-1, :2] - ego[0, :2])) > 5.0
-
-
-def test_somebody_brakes_hard_now_and_then(busy: World, another: World) -> None:
-    def hard(*worlds: World) -> float:
-        every = [speed for world in worlds for speed in speeds(world, people=False)]
-        gained = [np.diff(speed)[speed[1:] > 0.5] * RATE for speed in every]
-        return float(np.mean(np.concatenate(gained) < -3.0))
-
-    assert 0.003 < hard(busy, another) < 0.04  # at 10 Hz
-
-
-def test_people_stop_and_go_on_and_cross(busy: World, another: World) -> None:
-    stopped = crossed = 0
-    for world in (busy, another):
-        for speed in speeds(world, people=True):
-            stands, walks = np.flatnonzero(speed < 0.1), np.flatnonzero(speed > 0.8)
-            stopped += bool(len(stands) >= 8 and len(walks) and walks[0] < stands[0] and stands[-1] < walks[-1])
-        truth = world.truth
-        for number in np.unique(truth.object_id[truth.class_id == PEDESTRIAN]):
-            x, y = np.sort(np.abs(truth.box[truth.object_id == number, :2]), axis=1).T
-            crossed += bool((x < 6.8).any())
-            assert (np.abs(y[x < 6.8] - 16.75) < 2.3).all()  # at the crossings alone
-    assert stopped >= 4
-    assert crossed >= 4
 
 
 def _before_a_queue(gap: float) -> tuple[RoadState, Leaders]:
@@ -187,15 +126,6 @@ def test_companions_stop_together_and_nobody_stops_on_a_crossing() -> None:
         assert (pace[:10] > 0.25).all()
         stood += int(stands.sum())
     assert stood > 100
-
-
-def test_people_come_from_afar_and_go_there(busy: World, another: World) -> None:
-    ends = []
-    for frame, box in (*people(busy), *people(another)):
-        away = np.hypot(*box[:, :2].T)
-        ends += [away[0]] * bool(frame[0] > 0) + [away[-1]] * bool(frame[-1] < len(busy.time) - 1)
-    assert len(ends) >= 2
-    assert min(ends) > 55.0
 
 
 def test_nobody_on_foot_stands_right_in_front_of_the_sensor(busy: World) -> None:

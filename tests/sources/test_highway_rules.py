@@ -9,7 +9,7 @@ import pytest
 from shapely.geometry import Polygon
 
 from mtp_bench.geometry import bev_corners
-from mtp_bench.sources.highway.conflicts import ConflictZone, Passage, find_passages
+from mtp_bench.sources.highway.conflicts import find_passages
 from mtp_bench.sources.highway.driving import Leaders, observe
 from mtp_bench.sources.highway.lanes import NO_LANE, route_table
 from mtp_bench.sources.highway.networks import build_map
@@ -52,35 +52,6 @@ def test_who_leaves_the_highway_counts_lanes_to_the_exit() -> None:
     assert [table.changes[leaving, number["b", "c", k]] for k in range(4)] == [3, 2, 1, 0]
     assert table.room[leaving, number["b", "c", 0]] == pytest.approx(200.0)
     assert np.isinf(table.room[leaving, number["b", "c", 3]])
-
-
-def _passages() -> dict[tuple[str, str, int], Passage]:
-    road_map = build_map("intersection", 5.0)
-    found = find_passages(road_map, route_table(road_map.routes, road_map.geometry))
-    index = [[road_map.geometry.index[road[0]] for road in route.roads] for route in road_map.routes]
-    return {(lanes[0][0], lanes[-1][1], lanes[0][2]): p for lanes, p in zip(index, found, strict=True)}
-
-
-def test_conflicts_of_the_intersection() -> None:
-    """Arms 0 south, 1 west, 2 north, 3 east."""
-    every = _passages()
-    names = list(every)
-
-    def zones(a: tuple[str, str, int], b: tuple[str, str, int]) -> tuple[ConflictZone, ...]:
-        return every[a].zones.get(names.index(b), ())
-
-    straight, oncoming = ("o0", "x2", 0), ("o2", "x0", 0)
-    assert zones(straight, oncoming) == ()
-    assert zones(("o0", "x1", 0), ("o2", "x3", 0)) == ()  # opposite left turns pass each other
-    assert [zone.merging for zone in zones(straight, ("o1", "x3", 0))] == [False]
-    assert [zone.merging for zone in zones(("o0", "x1", 0), ("o3", "x1", 0))] == [True]
-    for a in names:
-        for b in names:
-            mirrored = [ConflictZone(z.other_start, z.other_end, z.start, z.end, z.merging) for z in zones(b, a)]
-            assert list(zones(a, b)) == mirrored
-    for passage in every.values():
-        assert len(passage.stretches) == 2
-        assert passage.line < passage.stretches[0].start < passage.stretches[1].end <= passage.end
 
 
 def test_overlap_against_polygons() -> None:

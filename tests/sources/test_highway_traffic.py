@@ -125,26 +125,6 @@ def test_motion_is_plausible(world: World) -> None:
         (check_person if kind == PEDESTRIAN else check_vehicle)(box, velocity)
 
 
-@pytest.mark.parametrize("seed", [10004])
-def test_motion_on_a_full_roundabout_is_plausible(seed: int) -> None:
-    """Long vehicles on its way in, around and out: the steering turns over."""
-    for _, box, velocity in tracks(simulate_world(Traffic("roundabout", "roadside", 10.0, 28, 0), seed)):
-        check_vehicle(box, velocity)
-
-
-def test_vehicles_drive_on_the_lanes_and_along_them(world: World) -> None:
-    points = np.concatenate([lane.center[:-1] for lane in world.lanes])
-    along = np.concatenate([np.diff(lane.center, axis=0) for lane in world.lanes])
-    course = np.arctan2(along[:, 1], along[:, 0])
-    for kind, box, velocity in tracks(world):
-        if kind == PEDESTRIAN or not velocity.any():  # those who stand all the time may be parked
-            continue
-        for x, y, yaw in box[::10, [0, 1, 3]]:
-            near = np.hypot(points[:, 0] - x, points[:, 1] - y) < 3.0
-            assert near.any()
-            assert np.abs(wrap_angle(course[near] - yaw)).min() < 0.5
-
-
 def test_lane_map(world: World) -> None:
     lanes = world.lanes
     assert 4 <= len(lanes) <= 40

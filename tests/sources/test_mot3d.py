@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
-from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.errors import CardError, DataError
 from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe, open_source
 from mtp_bench.types import Scene
@@ -136,14 +136,6 @@ def test_scenes_of_the_splits(root: Path, source: dict[str, Any], train: list[in
             assert names == tuple(f"{SEQUENCE}-{first:04d}" for first in firsts)
 
 
-def test_the_scenes_are_the_whole_sequence(root: Path) -> None:
-    source = open_source(mot3d_card(scene_frames=5, train_scenes=0), root)
-    scenes = [source.load(name) for name in source.names]
-    np.testing.assert_allclose(np.concatenate([scene.time for scene in scenes]), np.arange(TEN) / RATE)
-    assert sum(len(scene.truth.box) for scene in scenes) == 15
-    assert sum(len(scene.detections.box) for scene in scenes) == 10
-
-
 def test_stride_keeps_every_nth_frame(root: Path) -> None:
     """Frames 1, 3, 5, 7, 9."""
     scene = load(root, "0001", stride=2, scene_frames=5, train_scenes=0)
@@ -164,35 +156,6 @@ def test_the_order_of_the_lines_does_not_matter(root: Path) -> None:
     np.testing.assert_array_equal(after.truth.box, before.truth.box)
     np.testing.assert_array_equal(after.truth.start, before.truth.start)
     np.testing.assert_array_equal(after.detections.score, before.detections.score)
-
-
-def test_empty_files(root: Path) -> None:
-    write(root / GT)
-    write(root / DET)
-    scene = load(root, "0005")
-    assert scene.truth.box.shape == scene.detections.box.shape == (0, 7)
-    assert scene.truth.velocity.shape == (0, 2)
-    np.testing.assert_array_equal(scene.ego, 0)
-
-
-def test_a_simulated_detector_needs_no_detections_and_sees_every_person(root: Path) -> None:
-    """Person 3 stands behind another one, seen from the reference point; both are detected without occlusion."""
-    (root / DET).unlink()
-    write(root / GT, *[row(t, i, x, 0.0) for t in range(1, TEN + 1) for i, x in ((1, -4.0), (2, 3.0), (3, 4.0))])
-    card = mot3d_card(detector={"profile": "clean", "field_of_view": 360.0})
-    scene = open_source(card, root).load(f"{SEQUENCE}-0005")
-    assert scene.visible is not None
-    np.testing.assert_array_equal(scene.visible, 1.0)
-    assert scene.simulated
-    assert scene.detector.startswith("clean, simulated")
-    assert len(scene.detections.box) == 12
-    plain = load(root, "0005", detector={"profile": "clean"})
-    assert plain.detector.startswith("clean, simulated")  # never under the name of the stored ones
-
-
-def test_unknown_scene(root: Path) -> None:
-    with pytest.raises(UnknownNameError, match="unknown scene 'TUD-Stadtmitte-0001'"):
-        load(root, "0001")  # of the other split
 
 
 def test_missing_root(root: Path, tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from mtp_bench.cards import Card, load_card, with_split
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources import open_source
-from mtp_bench.types import Floats, Scene
+from mtp_bench.types import Scene
 from tests.support.source_files import card_of
 
 pytestmark = pytest.mark.data
@@ -50,33 +50,6 @@ def test_counts(scenes: dict[str, Scene], name: str, counts: tuple[int, int, int
     assert scene.skipped == {}
 
 
-@pytest.mark.parametrize(
-    ("name", "recall", "error"),
-    [
-        pytest.param("PETS09-S2L1-0001", 0.95, 0.22, id="PETS"),
-        pytest.param("TUD-Stadtmitte-0001", 0.54, 0.41, id="TUD"),
-    ],
-)
-def test_detections_lie_on_the_truth(scenes: dict[str, Scene], name: str, recall: float, error: float) -> None:
-    """Share of all true boxes, neutral ones too, with a detection of their own within 1 m."""
-    distance = one_to_one(scenes[name], gate=1.0)
-    assert round(len(distance) / len(scenes[name].truth.box), 2) == recall
-    assert round(float(np.median(distance)), 2) == error
-
-
-def one_to_one(scene: Scene, gate: float) -> Floats:
-    """Distances of the matching with the least sum of distances, a pair beyond the gate costing as much as the gate."""
-    from scipy.optimize import linear_sum_assignment
-
-    inside: list[float] = []
-    for t in range(scene.frames):
-        truth, found = scene.truth.box[scene.truth.rows(t), :2], scene.detections.box[scene.detections.rows(t), :2]
-        distance = np.linalg.norm(truth[:, None] - found[None], axis=-1)
-        chosen = distance[linear_sum_assignment(np.minimum(distance, gate))]
-        inside += chosen[chosen < gate].tolist()
-    return np.array(inside)
-
-
 def test_scenes_of_the_card(data_root: Path, scenes: dict[str, Scene]) -> None:
     """20 s each, the first two for training, the last one shorter; together they are the sequence."""
     whole, card = scenes["PETS09-S2L1-0001"], load_card("MTP-PETS-v0")
@@ -98,11 +71,3 @@ def test_scenes_of_the_card(data_root: Path, scenes: dict[str, Scene]) -> None:
     np.testing.assert_array_equal(np.concatenate([scene.truth.object_id for scene in parts]), whole.truth.object_id)
     forecast = [np.unique(find_targets(scene, card).object_id) for scene in parts[2:]]
     assert (len(np.unique(np.concatenate(forecast))), len(np.concatenate(forecast))) == (15, 29)
-
-
-def test_people_walk(scenes: dict[str, Scene]) -> None:
-    """Metres and seconds: nearly all PETS steps are slower than a run; positions of TUD jitter more."""
-    speed = np.linalg.norm(scenes["PETS09-S2L1-0001"].truth.velocity, axis=1)
-    speed = speed[~np.isnan(speed)]
-    assert 0.8 < np.median(speed) < 1.4
-    assert speed.max() < 3

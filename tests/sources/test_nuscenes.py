@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import parse_card
-from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.errors import DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.motion import backward_velocity
 from mtp_bench.sources.nuscenes.source import NuScenes
@@ -60,19 +60,6 @@ def test_velocity_in_any_order_of_rows() -> None:
     position = np.array([[4.0, 0], [0, 0], [1, 0], [9, 9], [0, 0]])
     velocity = backward_velocity(frame, object_id, position, np.array([0.0, 0.5, 1.5]))
     np.testing.assert_array_equal(velocity, [[3, 0], [NAN, NAN], [2, 0], [NAN, NAN], [NAN, NAN]])
-
-
-def test_classes_of_the_card(data: Path) -> None:
-    card = nuscenes_card(("bicycle", "pedestrian"))
-    truth = open_source(card, data).load("scene-0003").truth
-    assert truth.object_id.tolist() == [2, 2, 2]
-    assert truth.class_id.tolist() == [1, 1, 1]
-    with pytest.raises(CardError, match=r"nuScenes has no class 'cars': did you mean 'car'"):
-        open_source(nuscenes_card(("cars",)), data)
-    with pytest.raises(CardError, match="nuScenes has no class 'xyz': known are barrier, bicycle"):
-        open_source(nuscenes_card(("xyz",)), data)
-    with pytest.raises(CardError, match=r"task\.rate is 10 Hz, but nuScenes has 2 Hz"):
-        open_source(nuscenes_card(rate=10.0), data)
 
 
 def test_targets_only(data: Path) -> None:

@@ -12,8 +12,8 @@ import pytest
 
 from mtp_bench.errors import DataError
 from mtp_bench.sources import open_source
-from mtp_bench.sources.nuscenes.decoding import TableRecord, read_records, yaw_of
 from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, split_scenes
+from mtp_bench.sources.nuscenes.tables import TableRecord, read_records, yaw_of
 from mtp_bench.sources.text import decode
 from tests.support.nuscenes_root import (
     DETECTIONS,
@@ -61,7 +61,7 @@ C1, C2 = f"{CAR}-t1", f"{CAR}-t2"
 TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error names
     "a sample is in no scene": ("sample", record(T + "1", scene_token="?"), f"record '{T}1': scene_token is '?'"),
     "a sample comes twice": ("sample", repeat(T + "1"), f"token '{T}1', expected one"),
-    "two samples have one time": ("sample", record(T + "1", timestamp=1_500_000_200_000_000), "has its time"),
+    "two samples have one time": ("sample", record(T + "1", timestamp=1_500_000_200_000_000), "at least 0 s; expected"),
     "a time is not finite": ("sample", record(T + "1", timestamp=NAN), "[9].timestamp: expected `float`"),
     "a time is a truth value": ("sample", record(T + "1", timestamp=True), "[9].timestamp: expected `float`"),
     "times are in milliseconds": ("sample", scale_times(1000), "timestamp must be in microseconds"),

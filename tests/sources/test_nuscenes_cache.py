@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -24,18 +23,11 @@ from tests.support.nuscenes_root import (
     nuscenes_card,
     scene,
     write_json,
-    write_root,
     write_tables,
 )
 
 LONG_AGO = 10**18  # ns
 FILES = {"detections": DETECTIONS, "tables": f"nuscenes/{VERSION}/sample_annotation.json"}
-
-
-def stored_scene(own_cache: Path, kind: str) -> Path:
-    """The copy of a scene of the tables or of the detections."""
-    tables, detections = sorted(own_cache.rglob("scene-0003.npz"), key=lambda path: len(path.parent.name))
-    return tables if kind == "tables" else detections
 
 
 def test_the_cache_is_used_until_a_file_changes(data: Path, own_cache: Path) -> None:
@@ -62,18 +54,6 @@ def test_a_file_changed_in_place_with_the_same_size_and_time(data: Path, own_cac
     assert 77 in (found.detections.box[:, 0] if kind == "detections" else found.truth.box[:, 0])
 
 
-def test_another_root_moved_to_the_same_place(data: Path, tmp_path: Path, own_cache: Path) -> None:
-    other = write_root(tmp_path / "other")
-    path = other / FILES["detections"]
-    path.write_text(path.read_text().replace("10.0", "55.0"))
-    for path in (path for root in (data, other) for path in root.rglob("*.json")):
-        os.utime(path, ns=(LONG_AGO, LONG_AGO))
-    scene(data)
-    shutil.rmtree(data)
-    other.rename(data)
-    assert scene(data).detections.box[0, 0] == 55
-
-
 @pytest.mark.parametrize("content", [b"", b"no archive", None, {}], ids=["empty", "other", "gone", "edited"])
 @pytest.mark.parametrize("name", ["scene-0003", "all.index", "all.samples"])
 def test_a_broken_file_of_the_cache_is_made_again(data: Path, own_cache: Path, name: str, content: Any) -> None:
@@ -91,32 +71,6 @@ def test_a_broken_file_of_the_cache_is_made_again(data: Path, own_cache: Path, n
         np.testing.assert_array_equal(again.truth.box, first.truth.box)
         np.testing.assert_array_equal(again.detections.box, first.detections.box)
     assert not list(own_cache.rglob("*.part"))
-
-
-@pytest.mark.parametrize("kind", FILES)
-def test_a_broken_file_is_not_made_from_other_sources(data: Path, own_cache: Path, kind: str) -> None:
-    """The folder is named by the files as they were; those of today belong in another one."""
-    source = open_source(nuscenes_card(), data)
-    broken = stored_scene(own_cache, kind)
-    broken.write_bytes(b"")
-    (data / FILES[kind]).write_text((data / FILES[kind]).read_text().replace("10.0", "77.0"))
-    with pytest.raises(DataError, match="changed since the scenes were opened"):
-        source.load("scene-0003")
-    assert broken.read_bytes() == b""
-    assert 77 in np.concatenate([scene(data).truth.box[:, 0], scene(data).detections.box[:, 0]])
-    (data / FILES[kind]).unlink()
-    with pytest.raises(DataError, match=rf"{Path(FILES[kind]).name} cannot be read: No such file"):
-        source.load("scene-0003")
-
-
-def test_tables_repaired_after_an_error(data: Path) -> None:
-    tables = make_tables()
-    tables["sample"][0]["timestamp"] = -1
-    write_tables(data, tables)
-    with pytest.raises(DataError, match="timestamp"):
-        scene(data)
-    write_tables(data, make_tables())
-    assert len(scene(data).time) == 4
 
 
 def test_a_cache_that_cannot_be_written(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

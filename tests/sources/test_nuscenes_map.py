@@ -10,11 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import load_card, load_submission
-from mtp_bench.env import MTPEnv
-from mtp_bench.env.rollouts import digest
+from mtp_bench import load_card
 from mtp_bench.errors import DataError
-from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.sources import describe, load_scenes, with_map
 from mtp_bench.sources.nuscenes import road
 from mtp_bench.sources.nuscenes.road import read_lanes
@@ -126,17 +123,6 @@ def test_a_file_that_is_cut_off_and_tables_without_a_log(mapped: Path) -> None:
     (mapped / "nuscenes" / VERSION / "log.json").unlink()
     assert drawn(mapped, notes) == ()
     assert "log.json" in notes[1]
-
-
-def test_a_run_is_the_same_with_and_without_the_map(mapped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def said() -> str:
-        env = MTPEnv(nuscenes_card(), data=str(mapped), evaluation=True)
-        return digest(run_scene(load_submission("stp").build(agent_task(env, 0)), env, "scene-0003", seed=0))
-
-    assert scene(mapped).lanes == ()
-    with_it = said()
-    (mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json").write_text("broken")
-    assert said() == with_it, "a run reads no map, for which a broken one does not stop it"
 
 
 def test_the_status_says_whether_it_is_there(mapped: Path) -> None:

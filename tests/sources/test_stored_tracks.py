@@ -204,14 +204,6 @@ def test_an_id_in_two_classes_and_unknown_velocities(form: str, card: str, kitti
     np.testing.assert_array_equal(tracks.velocity, [[np.nan, np.nan], [1.5, 2.0], [0.5, 0.0]])
 
 
-def test_blanks_around_commas_are_none(card: str, kitti: str, tmp_path: Path) -> None:
-    (tmp_path / "0001.csv").write_text(
-        csv("0, a, car, 1, 2, 3, .5, 4, 2, 1, .7", "frame, id, class, x, y, z, yaw, l, w, h, score")
-    )
-    tracks = tracks_of(load_card(card), kitti, tmp_path, "0001")
-    assert (tracks.box.tolist(), tracks.score.tolist()) == ([[1, 2, 3, 0.5, 4, 2, 1]], [0.7])
-
-
 def tracked(token: str, **changes: Any) -> dict[str, Any]:
     """A box of a tracking submission."""
     box = {k: v for k, v in detection(token).items() if not k.startswith("detection")}

@@ -9,9 +9,7 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from mtp_bench.cards import load_card, with_split
-from mtp_bench.detector import load_profile
-from mtp_bench.detector.simulate import simulate
-from mtp_bench.detector.visibility import Sensor, visibility_of
+from mtp_bench.detector.visibility import Sensor
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources.wildtrack.source import SCENES, SPLITS, STORED, Wildtrack
 from mtp_bench.types import Detections, Scene, Truth
@@ -57,33 +55,9 @@ def test_people_keep_their_ids_across_scenes(scenes: dict[str, Scene]) -> None:
     assert (len(np.unique(np.concatenate(forecast))), len(np.concatenate(forecast))) == (63, 95)
 
 
-def test_people_walk(scenes: dict[str, Scene]) -> None:
-    """Backward differences are known for nine in ten rows; the middle speed is that of people who walk or stand."""
-    speed = np.concatenate([np.hypot(*scene.truth.velocity.T) for scene in scenes.values()])
-    assert np.isfinite(speed).mean() > 0.9
-    assert 0.2 < np.nanmedian(speed) < 1.5
-    assert np.nanquantile(speed, 0.99) < 3.5
-
-
 def test_stored_detections_lie_on_the_truth(scenes: dict[str, Scene]) -> None:
     truth, detections = scenes[STORED].truth, scenes[STORED].detections
     assert (len(truth.box), len(detections.box)) == (952, 966)
     assert hits(truth, detections) / len(truth.box) == pytest.approx(0.950, abs=5e-4)
     assert hits(truth, detections) / len(detections.box) == pytest.approx(0.936, abs=5e-4)
     assert all(scene.detector == "" for name, scene in scenes.items() if name != STORED)
-
-
-def test_simulated_detections_are_as_good_as_stored_ones(scenes: dict[str, Scene]) -> None:
-    """On the frames without stored detections: recall .950 and precision .936 within two points."""
-    profile = load_profile("wildtrack_mvdet")
-    found = true = pairs = 0
-    for seed, (name, scene) in enumerate(scenes.items()):
-        if name == STORED:
-            continue
-        look = visibility_of(scene.truth, scene.ego, SENSOR, scene.visible)
-        seen = simulate(scene.truth, scene.ego, PEOPLE, profile, SENSOR, seed, 0.5, visibility=look)
-        assert (seen.score == 1.0).all()
-        found, true = found + len(seen.box), true + len(scene.truth.box)
-        pairs += hits(scene.truth, seen)
-    assert pairs / true == pytest.approx(0.950, abs=0.02)
-    assert pairs / found == pytest.approx(0.936, abs=0.02)

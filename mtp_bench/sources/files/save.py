@@ -29,9 +29,7 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: T
     """Write a scene as tables into a sub-folder of a folder of own scenes, and return the sub-folder.
 
     ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives equal numbers to the last bit.
-
-    Raises DataError for a wrong scene or a name that a folder cannot have, and MtpBenchError if it cannot be written,
-    has fields that tables do not have, or would replace other files.
+    Raises DataError for a wrong scene, and MtpBenchError if it cannot be written or would replace other files.
     """
     if form not in FORMS:
         raise UnknownNameError("form of a scene", str(form), FORMS)

@@ -5,7 +5,7 @@ from .source import DATASET, HighwayTraffic, generate, highway_status
 
 PACKAGE = SourcePackage(
     open=HighwayTraffic,
-    about=lambda card: DATASET,
+    dataset=DATASET,
     locate=highway_status,
     prepare=generate,
     discard=lambda card: HighwayTraffic(card).discard(),

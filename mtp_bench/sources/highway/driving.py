@@ -71,7 +71,7 @@ def observe(
     n = len(vehicles)
     xy = np.array([v.position for v in vehicles], dtype=np.float64).reshape(-1, 2)
     motion = np.array([(v.heading, v.speed, v.route, v.lane_number) for v in vehicles], dtype=np.float64).reshape(-1, 4)
-    traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(-1, 11)
+    traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(-1, 13)
     heading, speed = motion[:, 0], motion[:, 1]
     route, lane = motion[:, 2].astype(np.int64), motion[:, 3].astype(np.int64)
     direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -40,10 +40,8 @@ _LONGEST, _WIDEST = 5.5, 2.0  # m, of parked cars
 class VehicleTraits:
     """Size and driving style of a vehicle."""
 
-    class_id: int
     length: float  # m
     width: float
-    height: float
     wheelbase: float
     pace: float  # desired speed as a share of the limit
     top_speed: float  # m/s
@@ -53,14 +51,15 @@ class VehicleTraits:
     braking: float  # m/s2, comfortable
     politeness: float  # 0: selfish, 1: others count as much as oneself
     offset: float  # m, preferred distance to the right of the middle of the lane
+    height: float  # m
+    class_id: int
 
 
 class Driver(Vehicle):  # type: ignore[misc]
     """A vehicle that follows its last ``act``: steering angle in rad, acceleration in m/s2.
 
     ``LENGTH`` is the wheelbase, which highway-env's bicycle model turns by; the box has the size of ``traits``.
-    highway-env's collision handling is off, as its response would move the vehicles. The number of the lane is updated
-    for all vehicles at once by `driving.observe`.
+    Collisions are off: highway-env's response would move the vehicles.
     """
 
     position: Any  # [2] m
@@ -81,9 +80,7 @@ class Driver(Vehicle):  # type: ignore[misc]
         self.number = number  # unique in a world
         self.route = -1
         self.lane_number = -1
-        t = traits
-        self.parameters = (t.length, t.width, t.wheelbase, t.pace, t.top_speed, t.time_gap, t.min_gap, t.acceleration,
-                        t.braking, t.politeness, t.offset)  # fmt: skip
+        self.parameters = astuple(traits)
 
     def on_state_update(self) -> None:
         """Do nothing: `driving.observe` finds the lanes of all vehicles at once."""

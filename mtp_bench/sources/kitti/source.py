@@ -22,9 +22,8 @@ from .files import (
     read_oxts,
     read_results,
 )
-from .image import image_field
 from .layout import DATASET, LABELS, TYPES, KittiSource, require_detector, split_names, validation_lengths
-from .poses import FRAME_PERIOD, Poses, integrated_poses, odometry_poses
+from .poses import FRAME_PERIOD, Poses, image_field, integrated_poses, odometry_poses
 
 # Types that KITTI's own evaluation leaves out of account: their annotation overlaps with the class.
 NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting"), "cyclist": ()}

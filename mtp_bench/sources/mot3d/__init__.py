@@ -6,6 +6,6 @@ from .source import Mot3dSource as Mot3dSource
 
 PACKAGE = SourcePackage(
     open=Mot3d,
-    about=lambda card: DATASET,
+    dataset=DATASET,
     locate=lambda card, data: DATASET.status(data, folder_of(card)),
 )

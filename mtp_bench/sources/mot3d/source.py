@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
+import configparser
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 from pydantic import Field
 
 from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
-from ...errors import CardError, MissingDataError, UnknownNameError
+from ...errors import CardError, DataError, MissingDataError, UnknownNameError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import people_detections, people_truth
-from .files import DETECTIONS, KNOWN, SEQINFO, TRUTH, Rows, read_detections, read_sequence_info, read_truth
+from ..text import RowTable, read_table, read_text
 
 DATASET = Dataset.of(__file__)
+SEQINFO, TRUTH, DETECTIONS = "seqinfo.ini", "gt/gt.txt", "det/det.txt"  # inside train/<sequence>
+COLUMNS = "frame id left top width height confidence X Y Z"
+
+
+class SequenceInfo(msgspec.Struct, frozen=True):
+    """Content of the section [Sequence] of ``seqinfo.ini``."""
+
+    rate: Annotated[float, msgspec.Meta(gt=0, le=1e6)] = msgspec.field(name="frameRate")  # Hz
+    length: Annotated[int, msgspec.Meta(gt=0, le=10**6)] = msgspec.field(name="seqLength")  # frames
+
+
+KNOWN = {"PETS09-S2L1": SequenceInfo(7.0, 795), "TUD-Stadtmitte": SequenceInfo(25.0, 179)}  # for a lost seqinfo.ini
 
 
 class Mot3dSource(SourceSection):
@@ -48,20 +63,13 @@ def needed(card: Card) -> tuple[str, ...]:
 
 
 class Mot3d:
-    """Scenes of one sequence of 3DMOT2015, cut from it one after the other.
+    """Scenes of one sequence of 3DMOT2015, cut from it one after the other into ``scene_frames`` kept frames.
 
-    Intervals of a score are over scenes, and one sequence would be a single scene. So it is cut into scenes of
-    ``scene_frames`` kept frames; the frames that remain are a scene if a target fits into them. Neighbouring scenes
-    show the same place and partly the same people. They are not independent, so an interval over them is narrower than
-    one over recordings would be.
+    Neighbouring scenes show partly the same people, so intervals over them are narrower than over recordings.
 
-    Frame of reference: the ground plane of the files, in metres. Boxes are nominal, 0.6 m x 0.6 m x 1.75 m with yaw 0:
-    neither sizes nor headings are annotated. There is no ego vehicle: the ego state is a fixed reference point, the
-    middle of all true positions of the sequence in whole metres. It is not a sensor, so every box counts as visible.
-    Time is (official frame - 1) / frame rate. Truth rows with confidence 0 are neutral.
-
-    Raises CardError for another class than pedestrian, a rate that is not the sequence's, scenes too short for a target
-    and a split without scenes; DataError for files that are missing or broken.
+    Frame of reference: the ground plane of the files, in metres. Boxes are nominal, with yaw 0. There is no ego
+    vehicle: the ego state is the middle of all true positions of the sequence in whole metres. Time is (official
+    frame - 1) / frame rate. Truth rows with confidence 0 are neutral. Raises CardError or DataError.
     """
 
     def __init__(self, card: Card, data: str | Path | None = None) -> None:
@@ -147,3 +155,63 @@ def _select(rows: Rows, kept: Ints) -> tuple[Ints, Ints]:
     row = np.flatnonzero(np.isin(rows.frame, kept))
     row = row[np.argsort(rows.frame[row], kind="stable")]
     return row, np.searchsorted(kept, rows.frame[row])
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows of ``gt.txt`` or ``det.txt`` in the order of the file."""
+
+    table: RowTable
+    frame: Ints  # [R] from 1
+    object_id: Ints  # [R] -1 for detections
+    confidence: Floats  # [R] detections: score; truth: 0 = not to be evaluated
+    ground: Floats  # [R, 3] m, X Y Z of the foot point
+
+
+def read_sequence_info(path: Path) -> SequenceInfo:
+    """Frame rate and number of frames; DataError names the key that is missing or wrong."""
+    sequence = path.parent.name
+    if not path.is_file() and sequence in KNOWN:
+        known = KNOWN[sequence]
+        raise MissingDataError(
+            f"no file {path}; some copies come without it: write it with the lines '[Sequence]', 'name={sequence}', "
+            f"'frameRate={known.rate:g}' and 'seqLength={known.length}'"
+        )
+    parser = configparser.RawConfigParser()
+    parser.optionxform = str  # type: ignore[assignment, method-assign]  # keys keep their capitals
+    try:
+        parser.read_string(read_text(path), source=str(path))
+        return msgspec.convert(dict(parser.items("Sequence")), SequenceInfo, strict=False)
+    except (configparser.Error, msgspec.ValidationError) as error:
+        raise DataError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
+
+
+def read_truth(path: Path, length: int) -> Rows:
+    """True rows of a sequence of ``length`` frames; DataError names the line that is wrong."""
+    rows = _read_rows(path, length)
+    rows.table.refuse_second_box(rows.frame, rows.object_id, np.arange(len(rows.frame)))
+    return rows
+
+
+def read_detections(path: Path, length: int) -> Rows:
+    """Detections in a sequence of ``length`` frames; DataError names the line that is wrong.
+
+    Detections of the 2D benchmark have sequences of the same names, but X = Y = Z = -1 everywhere: DataError says so.
+    """
+    rows = _read_rows(path, length)
+    if len(rows.frame) and (rows.ground == -1).all():
+        raise DataError(
+            f"{path}: X, Y and Z are -1 in every row, as in the 2D benchmark (2DMOT2015); expected the file of "
+            "3D MOT 2015, https://motchallenge.net/data/3D_MOT_2015"
+        )
+    return rows
+
+
+def _read_rows(path: Path, length: int) -> Rows:
+    """The rows of either file, whose frames lie in the sequence; an empty file gives no rows."""
+    table = read_table(path, COLUMNS, ",")
+    table.refuse_not_finite(COLUMNS)
+    frame = table.whole("frame")
+    outside = (frame < 1) | (frame > length)
+    table.refuse(outside, lambda row: f"frame {frame[row]}, expected 1 to {length}, the seqLength of {SEQINFO}")
+    return Rows(table, frame, table.whole("id"), table["confidence"], table.matrix("X Y Z"))

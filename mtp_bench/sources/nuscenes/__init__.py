@@ -10,7 +10,7 @@ from .tracks import FORM
 
 PACKAGE = SourcePackage(
     open=NuScenes,
-    about=lambda card: DATASET,
+    dataset=DATASET,
     locate=lambda card, data: DATASET.status(data, VERSIONS),
     prepare=prepare_nuscenes,
     tracks=FORM,

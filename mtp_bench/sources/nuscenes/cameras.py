@@ -1,7 +1,6 @@
 """Images of the cameras of nuScenes at the keyframes of a scene: their files, and how they show the world.
 
-The tables of sensor data and of ego poses have millions of records, so the part that is needed is kept per scene. They
-are read when an event is drawn and there are images, never when a scene is loaded.
+They are kept per scene, since their tables have millions of records, and read when an event is drawn.
 """
 
 from __future__ import annotations
@@ -18,10 +17,21 @@ from ...errors import DataError
 from ...types import Floats, Scene
 from ..base import CameraImage, DataRoot, section_of
 from ..cache import write_arrays
-from .decoding import Quaternion, Vector, by_token, find, floats, read_records, require_rotations
 from .layout import CAMERAS, DATASET, VERSIONS, NuScenesSource
 from .store import CachedFolder, TableStore, open_tables
-from .tables import DataRecord, MountRecord, SensorRecord, read_poses
+from .tables import (
+    DataRecord,
+    MountRecord,
+    Quaternion,
+    SensorRecord,
+    Vector,
+    by_token,
+    find,
+    floats,
+    read_poses,
+    read_records,
+    require_rotations,
+)
 
 _Pixels = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
 

@@ -11,7 +11,9 @@ import numpy as np
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from ..text import read_json, refuse, repeated
-from .decoding import (
+from .layout import NEUTRAL_OF, class_index
+from .tables import (
+    Keyframes,
     Quaternion,
     Size,
     TableRecord,
@@ -22,8 +24,6 @@ from .decoding import (
     require_rotations,
     upright_boxes,
 )
-from .layout import NEUTRAL_OF, class_index
-from .tables import Keyframes
 
 
 class CategoryRecord(TableRecord):

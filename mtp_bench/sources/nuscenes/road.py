@@ -19,8 +19,8 @@ from ...errors import DataError
 from ...types import Floats, Lane, Scene
 from ..base import DataRoot, section_of
 from ..text import read_json
-from .decoding import TableRecord, Vector, by_token, find, read_records
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
+from .tables import TableRecord, Vector, by_token, find, read_records
 
 REACH = 100.0  # m from the way of the ego, within which the road is drawn
 STEP = 2.0  # m, between points of a middle line, at most

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from ...errors import DataError
 from ...types import Floats, Ints
 from ..text import MOST_LETTERS, decode, read_json
-from .decoding import (
+from .layout import CLASSES, ClassName
+from .tables import (
     Number,
     Quaternion,
     Size,
@@ -23,7 +24,6 @@ from .decoding import (
     require_rotations,
     upright_boxes,
 )
-from .layout import CLASSES, ClassName
 
 MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
 _UNKNOWN = np.nan, np.nan

@@ -6,6 +6,6 @@ from .source import WildtrackSource as WildtrackSource
 
 PACKAGE = SourcePackage(
     open=Wildtrack,
-    about=lambda card: DATASET,
+    dataset=DATASET,
     locate=lambda card, data: DATASET.status(data, ANNOTATIONS),
 )
