@@ -12,7 +12,7 @@ from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, UnknownNameError
 from ..types import Scene
 from .base import CameraImage as CameraImage
-from .base import ChangedScenes, Preparation, SourcePackage
+from .base import ChangedScenes, SourcePackage
 from .base import SceneSource as SceneSource
 from .dataset import Dataset as Dataset
 from .dataset import DataStatus as DataStatus
@@ -105,8 +105,8 @@ def prepare(
     data: str | Path | None = None,
     scenes: int | None = None,
     workers: int = 1,
-    started: Callable[[int], object] | None = None,
-    progress: Callable[[str], object] | None = None,
+    started: Callable[[int], object] = lambda count: None,
+    progress: Callable[[str], object] = lambda name: None,
 ) -> None:
     """Do now the work that is done once per machine: simulate scenes, or make the compact copy of nuScenes tables.
 
@@ -114,7 +114,11 @@ def prepare(
     processes that simulate. ``started`` is called with the number of pieces of work, ``progress`` with the name of each
     that is done. Raises DataError.
     """
-    _package(card).prepare(card, data, Preparation(scenes, workers, started, progress))
+    count, names = _package(card).prepare(card, data, scenes, workers)
+    if count:
+        started(count)
+    for name in names:
+        progress(name)
 
 
 def keep_private(card: Card) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -61,16 +61,7 @@ class CameraImage:
     projection: Floats  # [3, 4] from the scene's frame of reference, homogeneous, to pixels; its third row gives metres
 
 
-@dataclass(frozen=True)
-class Preparation:
-    """Settings of the work that is done once per machine."""
-
-    scenes: int | None = None  # the first ones; None: all
-    workers: int = 1
-    started: Callable[[int], object] | None = None  # is called with the number of pieces of work
-    progress: Callable[[str], object] | None = None  # is called with the name of each piece that is done
-
-
+Work = tuple[int, Iterable[str]]  # number of pieces of work, and their names, each when it is done
 ReadTracks = Callable[[Scene], StoredTracks]
 
 
@@ -91,7 +82,7 @@ class SourcePackage:
     dataset: Dataset
     locate: Callable[[Card, DataRoot], DataStatus]  # where the files are, see `Dataset.status`
     tracks: TrackForm | None = None  # in which trackers store their tracks of this dataset
-    prepare: Callable[[Card, DataRoot, Preparation], None] = lambda card, data, how: None
+    prepare: Callable[[Card, DataRoot, int | None, int], Work] = lambda card, data, scenes, workers: (0, ())
     discard: Callable[[Card], None] = lambda card: None
     keep_private: Callable[[Card], None] = lambda card: None
     lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = lambda card, data, scene: scene.lanes  # for pictures

@@ -78,7 +78,7 @@ def read_annotations(root: Path, scene: Scene, ego_motion: bool) -> Annotations:
 def detection_image_boxes(root: Path, scene: Scene, classes: tuple[str, ...]) -> Floats:
     """Image boxes [R, 4] of the detections of ``scene``, in their order."""
     parts = [
-        read_detections(root / f"detections/pointrcnn/{kind}/{scene.name}.txt", kind, code)
+        read_detections(root / "detections/pointrcnn", scene.name, kind, code)
         for kind, code in (TYPES[name] for name in classes)
     ]
     order = np.argsort(np.concatenate([part.frame for part in parts]), kind="stable")

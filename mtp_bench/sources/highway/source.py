@@ -9,7 +9,7 @@ import numpy as np
 from ...cards import Card
 from ...errors import CardError, UnknownNameError
 from ...types import Bools, Floats, Scene, Truth, starts_of
-from ..base import Preparation, class_ids, no_detections, require_classes, section_of
+from ..base import Work, class_ids, no_detections, require_classes, section_of
 from ..cache import VARIABLE
 from ..dataset import Dataset, DataStatus
 from .store import WorldStore
@@ -82,16 +82,12 @@ class HighwayTraffic:
         )
 
 
-def generate(card: Card, data: object, how: Preparation) -> None:
+def generate(card: Card, data: object, scenes: int | None, workers: int) -> Work:
     """Simulate those of the first scenes of the card that are not in the cache."""
     source = HighwayTraffic(card)
-    store = source.store
-    seeds = [seed for seed in map(seed_of, source.names[: how.scenes]) if store.read(seed) is None]
-    if how.started is not None:
-        how.started(len(seeds))
-    for seed in store.make(seeds, how.workers):
-        if how.progress is not None:
-            how.progress(scene_name(source.section.scenario, seed))
+    seeds = [seed for seed in map(seed_of, source.names[:scenes]) if source.store.read(seed) is None]
+    made = source.store.make(seeds, workers)
+    return len(seeds), (scene_name(source.section.scenario, seed) for seed in made)
 
 
 def highway_status(card: Card, data: object = None) -> DataStatus:

@@ -78,30 +78,22 @@ def read_labels(path: Path) -> LabelRows:
     return LabelRows(table, frame, object_id, kind, table.matrix("left top right bottom"), box)
 
 
-def read_detections(path: Path, kind: str, code: int) -> DetectionRows:
+def read_detections(folder: Path, name: str, kind: str, code: int) -> DetectionRows:
     """Detections of one sequence and class; an empty file gives no rows. DataError names the line that is wrong.
 
-    ``code``: number of the class ``kind`` in the file (1 Pedestrian, 2 Car, 3 Cyclist). NaN and sizes that are not
-    positive are kept: the caller decides about such rows.
+    They lie in a folder for each class, as of AB3DMOT, whose number of the class is ``code``, or in one file for all
+    types, in the result form of KITTI's benchmark. NaN and sizes that are not positive are kept.
     """
-    table = read_table(path, DETECTION, ",")
-    got = table.whole("type")
-    table.refuse(got != code, lambda row: f"type {got[row]}, expected {code} ({kind})")
+    if (folder / kind).is_dir():
+        table = read_table(folder / kind / f"{name}.txt", DETECTION, ",")
+        got = table.whole("type")
+        table.refuse(got != code, lambda row: f"type {got[row]}, expected {code} ({kind})")
+    else:
+        every = read_table(folder / f"{name}.txt", RESULT, text="type")
+        require_kinds(every)
+        table = every.select(every.words["type"] == kind)
     table.refuse_degrees("rotation_y")
     return DetectionRows(table, table.whole("frame"), table["score"], sensor_boxes(table.matrix(BOX_FIELDS)))
-
-
-def read_results(path: Path, kind: str) -> DetectionRows:
-    """Detections of the type ``kind`` in a file of all types, in the result form of KITTI's tracking benchmark.
-
-    NaN and sizes that are not positive are kept. DataError names the line that is wrong.
-    """
-    table = read_table(path, RESULT, text="type")
-    require_kinds(table)
-    table.whole("frame")
-    chosen = table.select(table.words["type"] == kind)
-    chosen.refuse_degrees("rotation_y")
-    return DetectionRows(chosen, chosen.whole("frame"), chosen["score"], sensor_boxes(chosen.matrix(BOX_FIELDS)))
 
 
 def require_kinds(table: RowTable) -> None:

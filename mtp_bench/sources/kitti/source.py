@@ -20,7 +20,6 @@ from .files import (
     read_labels,
     read_odometry,
     read_oxts,
-    read_results,
 )
 from .layout import DATASET, LABELS, TYPES, KittiSource, require_detector, split_names, validation_lengths
 from .poses import FRAME_PERIOD, Poses, image_field, integrated_poses, odometry_poses
@@ -158,10 +157,7 @@ def detections_of(
     skipped: dict[str, int] = {}
     for index, class_name in enumerate(classes):
         kind, code = TYPES[class_name]
-        if (folder / kind).is_dir():  # a folder for each class, as AB3DMOT has them, or a file for all
-            rows = read_detections(folder / kind / f"{name}.txt", kind, code)
-        else:
-            rows = read_results(folder / f"{name}.txt", kind)
+        rows = read_detections(folder, name, kind, code)
         frames.check(rows)
         row = frames.select(rows.frame, np.ones(len(rows.frame), dtype=bool))
         row = row[_sound(rows.box[row], rows.score[row], skipped)]

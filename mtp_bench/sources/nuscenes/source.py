@@ -9,7 +9,7 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError, UnknownNameError
 from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
-from ..base import DataRoot, Preparation, class_ids, no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, Work, class_ids, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
 from ..motion import backward_velocity
 from .detections import open_detections, scene_detections
@@ -74,16 +74,12 @@ class NuScenes:
         )
 
 
-def prepare_nuscenes(card: Card, data: DataRoot, how: Preparation) -> None:
+def prepare_nuscenes(card: Card, data: DataRoot, scenes: int | None, workers: int) -> Work:
     """Make the compact copy of the tables and detections of ``card`` if it is missing; one piece of work.
 
     Raises DataError for everything that stops the card's scenes from being read.
     """
-    if how.started is not None:
-        how.started(1)
-    source = NuScenes(card, data)
-    if how.progress is not None:
-        how.progress(source.section.version)
+    return 1, (NuScenes(card, data).section.version for _ in range(1))
 
 
 def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, ...]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -41,6 +41,7 @@ class _Box(msgspec.Struct, gc=False):
 class DetectedBox(_Box, gc=False, kw_only=True):
     """A box of a submission to the detection task."""
 
+    task: ClassVar = "detection"
     name: ClassName = msgspec.field(name="detection_name")
     score: Number = msgspec.field(name="detection_score")
     identity: str = ""
@@ -49,20 +50,13 @@ class DetectedBox(_Box, gc=False, kw_only=True):
 class TrackedBox(_Box, gc=False, kw_only=True):
     """A box of a submission to the tracking task."""
 
+    task: ClassVar = "tracking"
     name: ClassName = msgspec.field(name="tracking_name")
     score: Number = msgspec.field(name="tracking_score")
     identity: Annotated[str, msgspec.Meta(max_length=MOST_LETTERS)] | int = msgspec.field(name="tracking_id")
 
 
-@dataclass(frozen=True)
-class Form:
-    """The submission form of a task."""
-
-    task: str
-    kind: type[list[DetectedBox]] | type[list[TrackedBox]]  # the boxes of a sample
-
-
-DETECTION, TRACKING = Form("detection", list[DetectedBox]), Form("tracking", list[TrackedBox])
+BoxKind = type[DetectedBox] | type[TrackedBox]
 
 
 class _File(msgspec.Struct):
@@ -84,7 +78,7 @@ class SubmittedBoxes:
     identity: NDArray[np.str_]  # [R] tracking_id; empty texts in the detection task
 
 
-def read_submission(path: Path, row: Mapping[str, int], form: Form = DETECTION) -> SubmittedBoxes:
+def read_submission(path: Path, row: Mapping[str, int], kind: BoxKind = DetectedBox) -> SubmittedBoxes:
     """Boxes of the samples in ``row`` (token to row); other samples of the file are left out.
 
     Raises DataError that names the file, the sample token and the place of the box that is wrong.
@@ -93,7 +87,7 @@ def read_submission(path: Path, row: Mapping[str, int], form: Form = DETECTION) 
     covered = [token for token in results if token in row]
     boxes: list[DetectedBox | TrackedBox] = []
     for token in covered:
-        boxes += _sample_boxes(path, token, results[token], form)
+        boxes += _sample_boxes(path, token, results[token], kind)
     sample = np.array([row[box.sample_token] for box in boxes], dtype=np.int64)
     rotation = floats([box.rotation for box in boxes], 4)
     _require_upright(path, boxes, rotation)
@@ -123,11 +117,11 @@ def no_match(path: Path, samples: int, example: str, version: str, what: str) ->
     )
 
 
-def _sample_boxes(path: Path, token: str, content: msgspec.Raw, form: Form) -> Sequence[DetectedBox | TrackedBox]:
+def _sample_boxes(path: Path, token: str, content: msgspec.Raw, kind: BoxKind) -> Sequence[DetectedBox | TrackedBox]:
     try:
-        boxes = decode(content, form.kind, f"{path}, sample {token!r}")
+        boxes: list[DetectedBox | TrackedBox] = decode(content, list[kind], f"{path}, sample {token!r}")  # type: ignore[valid-type]
     except DataError as error:
-        raise DataError(f"{error}; expected a submission to the {form.task} task") from None
+        raise DataError(f"{error}; expected a submission to the {kind.task} task") from None
     for place, box in enumerate(boxes):
         if box.sample_token != token:
             raise DataError(f"{path}, sample {token!r}, box {place}: sample_token is {box.sample_token!r}")

@@ -17,7 +17,7 @@ from ..text import refuse, repeated
 from .layout import CLASSES
 from .source import NuScenes
 from .store import TableStore
-from .submission import TRACKING, SubmittedBoxes, no_match, read_submission
+from .submission import SubmittedBoxes, TrackedBox, no_match, read_submission
 
 
 def scene_tracks(
@@ -84,7 +84,7 @@ def _read(path: Path, tables: TableStore) -> SubmittedBoxes:
     state = path.stat()
     key = path, state.st_size, state.st_mtime_ns, tables.cache.path
     if key not in _last_read:
-        boxes = read_submission(path, tables.row_of_token, TRACKING)
+        boxes = read_submission(path, tables.row_of_token, TrackedBox)
         if not len(boxes.covered):
             raise DataError(no_match(path, boxes.samples, boxes.example, tables.version, "tracks"))
         _last_read.clear()
