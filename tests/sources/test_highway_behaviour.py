@@ -18,7 +18,7 @@ from mtp_bench.types import Floats, Ints
 
 DT = 1.0 / RATE
 PEDESTRIAN = CLASSES.index("pedestrian")
-BUSY = Traffic("intersection", "roadside", 30.0, 18, 20, 30)
+BUSY = Traffic("intersection", "roadside", 12.0, 18, 20, 30)
 
 
 def rng(seed: int = 0) -> np.random.Generator:

@@ -87,10 +87,8 @@ class RoadMap:
 
 def build_map(scenario: ScenarioName, seconds: float) -> RoadMap:
     """Build the map of ``scenario``; fast roads are long enough for a vehicle to stay on them for ``seconds``."""
-    if scenario == "intersection":
-        return _intersection()
-    if scenario == "roundabout":
-        return _roundabout()
+    if scenario in ("intersection", "roundabout"):
+        return _intersection() if scenario == "intersection" else _roundabout()
     return _merge(seconds) if scenario == "merge" else _highway(seconds)
 
 
@@ -209,12 +207,24 @@ def _roundabout_arm(network: Any, arm: int) -> None:
     network.add_lane(f"e{arm}", f"n{arm}", arc((0.0, 0.0), RING_RADIUS, np.pi - angle, angle, ring))
 
 
-def _fast_road(network: Any, ends: tuple[float, float, float, float], lanes: int, limit: float) -> None:
-    """Three roads a-b, b-c and c-d along x, with one more lane in the middle."""
-    for road, start, end, count in zip(("ab", "bc", "cd"), ends, ends[1:], (lanes, lanes + 1, lanes), strict=False):
+def _fast_road(
+    ends: tuple[float, float, float, float], lanes: int, limit: float, ramp: dict[str, Any]
+) -> tuple[RoadNetwork, LaneGeometry, list[tuple[int, ...]]]:
+    """Three roads a-b, b-c and c-d along x with one more lane in the middle, and the numbers of their lanes.
+
+    ``ramp``: further lanes by the names of their ends.
+    """
+    network, counts = RoadNetwork(), {"ab": lanes, "bc": lanes + 1, "cd": lanes}
+    for (road, count), start, end in zip(counts.items(), ends[:-1], ends[1:], strict=True):
         for k in range(count):
             lane = StraightLane((start, k * _WIDTH), (end, k * _WIDTH), _WIDTH, speed_limit=limit)
             network.add_lane(*road, lane)
+    for road, lane in ramp.items():
+        network.add_lane(*road, lane)
+    geometry = LaneGeometry(network)
+    counts |= dict.fromkeys(ramp, 1)
+    numbers = [tuple(geometry.number[road[0], road[1], k] for k in range(count)) for road, count in counts.items()]
+    return network, geometry, numbers
 
 
 def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> SineLane:
@@ -225,38 +235,26 @@ def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> 
 
 
 def _merge(seconds: float) -> RoadMap:
-    network, lanes = RoadNetwork(), 2
-    total = max(560.0, 26.0 * seconds + 200.0)
+    lanes, total = 2, max(560.0, 26.0 * seconds + 200.0)
     bend, joined, narrow = total * 0.4, total * 0.4 + 80.0, total * 0.4 + 220.0
-    _fast_road(network, (0.0, joined, narrow, total), lanes, 25.0)
     y = lanes * _WIDTH
     far = y + 2 * _RAMP_SWING
-    network.add_lane("j", "k", StraightLane((0.0, far), (bend, far), _WIDTH, speed_limit=20.0))
-    network.add_lane("k", "b", _ramp((bend, joined), y, True, 20.0))
-    geometry = LaneGeometry(network)
-    main, beside, after, extra = _numbers(geometry, lanes)
-    entry = ((geometry.number["j", "k", 0],), (geometry.number["k", "b", 0],))
-    routes = (Route((main, beside, after), 0.7), Route((*entry, (*beside, extra), after), 0.3))
+    entry = StraightLane((0.0, far), (bend, far), _WIDTH, speed_limit=20.0)
+    ramp = {"jk": entry, "kb": _ramp((bend, joined), y, True, 20.0)}
+    network, geometry, roads = _fast_road((0.0, joined, narrow, total), lanes, 25.0, ramp)
+    main, middle, after, *before = roads
+    routes = (Route((main, middle[:-1], after), 0.7), Route((*before, middle, after), 0.3))
     return RoadMap(network, geometry, routes, (), ((joined + narrow) / 2, -7.0, 4.0), False, True, True)
 
 
-def _numbers(geometry: LaneGeometry, lanes: int) -> tuple[tuple[int, ...], tuple[int, ...], tuple[int, ...], int]:
-    """Numbers of the lanes of the three roads of `_fast_road`, and of the additional one."""
-    main, beside, after = (tuple(geometry.number[a, b, k] for k in range(lanes)) for a, b in ("ab", "bc", "cd"))
-    return main, beside, after, geometry.number["b", "c", lanes]
-
-
 def _highway(seconds: float) -> RoadMap:
-    network, lanes = RoadNetwork(), 3
-    total = max(600.0, 29.0 * seconds + 200.0)
+    lanes, total = 3, max(600.0, 29.0 * seconds + 200.0)
     wide, split = total * 0.45, total * 0.45 + 200.0
-    _fast_road(network, (0.0, wide, split, total), lanes, 28.0)
     y = lanes * _WIDTH
     far, parted = y + 2 * _RAMP_SWING, split + 90.0
-    network.add_lane("c", "e", _ramp((split, parted), y, False, 22.0))
-    network.add_lane("e", "f", StraightLane((parted, far), (total, far), _WIDTH, speed_limit=20.0))
-    geometry = LaneGeometry(network)
-    main, beside, after, extra = _numbers(geometry, lanes)
-    out = ((geometry.number["c", "e", 0],), (geometry.number["e", "f", 0],))
-    routes = (Route((main, beside, after), 0.75), Route((main, (*beside, extra), *out), 0.25, otherwise=0))
+    leaving = StraightLane((parted, far), (total, far), _WIDTH, speed_limit=20.0)
+    ramp = {"ce": _ramp((split, parted), y, False, 22.0), "ef": leaving}
+    network, geometry, roads = _fast_road((0.0, wide, split, total), lanes, 28.0, ramp)
+    main, middle, after, *out = roads
+    routes = (Route((main, middle[:-1], after), 0.75), Route((main, middle, *out), 0.25, otherwise=0))
     return RoadMap(network, geometry, routes, (), (split, -7.0, 4.0), False, True, True)

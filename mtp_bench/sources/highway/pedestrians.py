@@ -1,7 +1,6 @@
 """Pedestrians, alone or in groups: they walk along the sidewalks and cross the arms of the junction.
 
-At the kerb they wait until no vehicle with the right of way comes in the time that they need. After a long wait
-vehicles have to wait for them.
+At the kerb they wait until no vehicle with the right of way comes in time; after a long wait vehicles wait for them.
 """
 
 from __future__ import annotations
@@ -132,7 +131,9 @@ class Crowd:
         if self._pavement is None:
             return
         self._behaviour.step(np.array([p.group for p in self.people], dtype=np.int64))
-        self._turn_back(self._behaviour.turning)
+        for p in self.people:
+            if p.group in self._behaviour.turning and p.passed and p.stage in (ARRIVING, LEAVING):
+                p.ahead, p.passed, p.stage = p.passed[::-1], [], LEAVING
         self._advance(dt, free)
         self._move(dt, vehicles, self._pavement)
         self.people = [p for p in self.people if p.stage != LEAVING or len(p.ahead) > 1 or p.remaining > _GONE]
@@ -218,11 +219,6 @@ class Crowd:
             if ready and all(p.at_kerb() for p in members) and all(free(self._walk(p)) for p in members):
                 for p in members:
                     p.stage, p.passed = CROSSING, []
-
-    def _turn_back(self, groups: set[int]) -> None:
-        for p in self.people:
-            if p.group in groups and p.passed and p.stage in (ARRIVING, LEAVING):
-                p.ahead, p.passed, p.stage = p.passed[::-1], [], LEAVING
 
     def _move(self, dt: float, vehicles: Floats, pavement: Pavement) -> None:
         if not self.people:
