@@ -71,24 +71,16 @@ def _require_finite(cost: Floats, row: Ints, column: Ints, base: Floats) -> None
 
 
 def _members(parents: Any, rows: int) -> Bools:
-    """Rows of the parents as a mask [parents, rows]."""
+    """Rows of the parents as a mask [parents, rows], from masks or row numbers."""
     member = np.zeros((len(parents), rows), dtype=bool)
     for p, parent in enumerate(parents):
-        member[p, _rows_of(p, parent, rows)] = True
+        given = np.asarray(list(parent) if isinstance(parent, Iterable) else parent)
+        if given.ndim == 1 and given.dtype == np.bool_:
+            if len(given) != rows:
+                raise ShapeError(f"parents[{p}] is a mask of {len(given)} rows, expected {rows} for this cost")
+        elif given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
+            raise ShapeError(f"parents[{p}] is {parent!r}, expected row numbers or a mask over the rows")
+        elif given.size and (given.min() < 0 or given.max() >= rows):
+            raise ShapeError(f"parents[{p}] names rows {parent!r}, expected numbers of at least 0 and below {rows}")
+        member[p, given if given.size else slice(0)] = True
     return member
-
-
-def _rows_of(p: int, parent: Any, rows: int) -> Ints:
-    """Rows of parent number ``p`` from a mask or from their numbers."""
-    given = np.asarray(list(parent) if isinstance(parent, Iterable) else parent)
-    if given.ndim == 1 and given.dtype == np.bool_:
-        if len(given) != rows:
-            raise ShapeError(f"parents[{p}] is a mask of {len(given)} rows, expected {rows} for this cost")
-        return np.flatnonzero(given)
-    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-        raise ShapeError(f"parents[{p}] is {parent!r}, expected row numbers or a mask over the rows")
-    subset = given.astype(np.int64)
-    if subset.size and (subset.min() < 0 or subset.max() >= rows):
-        wrong = subset.min() if subset.min() < 0 else subset.max()
-        raise ShapeError(f"parents[{p}] names row {wrong}, expected at least 0 and below {rows}")
-    return subset

@@ -130,12 +130,10 @@ class HypothesisTracker:
 
 def _require_scores(least: float | Mapping[str, float] | None) -> None:
     """Raise ShapeError unless the least scores are numbers."""
-    named = least if isinstance(least, Mapping) else {} if least is None else {"": least}
-    for name, value in named.items():
+    for value in least.values() if isinstance(least, Mapping) else () if least is None else (least,):
         if isinstance(value, bool) or not isinstance(value, Real) or np.isnan(float(value)):
-            of = f" of {name!r}" if name else ""
             raise ShapeError(
-                f"min_detection_score{of} is {value!r}, expected a number, a number per class name, or None for no cut"
+                f"min_detection_score is {least!r}, expected a number, a number per class name, or None for no cut"
             )
 
 

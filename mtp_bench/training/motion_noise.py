@@ -138,54 +138,33 @@ def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float =
     The true object is the nearest one of the same class (BEV), at most ``gate`` metres away.
     With ``task.observe == "truth"`` the tracker gets true boxes.
     """
-    parts = [_empty(task), *(part for scene in scenes for part in _scene_windows(scene, task, tracker, gate))]
+    no_past, no_future = np.zeros((0, task.past, 2)), np.zeros((0, task.future, 2))
+    parts = [MotionWindows(no_past, no_past[..., 0] > 0, no_future, np.zeros(0, dtype=np.int64))]
+    for scene in scenes:
+        tracker.reset(task)
+        ids, known = np.unique(scene.truth.object_id, return_inverse=True)
+        place = np.full((len(ids), scene.frames, 2), np.nan)
+        place[known, scene.truth.frame_of_rows] = scene.truth.box[:, :2]
+        for t, observation in enumerate(observations(scene, task.observe)):
+            tracks = tracker.step(observation)
+            future = place[:, t + 1 : t + 1 + task.future]
+            if future.shape[1] == task.future:
+                parts.append(_frame_windows(scene, t, tracks, future[known], gate))
     return joined(parts)
 
 
-def _scene_windows(scene: Scene, task: Task, tracker: Tracker, gate: float) -> Iterable[MotionWindows]:
-    tracker.reset(task)
-    for t, observation in enumerate(observations(scene, task.observe)):
-        tracks = tracker.step(observation)
-        if t + task.future < scene.frames:
-            yield _frame_windows(scene, t, tracks, task, gate)
-
-
-def _frame_windows(scene: Scene, t: int, tracks: Tracks, task: Task, gate: float) -> MotionWindows:
+def _frame_windows(scene: Scene, t: int, tracks: Tracks, future: Floats, gate: float) -> MotionWindows:
+    """Windows of frame ``t``; ``future`` [R, T, 2] of the objects of all true rows, NaN where they are not there."""
     truth = scene.truth
     rows = truth.rows(t)
     now = np.arange(rows.start, rows.stop)[truth.eligible[rows]]
     leaf = np.flatnonzero(tracks.member[0])
     distance = np.linalg.norm(tracks.box[leaf, None, :2] - truth.box[None, now, :2], axis=-1)
     distance = np.where(tracks.class_id[leaf, None] == truth.class_id[None, now], distance, np.inf)
-    if distance.size == 0:
-        return _empty(task)
-    nearest = distance.argmin(axis=1)
-    near = distance[np.arange(len(leaf)), nearest] <= gate
-    future, complete = _futures(scene, t, truth.object_id[now[nearest]], task.future)
-    leaf, future = leaf[near & complete], future[near & complete]
-    heading = tracks.box[leaf, 3]
-    local = np.einsum("nti,nij->ntj", future - tracks.past[leaf, -1:, :2], rotation(heading))
+    near = distance.min(axis=1, initial=np.inf) <= gate
+    leaf, nearest = leaf[near], now[distance[near].argmin(axis=1)] if near.any() else now[:0]
+    complete = ~np.isnan(future[nearest]).any(axis=(1, 2))
+    leaf, ahead, heading = leaf[complete], future[nearest[complete]], tracks.box[leaf[complete], 3]
+    local = np.einsum("nti,nij->ntj", ahead - tracks.past[leaf, -1:, :2], rotation(heading))
     position = heading_frame(tracks.past[leaf], heading)
     return MotionWindows(position, tracks.past_valid[leaf], local, tracks.class_id[leaf])
-
-
-def _futures(scene: Scene, t: int, object_id: Ints, steps: int) -> tuple[Floats, Bools]:
-    """Positions [n, T, 2] of objects in the next frames, and a mask [n] of the objects with all of them."""
-    future = np.zeros((len(object_id), steps, 2))
-    complete = np.ones(len(object_id), dtype=bool)
-    for step in range(steps):
-        rows = scene.truth.rows(t + 1 + step)
-        same = object_id[:, None] == scene.truth.object_id[None, rows]
-        complete &= same.any(axis=1)
-        if same.size:
-            future[:, step] = scene.truth.box[rows, :2][same.argmax(axis=1)]
-    return future, complete
-
-
-def _empty(task: Task) -> MotionWindows:
-    return MotionWindows(
-        np.zeros((0, task.past, 2)),
-        np.zeros((0, task.past), dtype=bool),
-        np.zeros((0, task.future, 2)),
-        np.zeros(0, dtype=np.int64),
-    )

@@ -170,7 +170,7 @@ def test_weak_detections_are_ignored() -> None:
 def test_cuts_that_are_no_numbers_are_one_clear_error(wrong: Any) -> None:
     with pytest.raises(ShapeError, match=r"min_detection_score is .*, expected a number, a number per class name"):
         HypothesisTracker(min_detection_score=wrong)
-    with pytest.raises(ShapeError, match=r"min_detection_score of 'car' is .*, expected a number"):
+    with pytest.raises(ShapeError, match=r"min_detection_score is .*, expected a number"):
         HypothesisTracker(min_detection_score={"car": wrong})
 
 
