@@ -71,12 +71,12 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, rng: np
 
     A place outside the sensor's area gets a new bearing; if no bearing fits, also a new distance.
     """
+    low, high = (-np.inf, np.inf) if sensor.area is None else (sensor.area[:2], sensor.area[2:])
     uniform = rng.random((len(ego), 2))
-    place = _placed(quantiles, sensor, ego, uniform)
-    if sensor.area is None:
-        return place
-    low, high = sensor.area[:2], sensor.area[2:]
-    for attempt in range(2 * _TRIES):
+    for attempt in range(2 * _TRIES + 1):
+        distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
+        direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
+        place = ego[:, :2] + distance[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
         outside = ((place < low) | (place > high)).any(axis=1)
         if not outside.any():
             break
@@ -84,14 +84,7 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, rng: np
         uniform[outside, 1] = redrawn[outside, 1]
         if attempt >= _TRIES:
             uniform[outside, 0] = redrawn[outside, 0]
-        place = _placed(quantiles, sensor, ego, uniform)
-    return place
-
-
-def _placed(quantiles: Sequence[float], sensor: Sensor, ego: Floats, uniform: Floats) -> Floats:
-    distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
-    direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
-    return np.asarray(ego[:, :2] + distance[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1))
+    return np.asarray(place)
 
 
 def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:

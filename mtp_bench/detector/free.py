@@ -58,19 +58,13 @@ def free_false_positives(
     visible, score = visible[reported], score[reported]
     member = member[visible]
     frame = members.birth[member] + age[visible]
-    box, still = _on_the_ground(members, member, scene), np.zeros((len(member), 2))
+    used = np.flatnonzero(np.bincount(member))
+    ground = np.zeros(len(members.birth))  # in the frame of their birth
+    ground[used] = ground_height(members.box[used, :2], members.birth[used], scene)
+    box, still = members.box[member], np.zeros((len(member), 2))
+    box[:, 2] = ground[member] + box[:, 6] / 2
     candidates = DetectedRows(frame, box, still, members.class_id[member], score)
     return detect_false_positives(grid.select(visible), candidates, scene, draws)
-
-
-def _on_the_ground(members: _Members, member: Ints, scene: SensedScene) -> Floats:
-    """Boxes ``[R, 7]`` of the members ``member`` ``[R]`` at the height of the ground in the frame of their birth."""
-    used = np.flatnonzero(np.bincount(member))
-    ground = np.zeros(len(members.birth))
-    ground[used] = ground_height(members.box[used, :2], members.birth[used], scene)
-    box = members.box[member]
-    box[:, 2] = ground[member] + box[:, 6] / 2
-    return box
 
 
 def _visible(parameters: FreeFalsePositives, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:

@@ -87,13 +87,12 @@ def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, F
     normal = parent * object_quality + np.sqrt(1 - parent**2) * normal
     positive = exponential(draws.normal(NoiseKind.QUALITY, Component.BIAS, slots.object_keys))
     quality = skewed(normal, positive[slots.column], bias[slots.column])
-    visible, ranks = [], []
+    rank = np.full(len(quality), np.nan)
     for noise, rows in slots.by_noise():
-        index, rank = best_ranks(quality[rows], _parameters(noise).bias, _parameters(noise).chance)
-        visible.append(rows[index])
-        ranks.append(rank)
-    order = np.argsort(np.concatenate(visible))
-    return np.concatenate(visible)[order], np.concatenate(ranks)[order]
+        index, own_rank = best_ranks(quality[rows], _parameters(noise).bias, _parameters(noise).chance)
+        rank[rows[index]] = own_rank
+    visible = np.flatnonzero(np.isfinite(rank))
+    return visible, rank[visible]
 
 
 def _offsets(slots: Grid, draws: Draws) -> Floats:

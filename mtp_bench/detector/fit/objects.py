@@ -42,6 +42,7 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
         lasting = (1.0 - memory["white"]) * _attenuation(nu)
         shared = _shared_weight(np.clip(latent, -_BOUND, _BOUND), near, objects, lasting)
         axes.append(PositionNoise(s0=round(s0, 4), s1=round(s1, 4), quality=round(gain, 4), shared=shared, **memory))
+    velocity = objects.velocity_error[np.isfinite(objects.velocity_error).all(axis=1)]
     return ClassNoise(
         quality=quality,
         radial=axes[0],
@@ -49,7 +50,7 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
         nu=round(nu, 4),
         heading=_heading(objects),
         size=_size(objects),
-        velocity=_velocity(objects),
+        velocity=round(robust_deviation(velocity.ravel()) or 0.0, 4) if len(velocity) >= _FEW else None,
         z=_height(objects),
     )
 
@@ -82,13 +83,6 @@ def _size(objects: ObjectSamples) -> SizeNoise:
     return SizeNoise(
         mean=tuple(mean.round(4).tolist()), deviation=tuple(deviation.round(4).tolist()), white=round(white, 4)
     )
-
-
-def _velocity(objects: ObjectSamples) -> float | None:
-    """Fit the robust deviation of the velocity per axis, m/s; None if too few velocities were measured."""
-    finite = objects.velocity_error[np.isfinite(objects.velocity_error).all(axis=1)]
-    deviation = robust_deviation(finite.ravel()) if len(finite) >= _FEW else None
-    return None if deviation is None else round(deviation, 4)
 
 
 def robust_deviation(value: Floats) -> float | None:
