@@ -12,7 +12,7 @@ from ..types import Bools, Floats, Ints, Truth
 
 # An object's occlusion level is the number of these thresholds above its visible fraction (BEV).
 VISIBLE = (0.8, 0.4, 0.05)
-NOT_OCCLUDED, PARTLY, LARGELY, HIDDEN = range(4)
+PARTLY, LARGELY, HIDDEN = 1, 2, 3
 _TINY = 1e-12
 _TURN = 2 * np.pi
 

@@ -87,10 +87,3 @@ def test_velocities_err_equally_along_and_across_or_are_not_measured() -> None:
     np.testing.assert_allclose(measured.velocity.mean(0), [1.0, 2.0], atol=0.01)
     np.testing.assert_allclose(np.cov(measured.velocity.T), 0.09 * np.eye(2), atol=0.003)
     assert np.isnan(detect(truth, profile_of(velocity=None)).velocity).all()
-
-
-def test_kinds_of_errors_are_independent() -> None:
-    noise: dict[str, Any] = {"radial": AXIS, "tangential": AXIS, "heading": {"scale": 0.05}, "z": (0.0, 0.1)}
-    error = errors(**noise, size={"deviation": (0.3, 0.2, 0.1), "white": 1.0}, nu=8.0).reshape(-1, 7)
-    correlation = np.corrcoef(np.sign(error - np.median(error, axis=0)).T)  # both axes have the same tail factor
-    assert np.abs(correlation - np.eye(7)).max() < 0.02

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtp_bench.detector.fit.samples import collect_samples, match_boxes
+from mtp_bench.detector.fit.samples import match_boxes
 from mtp_bench.detector.visibility import Sensor
 from mtp_bench.types import Detections, Floats, Scene, Truth
 from tests.support.detector_statistics import ClassStatistics, detector_statistics
@@ -102,10 +102,3 @@ def test_only_what_the_sensor_covers_counts() -> None:
     behind, far, seen = (-10.0, 0.0), (60.0, 0.0), (10.0, 0.0)
     figures = of_car(truth([behind, far, seen]), detections([(-20.0, 0.0), (70.0, 0.0), (20.0, 0.0), (10.0, 0.0)]))
     assert (figures.boxes, figures.recall, figures.false_positives) == (1, 1.0, 1.0)
-
-
-def test_known_visibility_is_used() -> None:
-    plain = pattern("+++")
-    hidden = replace(plain, visible=np.zeros(len(plain.truth.box)))
-    levels = [collect_samples([one], CLASSES, AHEAD)["car"][0].feature[:, 5] for one in (plain, hidden)]
-    assert [level.tolist() for level in levels] == [[0, 0, 0], [1, 1, 1]]

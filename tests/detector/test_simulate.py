@@ -10,7 +10,6 @@ import pytest
 from mtp_bench.detector import Profile, load_profile, profile_names
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.visibility import Sensor, covered
-from mtp_bench.errors import ShapeError
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.types import Detections, Floats, Truth
 from tests.support.detector_scenes import no_objects, traffic
@@ -91,12 +90,6 @@ def test_detections_move_with_the_world(yaw: float, shift: tuple[float, float, f
     np.testing.assert_allclose(np.cos(second.box[:, 3] - expected[:, 3]), 1.0, atol=1e-9)
     np.testing.assert_allclose(second.velocity, first.velocity @ turn, atol=1e-6)
     np.testing.assert_allclose(second.score, first.score, atol=1e-6)
-
-
-def test_a_pose_per_frame_is_needed() -> None:
-    truth, ego = traffic()
-    with pytest.raises(ShapeError, match=r"ego has shape \(29, 4\), expected \(30, 4\)"):
-        simulated(MEGVII, 0, (truth, ego[:-1]))
 
 
 @pytest.mark.parametrize("frames", [0, 1, 3])

@@ -5,16 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtp_bench.detector.visibility import (
-    HIDDEN,
-    LARGELY,
-    NOT_OCCLUDED,
-    PARTLY,
-    Sensor,
-    covered,
-    visibility_of,
-    visible_fraction,
-)
+from mtp_bench.detector.visibility import Sensor, covered, visibility_of, visible_fraction
 from mtp_bench.geometry import bev_corners, bev_intersection_area
 from mtp_bench.types import Floats, Truth
 from tests.support.detector_scenes import truth_of
@@ -114,14 +105,14 @@ def test_visibility_does_not_depend_on_the_order_of_boxes_or_on_the_heading_of_t
 
 @pytest.mark.parametrize(
     ("visible", "level"),
-    [(0.81, NOT_OCCLUDED), (0.79, PARTLY), (0.41, PARTLY), (0.39, LARGELY), (0.06, LARGELY), (0.04, HIDDEN)],
+    [(0.81, 0), (0.79, 1), (0.41, 1), (0.39, 2), (0.06, 2), (0.04, 3)],
 )
 def test_the_occlusion_level_follows_the_visible_fraction(visible: float, level: int) -> None:
     # The far wall spans 45 degrees to each side; the near one hides all of it but an angle on the left.
     top = 5 * np.tan(np.pi / 4 - visible * np.pi / 2)
     truth = _truth([[_wall(10.0, -10.0, 10.0), _wall(5.0, -20.0, float(top))]])
     seen = visibility_of(truth, np.zeros((1, 4)), ALL_AROUND)
-    assert seen.occlusion.tolist() == [level, NOT_OCCLUDED]
+    assert seen.occlusion.tolist() == [level, 0]
 
 
 def test_distance_and_bearing_are_relative_to_the_ego_of_the_frame() -> None:
@@ -134,14 +125,7 @@ def test_distance_and_bearing_are_relative_to_the_ego_of_the_frame() -> None:
 
 @pytest.mark.parametrize(
     ("x", "y", "inside"),
-    [
-        (49.9, 0.0, True),
-        (50.1, 0.0, False),
-        (10.0, 9.9, True),
-        (10.0, -9.9, True),
-        (10.0, 10.1, False),
-        (-9.0, 0.0, False),
-    ],
+    [(49.9, 0, True), (50.1, 0, False), (10, 9.9, True), (10, -9.9, True), (10, 10.1, False), (-9, 0, False)],
 )
 def test_a_box_is_covered_by_its_centre(x: float, y: float, inside: bool) -> None:
     truth = _truth([[_box(x, y)]])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from scipy.optimize import lsq_linear, minimize
+from scipy.optimize import least_squares, minimize
 from scipy.special import gammaln
 
 from ...geometry import wrap_angle
@@ -24,7 +24,6 @@ _DRAWS = 100_000
 _MIXES = 50  # draws of shared numbers
 _BOUND, _SIZE_BOUND = 3.0, 4.0  # of latent numbers, so that one large error does not make a correlation
 _NORMAL_MAD = 1.4826  # standard deviation over median absolute deviation of a normal number
-_PHI = np.linspace(0.0, 0.98, 99)
 
 
 def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
@@ -140,22 +139,14 @@ def _position_memory(objects: ObjectSamples, latent: Floats) -> dict[str, float]
             weight.append(np.sqrt(len(earlier)))
     if not lags:
         return {"bias": 0.0, "ar": 0.0, "phi": 0.0, "white": 1.0}
-    return _memory(np.array(lags), np.array(correlation), np.array(weight))
 
+    def loss(unknown: Floats) -> Floats:
+        last, stay, phi = unknown  # lasting share, and the constant share of that
+        return np.asarray(np.array(weight) * (last * (stay + (1 - stay) * phi ** np.array(lags)) - correlation))
 
-def _memory(lag: Floats, correlation: Floats, weight: Floats) -> dict[str, float]:
-    """Least squares fit of ``bias + ar phi^lag`` to a correlation per lag, with all shares in 0..1."""
-    best, least = (0.0, 0.0, 0.0), np.inf
-    for phi in _PHI:
-        # the white share is a third unknown, and a heavy weight makes all three sum to 1
-        rows = np.column_stack([weight, weight * phi**lag, 0 * weight])
-        sum_row = 1e3 * weight.max() * np.ones((1, 3))
-        target = np.append(weight * correlation, sum_row[0, 0])
-        fitted = lsq_linear(np.vstack([rows, sum_row]), target, bounds=(0.0, 1.0))
-        if fitted.cost < least:
-            least, best = float(fitted.cost), (float(fitted.x[0]), float(fitted.x[1]), float(phi))
-    bias, ar = round(best[0], 4), round(best[1], 4)
-    return {"bias": bias, "ar": ar, "phi": round(best[2], 4), "white": round(max(1.0 - bias - ar, 0.0), 4)}
+    last, stay, phi = least_squares(loss, (0.7, 0.5, 0.7), bounds=(0.0, (1.0, 1.0, 0.98))).x.tolist()
+    bias, ar = round(last * stay, 4), round(last * (1 - stay), 4)
+    return {"bias": bias, "ar": ar, "phi": round(phi, 4), "white": round(1.0 - bias - ar, 4)}
 
 
 def _attenuation(nu: float) -> float:
