@@ -1,7 +1,4 @@
-"""Records made up for tests of the leaderboard: no submission of these names exists, no number was measured.
-
-Their cards, scenes and weights of targets are those that ship: others are not ranked.
-"""
+"""Made-up records, with the cards, scenes and weights of targets that ship: others are not ranked."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.records import Record, SignedLevel
+from mtp_bench.records import Record
 from mtp_bench.records.attestation import Level
 from mtp_bench.records.shipped import shipped
 from mtp_bench.scoring import SUBSETS
@@ -109,18 +106,12 @@ def board_of(
 
     ``levels``: how far the records of some submissions were checked.
     """
-    of_each = links or [None] * len(records)
-    signed: dict[str, SignedLevel] = {
-        record.digest: signed_level(record, levels[record.submission.name])
-        for record in records
-        if levels and record.submission.name in levels
-    }
-    return entries_of(
-        [
-            Found(record, signed.get(record.digest), link, record.submission.name == added)
-            for record, link in zip(records, of_each, strict=True)
-        ]
-    )
+    found = []
+    for record, link in zip(records, links or [None] * len(records), strict=True):
+        name = record.submission.name
+        level = (levels or {}).get(name)
+        found.append(Found(record, signed_level(record, level) if level else None, link, name == added))
+    return entries_of(found)
 
 
 LEVELS_OF: dict[str, Level] = {"braided_paths": "re-run", "forest_of_maybe": "re-scored", "stp": "re-run"}

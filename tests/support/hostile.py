@@ -23,6 +23,7 @@ SLOW = 5 * HURRIED.frame  # s, far beyond the limit
 
 MANIFEST = 'name = "hostile"\nauthors = ["N. N."]\nagent = "agent:build"\n'
 HEAD = """
+from __future__ import annotations
 import ctypes, gc, os, pickle, socket, sys, time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -62,14 +63,9 @@ def act(self, observation):
 def submission(folder: Path, trick: str = HONEST) -> Path:
     """Folder of an agent whose method ``act`` is ``trick``; there, ``self.honest`` gives the honest answer."""
     folder.mkdir(exist_ok=True)
-    parts = (inspect.getsource(small_scenes.empty_action), "@dataclass\n" + inspect.getsource(small_scenes.EchoAgent))
+    parts = map(inspect.getsource, (small_scenes.empty_action, small_scenes.EchoAgent))
     body = textwrap.indent(textwrap.dedent(trick), "    ")
-    code = (
-        "from __future__ import annotations\n"
-        + HEAD
-        + "\n\n".join(parts).replace("@dataclass\n@dataclass", "@dataclass")
-    )
-    (folder / "agent.py").write_text(code + TAIL.replace("{trick}", body))
+    (folder / "agent.py").write_text("\n\n".join([HEAD, *parts, TAIL.replace("{trick}", body)]))
     (folder / "submission.toml").write_text(MANIFEST)
     return folder
 

@@ -47,18 +47,6 @@ def pairwise(measure: Callable[[Floats, Floats], Floats], a: Floats, b: Floats) 
     return measure(np.repeat(a, len(b), axis=0), np.tile(b, (len(a), 1))).reshape(len(a), len(b))
 
 
-def giou_reach(a: Floats, b: Floats, gate: float) -> Floats:
-    """Centre distances ``[n, m]`` beyond which the GIoU of ``[n, 7]`` and ``[m, 7]`` is below ``gate`` (above -1).
-
-    Boxes d apart have a hull of at least d times the smaller least side, and a GIoU of at most their areas / hull - 1.
-    Boxes that overlap are always within reach.
-    """
-    area = (a[:, 4] * a[:, 5])[:, None] + b[:, 4] * b[:, 5]
-    side = np.minimum(np.minimum(a[:, 4], a[:, 5])[:, None], np.minimum(b[:, 4], b[:, 5]))
-    bound = area / (np.maximum(side, _TINY) * max(1.0 + gate, 1e-9))
-    return np.maximum(bound, (np.hypot(a[:, 4], a[:, 5])[:, None] + np.hypot(b[:, 4], b[:, 5])) / 2)
-
-
 def gains(
     tracks: Floats,
     track_class: Ints,

@@ -14,6 +14,7 @@ from mtp_bench.env.checks import examine
 from mtp_bench.env.rollouts import RecordedAction, record_action
 from mtp_bench.types import Action as Action
 from mtp_bench.types import Detections, Floats, Ints, Scene, Task, Truth
+from tests.support.scoring_scenes import make_scene as drawn_scene
 
 CARD_ID = "MTP-Small-v0"
 CARD = """
@@ -99,16 +100,7 @@ def make_scene(name: str = "one", frames: int = 8, empty: tuple[int, ...] = ()) 
 
 def bare_scene(name: str = "bare", frames: int = 3) -> Scene:
     """A scene without objects."""
-    nothing = np.zeros((0, 7))
-    start, no_class = np.zeros(frames + 1, dtype=int), np.zeros(0, dtype=int)
-    no_flag, no_velocity = np.zeros(0, dtype=bool), np.zeros((0, 2))
-    return Scene(
-        name=name,
-        time=0.1 * np.arange(frames),
-        ego=np.zeros((frames, 4)),
-        truth=Truth(start, nothing, no_velocity, no_class, no_class, no_flag, no_flag),
-        detections=Detections(start, nothing, no_velocity, no_class, np.zeros(0)),
-    )
+    return drawn_scene([[]] * frames, name)
 
 
 class MemorySource:

@@ -14,7 +14,7 @@ from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, sparse_
 from mtp_bench.tracking.parameters import Affinity, ClassParameters
 from mtp_bench.tracking.tracker import rules_of, sparse_gains
 from mtp_bench.types import Floats, Ints
-from tests.support.plain_affinity import bev_hull_area, gains, giou_3d, giou_reach
+from tests.support.plain_affinity import bev_hull_area, gains, giou_3d
 
 
 def random_boxes(rng: np.random.Generator, n: int, spread: float = 3.0) -> Floats:
@@ -134,18 +134,6 @@ def test_classes_do_not_cross_and_unknown_ones_match_nothing() -> None:
     a, b = random_boxes(rng, 150, 8), random_boxes(rng, 120, 8)
     a_class, b_class = rng.integers(-1, len(RULES) + 2, 150), rng.integers(-1, len(RULES) + 2, 120)
     assert_same_gains(a, a_class, b, b_class, PARAMETERS)
-
-
-def test_pairs_beyond_the_reach_are_not_allowed() -> None:
-    """Just outside of the distance that geometry.py computes up to, and where the two bounds differ."""
-    rng = np.random.default_rng(5)
-    a, b = random_boxes(rng, 500), random_boxes(rng, 500)
-    reach = np.array([giou_reach(a[i : i + 1], b[i : i + 1], -0.5)[0, 0] for i in range(500)])
-    for share in (0.4, 0.6, 0.8, 0.999, 1.001):
-        far = b.copy()
-        far[:, 0], far[:, 1] = a[:, 0] + reach * share, a[:, 1]
-        value, expected = by_row(a, far, GIOU_3D, -0.5), giou_3d(a, far)
-        np.testing.assert_array_equal(np.isfinite(value), expected >= -0.5)
 
 
 @pytest.mark.parametrize(("n", "d"), [(0, 0), (0, 3), (3, 0)])
