@@ -33,7 +33,7 @@ def edit(folder: Path, old: str, new: str, file: str = "agent.py") -> None:
 
 
 def test_a_sound_submission_passes(folder: Path, cli: CommandLine, tmp_path: Path) -> None:
-    out = cli.ok("check", folder, "--json", tmp_path / "check.json")
+    out = cli.ok("check", folder, "--scenes", 1, "--json", tmp_path / "check.json")
     assert "mine on MTP-Intersection-v0" in out
     assert "mine passes; next: `mtp-bench compare" in out
     content = read_json(tmp_path / "check.json")
@@ -50,7 +50,7 @@ def test_an_agent_that_divides_by_the_time_between_frames_is_sound(folder: Path,
 
 def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: CommandLine) -> None:
     edit(folder, ACT, ACT + '        if observation["time"] > 3:\n            raise ValueError("no [more] frames")\n')
-    output = cli("check", folder)
+    output = cli("check", folder, "--scenes", 1)
     assert output.error == "mine does not pass: 1 error, see the table"
     assert "ValueError: no [more] frames" in output.out
     line = (folder / "agent.py").read_text().splitlines().index('            raise ValueError("no [more] frames")') + 1
@@ -117,7 +117,7 @@ def test_what_only_the_gateway_sees(folder: Path, cli: CommandLine) -> None:
          "os.environ.get('CHECK_ME') is None:\n            raise RuntimeError('no environment')\n")  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CHECK_ME", "1")
-        output = cli("check", folder)
+        output = cli("check", folder, "--scenes", 1)
     assert output.status == 1
     assert "crashed" in output.out
     assert "no environment" in output.out
@@ -134,7 +134,7 @@ def test_an_agent_that_would_end_this_process_is_not_run_in_it(
     body: str, text: str, folder: Path, cli: CommandLine
 ) -> None:
     edit(folder, ACT, f"{ACT}        {body}\n")
-    output = cli("check", folder)
+    output = cli("check", folder, "--scenes", 1)
     assert output.status == 1
     assert text in output.out
     assert "conformance" not in output.out

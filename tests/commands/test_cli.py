@@ -212,7 +212,7 @@ def test_json_on_standard_output_leaves_errors_where_they_are(cli: CommandLine, 
 def test_json_on_standard_output_stands_alone_beside_talking_agents(tmp_path: Path, card: str, kitti: str) -> None:
     """Agents run in processes of their own, which have the same standard output."""
     talking = write_submission(tmp_path / "talking", "talking", body='print("HERE I AM")')
-    known = ("--env", card, "--data", kitti, "--scenes", "2", "--seeds", "1", "--jobs", "2", "--json", "-")
+    known = ("--env", card, "--data", kitti, "--scenes", "1", "--seeds", "1", "--jobs", "2", "--json", "-")
     done = subprocess.run(
         [sys.executable, "-m", "mtp_bench", "compare", str(talking), *known],
         env=plain_environment(), capture_output=True, text=True, check=True,
