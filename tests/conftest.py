@@ -26,7 +26,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 _deselected = pytest.StashKey[int]()
 
 # No test times anything: on a busy machine an example may take as long as it likes.
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("any machine", max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("any machine")
 
 

@@ -21,7 +21,7 @@ from tests.support.scoring_scenes import make_card, random_case, take_tracks
 
 LONG, FEW = 221, 3  # frames: two blocks of at most 20 s; objects
 KINDS = ("complete", "targets only", "official list", "image", "long")
-CASES = [(kind, seed) for kind in KINDS for seed in range(3 if kind == "long" else 10)]  # odd ones: two draws
+CASES = [(kind, seed) for kind in KINDS for seed in range(2 if kind == "long" else 5)]  # odd ones: two draws
 RUNS = 48
 SHARED = (
     "error", "localisation", "missed", "plain_error", "coverage", "targets", "objects", "effective_targets",

@@ -222,7 +222,7 @@ def test_an_interval_of_a_share() -> None:
 
 def test_matching_is_the_best_of_all() -> None:
     rng = np.random.default_rng(0)
-    for _ in range(300):
+    for _ in range(100):
         some = [(a, b) for a in range(4) for b in range(4) if rng.random() < 0.5]
         pairs = {key: tuple(rng.integers(0, 3, 3) / 4) for key in some}
         every = [

@@ -15,7 +15,7 @@ from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import displacement, energy_score, k_curve
 from mtp_bench.scoring.forecasts import sample_weights
 
-steady = settings(derandomize=True, deadline=None, max_examples=100)
+steady = settings(derandomize=True, deadline=None, max_examples=50)
 seeds = st.integers(0, 10_000)
 
 

@@ -132,7 +132,7 @@ def random_frames(rng: np.random.Generator) -> list[Any]:
     return frames
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(derandomize=True, deadline=None, max_examples=30)
 @given(st.integers(0, 10_000), st.sampled_from(["frame", "sticky"]))
 def test_names_types_order_and_place_do_not_matter(seed: int, mode: Any) -> None:
     rng = np.random.default_rng(seed)

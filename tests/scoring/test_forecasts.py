@@ -117,7 +117,7 @@ def test_only_live_frames_cost() -> None:
     assert [error(scene, [car(60)], t, (1, 1, 1)) for t in range(5)] == [0, 10 + 4 + 5 + 5 + 2 + 5, 0, 0, 0]
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.integers(0, 10_000), st.booleans())
 def test_frames_add_up_to_the_scene(seed: int, complete: bool) -> None:
     card = make_card()

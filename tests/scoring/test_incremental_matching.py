@@ -13,7 +13,7 @@ from mtp_bench.scoring.incremental_matching import NEVER, Additions, add_in_orde
 from mtp_bench.scoring.pairs import Pairs
 from tests.independent.matching import best_pairs
 
-steady = settings(derandomize=True, deadline=None, max_examples=150)
+steady = settings(derandomize=True, deadline=None, max_examples=75)
 Case = tuple[Pairs, Any, Any, Any]  # pairs, step and confidence of the columns, tie of the pairs
 
 

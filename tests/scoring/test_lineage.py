@@ -182,7 +182,7 @@ def test_a_frame_without_the_object_or_with_a_neutral_one_makes_no_event(
     assert found == want
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.integers(0, 10_000))
 def test_one_hypothesis_is_one_stream(seed: int) -> None:
     scene, rollout = random_case(seed, hypotheses=1)
@@ -200,7 +200,7 @@ def test_one_hypothesis_is_one_stream(seed: int) -> None:
     assert np.flatnonzero(got.wrong[:, 0]).tolist() == want.wrong.tolist()
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(derandomize=True, deadline=None, max_examples=20)
 @given(st.integers(0, 10_000))
 def test_order_of_tracks_and_of_hypotheses_and_the_place_do_not_matter(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -15,7 +15,7 @@ from mtp_bench.scoring import Pairs, match, match_sticky
 from mtp_bench.scoring.matching import match_best
 from mtp_bench.scoring.pairs import box_pairs, near_pairs
 
-steady = settings(derandomize=True, deadline=None, max_examples=200)
+steady = settings(derandomize=True, deadline=None, max_examples=100)
 
 
 def pairs_of(cost: NDArray[Any]) -> Pairs:

@@ -38,7 +38,7 @@ def test_rounding_is_no_difference() -> None:
     assert guard(float(above.sum()), float(unit.sum())) is None
 
 
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(derandomize=True, deadline=None, max_examples=15)
 @given(st.integers(0, 10_000))
 def test_the_order_of_agents_does_not_matter_and_nobody_beats_the_better_of_two(seed: int) -> None:
     rng = np.random.default_rng(seed)

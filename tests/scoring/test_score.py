@@ -32,8 +32,8 @@ from tests.support.scoring_scenes import (
 
 CARD = make_card()
 STP = 4.0  # false forecasts of the reference
-steady = settings(derandomize=True, deadline=None, max_examples=40)
-at_every_cut = settings(steady, max_examples=15)  # each scores a scene some twenty times
+steady = settings(derandomize=True, deadline=None, max_examples=20)
+at_every_cut = settings(steady, max_examples=8)  # each scores a scene some twenty times
 seeds = st.integers(0, 10_000)
 
 

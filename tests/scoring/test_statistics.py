@@ -13,7 +13,7 @@ from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import bootstrap_interval, effective_number, paired_difference, sign_flip_test
 from mtp_bench.scoring.statistics import _mean_and_error, gap_closed, share_interval
 
-steady = settings(derandomize=True, deadline=None, max_examples=50)
+steady = settings(derandomize=True, deadline=None, max_examples=25)
 
 
 def test_the_interval_holds_the_mean_and_repeats() -> None:

@@ -84,7 +84,7 @@ def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:
     assert focus.follower(1) == 1
 
 
-@settings(derandomize=True, deadline=None, max_examples=15)
+@settings(derandomize=True, deadline=None, max_examples=8)
 @given(st.integers(0, 10_000))
 def test_of_any_event_few_boxes_are_bright_and_the_object_is_in_the_middle(seed: int) -> None:
     run = replay(*random_case(seed), CARD)

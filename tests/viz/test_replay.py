@@ -174,7 +174,7 @@ def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
     np.testing.assert_array_equal(matched, np.where(scene.truth.neutral, -1, played.truth_track))
 
 
-@settings(derandomize=True, deadline=None, max_examples=20)
+@settings(derandomize=True, deadline=None, max_examples=10)
 @given(st.integers(0, 10_000))
 def test_the_record_says_what_the_score_counts(seed: int) -> None:
     scene, rollout = random_case(seed)
