@@ -63,7 +63,7 @@ def act(self, observation):
 def submission(folder: Path, trick: str = HONEST) -> Path:
     """Folder of an agent whose method ``act`` is ``trick``; there, ``self.honest`` gives the honest answer."""
     folder.mkdir(exist_ok=True)
-    parts = map(inspect.getsource, (small_scenes.empty_action, small_scenes.EchoAgent))
+    parts = [inspect.getsource(part) for part in (small_scenes.empty_action, small_scenes.EchoAgent)]
     body = textwrap.indent(textwrap.dedent(trick), "    ")
     (folder / "agent.py").write_text("\n\n".join([HEAD, *parts, TAIL.replace("{trick}", body)]))
     (folder / "submission.toml").write_text(MANIFEST)
