@@ -68,7 +68,7 @@ def mtp_bench_command(*words):
     subprocess.run([sys.executable, "-m", "mtp_bench", *words], check=True)
 
 
-mtp_bench_command("check", str(FOLDER))
+mtp_bench_command("check", str(FOLDER), "--scenes", "1")
 record = ["--scenes", "1", "--seeds", "1", "-o", str(FOLDER.with_suffix(".record"))]  # without these: the whole record
 mtp_bench_command("submit", str(FOLDER), "--env", ENV, *record)
 # --8<-- [end:record]

@@ -30,7 +30,7 @@ settings.register_profile("any machine", max_examples=40, deadline=None, suppres
 settings.load_profile("any machine")
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure() -> None:
     root = os.environ.get(VARIABLE)
     if root and not Path(root).is_dir():
         raise pytest.UsageError(f"{VARIABLE} is {root!r}, expected an existing folder; unset it to run without data")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 from collections import Counter
-from collections.abc import Iterator
+from functools import cache
 
 import pytest
 
@@ -18,11 +18,15 @@ PEOPLE = re.compile(r"\b(nobody|somebody|whoever|whatever|anybody|who)\b", re.IG
 DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
-def nodes(folder: str) -> Iterator[tuple[str, ast.AST]]:
-    """Place and node of everything in the modules of a folder."""
+@cache
+def nodes(folder: str) -> list[tuple[str, ast.AST]]:
+    """Place and node of all constants and all that may have a docstring in the modules of a folder."""
+    found: list[tuple[str, ast.AST]] = []
     for path in sorted((REPOSITORY / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text())):
-            yield f"{path.relative_to(REPOSITORY)}:{getattr(node, 'lineno', 1)}", node
+        name = path.relative_to(REPOSITORY)
+        kept = (node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, (*DOCUMENTED, ast.Constant)))
+        found += [(f"{name}:{getattr(node, 'lineno', 1)}", node) for node in kept]
+    return found
 
 
 def first_lines(folder: str) -> dict[str, str]:
