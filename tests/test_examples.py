@@ -44,7 +44,7 @@ def case(example: Path) -> object:
 
 def sentences(output: str) -> list[str]:
     """Lines outside of tables, with # for every number."""
-    lines = [line for line in output.splitlines() if line.strip() and line[0] not in "┏┃┡│└├╭╰ "]
+    lines = [line for line in output.splitlines() if line.strip() and line[0] not in "┏┃┡│└├╭╰─ "]
     return [re.sub(r"\d+(\.\d+)?", "#", " ".join(line.split())) for line in lines]
 
 

@@ -160,7 +160,7 @@ def test_equals_the_textbook_solver(rows: int, parents: int, gate: float) -> Non
     check_against_the_textbook_solver(rows, parents, gate)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_first_j_of_k_are_the_j_best(seed: int) -> None:
     cost, member, base, _ = tracking_problem(np.random.default_rng(seed), 15, 6, 5.0)
     whole = solved((cost, member, base, 60))
@@ -169,7 +169,7 @@ def test_the_first_j_of_k_are_the_j_best(seed: int) -> None:
             np.testing.assert_array_equal(more[:j], fewer)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_order_of_rows_columns_and_pairs_does_not_matter(seed: int) -> None:
     rng = np.random.default_rng(seed)
     cost, member, base, k = tracking_problem(rng, 20, 5, 4.0)
@@ -189,7 +189,7 @@ def test_the_order_of_rows_columns_and_pairs_does_not_matter(seed: int) -> None:
         np.testing.assert_array_equal(ours, theirs)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_joint_over_parents_is_the_sort_of_all_separate(seed: int) -> None:
     cost, member, base, k = tracking_problem(np.random.default_rng(seed), 18, 8, 4.0)
     kept = np.sort(np.unique(member, axis=0, return_index=True)[1]).tolist()  # the cheapest come first

@@ -22,7 +22,7 @@ def assert_same(ours: Tracks, plain: Tracks) -> None:
 
 
 @pytest.mark.parametrize("hypotheses", [1, 3, 20])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_compiled_and_plain_tracker_agree(seed: int, hypotheses: int) -> None:
     frames = random_frames(np.random.default_rng(seed), 30, objects=6, area=9.0)
     pair = run(HypothesisTracker(hypotheses), frames), run(PlainTracker(hypotheses), frames)
@@ -30,7 +30,7 @@ def test_compiled_and_plain_tracker_agree(seed: int, hypotheses: int) -> None:
         assert_same(ours, plain)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_greedy_assignment_agrees_too(seed: int) -> None:
     frames = random_frames(np.random.default_rng(seed), 40)
     pair = run(HypothesisTracker(assignment="as_parameters"), frames), run(PlainTracker(greedy=True), frames)
@@ -55,7 +55,7 @@ def test_they_agree_with_measured_velocities(hypotheses: int) -> None:
 @pytest.mark.data
 @pytest.mark.parametrize(
     ("env_id", "scene", "frames"),
-    [("MTP-KITTI-noego-v0", "0013", 120), ("MTP-nuScenes-mini-v0", "scene-0103", 12), ("MTP-PETS-v0", None, 60)],
+    [("MTP-KITTI-noego-v0", "0013", 60), ("MTP-nuScenes-mini-v0", "scene-0103", 12), ("MTP-PETS-v0", None, 30)],
 )
 def test_they_agree_on_recordings(env_id: str, scene: str | None, frames: int, data_root: Path) -> None:
     env = MTPEnv(env_id, data=str(data_root))
