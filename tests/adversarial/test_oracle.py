@@ -50,7 +50,7 @@ def frames():
         from mtp_bench.cards import load_card
         from mtp_bench.records import open_seal
 
-        hidden = open_seal(secret, WHERE["commitment"]).card(load_card(WHERE["card"]))
+        hidden = open_seal(secret).card(load_card(WHERE["card"]))
         env = MTPEnv(hidden, observe="truth", evaluation=True)
         observation, _ = env.reset(seed=0, options={"scene": env.scene_names[0]})
         found, over = [], False
@@ -112,13 +112,14 @@ class Hall:
         self.sealed, self.card = sealed_with_targets(card, folder / "secret.json"), card
         for place in places:
             place.mkdir(parents=True, exist_ok=True)
-            shutil.copy(folder / "secret.json", place / "secret.json")
+            for name in ("secret.json", "secret.commitment.json"):
+                shutil.copy(folder / name, place)
         move_home(home, patch)
         patch.setenv("MTP_BENCH_DATA", str(root))
         self.honest = write_submission(folder / "submissions" / "honest", "honest")
         self.oracle = write_submission(folder / "submissions" / "oracle", "oracle", body=BODY.strip())
         (self.oracle / "oracle.py").write_text(ORACLE)
-        where = {"folders": list(map(str, places)), "commitment": str(folder / "secret.commitment.json"), "card": card}
+        where = {"folders": list(map(str, places)), "card": card}
         (self.oracle / "where.json").write_text(json.dumps(where))
 
     def run(self, submission: Path) -> tuple[SceneRun, float]:
