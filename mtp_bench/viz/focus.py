@@ -25,7 +25,6 @@ class ObjectForecast:
     track_id: int  # that it belongs to, -1 without one
     start: Floats  # [2] m
     path: Floats  # [K, T, 2] m, one per frame after ``frame``
-    weight: Floats  # [K] 0 to 1
     nearest: int  # the sample nearest to the true future; the heaviest if that is unknown
 
     @property
@@ -191,7 +190,7 @@ class Focus:
         gap = np.hypot(*np.moveaxis(path[:, : len(future)] - future, -1, 0)).sum(axis=1)
         nearest = int(np.argmin(gap) if len(future) else np.argmax(weight[stated]))
         track_id = int(self.replay.answers.object_track_id[row])
-        return ObjectForecast(t, track_id, start, path, weight[stated], nearest)
+        return ObjectForecast(t, track_id, start, path, nearest)
 
     def _forecast_row(self, t: int) -> int:
         row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])

@@ -18,7 +18,7 @@ from mtp_bench import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
-from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, draw_frame, legend, windows_of
+from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, draw_frame, windows_of
 from mtp_bench.viz.drawing.canvas import Canvas
 from mtp_bench.viz.drawing.labels import BOARD, callout, scale_bar
 from mtp_bench.viz.drawing.video import pictures
@@ -96,20 +96,6 @@ def test_an_untracked_true_box_differs_by_more_than_colour() -> None:
     window = windows_of(run.scene, CARD)[3]
     dashed = amount(draw_frame(untracked, 3, window), palette.TRUTH)
     assert amount(draw_frame(run, 3, window), palette.TRUTH) > 1.3 * dashed > 0
-
-
-def test_the_legend_names_only_what_this_kind_of_picture_can_show() -> None:
-    whole = [
-        "true box", "true box, untracked", "detection", "false positive", "track, where it was", "false track",
-        "other hypotheses", "forecast", "false forecast", "event", "ego",
-    ]  # fmt: skip
-    run, unknown = scene_with("truth", complete=True), scene_with("truth")
-    assert [mark.text for mark in legend(run)] == whole
-    assert [mark.text for mark in legend(unknown)] == [text for text in whole if "false" not in text]
-    hidden = replace(run, judged=False, scene=replace(run.scene, truth=run.scene.truth.select(run.scene.truth.neutral)))
-    assert [mark.text for mark in legend(hidden)] == [
-        "detection", "track, where it was", "other hypotheses", "forecast", "ego",
-    ]  # fmt: skip
 
 
 def test_an_event_stays_for_a_while() -> None:

@@ -245,7 +245,7 @@ WENT = {  # the true way and the forecast, each [3, 2], and what is said
 @pytest.mark.parametrize(("future", "path", "text"), WENT.values(), ids=WENT)
 def test_what_a_forecast_did(future: list[list[float]], path: list[list[float]], text: str) -> None:
     samples = np.array([[[50.0, 50.0]] * 3, path])
-    forecast = ObjectForecast(0, 1, np.zeros(2), samples, np.ones(2), nearest=1)
+    forecast = ObjectForecast(0, 1, np.zeros(2), samples, nearest=1)
     assert went(forecast, np.array([[0, 0], *future], dtype=float)) == f"{text} from the true place"
 
 

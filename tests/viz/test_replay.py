@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mtp_bench.errors import UnknownNameError
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.lineage import match_hypotheses
 from mtp_bench.types import Rollout, Scene
@@ -179,10 +178,3 @@ def assert_same_as_the_score(scene: Scene, rollout: Rollout, card: Any) -> None:
 def test_the_record_says_what_the_score_counts(seed: int) -> None:
     scene, rollout = random_case(seed)
     assert_same_as_the_score(scene, rollout, CARD)
-
-
-def test_an_incident_is_found_by_its_name() -> None:
-    played = replay(make_scene(line([5] * 4)), make_rollout(line([1, 1, 2, 2])), CARD)
-    assert played.incident("ids-0").frame == 2
-    with pytest.raises(UnknownNameError, match=r"unknown event of scene s 'ids-1': did you mean 'ids-0'\?.*events"):
-        played.incident("ids-1")

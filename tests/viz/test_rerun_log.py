@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace as changed
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -242,22 +239,3 @@ def test_forecasts_of_nothing_have_a_place_of_their_own(tmp_path: Path) -> None:
     live = range(1, 7)  # frames with targets
     assert [len(found["world/false_forecast"][t]["strips"]) for t in live] == [2] * 6
     assert [len(found["world/forecast"][t]["strips"]) for t in live] == [0] * 6
-
-
-@pytest.mark.parametrize(
-    ("module", "text"),
-    [
-        (None, "cannot be imported"),
-        (SimpleNamespace(__version__="0.30.1", blueprint=None), "rerun is 0.30.1, expected 0.41"),
-    ],
-    ids=["missing", "another version"],
-)
-def test_a_missing_or_other_version_of_rerun_is_one_error(
-    module: object, text: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("rerun", "rerun.blueprint", "rerun.experimental"):
-        monkeypatch.setitem(sys.modules, name, module and SimpleNamespace(**vars(module), ViewerClient=None))
-    monkeypatch.delitem(sys.modules, "mtp_bench.viz.rerun.sdk")
-    with pytest.raises(MtpBenchError, match=text) as error:
-        importlib.import_module("mtp_bench.viz.rerun.sdk")
-    assert 'pip install "rerun-sdk>=0.41,<0.42"' in str(error.value)
