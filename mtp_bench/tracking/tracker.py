@@ -31,10 +31,8 @@ class HypothesisTracker:
     """AB3DMOT's filter and life cycle with the ``hypotheses`` best global associations.
 
     ``parameters``: one per class of the task; None takes those of the task's card, else of its detector.
-    ``temperature`` turns costs into weights, exp(-cost / temperature). Greedy assignment, as AB3DMOT's for some
-    classes, is honoured only with ``assignment="as_parameters"`` and a single hypothesis: the best hypothesis of many
-    is the Hungarian one.
-    ``assignment="greedy"`` is greedy for every class.
+    ``temperature`` turns costs into weights, exp(-cost / temperature). ``assignment``: with one hypothesis also
+    "as_parameters", greedy for the classes whose parameters say so, as in AB3DMOT, or "greedy" for all.
     ``min_detection_score``: detections with lower scores are ignored; a number, or one per class name.
     """
 
@@ -201,10 +199,9 @@ def sparse_gains(
 ) -> tuple[Ints, Ints, Floats]:
     """Allowed pairs of track boxes with detected boxes: ``indptr`` [N + 1], ``column`` and ``gain`` [E].
 
-    ``tracks`` [N, 7] of ``track_class`` [N], ``detections`` [D, 7] of ``detection_class`` [D]; ``rules``: which pairs
-    are allowed and what they gain, per class, see `rules_of`.
-    The pairs of track i are ``indptr[i]:indptr[i + 1]``, by ascending column; the classes [N] and [D] of both must be
-    the same. Two boxes without any volume between them, whose GIoU is 0 / 0, may or may not match.
+    ``tracks`` [N, 7] of ``track_class`` [N], ``detections`` [D, 7] of ``detection_class`` [D]; ``rules``: see
+    `rules_of`. The pairs of track i, of one class, are ``indptr[i]:indptr[i + 1]``, by ascending column. Two boxes
+    without any volume between them, whose GIoU is 0 / 0, may or may not match.
     """
     return sparse_pairs(
         np.require(tracks, np.float64, "W"),  # a view of longer rows will do, but writable

@@ -74,8 +74,7 @@ def _require_distinct(env_ids: Sequence[str]) -> None:
     for place, env_id in enumerate(env_ids):
         if env_id in env_ids[:place]:
             raise MtpBenchError(
-                f"{env_id} is named twice among the envs to learn from ({', '.join(env_ids)}), expected each once; "
-                "--also names further envs beside that of --env"
+                f"{env_id} is named twice among the envs to learn from ({', '.join(env_ids)}), expected each once"
             )
 
 
