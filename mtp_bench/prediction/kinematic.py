@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ..agent import Forecasts, Frame, Tracks
@@ -91,23 +89,20 @@ class KinematicPredictor:
         return np.concatenate([axis.reshape(-1, 12), origin], axis=1)
 
 
+PASTS = (2, 3, 5, 10)  # frames
+
+
 class HedgedPredictor:
-    """Spread k samples over several lengths of the past, and one sample that stands still.
+    """Spread k samples over several lengths of the past, `PASTS`, and one sample that stands still.
 
-    It is a control with one hypothesis (protocol, "Controls"). ``pasts``: frames of history, as far as the task gives
-    them. They share the samples evenly, and the shortest ones get the remainder. Each past draws random
-    numbers of its own.
+    It is a control with one hypothesis (protocol, "Controls"). The pasts, as far as the task gives them, share the
+    samples evenly, and the shortest ones get the remainder. Each past draws random numbers of its own.
     """
-
-    def __init__(self, pasts: Sequence[int] = (2, 3, 5, 10)) -> None:
-        if not pasts:
-            raise ShapeError("pasts is empty, expected at least one number of frames")
-        self._pasts = pasts
 
     def reset(self, task: Task) -> None:
         """Begin a new scene."""
         self._task = task
-        pasts = sorted({min(past, task.past) for past in self._pasts})
+        pasts = sorted({min(past, task.past) for past in PASTS})
         self._readings = [KinematicPredictor(past=past) for past in pasts]
         for reading in self._readings:
             reading.reset(task)
