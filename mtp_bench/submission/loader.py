@@ -114,9 +114,11 @@ def _find(name: str | Path) -> Path:
     path = path.parent if path.name == MANIFEST else path
     if (path / MANIFEST).exists():
         return path.resolve()
+    if "," in str(name):
+        raise SubmissionError(f"{str(name)!r} is not a submission: put blanks between agents, not commas")
     if path.exists() or "/" in str(name) or os.sep in str(name):
         raise SubmissionError(f"{name} is not a submission, expected a folder with {MANIFEST}")
-    hint = f"name a baseline, or a folder with {MANIFEST}; put blanks between agents"
+    hint = f"name a baseline, or a folder with {MANIFEST}"
     raise UnknownNameError("submission", str(name), baseline_names(), hint)
 
 
