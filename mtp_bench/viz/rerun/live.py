@@ -37,11 +37,12 @@ class LiveRecording:
             return
         scene, t = episode.scene, episode.frame
         run = Replay.of_episode(episode, trail_frames(episode.card.task.rate))
-        hypotheses = list(range(min(TOP_HYPOTHESES, run.answers.hypotheses.member.shape[1])))
+        hypotheses = range(min(TOP_HYPOTHESES, run.answers.hypotheses.member.shape[1]))
         if self._episode is not episode:
             self._episode, self._root = episode, f"episode-{next(_EPISODES)}/"
             # the default: a layout that the user has sent or made stays
-            layout = live_layout(ShownAgent(run, hypotheses, root=self._root, shared=self._root))
+            agent = ShownAgent(run, list(range(TOP_HYPOTHESES)), root=self._root, shared=self._root)
+            layout = live_layout(agent)
             self._recording.send_blueprint(layout, make_active=False, make_default=True)
             log_map(self._recording, scene, self._root)
         log = Log(self._recording, frame_times(scene, np.array([t])), self._root, only=t)
