@@ -6,8 +6,6 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..scoring import (
@@ -20,8 +18,6 @@ from ..scoring import (
     stated_hypotheses,
     summarise,
 )
-from ..scoring.rows import Count, Interval
-from ..strict import Section
 from ..submission.loader import controls
 from ..submission.manifest import Role
 from .options import DEFAULTS, RunOptions
@@ -30,7 +26,6 @@ from .reference import ranked_scenes, reference_for
 from .run import Job, jobs_of, run_jobs
 from .settings import Setting, all_settings, require_list
 
-PARAMETER = "min_detection_score"  # of baselines that leave out detections
 CONTROLS: tuple[Role, ...] = ("ground_truth", "single", "same_samples", "hedged")  # protocol, "Controls"
 
 
@@ -42,19 +37,6 @@ class Comparison:
     reference: Reference
     settings: tuple[Setting, ...]
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
-
-
-class AtThreshold(Section):
-    """Scores of agents with detections above a score threshold, by the event weights of all detections."""
-
-    threshold: float
-    switches: Count  # of the single-hypothesis control, on evaluated true boxes
-    switches_on_targets: Count
-    ids: dict[str, float | None]  # agent -> error, m
-    all: dict[str, float | None]
-    beyond_control: dict[str, float | None]  # subset -> several hypotheses minus as many samples of one, m
-    interval: dict[str, Interval | None]
-    p: dict[str, float | None]
 
 
 def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFAULTS) -> Comparison:
@@ -127,33 +109,6 @@ def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: 
         seeds=tuple(seeds),
         ideal=setting.ideal,
         stored_tracks=setting.observe == "tracks",
-    )
-
-
-def threshold_agents() -> tuple[str, str, str]:
-    """Baselines whose scores are shown at several score thresholds: one hypothesis, several, and their control."""
-    role = controls()
-    return role["single"], role["several"], role["same_samples"]
-
-
-def at_threshold(threshold: float, agents: Sequence[AgentScores], report: Report) -> AtThreshold:
-    """Scores of `threshold_agents` at one threshold; ``report``: of them."""
-    single, several, control = threshold_agents()
-    first = next(agent for agent in agents if agent.agent == single).seeds[0]
-    pairs = {
-        pair.subset: pair
-        for pair in report.paired
-        if (pair.agent, pair.other) == (several, control) and pair.subset in ("all", "ids")
-    }
-    return AtThreshold(
-        threshold=threshold,
-        switches=sum(score.own_events["ids"] for score in first),
-        switches_on_targets=int(np.sum([score.own_ids.sum() for score in first])),
-        ids={row.agent: row.error for row in report.rows if row.subset == "ids"},
-        all={row.agent: row.error for row in report.rows if row.subset == "all"},
-        beyond_control={name: pair.error for name, pair in pairs.items()},
-        interval={name: pair.interval for name, pair in pairs.items()},
-        p={name: pair.p for name, pair in pairs.items()},
     )
 
 

@@ -91,12 +91,6 @@ def fit_perturbation(parts: Sequence[MatchedDetections], classes: int) -> Pertur
     )
 
 
-def score_cuts(parts: Sequence[MatchedDetections], classes: int, share: float) -> tuple[float, ...]:
-    """The score per class [C] below which this share of the detections of true objects lies."""
-    class_id, score = _columns(parts, "class_id", "score")
-    return _rounded(_quantiles(score, [class_id == c for c in range(classes)], share))
-
-
 def assignment_of(run: int) -> str:
     """The assignment of detections to tracks in run ``run``."""
     return ASSIGNMENTS[run % len(ASSIGNMENTS)]
