@@ -64,7 +64,8 @@ def verdict(interval: Interval | None, limit: float, sign: int, weight: Floats) 
 def _costs(findings: Findings) -> Iterator[Row]:
     subject = findings.subject
     for place in _PLACES[:2]:
-        pair = [figures_of(findings.bench.of_paper, role, "equal", 1).get(place.key) for role in ("truth_past", "stp")]
+        roles = ("ground_truth", "single")
+        pair = [figures_of(findings.bench.of_paper, role, "equal", 1).get(place.key) for role in roles]
         papers = ""
         if pair[0] and pair[1]:
             papers = f"minADE {pair[0][0]:.3f} m from GT tracks, {pair[1][0]:.3f} m from tracklets"
@@ -81,16 +82,16 @@ def _gains(findings: Findings) -> Iterator[Row]:
         known = [figures_of(findings.bench.of_paper, *each).get(key) for each in settings]
         return " to ".join(f"{figures[0]:.3f} m" for figures in known if figures) if all(known) else ""
 
-    one, many = ("stp", "equal", 1), ("mtp", "equal", count)
+    one, many = ("single", "equal", 1), ("several", "equal", count)
     for place in _PLACES:
         title = f"{winner} part of it back {place.where}"
         yield _difference(findings, most, subject.single, place, -1, title, paper(place.key, one, many))
     few = min((h for h in subject.equal if h >= 5), default=count)
     if few < count:
-        figures = paper("ids", ("mtp", "equal", few), many)
+        figures = paper("ids", ("several", "equal", few), many)
         yield _difference(findings, most, subject.equal[few], switches, -1, "More hypotheses win more", figures)
     if count in subject.free:
-        yield _kept(findings, subject.free[count], paper("ids", ("mtp", "free", count), many))
+        yield _kept(findings, subject.free[count], paper("ids", ("several", "free", count), many))
     control = findings.plan.same_samples
     if control is not None and subject.single in findings.plan.controls:  # they share its predictor
         title = f"{winner} more than as many samples from one hypothesis (a control that the paper does not have)"

@@ -123,8 +123,8 @@ def _paper_figures(
     findings: Findings, subject: StudiedAgent, setting: Setting, subset: Subset
 ) -> Sequence[float | None]:
     """The paper's minADE and minFDE for the role of a setting; None where it has none."""
-    role = "truth_past" if setting == subject.truth else "stp" if setting == subject.single else "mtp"
-    if setting in findings.plan.controls and role == "mtp":
+    role = "ground_truth" if setting == subject.truth else "single" if setting == subject.single else "several"
+    if setting in findings.plan.controls and role == "several":
         return None, None
     figures = figures_of(findings.bench.of_paper, role, setting.budget, setting.hypotheses or 1)
     return figures.get(PAPER_SUBSETS.get(subset, ""), (None, None))

@@ -22,13 +22,12 @@ _ROLES = {name: role for role, name in controls().items()}
 
 def paper_figures(env_id: str, row: Row) -> Figures:
     """The paper's numbers for the env and setting of ``row``; empty where it has none."""
-    return figures_of(env_id, row.agent, row.budget, row.hypotheses)
+    return figures_of(env_id, _ROLES.get(row.agent, ""), row.budget, row.hypotheses)
 
 
 def paper_gap(env_id: str, row: Row) -> float | None:
     """Share of the gap on IDS that the agent of ``row`` closes in the paper, by minADE; None if unknown."""
-    agents = controls()["ground_truth"], controls()["single"]
-    truth, stp = (figures_of(env_id, agent, row.budget, 1).get("ids") for agent in agents)
+    truth, stp = (figures_of(env_id, role, row.budget, 1).get("ids") for role in ("ground_truth", "single"))
     own = paper_figures(env_id, row).get("ids")
     if own is None or truth is None or stp is None:
         return None
@@ -53,9 +52,8 @@ def shared_events(env_id: str) -> dict[str, dict[str, int]]:
     return dict(_paper_of(env_id).get("shared", {}))
 
 
-def figures_of(env_id: str, agent: str, budget: str, hypotheses: int) -> Figures:
-    """The paper's numbers for an env and a baseline with a role in comparisons; empty where it has none."""
-    role = _ROLES.get(agent, "")
+def figures_of(env_id: str, role: str, budget: str, hypotheses: int) -> Figures:
+    """The paper's numbers for an env and the baseline with a role in comparisons; empty where it has none."""
     figures = _paper_of(env_id).get(role, {})
     if role == "several":
         figures = figures.get(budget, {}).get(str(hypotheses), {})
