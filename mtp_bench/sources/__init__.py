@@ -28,8 +28,7 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA, else the user data folder.
     Raises DataError when the root, a folder or the card's detector is missing.
     """
-    source = _package(card).open(card, data)
-    return source if card.detector is None else ChangedScenes(source, partial(detected, card=card))
+    return ChangedScenes(_package(card).open(card, data), partial(detected, card=card))
 
 
 def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: str | Path) -> SceneSource:

@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card, SourceSection
 from ..cards.own import TEXTS, folder_digest, known_digest
 from ..cards.source import DetectionsSection
-from ..errors import CardError, DataError, MissingDataError, nearest
+from ..errors import CardError, DataError, MissingDataError, UnknownNameError, nearest
 from ..types import Detections, Floats, Ints, Lane, Scene, StoredTracks
 from .dataset import Dataset, DataStatus
 
@@ -29,7 +29,7 @@ class SceneSource(Protocol):
         ...
 
     def load(self, name: str) -> Scene:
-        """Read one scene; DataError names the file and line that is wrong, UnknownNameError a name not in the split."""
+        """Read one scene of `names`; DataError names the file and line that is wrong."""
         ...
 
 
@@ -46,7 +46,9 @@ class ChangedScenes:
         return self.source.names
 
     def load(self, name: str) -> Scene:
-        """Read one scene and change it."""
+        """Read one scene and change it; raises UnknownNameError for a name that the source does not have."""
+        if name not in self.source.names:
+            raise UnknownNameError("scene", name, self.source.names)
         return self.change(self.source.load(name))
 
 

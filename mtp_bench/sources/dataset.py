@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -53,20 +53,15 @@ class Dataset:
         root, _ = data_root(data)
         return (*(root / folder for folder in self.folders), root)
 
-    def find(self, data: str | Path | None, holds: str, others: Sequence[str] = ()) -> Path:
-        """The folder that holds the folder ``holds``, which may be a pattern.
-
-        Raises DataError that names the folders that were searched, and which of ``others`` are there instead.
-        """
+    def find(self, data: str | Path | None, holds: str) -> Path:
+        """The folder that holds the folder ``holds``, which may be a pattern; DataError names what was searched."""
         folders = self.searched(data)
         for folder in folders:
             if any(path.is_dir() for path in folder.glob(holds)):
                 return folder
-        there = [Path(other).name for other in others if any((folder / other).is_dir() for folder in folders)]
         raise MissingDataError(
             f"no {self.name} data: {holds} is in none of {', '.join(map(str, folders))} ({data_root(data)[1]})"
-            + (f"; found there: {', '.join(there)}" if there else "")
-            + f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
+            f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
         )
 
     def status(self, data: str | Path | None, holds: str) -> DataStatus:

@@ -24,11 +24,11 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     is measured as 0, as that of a false positive, since a missing one would show that a box is true and new. If every
     frame has its own frame of reference, velocities are those in the world, turned into the frames.
     """
+    if card.detector is None or (scene.detector and not scene.simulated):
+        return scene
     from ..detector.simulate import simulate
     from ..detector.visibility import Sensor, visibility_of, visible_fractions
 
-    if card.detector is None or (scene.detector and not scene.simulated):
-        return scene
     section, profile = card.detector, card.detector.resolved
     area = section.area
     if area is None and card.source.traits.bounded_by_truth:

@@ -98,7 +98,7 @@ MOT3D: dict[str, tuple[str, Lines, str]] = {
     "no truth": (GT, None, "no file"),
     "no detections": (DET, None, "no file"),
     "detections in pixels": (DET, [row(1, -1, -1, -1)[:-1] + "-1"], "-1 in every row, as in the 2D benchmark"),
-    "no seqinfo": (INI, None, r"write it with the lines '\[Sequence\]', 'name=TUD-Stadtmitte', 'frameRate=25' and "),
+    "no seqinfo": (INI, None, "no file"),
     "no rate": (INI, [seqinfo()[0], *seqinfo()[3:]], "missing required field `frameRate`"),
     "no section": (INI, seqinfo()[1:], "cannot be read: File contains no section headers"),
     "no frames": (INI, seqinfo(length="0"), r"`int` >= 1 - at `\$.seqLength`"),

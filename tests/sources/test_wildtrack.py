@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.errors import DataError, UnknownNameError
+from mtp_bench.errors import DataError
 from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe
 from mtp_bench.sources.motion import as_places
@@ -85,8 +85,6 @@ def test_splits(root: Path, split: str, first: tuple[int, ...]) -> None:
     for name in source.names:
         write_people(root, SCENES[name] + 195, person(3, 0))  # the last frame of the scene, and only of this one
         assert source.load(name).truth.start.tolist()[-2:] == [name == STORED, 1 + (name == STORED)]
-    with pytest.raises(UnknownNameError, match="wildtrack-0100"):
-        source.load("wildtrack-0100")
 
 
 def test_only_the_last_scene_has_stored_detections(root: Path) -> None:

@@ -10,7 +10,7 @@ from urllib.parse import unquote
 
 from ...cards import Card, FilesSource
 from ...cards.own import folder_digest, split_folder
-from ...errors import DataError, MissingDataError, UnknownNameError
+from ...errors import DataError, MissingDataError
 from ...types import Scene
 from ..base import section_of
 from ..dataset import Dataset, DataStatus
@@ -57,8 +57,6 @@ class OwnScenes:
 
     def load(self, name: str) -> Scene:
         """Read one scene; DataError names the file, line and column that is wrong."""
-        if name not in self._read:
-            raise UnknownNameError("scene", name, self.names)
         scene = self._read[name]()
         if self.card.velocity and self.section.traits.velocity_ahead:  # agents must not see future positions
             return replace(scene, truth=looking_back(scene.truth, scene.time))

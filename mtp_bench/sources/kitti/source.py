@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError, UnknownNameError
+from ...errors import DataError
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity
@@ -47,8 +47,6 @@ class KittiTracking:
 
     def load(self, name: str) -> Scene:
         """Read one sequence; all its frames count, also those without labels or detections."""
-        if name not in self.names:
-            raise UnknownNameError("scene", name, self.names)
         section, classes = self.section, self.card.task.classes
         poses = self.poses(name)
         length = len(poses.position)

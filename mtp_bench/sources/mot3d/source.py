@@ -13,7 +13,7 @@ from pydantic import Field
 
 from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
-from ...errors import CardError, DataError, MissingDataError, UnknownNameError
+from ...errors import CardError, DataError, MissingDataError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
@@ -30,9 +30,6 @@ class SequenceInfo(msgspec.Struct, frozen=True):
 
     rate: Annotated[float, msgspec.Meta(gt=0, le=1e6)] = msgspec.field(name="frameRate")  # Hz
     length: Annotated[int, msgspec.Meta(gt=0, le=10**6)] = msgspec.field(name="seqLength")  # frames
-
-
-KNOWN = {"PETS09-S2L1": SequenceInfo(7.0, 795), "TUD-Stadtmitte": SequenceInfo(25.0, 179)}  # for a lost seqinfo.ini
 
 
 class Mot3dSource(SourceSection):
@@ -77,7 +74,7 @@ class Mot3d:
         self.section = section_of(card, Mot3dSource)
         require_classes(card, DATASET.name, ("pedestrian",))
         folder = folder_of(card)
-        self.folder = DATASET.find(data, folder, others=[f"train/{name}" for name in KNOWN]) / folder
+        self.folder = DATASET.find(data, folder) / folder
         self._info = read_sequence_info(self.folder / SEQINFO)
         require_rate(card, self.section.sequence, self._info.rate, self.section.stride)
         for name in needed(card):
@@ -93,8 +90,6 @@ class Mot3d:
 
     def load(self, name: str) -> Scene:
         """Read one scene; all its frames count, also those without people or detections."""
-        if name not in self._kept:
-            raise UnknownNameError("scene", name, self.names)
         kept, section = self._kept[name], self.section
         people = read_truth(self.folder / TRUTH, self._info.length)
         stored = section.detector if self.card.detector is None else None
@@ -170,13 +165,6 @@ class Rows:
 
 def read_sequence_info(path: Path) -> SequenceInfo:
     """Frame rate and number of frames; DataError names the key that is missing or wrong."""
-    sequence = path.parent.name
-    if not path.is_file() and sequence in KNOWN:
-        known = KNOWN[sequence]
-        raise MissingDataError(
-            f"no file {path}; some copies come without it: write it with the lines '[Sequence]', 'name={sequence}', "
-            f"'frameRate={known.rate:g}' and 'seqLength={known.length}'"
-        )
     parser = configparser.RawConfigParser()
     parser.optionxform = str  # type: ignore[assignment, method-assign]  # keys keep their capitals
     try:

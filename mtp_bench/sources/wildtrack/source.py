@@ -11,7 +11,7 @@ import numpy as np
 
 from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
-from ...errors import DataError, MissingDataError, UnknownNameError
+from ...errors import DataError, MissingDataError
 from ...types import Detections, Floats, Ints, Ragged, Scene, Truth
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
@@ -79,8 +79,6 @@ class Wildtrack:
 
     def load(self, name: str) -> Scene:
         """Read one scene; if it has no stored detections, ``detector`` is empty."""
-        if name not in self.names:
-            raise UnknownNameError("scene", name, self.names)
         truth = _truth(self.root / ANNOTATIONS, SCENES[name] + STEP * np.arange(SCENE_FRAMES))
         stored = name == STORED and self.section.detector is not None
         return Scene(
