@@ -15,15 +15,6 @@ import gymnasium as _gymnasium
 
 from ._bundle import card_ids as card_ids
 from ._version import __version__ as __version__
-from .agent import Agent as Agent
-from .agent import Forecasts as Forecasts
-from .agent import Frame as Frame
-from .agent import FunctionPredictor as FunctionPredictor
-from .agent import Pipeline as Pipeline
-from .agent import Predictor as Predictor
-from .agent import Sampler as Sampler
-from .agent import Tracker as Tracker
-from .env.building import make_action as make_action
 from .errors import ActionError as ActionError
 from .errors import CardError as CardError
 from .errors import DataError as DataError
@@ -33,15 +24,6 @@ from .errors import RolloutError as RolloutError
 from .errors import ShapeError as ShapeError
 from .errors import SubmissionError as SubmissionError
 from .errors import UnknownNameError as UnknownNameError
-from .tracks import Objects as Objects
-from .tracks import Tracks as Tracks
-from .types import Action as Action
-from .types import Detections as Detections
-from .types import Observation as Observation
-from .types import Rollout as Rollout
-from .types import Scene as Scene
-from .types import Task as Task
-from .types import Truth as Truth
 
 if _typing.TYPE_CHECKING:
     from . import prediction as prediction
@@ -49,9 +31,18 @@ if _typing.TYPE_CHECKING:
     from . import tracking as tracking
     from . import training as training
     from . import wrappers as wrappers
+    from .agent import Agent as Agent
+    from .agent import Forecasts as Forecasts
+    from .agent import Frame as Frame
+    from .agent import FunctionPredictor as FunctionPredictor
+    from .agent import Pipeline as Pipeline
+    from .agent import Predictor as Predictor
+    from .agent import Sampler as Sampler
+    from .agent import Tracker as Tracker
     from .cards import Card as Card
     from .cards import load_card as load_card
     from .env import MTPEnv as MTPEnv
+    from .env.building import make_action as make_action
     from .running.compare import compare as compare
     from .running.stored import run as run
     from .running.stored import score as score
@@ -60,27 +51,34 @@ if _typing.TYPE_CHECKING:
     from .sources.files import save_scene as save_scene
     from .submission.loader import Submission as Submission
     from .submission.loader import load_submission as load_submission
+    from .tracks import Objects as Objects
+    from .tracks import Tracks as Tracks
     from .training import windows as windows
+    from .types import Action as Action
+    from .types import Detections as Detections
+    from .types import Observation as Observation
+    from .types import Rollout as Rollout
+    from .types import Scene as Scene
+    from .types import Task as Task
+    from .types import Truth as Truth
 else:  # hidden from type checkers, for which it would make every misspelt attribute legal
-    _LAZY = {  # modules that are imported when they are first used, alone or for the sake of a name
-        "prediction": "prediction",
-        "scoring": "scoring",
-        "tracking": "tracking",
-        "training": "training",
-        "wrappers": "wrappers",
-        "Card": "cards",
-        "MTPEnv": "env",
-        "Report": "scoring",
-        "Submission": "submission.loader",
-        "compare": "running.compare",
-        "load_card": "cards",
-        "load_scenes": "sources",
-        "load_submission": "submission.loader",
-        "windows": "training",
-        "run": "running.stored",
-        "save_scene": "sources.files",
-        "score": "running.stored",
+    _NAMES = {  # module -> its names, which are imported when they are first used
+        "agent": ("Agent", "Forecasts", "Frame", "FunctionPredictor", "Pipeline", "Predictor", "Sampler", "Tracker"),
+        "cards": ("Card", "load_card"),
+        "env": ("MTPEnv",),
+        "env.building": ("make_action",),
+        "running.compare": ("compare",),
+        "running.stored": ("run", "score"),
+        "scoring": ("Report",),
+        "sources": ("load_scenes",),
+        "sources.files": ("save_scene",),
+        "submission.loader": ("Submission", "load_submission"),
+        "tracks": ("Objects", "Tracks"),
+        "training": ("windows",),
+        "types": ("Action", "Detections", "Observation", "Rollout", "Scene", "Task", "Truth"),
     }
+    _LAZY = {name: module for module, names in _NAMES.items() for name in names}
+    _LAZY |= {name: name for name in ("prediction", "scoring", "tracking", "training", "wrappers")}
 
     def __getattr__(name: str) -> _typing.Any:
         if name not in _LAZY:

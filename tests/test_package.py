@@ -21,14 +21,14 @@ from mtp_bench import _bundle
 from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
-    "Action", "ActionError", "Agent", "CardError", "DataError", "Detections", "MtpBenchError", "Objects", "Observation",
-    "Forecasts", "Frame", "FunctionPredictor", "Pipeline", "Predictor", "RecordError", "Rollout", "RolloutError",
-    "Sampler", "Scene", "ShapeError", "SubmissionError", "Task", "Tracker", "Tracks", "Truth", "UnknownNameError",
-    "card_ids", "make_action",
+    "ActionError", "CardError", "DataError", "MtpBenchError", "RecordError", "RolloutError", "ShapeError",
+    "SubmissionError", "UnknownNameError", "card_ids",
 }  # fmt: skip
 LAZY_NAMES = {
-    "Card", "MTPEnv", "Report", "Submission", "compare", "load_card", "load_scenes", "load_submission", "run",
-    "save_scene", "score", "windows",
+    "Action", "Agent", "Card", "Detections", "Forecasts", "Frame", "FunctionPredictor", "MTPEnv", "Objects",
+    "Observation", "Pipeline", "Predictor", "Report", "Rollout", "Sampler", "Scene", "Submission", "Task", "Tracker",
+    "Tracks", "Truth", "compare", "load_card", "load_scenes", "load_submission", "make_action", "run", "save_scene",
+    "score", "windows",
 }  # fmt: skip
 LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}
@@ -55,7 +55,7 @@ def test_the_public_names_are_exactly_these() -> None:
     modules = {value.__name__ for value in values.values() if isinstance(value, ModuleType)}
     assert all(name.startswith("mtp_bench.") for name in modules), "only its own modules are attributes"
     assert set(dir(mtp_bench)) >= PUBLIC | LAZY | LAZY_NAMES
-    assert all(getattr(mtp_bench, name).__name__ == name for name in LAZY_NAMES)
+    assert all(getattr(mtp_bench, name).__name__ == name for name in LAZY_NAMES - {"Action", "Observation"})
 
 
 def test_parts_are_imported_when_they_are_used() -> None:
