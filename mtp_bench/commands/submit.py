@@ -28,29 +28,29 @@ SHOWN = ("subset", "error", "interval", "plain_error", "minADE", "minFDE", "cove
 
 
 @dataclass(frozen=True)
-class Runs:
-    """Seeds and scenes of an environment."""
+class EntryOptions:
+    """Options of the entry on the leaderboard, and of an earlier submit of it."""
 
     seeds: Annotated[int, typer.Option(min=1, help="Runs with different random draws and frames.")] = SEEDS
     scenes: Annotated[
         int | None, typer.Option(min=1, help="Only the first N scenes: a partial record, never ranked.")
     ] = None
-
-
-@dataclass(frozen=True)
-class Restart:
-    """Treatment of an earlier submit: of its finished scenes, and of its record."""
-
+    commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
     resume: Annotated[bool, typer.Option("--resume", help="Continue with scenes that were finished before.")] = False
     force: Annotated[bool, typer.Option("--force", help="Replace a finished record also by one that cannot rank.")] = (
         False
     )
 
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of `records.submit`; BadParameter for what is not a commit."""
+        if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
+            raise typer.BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
+        return {"commit": self.commit, "resume": self.resume, "replace": self.force}
+
 
 def submit(
     workers: WorkerChoice,
-    again: Restart,
-    runs: Runs,
+    entry: EntryOptions,
     path: Annotated[
         str | None,
         typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions),
@@ -60,38 +60,34 @@ def submit(
         bool,
         typer.Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones."),
     ] = False,
-    commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = "",
     root: DataOption = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
     ] = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
-    if not re.fullmatch("([0-9a-f]{7,64})?", commit):
-        raise typer.BadParameter(f"got {commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
-    options = RunOptions(root, runs.scenes, range(runs.seeds), workers=workers.workers())
+    arguments = entry.arguments()
+    options = RunOptions(root, entry.scenes, range(entry.seeds), workers=workers.workers())
     if everything:
-        if commit:
+        if entry.commit:
             raise typer.BadParameter("not with --all", param_hint="--commit")
-        _submit_all(path, env or (), options, output, {"resume": True, "replace": again.force})
+        listed = inventory(env or (), () if path is None else (path,), output)
+        _submit_all(listed, options, {"resume": True, "replace": entry.force})
         return
     if path is None:
         raise typer.BadParameter("name a submission, or --all", param_hint="PATH")
     if not env:
         raise typer.BadParameter("name an environment, or --all", param_hint="--env")
-    _submit_one(path, env, options, output, {"commit": commit, "resume": again.resume, "replace": again.force})
+    _submit_one(path, env, options, output, arguments)
 
 
-def _submit_all(
-    path: str | None, env_ids: Sequence[str], options: RunOptions, output: Path | None, more: Mapping[str, Any]
-) -> None:
-    """Make the records of every baseline, or the named one, on every environment, or the named ones."""
+def _submit_all(pieces: Sequence[Piece], options: RunOptions, arguments: Mapping[str, Any]) -> None:
+    """Make the missing records of a leaderboard."""
 
     def make(piece: Piece) -> Record:
-        return _one(piece.submission, piece.env, options, piece.target.parent, more)
+        return _one(piece.submission, piece.env, options, piece.target.parent, arguments)
 
-    listed = inventory(env_ids, () if path is None else (path,), output)
-    lines = make_all(listed, options, make)
+    lines = make_all(pieces, options, make)
     show_table(summary_table(lines), first_width=None)
     if all(line.outcome == "not here" for line in lines):
         raise RecordError(f"no record can be made here, the first: {lines[0].note}")
@@ -103,17 +99,17 @@ def _submit_all(
 
 
 def _submit_one(
-    path: str, env_ids: Sequence[str], options: RunOptions, output: Path | None, more: Mapping[str, Any]
+    path: str, env_ids: Sequence[str], options: RunOptions, output: Path | None, arguments: Mapping[str, Any]
 ) -> None:
     """Make the records of one submission on the named environments, and show them."""
     submission = load_submission(path)
     targets = {env_id: record_path(submission, load_card(env_id), output) for env_id in env_ids}
     for target in targets.values():
-        require_target(target, submission, options, more["resume"], more["replace"])
+        require_target(target, submission, options, arguments["resume"], arguments["replace"])
     failed = []
     for env_id, target in targets.items():
         try:
-            record = _one(submission, env_id, options, output, more)
+            record = _one(submission, env_id, options, output, arguments)
         except (MtpBenchError, OSError) as error:  # the others are worth their time
             if len(targets) == 1:
                 raise
@@ -129,12 +125,12 @@ def _submit_one(
 
 
 def _one(
-    submission: Submission, env_id: str, options: RunOptions, output: Path | None, more: Mapping[str, Any]
+    submission: Submission, env_id: str, options: RunOptions, output: Path | None, arguments: Mapping[str, Any]
 ) -> Record:
     """Make the record of one env with a progress bar."""
     prepare(env_id, options)
     with working(f"{submission.name} on {env_id}", options) as watched:
-        return make_record(submission.path, env_id, watched, output, **more)
+        return make_record(submission.path, env_id, watched, output, **arguments)
 
 
 def _record_table(record: Record) -> Table:

@@ -30,8 +30,8 @@ MOST_LETTERS = 60  # of a value in the table
 
 
 @dataclass(frozen=True)
-class RunningAgain:
-    """Options of running submissions again."""
+class VerifyOptions:
+    """Options of a check: what is run again, and who signs the level."""
 
     rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False
     submission: Annotated[
@@ -42,27 +42,27 @@ class RunningAgain:
         Path | None,
         typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."),
     ] = None
-
-
-@dataclass(frozen=True)
-class Signing:
-    """Options of signing and of trust."""
-
     sign: Annotated[Path | None, typer.Option(help="Private SSH key: sign the level that is reached.")] = None
     signer: Annotated[str | None, typer.Option(help="Name of its owner, as in keys/allowed_signers.")] = None
     base: BaseOption = None
+    env: Annotated[str | None, typer.Option(help="Card of the record if it does not ship.")] = None
+
+    def require_together(self) -> None:
+        """Raise BadParameter for an option without the one that it needs."""
+        needs = {"submission": "rerun", "hidden": "rerun", "sign": "signer", "signer": "sign"}
+        for name, needed in needs.items():
+            if getattr(self, name) and not getattr(self, needed):
+                raise typer.BadParameter(f"needs --{needed}", param_hint=f"--{name}")
 
 
 @dataclass(frozen=True)
 class _Work:
     """The check of every record."""
 
-    asked: Round
+    asked: VerifyOptions
+    round: Round
     trust: Trust
     options: RunOptions
-    env: str | None
-    key: Path | None
-    signer: str
 
 
 @dataclass(frozen=True)
@@ -87,39 +87,26 @@ class _Result:
 
 def verify(
     record: Annotated[list[Path], typer.Argument(help="Records, or folders: all records in them.")],
-    again: RunningAgain,
-    signing: Signing,
+    asked: VerifyOptions,
     root: DataOption = None,
     jobs: JobsOption = 0,
-    env: Annotated[str | None, typer.Option(help="Card of the record if it does not ship.")] = None,
     json_file: JsonOption = None,
 ) -> None:
     """Check records: digest, card, data, and stored rollouts scored again. Status 1 if one does not hold."""
-    rerun = ("--rerun", again.rerun)
-    for option, given, (needed, there) in (
-        ("--submission", again.submission, rerun),
-        ("--hidden", again.hidden, rerun),
-        ("--sign", signing.sign, ("--signer", signing.signer)),
-        ("--signer", signing.signer, ("--sign", signing.sign)),
-    ):
-        if given and not there:
-            raise typer.BadParameter(f"needs {needed}", param_hint=option)
-    trust = trusted(signing.base)
-    seals = {} if again.hidden is None else open_seals(again.hidden, trust.listed)
-    asked = Round(again.rerun, seals, again.submission)
+    asked.require_together()
+    trust = trusted(asked.base)
+    seals = {} if asked.hidden is None else open_seals(asked.hidden, trust.listed)
     options = RunOptions(root, workers=WorkerChoice(jobs).workers())
-    _check_all(record, _Work(asked, trust, options, env, signing.sign, signing.signer or ""), json_file)
-
-
-def _check_all(given: Sequence[Path], work: _Work, json_file: Path | None) -> None:
-    paths = list(dict.fromkeys(path for each in given for path in (record_paths(each) if each.is_dir() else [each])))
+    work = _Work(asked, Round(asked.rerun, seals, asked.submission), trust, options)
+    folders = [record_paths(path) if path.is_dir() else [path] for path in record]
+    paths = list(dict.fromkeys(path for folder in folders for path in folder))
     if not paths:
-        raise RecordError(f"{given[0]}: no record there, expected files <submission>/<env id>.json")
-    if work.key is not None:
-        work.trust.require_signer(work.key, work.signer)
-        work.trust.require_listed(work.asked.seals.values())
+        raise RecordError(f"{record[0]}: no record there, expected files <submission>/<env id>.json")
+    if asked.sign is not None:
+        trust.require_signer(asked.sign, asked.signer or "")
+        trust.require_listed(seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
-        results = [_check_one(path, work, ends, alone=list(given) == [path]) for path in paths]
+        results = [_check_one(path, work, ends, alone=record == [path]) for path in paths]
     if len(results) > 1:
         show_table(_summary(results), first_width=None, wrapped=("note",))
     write_json(json_file, {"records": [result.verdict for result in results]})
@@ -141,20 +128,21 @@ def _check_one(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Result
 
 
 def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
-    record = checked_record(path)
-    done = work.asked.reached(path, record, work.trust) if work.key is not None else None
+    asked, record = work.asked, checked_record(path)
+    done = work.round.reached(path, record, work.trust) if asked.sign is not None else None
     if done is not None:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
         error = None if done.hidden is None else done.hidden.row.error
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
         return _Result(path, {**known, "holds": True})
     with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
-        checked = work.asked.verify(path, record, watched, work.env, ends)
+        checked = work.round.verify(path, record, watched, asked.env, ends)
     if checked.differences:
         _show_differences(checked)
     show(_verdict(checked))
-    if work.key is not None and checked.holds:
-        show(f"{attest(checked, work.key, work.signer, work.trust)}: {checked.level}, signed by {work.signer}")
+    if asked.sign is not None and checked.holds:
+        level = attest(checked, asked.sign, asked.signer or "", work.trust)
+        show(f"{level}: {checked.level}, signed by {asked.signer}")
     differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
     return _Result(path, _as_json(checked), "" if checked.holds else differ)
 

@@ -158,17 +158,6 @@ def test_a_misspelt_agent_is_refused_before_scenes_are_made(
     assert not list(tmp_path.iterdir())
 
 
-def test_an_earlier_run_is_refused_before_scenes_are_made(
-    cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "run.json").write_text("{}")
-    given = ("run", "stp", "--env", "MTP-Roundabout-v0", "-o", tmp_path / "out")
-    assert "holds an earlier run" in cli(*given).error
-    assert not (tmp_path / "cache").exists()
-
-
 USAGE = {
     "a number below": (["run", "stp", "--scenes=-3"], "-3"),
     "a word that is none of a few": (["events", "run", "--kind", "LOST"], "did you mean 'lost'?"),
@@ -201,12 +190,6 @@ def test_json_on_standard_output_stands_alone(
         cli.ok(*command, "--json", tmp_path / "a.json")
         assert json.loads(printed) == read_json(tmp_path / "a.json")
     assert cli.ok("envs").startswith("Environments"), "the next command prints again"
-
-
-def test_json_on_standard_output_leaves_errors_where_they_are(cli: CommandLine, tmp_path: Path) -> None:
-    output = cli("data", "--data", tmp_path, "--env", "MTP-KITTI-v0", "--json", "-")
-    assert json.loads(output.out)["MTP-KITTI-v0"]["root"] is None
-    assert output.error.startswith("data is missing or broken for MTP-KITTI-v0")
 
 
 def test_json_on_standard_output_stands_alone_beside_talking_agents(tmp_path: Path, card: str, kitti: str) -> None:
@@ -313,15 +296,6 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
     assert cli.ok(*common, "-o", tmp_path / "noise.toml") == ""
     assert (tmp_path / "noise.toml").read_text() == printed
     assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["truth-world"]
-
-
-def test_train_without_anything_to_fit(cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
-    assert "has no scene in its split 'train'" in cli("train", "motion-noise", "--env", card, "--data", kitti).error
-    root = write_kitti(tmp_path)
-    copy_sequence(Path(root), "0008", "0002")  # without objects
-    error = cli("train", "motion-noise", "--env", card, "--data", root, "-o", tmp_path / "noise.toml").error
-    assert "no track of the 1 training scenes follows an object with 3 future frames" in error
-    assert not (tmp_path / "noise.toml").exists()
 
 
 def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path, card: str, training: str) -> None:

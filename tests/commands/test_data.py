@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.support.command_line import CommandLine, copy_sequence, read_json
+from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import write_kitti
 
 LABELS = "training/label_02/0006.txt"
@@ -65,15 +65,6 @@ def test_the_listing_finds_what_is_broken(
     assert not status["usable"]
     (found,) = [line for line in (*status["missing"], *status["problems"]) if message in line]
     assert output.out.count(found) == 1
-
-
-def test_broken_training_data(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
-    copy_sequence(kitti.parent, "0006", "0002")
-    cut("training/label_02/0002.txt", 30)(kitti)
-    file = tmp_path / "noise.toml"
-    error = cli("train", "motion-noise", "--env", card, "--data", kitti.parent, "-o", file).error
-    assert "label_02/0002.txt, line 21: 14 columns" in error
-    assert not file.exists()
 
 
 def test_scenes_without_objects(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
@@ -144,12 +135,3 @@ def test_rows_that_are_skipped_are_counted_for_the_user(
     assert spoilt["skipped"] == {"detection not finite": 2, "detection size not above 0": 1}
     for one, other in zip(clean["rows"], spoilt["rows"], strict=True):
         assert {**one, "ms_per_frame": 0} == {**other, "ms_per_frame": 0}
-
-
-def test_only_the_scenes_of_the_run_count(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
-    spoil(kitti)
-    common = ("--env", card, "--data", kitti.parent, "--scenes", 1)
-    cli.ok("compare", "stp", *common, "--seeds", 2, "--jobs", 1, "--json", tmp_path / "a.json")
-    skipped = {"detection not finite": 1, "detection size not above 0": 1}
-    assert read_json(tmp_path / "a.json")["skipped"] == skipped
-    assert "skipped 2 rows" in cli.ok("run", "stp", *common, "-o", tmp_path / "run", "--jobs", 1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_submission
-from mtp_bench.errors import MtpBenchError, SubmissionError
+from mtp_bench.errors import SubmissionError
 from mtp_bench.submission.starting import FILES, TEMPLATE, new_submission
 from tests.support.command_line import CommandLine
 from tests.support.runs import run_scenes
@@ -26,19 +26,6 @@ def test_the_command_writes_a_submission_and_says_what_to_do_next(tmp_path: Path
     submission = load_submission(folder)
     assert (submission.name, submission.authors) == ("mine", ("A. Author",))
     assert submission.parameters == {"gate": 3.0, "patience": 1.0}
-
-
-def test_the_folder_is_made_here_by_default(tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert "mtp-bench check mine" in cli.ok("new", "mine")
-    assert load_submission("mine").name == "mine"
-
-
-def test_its_readme_speaks_of_this_submission(tmp_path: Path) -> None:
-    text = (new_submission("my-agent.2", tmp_path) / "README.md").read_text()
-    assert text.startswith("# my-agent.2\n")
-    assert "mtp-bench check my-agent.2\n" in text
-    assert "NAME" not in text
 
 
 def test_the_test_in_its_readme_passes(tmp_path: Path) -> None:
@@ -66,12 +53,6 @@ def test_a_folder_that_exists_is_left_alone(tmp_path: Path, cli: CommandLine) ->
     (tmp_path / "mine" / "agent.py").write_text("precious")
     assert "mine exists already, expected a new folder" in cli("new", "mine", "--folder", tmp_path).error
     assert (tmp_path / "mine" / "agent.py").read_text() == "precious"
-
-
-def test_a_place_that_cannot_hold_it(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(MtpBenchError, match="file is a file, expected a folder"):
-        new_submission("mine", tmp_path / "file")
 
 
 def test_the_template_uses_public_names_only() -> None:

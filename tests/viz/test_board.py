@@ -134,15 +134,6 @@ def test_entries_stand_by_rank_and_the_unranked_below_by_error(entries: list[Ent
     ]
 
 
-def test_every_unranked_entry_says_why(entries: list[Entry]) -> None:
-    assert {entry.name: entry.why for entry in entries[3:] if entry.rank is None} == {
-        "truth_past": "saw the truth",
-        "pooled_many": "other data, scenes or hidden scenes than the ranked ones",
-        "short_of_breath": "partial: 3 of 4 scenes",
-        "sleeper": "crashed: the process ended by signal 9",
-    }
-
-
 def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: list[Entry]) -> None:
     reason = "too few recordings to rank: 3.9 effective units, fewer than 6"
     assert [entry.rank for entry in entries[:3]] == [None] * 3
@@ -196,13 +187,6 @@ def test_cells_hold_the_numbers_and_the_difference_to_stp_leads_them(page: Page,
     assert entries[3].verdict == "better"
 
 
-def test_a_difference_that_the_test_is_not_sure_of_has_no_verdict() -> None:
-    found = {
-        entry.name: entry.verdict for entry in board_of(made_up("stp", 1.0), made_up("a", 1.001), made_up("b", 1.5))
-    }
-    assert found == {"stp": "", "a": "", "b": "worse"}
-
-
 def test_every_column_is_explained_and_states_what_is_better(page: Page) -> None:
     explained = {d.get("id") for d in page.all("dd")}
     buttons = [button for button in page.all("button") if "aria-describedby" in button]
@@ -211,11 +195,6 @@ def test_every_column_is_explained_and_states_what_is_better(page: Page) -> None
     assert {key for key, value in better.items() if value == "higher"} == {"coverage", "same_gap", "level"}
     assert {"error", "difference", "ids", "ms"} <= better.keys()
     assert all("scope" in th or "chart" in (th.get("class") or "") for th in page.all("th"))
-
-
-def test_a_column_without_a_number_is_left_out(html: str) -> None:
-    assert 'aria-describedby="_about-public"' not in html
-    assert 'aria-describedby="_about-difference"' not in board_files(board_of(made_up("a"))).page
 
 
 def test_a_shared_rank_a_level_and_the_reason_show(html: str, files: BoardFiles) -> None:
@@ -297,15 +276,6 @@ def test_the_overview_has_the_papers_environments_first_and_marks_simulated_ones
     html = board_files(entries).page
     assert html.index(f'href="#{MAIN}/stp"') < html.index('href="#MTP-Merge-v0/stp"')
     assert html.count('<span class="tag">simulated</span>') == 1
-
-
-def test_the_overview_stands_by_the_first_environment(entries: list[Entry]) -> None:
-    rows = overview_of(entries).rows
-    assert [name for name, _ in rows[:4]] == ["braided_paths", "stp", "calm_hedge", "forest_of_maybe"]
-    assert [[entry and (entry.env, entry.rank) for entry in rows[i][1]] for i in (0, 3)] == [
-        [(FEW, None), (MAIN, 1)],
-        [None, (MAIN, 1)],
-    ]
 
 
 def test_links_lead_to_code_paper_and_licence() -> None:
@@ -442,12 +412,6 @@ def test_a_link_is_never_a_script(link: str) -> None:
     assert address.startswith("./")
 
 
-def test_an_old_record_is_marked_and_an_unknown_env_has_no_summary() -> None:
-    html = board_files(board_of(made_up("a", env_id="MTP-Nowhere-v0", scorer={"definitions": "0.1"}))).page
-    assert "old scorer" in html
-    assert "Licence:" not in html
-
-
 def test_the_scale_of_differences_holds_the_ranked_and_zero() -> None:
     scale = scale_of(board_of(made_up("stp", 1.2), made_up("a", 0.9), made_up("b", 0.8)))
     assert scale is not None
@@ -498,27 +462,12 @@ def test_of_many_scenes_the_heaviest_are_drawn() -> None:
     assert [bar.error for bar in scene_chart(entry, None)] == [0.0] * (MOST_SCENES - 2) + [1.0, 2.0]
 
 
-def test_the_error_if_nothing_is_predicted_stands_above_the_table() -> None:
-    known, unknown = made_up("one", 1.0, silence=2.0), made_up("two", 2.0)
-    outside = made_up("one", 1.0, silence=2.0, seeds=[3])
-    assert "<b>2.000</b> if nothing is predicted" in board_files(board_of(known)).page
-    assert "2.000 if nothing is predicted" in board_tables(board_of(known))[0][0].title
-    for entries in (board_of(unknown), board_of(outside)):
-        assert "if nothing is" not in board_files(entries).page
-        assert "if nothing is" not in board_tables(entries)[0][0].title
-
-
 def test_tables_of_the_terminal(entries: list[Entry]) -> None:
     (second, _), (first, notes) = board_tables(entries)
     assert (len(first.rows), len(second.rows)) == (10, 3)
     assert first.cells(first.rows[3])[0] == "late_decider (added)"
     assert first.cells(first.rows[0])[4] == "−0.326*"
     assert [note for note in notes if "truth" in note] == ["not ranked (saw the truth): truth_past"]
-
-
-def test_markup_and_escapes_do_not_reach_the_terminal() -> None:
-    ((_, notes),) = board_tables(board_of(made_up("a", None, status="partial", status_reason="[red]a[/]")))
-    assert notes == ["not ranked (partial: [red]a[/]): a"]
 
 
 def test_json_holds_what_the_tables_show(entries: list[Entry]) -> None:

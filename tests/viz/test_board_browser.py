@@ -105,23 +105,6 @@ def test_text_filters(opened: Browser) -> None:
     assert opened.script(f"return document.querySelector('{FIRST} .none').checkVisibility()")
 
 
-def test_text_means_names_and_authors_alone(browser: Browser, tmp_path: Path) -> None:
-    many = {"authors": [f"Author Number {i}" for i in range(20)], "description": "x", "source": "https://example.org/x"}
-    path = tmp_path / "board.html"
-    write(path, board_of(made_up("many", submission=many), made_up("few", 2.0), made_up("last", 3.0)))
-    with only(browser, path):
-        for text, found in (
-            ("number 19", ["many"]),
-            ("code", []),
-            ("ada", ["few", "last"]),
-            ("open", []),
-            ("FEW", ["few"]),
-        ):
-            browser.script("document.getElementById('_text').value = ''")
-            browser.type("#_text", text)
-            assert names(browser) == found, text
-
-
 @pytest.mark.parametrize(
     ("control", "value", "kept"),
     [
@@ -189,12 +172,6 @@ def test_filters_are_kept_in_the_address(opened: Browser, page: Path) -> None:
     assert "signal 9" in detail(opened)  # a place is shown whatever the filters say
 
 
-def test_an_odd_address_does_nothing(opened: Browser, page: Path) -> None:
-    for place in ("../../x", "%", "MTP-Nowhere-v0/a", "_text", f"{MAIN}/%22%3E", "constructor"):
-        at(opened, page, place)
-        assert names(opened) == RANKED + UNRANKED, place
-
-
 @pytest.mark.parametrize("how", ["pointer", "keyboard"])
 def test_a_column_is_explained_on_hover_and_on_focus(opened: Browser, how: str) -> None:
     selector = header("coverage")
@@ -243,19 +220,6 @@ def test_no_width_makes_the_page_scroll_sideways(opened: Browser) -> None:
     for width in (360, 390, 768, 1120, 1366, 1700):
         opened.resize(width, 900)
         assert opened.script("return document.documentElement.scrollWidth") <= width
-
-
-def test_a_large_screen_shows_who_signed(browser: Browser, repository: Path) -> None:
-    """In the last column of the page."""
-    browser.resize(1600, 900)
-    with only(browser, repository / "leaderboard" / "index.html"):
-        shown = "return getComputedStyle(document.querySelector('.ranking .wide')).display"
-        assert browser.script(shown) == "table-cell"
-        begin = "[...document.querySelectorAll('.entry .verified')].map((cell) => cell.getBoundingClientRect().left)"
-        assert 0 < max(browser.script(f"return {begin}")) < 1520, "in sight, whatever the font"
-        heads = "[...document.querySelectorAll('.ranking > thead button')]"
-        beyond = browser.script(f"return {heads}.map((head) => head.scrollWidth - head.clientWidth)")
-        assert max(beyond) <= 1, "no heading runs into the next"
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

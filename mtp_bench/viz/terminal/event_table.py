@@ -109,15 +109,14 @@ def event_table(rows: Sequence[EventRow]) -> Table:
 def tally_line(tally: Tally, all_listed: bool) -> str:
     """Numbers of events, with a note where not all of them are listed."""
     count = tally.events
-    switched, lost, back = count["ids"], count["lost"], count["reacquired"]
     text = (
-        f"{switched} identity {'switch' if switched == 1 else 'switches'}, {lost} lost ({tally.wrong} of them "
-        f"with their track elsewhere), {back} reacquired"
+        f"{counted(count['ids'], 'identity switch', 'es')}, {count['lost']} lost ({tally.wrong} of them with their "
+        f"track elsewhere), {count['reacquired']} reacquired; "
     )
     if tally.complete:
-        text += f"; {counted(tally.forecasts, 'false forecast')} in {counted(count['spurious'], 'run')}"
+        text += f"{counted(tally.forecasts, 'false forecast')} in {counted(count['spurious'], 'run')}"
     else:
-        text += "; false forecasts are not known, as there are objects outside the truth"
+        text += "false forecasts are not known, as there are objects outside the truth"
     text += f"; {counted(tally.scenes, 'scene')}"
     if not all_listed and count["spurious"]:
         text += (
@@ -138,7 +137,24 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
     }
 
 
-def _frames(event: Incident) -> str:
+def _record(row: EventRow) -> dict[str, Any]:
+    event = row.incident
+    same = ("frame", "until", "kind", "wrong", "minADE", "error", "error_before", "confidence")
+    ids = {"object": event.object_id, "old_id": event.old_id, "new_id": event.new_id}
+    return {
+        "scene": row.scene,
+        "time": row.seconds,
+        "event": event.name,
+        "class": row.class_name,
+        **{name: None if identity < 0 else identity for name, identity in ids.items()},
+        "position": list(event.position),
+        **{name: getattr(event, name) for name in same},
+        "view": row.view,
+    }
+
+
+def _frames(row: EventRow) -> str:
+    event = row.incident
     return str(event.frame) if event.until == event.frame else f"{event.frame}–{event.until}"
 
 
@@ -146,42 +162,18 @@ def _object(row: EventRow) -> str:
     return row.class_name + ("" if row.incident.object_id < 0 else f" {row.incident.object_id}")
 
 
-def _track(event: Incident) -> str:
-    return _id(event.new_id) if event.kind == "spurious" else f"{_id(event.old_id)} → {_id(event.new_id)}"
+def _track(row: EventRow) -> str:
+    old, new = (BLANK if each < 0 else str(each) for each in (row.incident.old_id, row.incident.new_id))
+    return new if row.incident.kind == "spurious" else f"{old} → {new}"
 
 
 _COLUMNS = (
-    Column(key="scene", read=lambda row: row.scene),
-    Column(key="frame", read=lambda row: _frames(row.incident)),
+    Column(key="scene"),
+    Column(key="frame", read=_frames),
     Column(key="event", read=lambda row: row.incident.name + ("*" if row.incident.wrong else "")),
     Column(key="object", read=_object),
-    Column(key="track", read=lambda row: _track(row.incident)),
+    Column(key="track", read=_track),
     Column(key="minADE", format=".2f", read=lambda row: row.incident.minADE),
     Column(key="error", format=".2f", read=lambda row: row.incident.error),
     Column("confi-\ndence", key="confidence", format=".2f", read=lambda row: row.incident.confidence),
 )
-
-
-def _record(row: EventRow) -> dict[str, Any]:
-    event = row.incident
-    same = ("frame", "until", "kind", "wrong", "minADE", "error", "error_before", "confidence")
-    return {
-        "scene": row.scene,
-        "time": row.seconds,
-        "event": event.name,
-        "class": row.class_name,
-        "object": _known(event.object_id),
-        "old_id": _known(event.old_id),
-        "new_id": _known(event.new_id),
-        "position": list(event.position),
-        **{name: getattr(event, name) for name in same},
-        "view": row.view,
-    }
-
-
-def _known(identity: int) -> int | None:
-    return None if identity < 0 else identity
-
-
-def _id(identity: int) -> str:
-    return BLANK if identity < 0 else str(identity)

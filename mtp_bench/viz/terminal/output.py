@@ -7,8 +7,6 @@ import sys
 import textwrap
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from copy import copy
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ...parallel import Progress
@@ -21,7 +19,6 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 180  # columns where the output is a file or a pipe
 TEXT_WIDTH = 80  # columns of reports
-NAMES = ("agent", "H", "K")  # headings of columns that name a row; the first column does anyway
 NAME_WIDTH = 16  # columns of the first column of a report's table; longer names are folded
 SCENE_WIDTH = 20  # of names of scenes, so that those of the simulated ones can be copied in one piece
 HEADING_WIDTH = 10  # columns of a heading; longer ones are broken between words
@@ -78,9 +75,9 @@ def _headings(columns: Sequence[Column]) -> list[str]:
     return ["\n".join([*[""] * (height - len(each)), *each]) for each in lines]
 
 
-def counted(number: int | None, noun: str) -> str:
+def counted(number: int | None, noun: str, plural: str = "s") -> str:
     """A number with its noun, "1 event" or "2 events"; None gives "unknown events"."""
-    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else 's'}"
+    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else plural}"
 
 
 def show(content: RenderableType) -> None:
@@ -109,42 +106,11 @@ def show_command(words: str) -> None:
 
 
 def show_table(data: Data, console: Console | None = None, **layout: Any) -> None:
-    """Print a table with the ``layout`` of `report_table`.
-
-    If it is too wide, its further columns follow as tables below; no number is cut off.
-    """
-    console = console or _console()
-    for part in by_columns(report_table(data, **layout), console):
-        console.width = max(console.width, _needed(part, console))  # one column alone may be too wide
-        console.print(part, highlight=False)
-
-
-def by_columns(table: Table, console: Console) -> list[Table]:
-    """``table``, or its columns as several tables that fit into the console, each with the columns that name a row."""
-    headings = [str(column.header).strip() for column in table.columns]
-    names = next((i for i, heading in enumerate(headings) if i > 0 and heading not in NAMES), len(headings))
-    places = [list(range(names))]
-    for place in range(names, len(headings)):
-        wider = _part(table, [*places[-1], place])
-        if len(places[-1]) > names and _needed(wider, console) > console.width:
-            places.append(list(range(names)))
-        places[-1].append(place)
-    parts = [_part(table, part) for part in places]
-    for later in parts[1:]:
-        later.title = None
-    return parts
-
-
-def _part(table: Table, places: Sequence[int]) -> Table:
-    """A table with the columns at ``places`` alone."""
-    part = copy(table)
-    part.columns = [replace(table.columns[place], _index=i) for i, place in enumerate(places)]
-    return part
-
-
-def _needed(table: Table, console: Console) -> int:
-    """Columns of text that the table needs where its words are not broken."""
-    return console.measure(table, options=console.options.update(max_width=10 * PIPE_WIDTH)).minimum
+    """Print a table with the ``layout`` of `report_table`; no number is cut off, however narrow the terminal is."""
+    console, table = console or _console(), report_table(data, **layout)
+    widest = console.options.update(max_width=10 * PIPE_WIDTH)
+    console.width = max(console.width, console.measure(table, options=widest).minimum)
+    console.print(table, highlight=False)
 
 
 @contextmanager

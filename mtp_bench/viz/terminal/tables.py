@@ -9,14 +9,13 @@ from typing import Annotated, Any
 
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS
-from ...scoring.rows import AgentSetting, Clear, Details, PairedRow, Row
+from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
 from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
 from .paper import PAPER_SUBSETS, Figures, paper_figures, shipped_env
 
 _EVENTS: tuple[Subset, ...] = ("ids", "reacquired", "lost", "frag")  # the first two may rank
-_POINTS = 9  # of a curve that are shown
 _MADE_OF = ("error", "localisation", "missed")
 _COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")
 _PAIRED = ("agent", "hypotheses", "other", "subset", "error", "interval", "p", "minADE")
@@ -55,11 +54,6 @@ class AgentLine:
     rows: dict[Subset, Row]
     details: Details
 
-    @property
-    def all(self) -> Row:
-        """The row of all targets."""
-        return self.rows["all"]
-
 
 def main_table(report: Report) -> Table:
     """Errors as in the paper, and bADE with ranks; the paper's numbers below those that they are comparable with."""
@@ -89,18 +83,18 @@ def data_table(report: Report) -> Table:
 def full_tables(report: Report) -> Iterator[Table]:
     """All tables but the main one."""
     lines = [AgentLine(block, details) for block, details in zip(blocks_of(report), report.details, strict=True)]
-    equal = [line for line in lines if line.details.budget == "equal"] or lines
     known = {column.key: column for column in _row_columns(report)}
     subsets = list(lines[0].rows.values()) if lines else []
     counts = [known[name] for name in ("subset", "events", *_COUNTS)]
     yield Table("subsets", "Subsets (units: blocks of at most 20 s)", "", subsets, counts)
-    ends = [
-        part
+    errors = [
+        column
         for subset in ("all", *_EVENTS)
-        for part in (_on(known["error"], subset, subset), _on(known["interval"], subset))
+        for column in (_on(known["error"], subset, heading=subset), _on(known["interval"], subset))
     ]
-    yield _lines_table("Error on events (bADE in m; below: 95 % interval)", lines, ends)
-    pairs = [Column(subset, "m", key=subset, read=_displacements_on(subset)) for subset in _EVENTS]
+    yield _lines_table("Error on events (bADE in m; below: 95 % interval)", lines, errors)
+    displacements = Column(unit="m", read=_displacements)
+    pairs = [_on(replace(displacements, key=subset), subset, heading=subset) for subset in _EVENTS]
     yield _lines_table("minADE/minFDE on events (m, of targets with a forecast)", lines, pairs)
     if report.paired:
         shown = [row for row in report.paired if row.error is not None and row.subset in ("all", *RANKED_SUBSETS)]
@@ -109,49 +103,16 @@ def full_tables(report: Report) -> Iterator[Table]:
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
     parts = [_on(column, "all") for column in known.values() if column.key in _MADE_OF or column.optional]
     yield _lines_table("What the error is made of (all targets, m)", lines, parts)
-    others = [
-        _read(column, lambda line: line.details) for column in columns_of(Details)[len(columns_of(AgentSetting)) :]
-    ]
+    others = [_of(column, lambda line: line.details) for column in columns_of(Details)[len(columns_of(AgentSetting)) :]]
     title = "Other numbers (all targets; forecasts and false ones per live frame)"
     yield _lines_table(title, lines, [*others, _on(known["ms_per_frame"], "all")])
-    yield _lines_table("Tracking of the first seed", lines, _tracking_columns())
-    yield from _detail_tables(report, equal)
-
-
-def _detail_tables(report: Report, lines: Sequence[AgentLine]) -> Iterator[Table]:
-    """Reliability, curve and bins, whose columns depend on what was measured."""
-    if any(line.details.reliability for line in lines):
-        ranges = [_number(f"{i / 10:g}-", _matched_share(i)) for i in range(10)]
-        yield _lines_table("Share of forecasts that are of a true object, by confidence", lines, ranges, 2)
-    curve = next((line.details.curve for line in lines if line.details.curve), [])
-    if curve:
-        places = sorted({round(i * (len(curve) - 1) / (_POINTS - 1)) for i in range(_POINTS)})
-        complete = report.condition.get("truth", "complete") == "complete"
-        what = "false forecasts per target" if complete else "forecasts per live frame"
-        points = [_number(f"{curve[i][0]:.3g}", _curve_error(i)) for i in places]
-        yield _lines_table(f"bADE (m) by {what}", lines, points, 2)
+    tracking = [_of(column, lambda line: line.details.tracking.all) for column in columns_of(Clear)]
+    yield _lines_table("Tracking of the first seed", lines, [*tracking, *_OWN])
     for by in ("distance", "class", "motion"):
-        bins = [[part for part in line.details.bins if part.by == by] for line in lines]
-        if bins and bins[0]:
-            names = ["\n".join([*wrap(b.bin.replace("_", " "), 8), str(b.errors.targets)]) for b in bins[0]]
-            columns = [_number(name, _bin_error(by, place)) for place, name in enumerate(names)]
-            yield _lines_table(f"bADE (m) by {by}, targets", lines, columns, 2)
-
-
-def _matched_share(place: int) -> Callable[[AgentLine], Value]:
-    def read(line: AgentLine) -> Value:
-        parts = [part.matched for part in line.details.reliability if min(int(10 * part.confidence), 9) == place]
-        return parts[-1] if parts else None
-
-    return read
-
-
-def _curve_error(place: int) -> Callable[[AgentLine], Value]:
-    return lambda line: line.details.curve[place][1]
-
-
-def _bin_error(by: str, place: int) -> Callable[[AgentLine], Value]:
-    return lambda line: [part for part in line.details.bins if part.by == by][place].errors.error
+        equal = [line for line in lines if line.details.budget == "equal"] or lines
+        bins = [part for line in equal[:1] for part in line.details.bins if part.by == by]
+        if bins:
+            yield _lines_table(f"bADE (m) by {by}, targets", equal, [_bin(part) for part in bins], names=2)
 
 
 def blocks_of(report: Report) -> list[dict[Subset, Row]]:
@@ -164,54 +125,47 @@ def _row_columns(report: Report) -> tuple[Column, ...]:
     return columns_of(type(report.rows[0]) if report.rows else Row)
 
 
-def _of_all(column: Column) -> Column:
-    """A column of report rows as a column of lines, which reads their row of all targets."""
-    return replace(column, read=lambda line: column.value(line.all))
-
-
-_NAMES = [_of_all(column) for column in columns_of(Row)[:3]]
-
-
 def _lines_table(title: str, lines: Sequence[AgentLine], columns: Sequence[Column], names: int = 3) -> Table:
     """A row per agent and setting; ``names``: number of columns that name it."""
-    return Table(title, title, "", lines, [*_NAMES[:names], *columns])
+    named = [_on(column, "all") for column in columns_of(Row)[:names]]
+    return Table(title, title, "", lines, [*named, *columns])
+
+
+def _of(column: Column, part_of: Callable[[AgentLine], Any], **changes: Any) -> Column:
+    """A column of a part of a line as a column of lines; ``part_of`` gets the part."""
+    return replace(column, read=lambda line: column.value(part_of(line)), **changes)
 
 
 def _on(column: Column, subset: Subset, heading: str = "") -> Column:
     """A column of report rows as a column of lines, which reads their row of ``subset``."""
     key = column.key if subset == "all" else f"{subset}_{column.key}"
-    read: Callable[[AgentLine], Value] = lambda line: column.value(line.rows[subset])  # noqa: E731
-    return replace(column, key=key, heading=heading or column.heading, read=read, optional=False)
+    return _of(column, lambda line: line.rows[subset], key=key, heading=heading or column.heading, optional=False)
 
 
-def _read(column: Column, part_of: Callable[[AgentLine], Any]) -> Column:
-    """A column of a part of a line as a column of lines; ``part_of`` gets the part."""
-    return replace(column, read=lambda line: column.value(part_of(line)))
+def _bin(part: Bin) -> Column:
+    """The error of lines in a bin; its heading ends with the number of targets."""
+    heading = "\n".join([*wrap(part.bin.replace("_", " "), 8), str(part.errors.targets)])
 
+    def read(line: AgentLine) -> Value:
+        return next(
+            (each.errors.error for each in line.details.bins if (each.by, each.bin) == (part.by, part.bin)), None
+        )
 
-def _number(heading: str, read: Callable[[AgentLine], Value]) -> Column:
-    return Column(heading, key=heading.replace("\n", " "), read=read)
+    return Column(heading, key=part.bin, read=read)
 
 
 def _displacements(row: Row) -> str | None:
     return f"{short(row.minADE)}/{short(row.minFDE)}"
 
 
-def _displacements_on(subset: Subset) -> Callable[[AgentLine], str | None]:
-    return lambda line: _displacements(line.rows[subset])
-
-
-def _tracking_columns() -> list[Column]:
-    clear = [_read(column, lambda line: line.details.tracking.all) for column in columns_of(Clear)]
-    return [
-        *clear,
-        _number("false tracks", lambda line: line.details.tracking.false_tracks),
-        Column("own ids/\nlost/reac.", key="own_events", read=_own_events),
-        _number("ids in\nall H", lambda line: line.details.own["all_h_ids"].targets),
-    ]
-
-
 def _own_events(line: AgentLine) -> str:
     """Own switches, losses and re-acquisitions; a star where the lineage of hypotheses was guessed, see `notes`."""
     events = "/".join(str(line.details.own_events[kind]) for kind in EVENTS)
     return events + ("*" if line.details.guessed_parents else "")
+
+
+_OWN = (
+    Column(key="false tracks", read=lambda line: line.details.tracking.false_tracks),
+    Column("own ids/\nlost/reac.", key="own_events", read=_own_events),
+    Column("ids in\nall H", key="all_h_ids", read=lambda line: line.details.own["all_h_ids"].targets),
+)

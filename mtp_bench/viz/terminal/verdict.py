@@ -32,7 +32,7 @@ def verdict(report: Report, names: Sequence[str]) -> list[str]:
     sentences = [_cost(report)]
     for row in rows:
         sentences += [_against_stp(report, row), _against_control(report, row), _gap(report, row)]
-    sentences += [_ranks(report), _unknown_false_forecasts(report)]
+    sentences += [_unranked(report), _unknown_false_forecasts(report)]
     return [sentence for sentence in sentences if sentence]
 
 
@@ -113,21 +113,19 @@ def _shares(
     return " and ".join(f"{_percent(value)}{_percents(interval(row))} {WHERE[row.subset]}" for row, value in known)
 
 
-def _ranks(report: Report) -> str | None:
-    """Ranks by subset, and reasons of missing ones."""
-    parts, unranked_subsets = [], []
+def _unranked(report: Report) -> str | None:
+    """Reasons of missing ranks, by subset; ranks stand in the table."""
+    parts = []
     for subset in ("all", *RANKED_SUBSETS):
         rows = [row for row in report.rows if row.subset == subset and row.budget == "equal"]
-        ranked = sorted((row for row in rows if row.rank is not None), key=lambda row: row.rank or 0)
-        others = [row for row in rows if row.unranked_because not in (None, SAW_TRUTH)]
-        if ranked:
-            parts.append(f"Ranks {WHERE[subset]}: " + ", ".join(f"{row.rank} {_label(row)}" for row in ranked))
-            reasons = ", ".join(f"{_label(row)} ({row.unranked_because})" for row in others)
-            parts += [f"Not ranked there: {reasons}"] if others else []
-        elif others:
-            reasons = "; ".join(dict.fromkeys(str(row.unranked_because) for row in others))
-            unranked_subsets.append(f"{WHERE[subset]} ({reasons})")
-    parts += [f"No agent is ranked {', '.join(unranked_subsets)}"] if unranked_subsets else []
+        reasons: dict[str, list[str]] = {}
+        for row in rows:
+            if row.unranked_because not in (None, SAW_TRUTH):
+                reasons.setdefault(str(row.unranked_because), []).append(_label(row))
+        if any(row.rank is not None for row in rows):
+            parts += [f"Not ranked {WHERE[subset]} ({why}): {', '.join(labels)}" for why, labels in reasons.items()]
+        elif reasons:
+            parts.append(f"No agent is ranked {WHERE[subset]} ({'; '.join(reasons)})")
     ideal = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == SAW_TRUTH)
     parts += [f"Never ranked, as they saw the truth: {', '.join(ideal)}"] if ideal else []
     return ". ".join(parts) + "." if parts else None
