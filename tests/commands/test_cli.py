@@ -18,8 +18,6 @@ import typer.main
 import mtp_bench
 from mtp_bench import card_ids, load_card
 from mtp_bench.commands.app import app
-from mtp_bench.errors import MtpBenchError
-from mtp_bench.running.options import RunOptions
 from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine, copy_sequence, plain_environment, read_json, write_submission
 from tests.support.small_scenes import write_kitti
@@ -210,21 +208,10 @@ def test_a_closed_standard_output_is_no_error() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("command", ["run", "train predictor"])
-def test_a_seed_beyond_what_files_hold_is_refused(command: str, cli: CommandLine, tmp_path: Path) -> None:
-    words = (
-        "modes" if command.startswith("train") else "stp",
-        "--env",
-        "MTP-KITTI-v0",
-        "--seed",
-        2**31,
-        "-o",
-        tmp_path / "output",
-    )
-    error = cli(*command.split(), *words).error
+@pytest.mark.parametrize("command", [("run", "stp"), ("train", "predictor", "modes")], ids=" ".join)
+def test_a_seed_beyond_what_files_hold_is_refused(command: tuple[str, ...], cli: CommandLine, tmp_path: Path) -> None:
+    error = cli(*command, "--env", "MTP-KITTI-v0", "--seed", 2**31, "-o", tmp_path / "output").error
     assert error == "the seed is 2147483648, expected a whole number from 0 to 2147483647"
-    with pytest.raises(MtpBenchError, match="the seed is 2147483648, expected a whole number from 0 to 2147483647"):
-        RunOptions(seeds=(0, 2**31))
 
 
 def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
@@ -263,23 +250,19 @@ def test_the_root_comes_from_the_environment_unless_it_is_given(
 UNWRITABLE = {
     "no folder": ("none/a.json", "there is no folder none"),
     "folder": ("folder", "it is a folder, expected the name of a file"),
-    "this folder": (".", "it is a folder"),
     "below a file": ("file/a.json", "there is no folder file"),
 }
 
 
 @pytest.mark.parametrize(("path", "message"), UNWRITABLE.values(), ids=UNWRITABLE.keys())
-@pytest.mark.parametrize("command", ["envs", "compare"])
 def test_a_file_that_cannot_be_written_is_refused_before_the_work(
-    command: str, path: str, message: str, cli: CommandLine, tmp_path: Path, card: str, kitti: str,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    path: str, message: str, cli: CommandLine, tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     agent = write_submission(tmp_path / "mine", body="raise RuntimeError('it ran')")
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").touch()
     monkeypatch.chdir(tmp_path)
-    work = () if command == "envs" else (agent, "--env", card, "--data", kitti)
-    output = cli(command, *work, "--json", path)
+    output = cli("compare", agent, "--env", card, "--data", kitti, "--json", path)
     assert message in output.error
     assert output.out == ""
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder", "mine"]

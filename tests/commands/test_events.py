@@ -176,13 +176,6 @@ def test_one_clear_error(
     assert output.out == ""
 
 
-def test_no_run_and_no_kind(cli: CommandLine, tmp_path: Path, events_run: Path) -> None:
-    assert "no run.json there" in cli("events", tmp_path).error
-    output = cli("events", events_run, "--kind", "switch")
-    assert output.status == 2
-    assert "expected one of: ids, lost, reacquired, spurious" in " ".join(output.err.replace("│", " ").split())
-
-
 def test_a_run_for_another_card_is_refused(
     cli: CommandLine, events_run: Path, kitti: str, tmp_path: Path, card: str
 ) -> None:

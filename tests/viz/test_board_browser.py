@@ -10,7 +10,7 @@ import pytest
 
 from mtp_bench.viz.board import Entry, board_files, parts_folder, write_board
 from tests.support.board_records import FEW, HOSTILE, LEVELS_OF, MAIN, board_of, made_up, made_up_board
-from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, TAB, Browser, chromium
+from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, Browser, chromium
 
 pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
 
@@ -198,13 +198,6 @@ def test_a_column_is_explained_on_hover_and_on_focus(opened: Browser, how: str) 
     assert not opened.script(tip)
 
 
-def test_the_first_stop_of_the_keyboard_skips_to_the_tables(opened: Browser) -> None:
-    opened.type("body", TAB)
-    assert opened.script("return document.activeElement.hash") == "#_main"
-    opened.type(".skip", ENTER)
-    assert opened.script("return document.activeElement.id") == "_main"
-
-
 def test_a_missing_part_is_said(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "alone.html"
     path.write_text(board_files(board_of(made_up("a"))).page)
@@ -220,26 +213,6 @@ def test_no_width_makes_the_page_scroll_sideways(opened: Browser) -> None:
     for width in (360, 390, 768, 1120, 1366, 1700):
         opened.resize(width, 900)
         assert opened.script("return document.documentElement.scrollWidth") <= width
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_both_schemes_have_contrast(opened: Browser, scheme: str) -> None:
-    opened.prefer(scheme)
-    tones = ["card", "ink", "soft", "faint", "warn", "accent", "same", "worse", "yours"]
-    colors = opened.script(
-        """const style = getComputedStyle(document.documentElement);
-        return arguments[0].map((tone) => style.getPropertyValue(`--${tone}`));""",
-        tones,
-    )
-    card, *inks = [luminance(color.strip()) for color in colors]
-    for ink in inks:
-        assert (max(card, ink) + 0.05) / (min(card, ink) + 0.05) >= 4.5  # WCAG 2.2, level AA
-
-
-def luminance(color: str) -> float:
-    channels = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
 def test_hostile_texts_do_not_run(browser: Browser, tmp_path: Path) -> None:
