@@ -37,10 +37,13 @@ class Scale:
     high: float
     ticks: tuple[float, ...]
 
+    def share(self, value: float) -> float:
+        """Place of a value from 0 to 1; values off the scale stay at its ends."""
+        return (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
+
     def x(self, value: float) -> float:
-        """Horizontal place of a value; values off the scale stay at its ends."""
-        share = (min(max(value, self.low), self.high) - self.low) / (self.high - self.low)
-        return round(PAD + share * (WIDTH - 2 * PAD), 1)
+        """Horizontal place of a value."""
+        return round(PAD + self.share(value) * (WIDTH - 2 * PAD), 1)
 
 
 @dataclass(frozen=True)
@@ -144,15 +147,24 @@ def _errors(entry: Entry) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class CurveFrame:
-    """A drawing of curves: the ends of its axes, and its size in user units."""
+class CurveChart:
+    """The curve of one entry, and its size in user units."""
 
+    own: Sequence[Point]
+    beside: Sequence[Point]  # of STP; empty without one, and for STP itself
     most: float  # of the horizontal axis, which is one of square roots: it begins at 0
     scale: Scale  # of the vertical axis, m
+    axis: str  # text of the horizontal one
+    ticks: tuple[float, ...]
     width: float = 340.0
     height: float = 180.0
     left: float = 34.0
     bottom: float = 20.0
+
+    @property
+    def label(self) -> str:
+        """The curve in words."""
+        return f"error from {self.own[0][1]:.2f} m to {self.own[-1][1]:.2f} m"
 
     def x(self, value: float) -> float:
         """Horizontal place of a number of false forecasts."""
@@ -161,8 +173,7 @@ class CurveFrame:
 
     def y(self, value: float) -> float:
         """Vertical place of an error."""
-        share = (min(max(value, self.scale.low), self.scale.high) - self.scale.low) / (self.scale.high - self.scale.low)
-        return round(1.0 + (1.0 - share) * (self.height - self.bottom - 2.0), 1)
+        return round(1.0 + (1.0 - self.scale.share(value)) * (self.height - self.bottom - 2.0), 1)
 
     def line(self, curve: Sequence[Point]) -> str:
         """Points of a line; of a level stretch its ends."""
@@ -170,18 +181,6 @@ class CurveFrame:
         stretches = [list(each) for _, each in groupby(points, key=lambda point: point[1])]
         ends = [point for each in stretches for point in (each[0], *each[1:][-1:])]
         return " ".join(f"{x:g},{y:g}" for x, y in ends)
-
-
-@dataclass(frozen=True)
-class CurveChart:
-    """The drawing of one entry."""
-
-    frame: CurveFrame
-    axis: str  # text of the horizontal one
-    label: str  # in words
-    ticks: tuple[float, ...]
-    own: str
-    reference: str  # of STP; empty without one, and for STP itself
 
 
 def curve_of(entry: Entry) -> list[Point]:
@@ -203,8 +202,6 @@ def curve_chart(entry: Entry, reference: Entry | None) -> CurveChart | None:
     if not own or most <= 0:
         return None
     errors = [error for _, error in points]
-    frame = CurveFrame(most, nice_scale(min(errors), max(errors)))
     known = entry.record.env.truth_complete
     ticks = tuple(tick for tick in _TICKS[known] if tick <= most)
-    label = f"error from {own[0][1]:.2f} m to {own[-1][1]:.2f} m"
-    return CurveChart(frame, _AXIS[known], label, ticks, frame.line(own), frame.line(beside))
+    return CurveChart(own, beside, most, nice_scale(min(errors), max(errors)), _AXIS[known], ticks)
