@@ -218,7 +218,7 @@ def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_p
 NO_SUBMISSION = {
     "./nowhere": "./nowhere is not a submission, expected a folder with submission.toml",
     "notes.txt": "notes.txt is not a submission, expected a folder with submission.toml",
-    "stp,mtp": "put blanks between agents",
+    "stp,mtp": "'stp,mtp' is not a submission: put blanks between agents, not commas",
 }
 
 
