@@ -31,7 +31,7 @@ MOST_LETTERS = 60  # of a value in the table
 
 @dataclass(frozen=True)
 class VerifyOptions:
-    """Options of a check: what is run again, and who signs the level."""
+    """Options of a check: runs that are repeated, and the signature of the level."""
 
     rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False
     submission: Annotated[
