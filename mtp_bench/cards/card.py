@@ -18,7 +18,7 @@ _NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")  # hints for ag
 
 
 class EventGate(Section):
-    """Matching of a true box and a track for identity events (protocol, "Matching")."""
+    """Rule by which a track can match a true box for identity events (docs/definitions, "Events")."""
 
     measure: Literal["iou_3d", "center_distance"]
     threshold: PerClass  # inclusive: IoU at least, or metres at most
@@ -32,7 +32,7 @@ class EventGate(Section):
 
 
 class TaskSection(Section):
-    """The rules of prediction and scoring (protocol, table of tasks)."""
+    """Rules of prediction and scoring: rate, horizon, samples, classes, gates and miss error."""
 
     rate: Annotated[float, Field(gt=0, le=1000)]  # Hz, nominal
     past: Annotated[int, Field(ge=2, le=1000)]  # P
@@ -117,7 +117,7 @@ class DetectorSection(Section):
         Raises CardError unless exactly one of ``profile`` and ``noise`` is given, UnknownNameError for an unknown name.
         """
         if (self.profile is None) == (self.noise is None):
-            raise CardError("[detector] has both or none of 'profile' and 'noise', expected one of them")
+            raise CardError("[detector] has both or none of 'profile' and 'noise', expected exactly one of them")
         noise = self.noise or load_profile(str(self.profile))
         if self.variant == "as_fitted":
             return noise

@@ -1,7 +1,7 @@
-"""Table ``[source]`` of a card: the class of the section of each source, and its traits.
+"""Table ``[source]`` of a card: a class of keys for each source, and properties of the source (`Traits`).
 
-A source is a package ``mtp_bench.sources.<name>``. Its subclass of `SourceSection` is registered by one line
-of `SOURCES` and imported when a card names it, so cards depend on no source.
+A source is a package ``mtp_bench.sources.<name>``. Its subclass of `SourceSection` is registered by one line of
+`SOURCES` and imported when a card names it, so this package does not depend on any source.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LocalPath = Annotated[str | None, Field(exclude=True)]  # the digest of a card h
 
 @dataclass(frozen=True)
 class Traits:
-    """Abilities of a source; not keys of a card and not part of its digest."""
+    """Properties of a source; not keys of a card and not part of its digest."""
 
     simulated: bool = False  # there is a scene for any seed
     stored_detector: str = ""  # name of the detector with stored detections; empty without one
@@ -60,7 +60,7 @@ class SourceSection(Section):
 
     @property
     def traits(self) -> Traits:
-        """Abilities of the source."""
+        """Properties of the source."""
         return Traits()
 
     @field_validator("split")

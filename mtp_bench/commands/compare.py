@@ -25,7 +25,7 @@ def compare(
     table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Run agents side by side, with ground-truth tracks and the controls: the verdict, and one table."""
+    """Run agents, ground-truth tracks and the controls on the same scenes; print the verdict and one table."""
     options = on.options(workers, range(seeds))
     prepare(on.env, options, agents)
     with working("compare", options) as watched:

@@ -99,7 +99,7 @@ class Draws:
 
 
 def keys_of(*index: Ints | Keys) -> Keys:
-    """A key for each tuple of whole numbers, which have a common shape; a key can itself be one of the numbers."""
+    """Hash key for each tuple of integers: ``index`` holds arrays of a common shape, of integers or of such keys."""
     state = np.zeros(1, dtype=np.uint64)
     for number in index:
         state = extended_key(state, number)
@@ -107,7 +107,7 @@ def keys_of(*index: Ints | Keys) -> Keys:
 
 
 def extended_key(key: Keys, index: Ints | Keys) -> Keys:
-    """The key of `keys_of` for one more number."""
+    """Keys of `keys_of` with one more integer each."""
     return _mixed(key + (np.asarray(index).astype(np.uint64) * _GOLDEN + _GOLDEN))
 
 

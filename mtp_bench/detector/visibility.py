@@ -66,7 +66,7 @@ def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:
 
 
 def visible_fractions(truth: Truth, ego: Floats) -> Floats:
-    """Share of every box in line of sight, 0 to 1: ``[R]`` for sensor positions ``[F, 2 or more]``."""
+    """Unoccluded share ``[R]`` of each true box, 0 to 1; ``ego`` ``[F, 2 or more]`` x y: the sensor in each frame."""
     visible = np.ones(len(truth.box))
     for t in range(len(ego)):
         rows = truth.rows(t)

@@ -98,7 +98,7 @@ def own_scenes(values: Mapping[str, Any]) -> Sequence[Scene] | None:
     if not any(isinstance(scene, Scene) for scene in scenes):
         return None
     if values["files"] is not None:
-        raise MtpBenchError("scenes holds Scene objects and files names a folder, expected one of them")
+        raise MtpBenchError("scenes holds Scene objects and files names a folder, expected only one of them")
     return list(scenes)
 
 

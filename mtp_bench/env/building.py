@@ -76,7 +76,7 @@ def make_action(
         certainty = _array("confidence", confidence, "fiu", (objects,))
     if ids is not None:
         if tracks is not None:
-            raise ShapeError("ids and tracks are both given, expected one of them: tracks has ids of its own")
+            raise ShapeError("ids and tracks are both given, expected only one of them: tracks has ids of its own")
         tracks = Tracks.of_one_hypothesis(_array("ids", ids, "iu", (objects,)), box, class_id)
     stated = {
         "object_box": box,

@@ -153,7 +153,7 @@ def _malformed(examined: Examined, task: Task, detected: Ints | None) -> Ints:
     """False forecasts [C + 1] that invalid rows count as; the last entry is of objects whose class is unreadable.
 
     An object that is stated and taken out is one of its class. An action without readable objects is one per detection:
-    so no invalid action is better than an empty one (protocol, "fixed_error").
+    so no invalid action is better than an empty one (`fixed_error`).
     """
     classes = len(task.classes)
     if not examined.readable and detected is not None:

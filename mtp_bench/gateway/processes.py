@@ -30,17 +30,17 @@ _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 @dataclass(frozen=True)
 class Group:
-    """Control groups of one agent: one of version 2, or one per controller of version 1."""
+    """Control groups (cgroups) of one agent: one of version 2, or one per controller of version 1."""
 
     folders: tuple[Path, ...]
 
     @property
     def members(self) -> list[str]:
-        """Files into which a process writes 0 to join."""
+        """Files to which a process writes 0 to join the groups, one per group."""
         return [str(folder / "cgroup.procs") for folder in self.folders]
 
     def exceeded(self) -> bool:
-        """True if the system ended a process because all together held too much memory."""
+        """True if the kernel killed a process because the group exceeded its memory limit."""
         for name in ("memory.events", "memory.oom_control"):
             for folder in self.folders:
                 with suppress(OSError, ValueError, StopIteration):

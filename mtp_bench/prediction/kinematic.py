@@ -95,7 +95,7 @@ PASTS = (2, 3, 5, 10)  # frames
 class HedgedPredictor:
     """Spread k samples over several lengths of the past, `PASTS`, and one sample that stands still.
 
-    It is a control with one hypothesis (protocol, "Controls"). The pasts, as far as the task gives them, share the
+    It is a control with one hypothesis (docs/definitions). The pasts, as far as the task gives them, share the
     samples evenly, and the shortest ones get the remainder. Each past draws random numbers of its own.
     """
 

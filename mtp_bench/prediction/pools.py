@@ -10,7 +10,7 @@ from ..types import Floats, Ints
 
 @part
 def existing(log_weight: Floats, there: Ints) -> int:
-    """Number of samples with a finite log-weight [S]; their places are written to ``there`` [S]."""
+    """Write the indices of the samples with a finite log-weight [S] to ``there`` [S]; return their number."""
     n = 0
     for s in range(len(log_weight)):
         if np.isfinite(log_weight[s]):
@@ -21,7 +21,7 @@ def existing(log_weight: Floats, there: Ints) -> int:
 
 @part
 def pass_on(points: Floats, log_weight: Floats, there: Ints, n: int, chosen: Floats, chosen_log_weight: Floats) -> None:
-    """Copy the ``n`` samples at ``there`` to the first rows of ``chosen`` [k, d]; the others do not exist."""
+    """Copy the ``n`` samples with indices ``there`` to the first rows of ``chosen`` [k, d]; mark the others absent."""
     for j in range(len(chosen)):
         for axis in range(chosen.shape[1]):
             chosen[j, axis] = points[there[j], axis] if j < n else 0.0
@@ -30,7 +30,7 @@ def pass_on(points: Floats, log_weight: Floats, there: Ints, n: int, chosen: Flo
 
 @part
 def masses(log_weight: Floats, there: Ints, n: int, mass: Floats) -> float:
-    """Log of the total weight of the ``n`` samples at ``there``; writes their normalised weights to ``mass`` [n].
+    """Log of the total weight of the ``n`` samples with indices ``there``; writes normalised weights to ``mass`` [n].
 
     Weights are relative to the heaviest: an object of unlikely hypotheses alone must not vanish by underflow.
     """

@@ -97,7 +97,7 @@ class PresenceModel:
     knots: Floats  # [2, n] probabilities before and after calibration, n >= 2
 
     def standardised(self, history: TrackHistory) -> Floats:
-        """Features z [N, F] of N tracks."""
+        """Standardised features z [N, F] of N tracks."""
         raw = np.stack([FEATURES[name](history) for name in self.features], axis=1)
         return np.asarray((np.clip(raw, self.low, self.high) - self.center) / self.scale)
 

@@ -71,8 +71,8 @@ def standing_record(piece: Piece, options: RunOptions = DEFAULTS) -> Record | No
 def why_impossible(piece: Piece, data: str | None = None) -> str | None:
     """Reason why a baseline cannot run here, such as weights that were not trained; None if it can.
 
-    For that it is built in this process. Other submissions are never run outside the sandbox: for them the result is
-    None, and making the record says why. Raises DataError if the data of the env is missing.
+    The baseline is built in this process to find out. Other submissions are never built outside the sandbox: they
+    give None, and an error shows when the record is made. Raises DataError if the data of the env is missing.
     """
     submission = piece.submission
     if submission.path.parent != bundled("baselines"):

@@ -26,7 +26,7 @@ from .reference import ranked_scenes, reference_for
 from .run import Job, jobs_of, run_jobs
 from .settings import Setting, all_settings, require_list
 
-CONTROLS: tuple[Role, ...] = ("ground_truth", "single", "same_samples", "hedged")  # protocol, "Controls"
+CONTROLS: tuple[Role, ...] = ("ground_truth", "single", "same_samples", "hedged")  # docs/definitions, "Controls"
 
 
 @dataclass(frozen=True)

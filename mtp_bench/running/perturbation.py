@@ -1,4 +1,4 @@
-"""Random changes of detections in the runs whose events weigh targets (protocol, "Event weights").
+"""Random changes of detections in the runs whose events weigh targets (envs/reference/README.md).
 
 Run r removes and moves the detections of a scene at random, by errors as large as the detector's own; most runs remove
 detections with low scores too.

@@ -1,4 +1,4 @@
-"""CLEAR MOT and the protocol's events of tracks that are given frame by frame (protocol, "Events")."""
+"""CLEAR MOT metrics and identity events (docs/definitions, "Events") of tracks that are given frame by frame."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
     ``frames`` iterates (scene, t, true ids [M], true xy [M, 2], track ids [N], track xy [N, 2]) in metres; ids are
     integers or strings; lists or arrays, which may be empty; scenes may be interleaved. ``gate`` is inclusive. All
     numbers come from the matching of ``mode``: "frame" has no memory, "sticky" keeps the pairs of the previous frame.
-    ``IDS`` and ``FRAG`` are CLEAR's, ``ids``, ``lost`` and ``reacquired`` the protocol's events; MOTP is the mean
-    distance of matched pairs, metres. None stands for an undefined number. Raises ShapeError for a
-    negative gate, an unknown mode, ids or positions of another shape or type, a time or a position that is not finite,
+    ``IDS`` and ``FRAG`` are CLEAR's, ``ids``, ``lost`` and ``reacquired`` the events of this benchmark; MOTP is the
+    mean distance of matched pairs, metres. None stands for an undefined number. Raises ShapeError for a negative gate,
+    an unknown mode, ids or positions of another shape or type, a time or a position that is not finite,
     and an id or a frame that occurs twice.
     """
     if not (np.isfinite(gate) and gate >= 0):

@@ -1,4 +1,4 @@
-"""Errors of forecasts: minADE, minFDE, miss, energy score and the curve over k (protocol, "Numbers per target").
+"""Errors of forecasts: minADE, minFDE, miss, energy score and the curve over k (docs/definitions, "The miss error").
 
 ``n`` targets, ``S`` samples, ``T`` future frames. An absent sample has weight 0; its coordinates are never looked at.
 """

@@ -1,4 +1,4 @@
-"""Identity events: switches, losses and re-acquisitions of true objects (protocol, "Events")."""
+"""Identity events: switches, losses and re-acquisitions of true objects (docs/definitions, "Events")."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Events:
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """Rows of a ragged table by identity, then frame, with their predecessors."""
+    """Rows of a table sorted by identity, then frame, and whether each continues the identity of the row before."""
 
     order: Rows  # [R]
     identity: Ints  # [R] in that order
@@ -33,7 +33,7 @@ class History:
     consecutive: Bools  # [R] ... in the frame just before
 
     def previous(self) -> Rows:
-        """Row of the same identity in the frame just before [R], -1 for none; in the order of the table."""
+        """Row [R] of the same identity in the frame just before, -1 without one; in the order of the table."""
         earlier = np.full(len(self.order), -1, dtype=np.intp)
         place = np.flatnonzero(self.consecutive)
         earlier[self.order[place]] = self.order[place - 1]
@@ -85,7 +85,7 @@ def find_events(objects: History, matched: Matched, tracks: History, track_id: I
 
 
 def clear_identity(objects: History, matched: Matched, track_id: Ints) -> tuple[Rows, Rows]:
-    """Rows of CLEAR-IDS (the last id of any age differs) and of CLEAR-FRAG (a matched run begins, not the first)."""
+    """Rows of CLEAR-IDS (the id differs from the last matched one) and of CLEAR-FRAG (matched again after a gap)."""
     column = matched[objects.order]
     place = np.flatnonzero(column >= 0)
     same = objects.identity[place[1:]] == objects.identity[place[:-1]]

@@ -1,4 +1,4 @@
-"""Matching of forecasts to true objects, at every cut of the confidence (protocol, "Numbers per target")."""
+"""Matching of forecasts to true objects, at every confidence threshold (docs/definitions, "The ranking error")."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def _pair_errors(found: Candidates, moved: Floats) -> Floats:
 class IncrementalMatching:
     """The matching of forecasts as they are added by falling confidence."""
 
-    order: Rows  # [A] forecasts in live frames, surest first
+    order: Rows  # [A] forecasts in live frames, most confident first
     additions: Additions
     false: Bools  # [S] false if all are kept: neither at a neutral place nor matched to a neutral object
     false_step: Rows  # steps that add a false forecast

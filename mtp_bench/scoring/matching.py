@@ -1,4 +1,4 @@
-"""One-to-one matching of ragged rows: maximum cardinality first, then minimum total cost (protocol, "Matching").
+"""One-to-one matching of ragged rows: maximum cardinality first, then minimum total cost.
 
 All frames are matched at once; only larger components of pairs reach an assignment solver. Among solutions of equal
 cost the one with the lower row, then the lower column is preferred where the choice is ours.

@@ -1,4 +1,4 @@
-"""Neutral objects, which no label could confirm or refute (protocol, "Targets, live frames and subsets").
+"""Neutral objects, which no label could confirm or refute (docs/definitions, "Targets").
 
 KITTI is labelled in images. An object is placed into the image from its x and y alone, since an agent could choose
 the other numbers of a forecast freely.

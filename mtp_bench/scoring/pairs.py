@@ -80,7 +80,7 @@ def box_pairs(
     measure: str,
     threshold: tuple[float, ...],
 ) -> Pairs:
-    """Pairs of boxes of one frame and class inside the event gate (protocol, "Matching truth to tracks").
+    """Pairs of boxes of one frame and class inside the event gate (docs/definitions, "Events").
 
     ``frame_a`` [A], ``box_a`` [A, 7], ``class_a`` [A] and ``frame_b``, ``box_b``, ``class_b`` of the two tables.
     ``measure`` is ``iou_3d`` or ``center_distance``; ``threshold`` per class of a: least IoU (the cost is 1 - IoU), or

@@ -1,4 +1,4 @@
-"""Rules of rank (protocol, "Uncertainty"), the same for comparisons and records."""
+"""Rules of rank (docs/definitions, "Ranks"), the same for comparisons and records."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""bADE and its relatives: errors of targets at cuts of the confidence (protocol, "Numbers per target").
+"""bADE and its relatives: errors of targets at confidence thresholds (docs/definitions, "The ranking error").
 
 | number | forecasts that are kept |
 |---|---|
@@ -6,8 +6,8 @@
 | fixed error | those of a confidence of at least 0.5; false ones cost c / 2 |
 | bADE, which ranks | as many as a budget of false forecasts allows, averaged over budgets |
 
-A cut keeps the forecasts of at least some confidence. The error at a budget is that of the last cut within it, and the
-rest of the budget buys a share of the next cut.
+A cut is a confidence threshold: it keeps the forecasts of at least that confidence. The error at a budget is that of
+the last cut within it; the rest of the budget counts as a share of the next cut.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ def fixed_error(cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete:
     """Error at the fixed operating point, summed over the targets of a scene, m: c-GOSPA.
 
     A target costs min(minADE, c), and c without a forecast of confidence 0.5 or more. A false forecast of such a
-    confidence costs c / 2; if false ones are unknown, each beyond the 40 surest of a frame does.
+    confidence costs c / 2; if false ones are unknown, each beyond the 40 most confident of a frame does.
 
     ``cuts``: the forecasts of live frames. ``malformed`` [F, C + 1]: invalid objects in live frames by class; they
     count as false forecasts, those without a class as of the largest c. ``miss_error`` [C]: c.
@@ -149,7 +149,7 @@ def fixed_error(cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete:
         return error + cuts.false_costs(SURE, share) + float(broken.sum())
     kept = np.flatnonzero(cuts.confidence >= SURE)
     frame = cuts.frame[kept]
-    order = np.argsort(frame, kind="stable")  # by frame, then the surest first
+    order = np.argsort(frame, kind="stable")  # by frame, then the most confident first
     place = np.arange(len(order)) - np.searchsorted(frame[order], frame[order])
     beyond = kept[order[place >= FREE_FORECASTS]]
     free = np.maximum(0, FREE_FORECASTS - np.bincount(frame, minlength=len(malformed)))

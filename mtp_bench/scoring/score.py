@@ -92,12 +92,12 @@ class SceneScore(ForecastErrors):
 
     @property
     def forecasts(self) -> int:
-        """Forecasts in live frames."""
+        """Number of forecasts in live frames."""
         return len(self.outcome)
 
     @property
     def false_forecasts(self) -> int:
-        """False ones among them."""
+        """Number of false forecasts in live frames."""
         return int((self.outcome == Outcome.FALSE_POSITIVE).sum())
 
 
@@ -200,7 +200,8 @@ def _mean_seconds(seconds: Floats) -> float:
 def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:
     """Score [S] of the nearest detection of the same frame and class as each forecast, mapped to (-1, 1); else -1.
 
-    In place of the confidence it shows the worth of an agent's own presence model (protocol, "Control column").
+    In place of the confidence it shows what the agent's own confidence is worth (docs/definitions, "Controls, and
+    the gap closed").
     """
     from scipy.spatial import KDTree
 

@@ -1,4 +1,4 @@
-"""Uncertainty: studentised intervals, sign-flip tests, gaps (protocol, "Uncertainty").
+"""Uncertainty: studentised intervals, sign-flip tests, gaps (docs/definitions, "Ranks").
 
 Units are recordings cut into blocks of at most 20 s. A weighted mean over targets is a ratio of sums over units:
 ``numerator`` [U] and ``denominator`` [U], the weight of the targets.

@@ -1,4 +1,4 @@
-"""Subsets of the targets: weights from 0 to 1 over one array (protocol, "Targets, live frames and subsets")."""
+"""Subsets of the targets: weights from 0 to 1 over one array (docs/definitions, "Events")."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Targets, live frames and units of uncertainty (protocol, "Targets, live frames and subsets" and "Uncertainty")."""
+"""Targets, live frames and units of uncertainty (docs/definitions, "Targets" and "Ranks")."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def find_targets(scene: Scene, card: Card) -> Targets:
 
 
 def live_frames(scene: Scene, card: Card) -> Bools:
-    """The frames [F] in which a target can exist: only there false forecasts count (protocol, "Live frames")."""
+    """The frames [F] in which a target can exist: only there false forecasts count (docs/definitions, "Targets")."""
     first = 0 if scene.listed_targets else card.task.past - 1
     t = np.arange(scene.frames)
     return (t >= first) & (t < scene.frames - card.task.future)

@@ -1,4 +1,4 @@
-"""Event weights: rates of errors of the reference tracker at each target, frozen per env (protocol, "Event weights").
+"""Event weights: rates of errors of the reference tracker at each target, frozen per env (envs/reference/README.md).
 
 Scenes are keyed by a hash of their names, so that weights can be published without the content of a dataset.
 """

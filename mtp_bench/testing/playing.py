@@ -1,4 +1,4 @@
-"""Play an agent through frames, and watch its actions and what it does to observations."""
+"""Passes of an agent over frames: its actions, their problems, and observations that it overwrites."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Played:
 
 
 def play(agent: Agent, env: MTPEnv, scene: str, seed: int, scribble: bool = False, turn: int = 0) -> Played:
-    """Play a ``scene`` of ``env``; raises AgentError.
+    """Run the agent on a ``scene`` of ``env``; raises AgentError.
 
     ``seed``: of the run, from which those of env and agent are derived. ``scribble``: overwrite every observation after
     the action, as an env with buffers would do. ``turn``: number of the rigid motion, in an env with rigid motions.
@@ -66,7 +66,7 @@ def play(agent: Agent, env: MTPEnv, scene: str, seed: int, scribble: bool = Fals
 
 
 def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
-    """Play observations made up for a check, each with its description; raises AgentError."""
+    """Run the agent on observations made up for a check, each with its description; raises AgentError."""
     return _play(agent, task, _listed(frames), "made-up scene", scribble=False)
 
 
@@ -168,14 +168,14 @@ class Suite:
 
     @property
     def problems(self) -> ProblemCounts:
-        """ProblemCounts of the first passes, each at its first place."""
+        """Problems of the first passes, each where it first occurred."""
         first: ProblemCounts = {}
         for played in self.passes:
             first |= {key: seen for key, seen in played.problems.items() if key not in first}
         return first
 
     def new_problems(self, played: Played) -> ProblemCounts:
-        """ProblemCounts of another pass, of fields that were sound in the first one."""
+        """Problems of another pass, of fields that were valid in the first one."""
         faulty = {name for name, _ in self.problems}
         return {key: seen for key, seen in played.problems.items() if key[0] not in faulty}
 
@@ -187,7 +187,7 @@ class Suite:
             raise failure(error, "build", "an agent") from error
 
     def play(self, **keywords: Any) -> Played:
-        """Play the first scene with a new agent, keywords as for `play`; raises AgentError."""
+        """Run a new agent on the first scene, keywords as for `play`; raises AgentError."""
         return play(self.agent(), self.env, self.scenes[0], self.seed, **keywords)
 
     def other_env(self, **changes: Any) -> MTPEnv:

@@ -112,7 +112,7 @@ def fit(
 
 @dataclass(frozen=True, eq=False)
 class _TrainingInputs:
-    """Network, plan, weights and data of one training."""
+    """Network, plan, initial weights and data of one training run, on one device."""
 
     network: Network
     sizes: Sizes

@@ -70,7 +70,7 @@ def training_windows(request: TrainingRequest, options: RunOptions = DEFAULTS) -
 
 
 def _require_distinct(env_ids: Sequence[str]) -> None:
-    """Raise MtpBenchError for an env that comes twice: its scenes would be learnt twice."""
+    """Raise MtpBenchError for an env that is named twice: its scenes would count twice in training."""
     for place, env_id in enumerate(env_ids):
         if env_id in env_ids[:place]:
             raise MtpBenchError(
@@ -79,15 +79,17 @@ def _require_distinct(env_ids: Sequence[str]) -> None:
 
 
 def _require_same_task(task: Task, other: Task) -> None:
-    """Raise MtpBenchError unless windows of ``other`` can be learnt together with those of ``task``."""
+    """Raise MtpBenchError unless one network can be trained on windows of both tasks."""
     for name in ("past", "future", "dt", "k", "ego_motion"):
         if getattr(task, name) != getattr(other, name):
             raise MtpBenchError(
                 f"{other.env_id} has {name} {getattr(other, name)}, but {task.env_id} {getattr(task, name)}: "
-                "they cannot be learnt together"
+                "one network cannot be trained on both"
             )
     if other.classes != task.classes[: len(other.classes)]:
-        raise MtpBenchError(f"{other.env_id} has other classes than {task.env_id}: they cannot be learnt together")
+        raise MtpBenchError(
+            f"{other.env_id} has other classes than {task.env_id}: one network cannot be trained on both"
+        )
 
 
 def _scenes_of_fold(request: TrainingRequest, options: RunOptions) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ class Answers:
 
     @cached_property
     def shown(self) -> Bools:
-        """Tracks [N] that the best hypothesis of their frame holds."""
+        """Mask [N] of the tracks in the best hypothesis of their frame."""
         frame = self.rollout.tracks.frame_of_rows
         chosen: Bools = self.hypotheses.member[np.arange(len(frame)), self.hypotheses.best[frame]]
         return chosen

@@ -82,7 +82,7 @@ def test_wrong_scenes_of_an_env(scene: Scene, logs: Path) -> None:
     with pytest.raises(CardError, match="scenes holds str, expected Scene objects only, or names only"):
         mtp_bench.MTPEnv(ENV, scenes=[scene, "two"])  # type: ignore[arg-type]
     with pytest.raises(
-        MtpBenchError, match="scenes holds Scene objects and files names a folder, expected one of them"
+        MtpBenchError, match="scenes holds Scene objects and files names a folder, expected only one of them"
     ):
         mtp_bench.MTPEnv(ENV, scenes=[scene], files=str(logs))
     with pytest.raises(MtpBenchError, match="files is 3, expected a text"):

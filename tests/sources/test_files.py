@@ -222,7 +222,7 @@ def test_the_digest_holds_what_the_files_hold_and_not_where_they_are(tmp_path: P
     assert with_files(base, here).digest == card.digest
     write_tables(here, detections=DETECTIONS[:2])
     assert with_files(base, here).digest != card.digest
-    with pytest.raises(DataError, match="they are not those of MTP-Small-v0, or were changed after it was used"):
+    with pytest.raises(DataError, match="they are not those of MTP-Small-v0, or changed after a run with this card"):
         open_source(card)
     assert str(tmp_path) not in str(card.model_dump(mode="json"))
 

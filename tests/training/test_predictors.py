@@ -195,7 +195,7 @@ def test_the_command(tmp_path: Path, cli: CommandLine) -> None:
 def test_envs_that_are_not_alike(name: str, value: object) -> None:
     _require_same_task(task(), task())
     _require_same_task(task(), task(classes=("car",)))  # an env may teach some of the classes
-    with pytest.raises(MtpBenchError, match="cannot be learnt together"):
+    with pytest.raises(MtpBenchError, match="one network cannot be trained on both"):
         _require_same_task(task(), task(**{name: value}))
 
 

@@ -110,7 +110,7 @@ def _position_margins(error: Floats, distance: Floats, random: Floats, hit: Bool
 
 
 def _student_loss(unknown: Floats, size: Floats, distance: Floats, quality: Floats) -> float:
-    """Negative log-likelihood of absolute errors ``size`` ``[R, 2]``, the mean of each axis added up."""
+    """Negative log-likelihood of Student's t for absolute errors ``size`` ``[R, 2]``: sum over axes of the mean."""
     nu = 1.05 + np.exp(unknown[6])
     norm = gammaln((nu + 1) / 2) - gammaln(nu / 2) - 0.5 * np.log(nu * np.pi)
     total = 0.0

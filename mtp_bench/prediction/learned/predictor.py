@@ -46,7 +46,9 @@ class LearnedPredictor:
             raise SubmissionError(f"association is {association!r}, expected one of: {', '.join(ASSOCIATIONS)}")
         self._network, self._by_track = network_of(network), association == "track"
         if self._by_track and not self._network.around:
-            raise SubmissionError(f"association is 'track' for network {network!r}, which gets tracks anyway")
+            raise SubmissionError(
+                f"association is 'track', expected 'network' for network {network!r}: its input is always the track"
+            )
         self._on, self._given = on, None if weights is None else Path(weights)
 
     def reset(self, task: Task) -> None:

@@ -106,7 +106,7 @@ def _layer(name: str, inputs: int, outputs: int) -> dict[str, tuple[int, ...]]:
 
 
 def _steps(inputs: dict[str, Array], sizes: Sizes) -> Array:
-    """Features [n, P, PER_STEP] of each frame of the past, its distance from constant velocity included."""
+    """Features [n, P, PER_STEP] of each past frame: `history`, and the offset from a motion of constant velocity."""
     xp, alive = namespace(inputs["position"]), inputs["alive"]
     time = (xp.cumsum(xp.ones_like(alive), 1) - alive.shape[1]) * sizes.dt
     line = mean_velocity(inputs, sizes.dt)[:, None] * time[:, :, None]

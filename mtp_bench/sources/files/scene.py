@@ -74,7 +74,7 @@ def find_table(folder: Path, name: str) -> Path | None:
     """The file of a table; None without one. Raises DataError if there are two."""
     paths = [path for form in FORMS if (path := folder / f"{name}.{form}").is_file()]
     if len(paths) > 1:
-        raise DataError(f"{folder} has {paths[0].name} and {paths[1].name}, expected one of them")
+        raise DataError(f"{folder} has {paths[0].name} and {paths[1].name}, expected only one of them")
     return paths[0] if paths else None
 
 

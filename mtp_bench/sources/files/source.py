@@ -102,7 +102,7 @@ def _card_folder(section: FilesSource, card: Card) -> list[tuple[str, Path]]:
     if section.sha256 not in (None, digest):
         raise DataError(
             f"{folder}: its files have the sha256 {digest[:12]}, expected {str(section.sha256)[:12]}: they are not "
-            f"those of {card.id}, or were changed after it was used; run the agent again"
+            f"those of {card.id}, or changed after a run with this card; run the agent again"
         )
     return sorted(folders.items())
 

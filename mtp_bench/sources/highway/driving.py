@@ -146,7 +146,7 @@ def find_leaders(state: RoadState, geometry: LaneGeometry, routes: RouteTable) -
 def _discs_in_lanes(
     state: RoadState, geometry: LaneGeometry, lanes: Ints, low: Floats, high: Floats
 ) -> tuple[Ints, Ints, Ints]:
-    """Vehicles, indices into their paths ``lanes`` ``[N, K]`` and discs that may be there, in this order.
+    """Candidates for `find_leaders`: vehicle, index into its path ``lanes`` ``[N, K]``, disc that may be there.
 
     ``low`` and ``high`` ``[N, K]``: the swept strip; per lane the widest one of all vehicles counts.
     """
@@ -166,7 +166,10 @@ def _discs_in_lanes(
 
 
 def _swept_strip(state: RoadState, geometry: LaneGeometry, lanes: Ints) -> tuple[Floats, Floats]:
-    """Lateral range ``[N, K]`` that a vehicle sweeps in the lanes of its path, and on the way to their middle."""
+    """Least and greatest lateral position ``[N, K]`` m that each vehicle sweeps in the lanes of its path.
+
+    In its present lane it moves to its desired offset, in later lanes between that offset and the middle.
+    """
     outer, inner = swept_sides(state.length, state.width, state.wheelbase, geometry.radius[lanes].T)
     right_turn = geometry.turn[lanes] > 0
     left, right = np.where(right_turn, outer.T, inner.T), np.where(right_turn, inner.T, outer.T)

@@ -44,7 +44,7 @@ def lowest_rows(indptr: Ints, column: Ints, columns: int) -> Ints:
 
 @part
 def rows_by_component(lowest: Ints) -> tuple[Ints, Ints]:
-    """The rows of the components one after the other [A], and where each component's begin [C + 1]."""
+    """Rows that have a pair, grouped by component [A], and the index at which each component begins [C + 1]."""
     n, count = len(lowest), 0
     number, size = np.empty(n, np.int64), np.zeros(n, np.int64)
     for row in range(n):
@@ -68,7 +68,7 @@ def rows_by_component(lowest: Ints) -> tuple[Ints, Ints]:
 
 @part
 def find_components(indptr: Ints, column: Ints, cost: Floats, columns: int) -> Problem:
-    """The problem of `association.joint_k_best`, component by component."""
+    """The problem of `association.joint_k_best`, split into components."""
     rows, start = rows_by_component(lowest_rows(indptr, column, columns))
     width, local = np.zeros(len(start) - 1, np.int64), np.full(columns, -1)
     first, used = np.empty(len(rows) + 1, np.int64), 0

@@ -97,14 +97,14 @@ def find_path(  # noqa: C901, PLR0912, PLR0915 - the hot loop, in one piece: no 
 
 @part
 def forget_path(path: Path) -> None:
-    """Make the distances infinite again."""
+    """Reset the distances of the columns that a search reached to infinity."""
     for i in range(path.hub[2]):
         path.dist[path.seen[i]] = np.inf
 
 
 @part
 def change_potentials(source: int, length: float, far: float, piece: Block, matching: Matching, path: Path) -> None:
-    """Potentials that fit the matching after the path has been flipped; to be called before it is."""
+    """Change the potentials to those of the matching after `flip_path`; call it before that."""
     match, owner, u, v, row_out, column_out = matching
     lift = max(length - far, 0.0)  # of the hub, whose potential stays 0: the others move instead
     if lift > 0.0:
@@ -126,7 +126,7 @@ def change_potentials(source: int, length: float, far: float, piece: Block, matc
 
 @part
 def flip_path(source: int, target: int, column: Ints, matching: Matching, path: Path) -> None:
-    """Match along the path found; ``column``: that of each pair."""
+    """Change the matching along the path found; ``column`` [E]: the column of each pair."""
     y = target
     while True:
         if y == HUB:
@@ -152,7 +152,7 @@ def flip_path(source: int, target: int, column: Ints, matching: Matching, path: 
 
 @part
 def start_greedily(piece: Block, matching: Matching) -> int:
-    """Give every row its cheapest choice; rows whose column is taken stay out, how many is returned."""
+    """Give every row its cheapest choice; return the number of rows left out because their column is taken."""
     match, owner, u, v, row_out, _ = matching
     waiting = 0
     for y in range(piece.m):

@@ -8,7 +8,7 @@ from ...types import Bools, Floats, Ints
 
 
 class Problem(NamedTuple):
-    """The allowed pairs, component by component; every component numbers its columns from 0."""
+    """Assignment problem of the allowed pairs, split into components; each numbers its columns from 0."""
 
     rows: Ints  # [A] the caller's rows that have a pair
     start: Ints  # [C + 1] where the rows of each component begin
@@ -20,11 +20,11 @@ class Problem(NamedTuple):
 
 
 class Pieces(NamedTuple):
-    """The distinct row subsets that parents have of components."""
+    """Distinct subsets of the rows of a component that parents hold."""
 
     component: Ints  # [Q]
     begin: Ints  # [Q + 1] where the rows of each piece begin in ``places``
-    places: Ints  # rows of the pieces, as places in `Problem.rows`
+    places: Ints  # rows of the pieces, as indices into `Problem.rows`
     of_parent: Ints  # [P, C] the piece of each parent and component, -1 where the parent has no row of it
 
 
@@ -51,18 +51,18 @@ class Block(NamedTuple):
 
 
 class Matching(NamedTuple):
-    """A matching of a piece with its potentials; rows and columns that are out take no part."""
+    """Matching of the rows and columns of a piece, with its dual potentials."""
 
     match: Ints  # [n] pair of each row, -1: unmatched
     owner: Ints  # [m] row of each column, -1: unmatched
     u: Floats  # [n] potentials of rows
     v: Floats  # [m] of columns
-    row_out: Bools  # [n]
-    column_out: Bools  # [m]
+    row_out: Bools  # [n] rows that take no part
+    column_out: Bools  # [m] columns that take no part
 
 
 class Path(NamedTuple):
-    """Columns that the search for a shortest path has reached."""
+    """Columns that a search for the shortest alternating path has reached."""
 
     dist: Floats  # [m] infinite between searches
     through: Ints  # [m] the pair by which a column was reached, -1: from the hub

@@ -161,7 +161,10 @@ def board_json(entries: Sequence[Entry]) -> dict[str, list[dict[str, Value]]]:
 
 
 def best_text(column: Column, entries: Sequence[Entry]) -> str | None:
-    """Text of the best value of the compared entries in a column; None where neither direction is better."""
+    """Text of the best value of the compared entries in a column.
+
+    None for a column in which neither low nor high is better, and for fewer than two numbers.
+    """
     values = [column.value(entry) for entry in entries if entry.compared]
     numbers = [value for value in values if isinstance(value, (int, float))]
     if not column.better or len(numbers) < 2:

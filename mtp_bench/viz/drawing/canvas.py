@@ -157,7 +157,7 @@ def _points(pixels: NDArray[np.float64]) -> list[tuple[float, ...]]:
 
 
 def _around(pixel: NDArray[np.float64], radius: float) -> list[float]:
-    """The square that holds a circle."""
+    """Bounding square (left, top, right, bottom) of a circle, in pixels of the enlarged image."""
     return [*((pixel - radius) * FINER).tolist(), *((pixel + radius) * FINER).tolist()]
 
 

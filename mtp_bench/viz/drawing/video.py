@@ -43,7 +43,7 @@ def frames_around(run: Replay, event: str | None) -> range:
 
 
 def pictures(run: Replay, frames: Iterable[int], event: str | None = None) -> Iterator[Picture]:
-    """Bird's-eye pictures of these frames, all of one size; around an ``event``: from near, it alone bright."""
+    """Bird's-eye pictures of these frames, all of one size; with an ``event``, close-ups in which all else is dim."""
     if event is None:
         windows = windows_of(run.scene, run.card)
         yield from (draw_frame(run, t, windows[t]) for t in frames)

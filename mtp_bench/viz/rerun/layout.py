@@ -97,7 +97,7 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
 
 
 def live_layout(agent: ShownAgent) -> rrb.Blueprint:
-    """The blueprint of an episode while it is played: its hypotheses, following the newest frame."""
+    """Blueprint of an episode that is still running: its hypotheses, at the newest frame."""
     return _blueprint(rrb.Tabs(*_birds(agent, _eye(agent, None)), active_tab=0), "Following", agent.replay.card)
 
 
