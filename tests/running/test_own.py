@@ -45,7 +45,7 @@ def test_from_a_folder_to_a_score_in_any_working_directory(
     compared = cli.ok("compare", "mtp", "--env", ENV, "--files", logs, "--seeds", 1, "--jobs", 1)
     assert "mtp" in compared
     write_long_log(logs, frames=29)
-    assert "they are not those of MTP-nuScenes-v0, or were changed" in cli("score", tmp_path / "run").error
+    assert "they are not those of MTP-nuScenes-v0, or changed" in cli("score", tmp_path / "run").error
 
 
 def test_scenes_in_memory_play_run_compare_and_score(scene: Scene, logs: Path, tmp_path: Path) -> None:
