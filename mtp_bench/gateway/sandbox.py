@@ -6,12 +6,12 @@ EPERM, one that is newer than this list with ENOSYS, as on an older kernel.
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -71,11 +71,24 @@ _PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
 _INT = 0xFFFFFFFF  # the bits of an argument that the kernel reads of these two; a filter sees 64
 _NEW_NAMESPACES = 0x7E020000  # CLONE_NEW* of clone
 _NUMBERS = {  # newer than many a libseccomp; the same number on every processor
-    "futex_waitv": 449, "set_mempolicy_home_node": 450, "cachestat": 451, "fchmodat2": 452, "futex_wake": 454,
-    "futex_wait": 455, "futex_requeue": 456, "setxattrat": 463, "removexattrat": 466, "open_tree_attr": 467,
-    "file_setattr": 469,
+    "clone3": 435, "futex_waitv": 449, "set_mempolicy_home_node": 450, "cachestat": 451, "fchmodat2": 452,
+    "futex_wake": 454, "futex_wait": 455, "futex_requeue": 456, "setxattrat": 463, "removexattrat": 466,
+    "open_tree_attr": 467, "file_setattr": 469,
 }  # fmt: skip
 _UNKNOWN = range(470, 600)  # calls of future kernels
+# of <seccomp.h>; the error of a call is added to _FAIL
+_ALLOW, _FAIL, _AT_LEAST, _MASKED_EQUAL = 0x7FFF0000, 0x00050000, 5, 7
+
+
+class _Comparison(ctypes.Structure):
+    """A condition of a rule on an argument: its place, the operator, and a value, or a mask and a value."""
+
+    _fields_ = (
+        ("argument", ctypes.c_uint),
+        ("operator", ctypes.c_int),
+        ("first", ctypes.c_uint64),
+        ("second", ctypes.c_uint64),
+    )
 
 
 @cache
@@ -141,35 +154,71 @@ def bubblewrap_works() -> bool:
 
 @cache
 def system_call_filter() -> bytes | None:
-    """The filter as a program of the kernel; None if libseccomp is not installed."""
-    try:
-        import pyseccomp
-    except (ImportError, RuntimeError, OSError):
+    """The filter as a program of the kernel; None if libseccomp is not installed.
+
+    Raises OSError where libseccomp refuses a rule.
+    """
+    library = _libseccomp()
+    if library is None:
         return None
-    rules = pyseccomp.SyscallFilter(pyseccomp.ALLOW)
-    forbid = pyseccomp.ERRNO(errno.EPERM)
-    for name in " ".join(FORBIDDEN.values()).split():
-        _add(rules, forbid, name)
-    for name in PRETENDED.split():
-        _add(rules, pyseccomp.ERRNO(0), name)
-    for number in _UNKNOWN:
-        rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), number)
-    for mask, control in _blocks(_FILE_CONTROLS[0].stop, _FILE_CONTROLS[1].start):
-        rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, mask, control))
-    rules.add_rule(forbid, "fcntl", pyseccomp.Arg(1, pyseccomp.GE, _FILE_CONTROLS[1].stop))
-    for signal in _SIGNALS:
-        rules.add_rule(forbid, "futex", pyseccomp.Arg(1, pyseccomp.MASKED_EQ, 127 | _PRIVATE, signal))
-    for advice in _TAKEN_OUT:
-        rules.add_rule(forbid, "madvise", pyseccomp.Arg(2, pyseccomp.MASKED_EQ, _INT, advice))
-    rules.add_rule(forbid, "prctl", pyseccomp.Arg(0, pyseccomp.MASKED_EQ, _INT, _PARENT_DEATH))
-    # a filter cannot read the arguments of clone3; without it the C library makes threads by clone
-    rules.add_rule(pyseccomp.ERRNO(errno.ENOSYS), "clone3")
-    for bit in (1 << n for n in range(32) if _NEW_NAMESPACES & (1 << n)):
-        rules.add_rule(forbid, "clone", pyseccomp.Arg(0, pyseccomp.MASKED_EQ, bit, bit))
-    with tempfile.TemporaryFile() as file:
-        rules.export_bpf(file)
+    context = ctypes.c_void_p(library.seccomp_init(_ALLOW))
+    for error, call, *compared in _rules():
+        number = call_number(call) if isinstance(call, str) else call
+        if number >= 0:  # this processor and this libseccomp know it
+            action = ctypes.c_uint32(_FAIL | error)
+            comparisons = (_Comparison * len(compared))(*compared)
+            _require(library.seccomp_rule_add_array(context, action, number, len(compared), comparisons))
+    with os.fdopen(os.memfd_create("filter"), "rb") as file:
+        _require(library.seccomp_export_bpf(context, file.fileno()))
+        library.seccomp_release(context)
         file.seek(0)
         return file.read()
+
+
+def call_number(name: str) -> int:
+    """The number of a call; below 0 if this processor or libseccomp does not know it."""
+    known = _NUMBERS.get(name)
+    return _libseccomp().seccomp_syscall_resolve_name(name.encode()) if known is None else known
+
+
+@cache
+def _libseccomp() -> Any:
+    """The library with the types of its results; None if it is not installed."""
+    try:
+        library = ctypes.CDLL("libseccomp.so.2")
+    except OSError:
+        return None
+    library.seccomp_init.restype = ctypes.c_void_p
+    library.seccomp_release.restype = None
+    return library
+
+
+def _require(status: int) -> None:
+    """Raise OSError for the status of a failed call to libseccomp."""
+    if status < 0:
+        raise OSError(-status, f"libseccomp: {os.strerror(-status)}")
+
+
+def _rules() -> Iterator[tuple[Any, ...]]:
+    """All rules: the error of a call (0: success), its name or number, and comparisons of its arguments."""
+    for name in " ".join(FORBIDDEN.values()).split():
+        yield errno.EPERM, name
+    for name in PRETENDED.split():
+        yield 0, name
+    for number in _UNKNOWN:
+        yield errno.ENOSYS, number
+    for mask, control in _blocks(_FILE_CONTROLS[0].stop, _FILE_CONTROLS[1].start):
+        yield errno.EPERM, "fcntl", (1, _MASKED_EQUAL, mask, control)
+    yield errno.EPERM, "fcntl", (1, _AT_LEAST, _FILE_CONTROLS[1].stop)
+    for signal in _SIGNALS:
+        yield errno.EPERM, "futex", (1, _MASKED_EQUAL, 127 | _PRIVATE, signal)
+    for advice in _TAKEN_OUT:
+        yield errno.EPERM, "madvise", (2, _MASKED_EQUAL, _INT, advice)
+    yield errno.EPERM, "prctl", (0, _MASKED_EQUAL, _INT, _PARENT_DEATH)
+    # a filter cannot read the arguments of clone3; without it the C library makes threads by clone
+    yield errno.ENOSYS, "clone3"
+    for bit in (1 << n for n in range(32) if _NEW_NAMESPACES & (1 << n)):
+        yield errno.EPERM, "clone", (0, _MASKED_EQUAL, bit, bit)
 
 
 def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
@@ -180,12 +229,3 @@ def _blocks(first: int, end: int) -> Iterator[tuple[int, int]]:
             size //= 2
         yield _INT & -size, first
         first += size
-
-
-def _add(rules: Any, action: int, name: str) -> None:
-    """Add a rule for a call by name, if this processor and this libseccomp know it."""
-    import pyseccomp
-
-    number = _NUMBERS[name] if name in _NUMBERS else pyseccomp.resolve_syscall(pyseccomp.Arch.NATIVE, name)
-    if number >= 0:
-        rules.add_rule(action, number)
