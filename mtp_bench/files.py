@@ -1,4 +1,4 @@
-"""Atomic writes, early write checks, and size-limited reads."""
+"""Atomic writes, early write checks, size-limited reads, and the folder of the cache."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from urllib.parse import quote
 
 from .errors import MtpBenchError
 
+CACHE = "MTP_BENCH_CACHE"  # environment variable
 ABSENT = "cannot be read: no such file"
 _CHUNK = 1 << 20  # bytes hashed at once
 _FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
@@ -217,6 +218,15 @@ def content_digest(path: Path) -> str:
     for file in sorted(each for each in path.iterdir() if each.is_file()):
         digest.update(os.fsencode(f"{file.name}|{file_digest(file)}\n"))  # a name need not be valid UTF-8
     return digest.hexdigest()
+
+
+def cache_root() -> Path:
+    """The folder of files made once per machine: that of MTP_BENCH_CACHE, else the user cache folder."""
+    if os.environ.get(CACHE):
+        return Path(os.environ[CACHE]).expanduser()
+    from platformdirs import user_cache_path
+
+    return user_cache_path("mtp_bench", appauthor=False)
 
 
 def file_stem(name: str) -> str:

@@ -22,10 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SubmissionError
-from ..files import file_digest, open_regular
+from ..files import cache_root, file_digest, open_regular
 from ..networks import VARIABLE as WEIGHTS
 from ..networks import network_files
-from ..sources.cache import cache_root
 from ..sources.dataset import data_root
 from ..submission.contents import digest_of, files_of
 from ..submission.loader import Submission

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RolloutError
+from ..files import cache_root
 from ..types import Bools, Floats, Ints
 from .ranking_error import BudgetErrors, Budgets, budgets_of, errors_at
 from .rows import AgentSetting, Budget
@@ -227,7 +228,8 @@ def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str
         if (targets := reference.of(score.scene).targets) != len(score):
             raise RolloutError(
                 f"the event weights of scene {score.scene!r} are of {targets} targets, the scene has {len(score)}: "
-                "the reference was made of other data"
+                f"delete {cache_root()}, whose scenes are made again; if that does not help, the weights were made of "
+                "other data"
             )
     for name in SUBSETS[1:]:
         weights[name] = np.concatenate([reference.weight(score.scene, name) for score in run])

@@ -1,9 +1,8 @@
-"""Folder of the cache, files of arrays with a hash that shows when they are broken, and the digest of a scene."""
+"""Files of arrays in the cache with a hash that shows when they are broken, and the digest of a scene."""
 
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +14,7 @@ from ..types import Scene
 
 Arrays = dict[str, NDArray[Any]]
 
-VARIABLE = "MTP_BENCH_CACHE"
 DECIMALS = 6  # of what is hashed: machines differ in the last bits of simulated scenes
-
-
-def cache_root() -> Path:
-    """The folder of files made once per machine: that of MTP_BENCH_CACHE, else the user cache folder."""
-    if os.environ.get(VARIABLE):
-        return Path(os.environ[VARIABLE]).expanduser()
-    from platformdirs import user_cache_path
-
-    return user_cache_path("mtp_bench", appauthor=False)
 
 
 def content_hash(arrays: Arrays) -> str:

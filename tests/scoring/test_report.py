@@ -296,7 +296,8 @@ def test_an_empty_scene_is_no_error() -> None:
     assert (got.targets, got.error, got.plain_error, got.fixed_error, got.scenes) == (0, None, None, None, 0)
 
 
-def test_agents_on_different_targets_are_an_error() -> None:
+def test_agents_on_different_targets_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MTP_BENCH_CACHE", "/made/here")
     one, other = agent("a", run(0.5)), agent("b", run(0.5)[:5])
     with pytest.raises(RolloutError, match="agents 'a' and 'b' were scored on different scenes"):
         summarise([one, other], CARD)
@@ -312,5 +313,5 @@ def test_agents_on_different_targets_are_an_error() -> None:
         summarise([agent("c")], CARD)
     with pytest.raises(DataError, match="no event weights of scene 's3'"):
         summarise([one], CARD, reference(SCENES[:3]))
-    with pytest.raises(RolloutError, match="the event weights of scene 's' are of 3 targets, the scene has 2"):
+    with pytest.raises(RolloutError, match="scene 's' are of 3 targets, the scene has 2: delete /made/here, whose"):
         summarise([agent("a", [answer(0)])], CARD, reference(counts=[[0] * 4] * 3))

@@ -6,13 +6,16 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from highway_env.road import lane as lanes_of_highway_env
+from highway_env.road import road
+from highway_env.vehicle import kinematics, objects
 from shapely import STRtree
 from shapely.geometry import Polygon
 
 from mtp_bench.errors import DataError
 from mtp_bench.geometry import bev_corners, wrap_angle
 from mtp_bench.sources.cache import content_hash
-from mtp_bench.sources.highway import simulate
+from mtp_bench.sources.highway import library, simulate
 from mtp_bench.sources.highway.simulate import overlapping, simulate_world
 from mtp_bench.sources.highway.store import pack
 from mtp_bench.sources.highway.world import CLASSES, RATE, Traffic, World
@@ -161,6 +164,40 @@ def test_a_roadside_sensor_stays_where_it_is(worlds: dict[str, World]) -> None:
 def test_worlds_are_those_of_this_generator(name: str, worlds: dict[str, World]) -> None:
     """No other version of a library, Python or processor changes a scene unnoticed."""
     assert digest(worlds[name])[:12] == WORLDS[name]
+
+
+SHARED = (
+    kinematics.Vehicle, objects.RoadObject, road.Road, road.RoadNetwork,
+    *(getattr(lanes_of_highway_env, f"{kind}Lane") for kind in ("Abstract", "Straight", "Sine", "Circular")),
+)  # fmt: skip
+
+
+def small_worlds() -> list[str]:
+    small = Traffic("intersection", "roadside", 0.5, 12, 0), Traffic("merge", "roadside", 0.5, 12, 0)
+    return [digest(simulate_world(traffic, 3)) for traffic in small]
+
+
+@pytest.fixture(scope="module")
+def unchanged() -> list[str]:
+    return small_worlds()
+
+
+@pytest.mark.parametrize("shared", SHARED, ids=lambda shared: str(shared.__name__))
+def test_attributes_of_highway_env_do_not_change_a_world(
+    shared: type, unchanged: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changed = [name for name in vars(shared) if not name.startswith("_")]
+    for name in changed:
+        value = getattr(shared, name)
+        monkeypatch.setattr(shared, name, value / 2 if isinstance(value, int | float) else None)
+    simulate._map_of.cache_clear()
+    assert changed
+    assert small_worlds() == unchanged
+
+
+def test_the_copies_of_highway_env_are_those_of_the_release(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kinematics.Vehicle, "MAX_SPEED", 20.0)
+    assert library._copy(kinematics.__name__).Vehicle.MAX_SPEED == library.Vehicle.MAX_SPEED == 40.0
 
 
 def test_another_attempt_follows_a_crash(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,9 +12,10 @@ import pytest
 
 from mtp_bench.cards import Card
 from mtp_bench.errors import CardError, DataError, UnknownNameError
+from mtp_bench.files import CACHE
 from mtp_bench.sources import describe, open_source, prepare
 from mtp_bench.sources.base import section_of
-from mtp_bench.sources.cache import VARIABLE, content_hash
+from mtp_bench.sources.cache import content_hash
 from mtp_bench.sources.highway.source import ever_seen, traffic_of
 from mtp_bench.sources.highway.store import WorldStore, pack, unpack
 from mtp_bench.sources.highway.world import CLASSES, SECRET_SEEDS, HighwaySource, Traffic, World
@@ -55,7 +56,7 @@ def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
         return world(seed, traffic)
 
     monkeypatch.setattr(simulate, "simulate_world", simulate_world)
-    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
     return seeds
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from highway_env.road.lane import CircularLane, SineLane, StraightLane
 
 from ...types import Bools, Floats, Ints, Lane
+from .library import CircularLane, SineLane, StraightLane
 
 LaneIndex = tuple[str, str, int]
 

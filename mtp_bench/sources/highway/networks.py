@@ -7,11 +7,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from highway_env.road.lane import CircularLane, SineLane, StraightLane
-from highway_env.road.road import RoadNetwork
 
 from ...types import Floats
 from .lanes import LaneGeometry, Route
+from .library import CircularLane, RoadNetwork, SineLane, StraightLane
 from .world import (
     APPROACH,
     ARM_WEIGHTS,
@@ -209,7 +208,7 @@ def _roundabout_arm(network: Any, arm: int) -> None:
 
 def _fast_road(
     ends: tuple[float, float, float, float], lanes: int, limit: float, ramp: dict[str, Any]
-) -> tuple[RoadNetwork, LaneGeometry, list[tuple[int, ...]]]:
+) -> tuple[Any, LaneGeometry, list[tuple[int, ...]]]:
     """Three roads a-b, b-c and c-d along x with one more lane in the middle, and the numbers of their lanes.
 
     ``ramp``: further lanes by the names of their ends.
@@ -227,7 +226,7 @@ def _fast_road(
     return network, geometry, numbers
 
 
-def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> SineLane:
+def _ramp(x: tuple[float, float], y: float, approaching: bool, limit: float) -> Any:
     middle = y + _RAMP_SWING
     phase = np.pi / 2 if approaching else -np.pi / 2
     pulsation = np.pi / (x[1] - x[0])

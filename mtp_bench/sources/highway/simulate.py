@@ -6,7 +6,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from highway_env.road.road import Road
 
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
@@ -24,6 +23,7 @@ from .driving import (
 )
 from .lane_change import LaneChanges
 from .lanes import RouteTable, lane_map, route_table
+from .library import Road
 from .networks import RoadMap, build_map
 from .pedestrians import Crowd
 from .recording import Recording

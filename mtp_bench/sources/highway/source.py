@@ -8,9 +8,9 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import CardError
+from ...files import CACHE
 from ...types import Bools, Floats, Scene, Truth, starts_of
 from ..base import Work, class_ids, no_detections, require_classes, section_of
-from ..cache import VARIABLE
 from ..dataset import Dataset, DataStatus
 from .store import WorldStore
 from .world import CLASSES, RATE, HighwaySource, Traffic, World
@@ -22,7 +22,7 @@ DATASET = Dataset(
     layout="",
     licence="simulated with highway-env (MIT); detector noise fitted to real detectors, see the profile's source",
     citation="E. Leurent: An environment for autonomous driving decision-making. 2018 (highway-env)",
-    how_to_get=f"nothing to get: generated once and stored in the folder of {VARIABLE}",
+    how_to_get=f"nothing to get: generated once and stored in the folder of {CACHE}",
     generated=True,
 )
 

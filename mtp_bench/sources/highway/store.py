@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import DataError
+from ...files import CACHE, cache_root
 from ...parallel import Workers, unordered_map
 from ...types import Lane, Truth, starts_of
-from ..cache import VARIABLE, Arrays, cache_root, read_arrays, write_arrays
+from ..cache import Arrays, read_arrays, write_arrays
 from .world import GENERATOR, SECRET_SEEDS, Traffic, World
 
 _TRUTH = tuple(field.name for field in fields(Truth))
@@ -90,7 +91,7 @@ def _stored_in(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise DataError(
-            f"generated scenes cannot be stored in {folder}: {error.strerror}; set {VARIABLE} to another folder"
+            f"generated scenes cannot be stored in {folder}: {error.strerror}; set {CACHE} to another folder"
         ) from None
 
 

@@ -7,9 +7,9 @@ from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
-from highway_env.vehicle.kinematics import Vehicle
 
 from ...types import Floats
+from .library import Vehicle
 from .networks import Kerb, RoadMap
 from .world import CLASSES, FILLED, LEAVING
 
@@ -59,7 +59,6 @@ class Driver(Vehicle):  # type: ignore[misc]
     """A vehicle that follows its last ``act``: steering angle in rad, acceleration in m/s2.
 
     ``LENGTH`` is the wheelbase, which highway-env's bicycle model turns by; the box has the size of ``traits``.
-    Collisions are off: highway-env's response would move the vehicles.
     """
 
     position: Any  # [2] m
@@ -74,7 +73,6 @@ class Driver(Vehicle):  # type: ignore[misc]
         super().__init__(no_road, position, heading, speed)
         self.road = road
         self.LENGTH, self.WIDTH = traits.wheelbase, traits.width
-        self.check_collisions = False
         self.impact = None
         self.traits = traits
         self.number = number  # unique in a world
@@ -84,6 +82,9 @@ class Driver(Vehicle):  # type: ignore[misc]
 
     def on_state_update(self) -> None:
         """Do nothing: `driving.observe` finds the lanes of all vehicles at once."""
+
+    def handle_collisions(self, other: Any, dt: float = 0.0) -> None:
+        """Do nothing: highway-env's response would move the vehicles."""
 
 
 def round_states(vehicles: Sequence[Driver]) -> None:

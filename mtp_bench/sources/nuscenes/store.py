@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError
-from ...files import whole_folder
+from ...files import CACHE, cache_root, whole_folder
 from ...types import Ints
-from ..cache import VARIABLE, Arrays, cache_root, read_arrays, write_arrays
+from ..cache import Arrays, read_arrays, write_arrays
 from .layout import PREDICTION, TABLES, prediction_path, table_paths
 from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
@@ -62,7 +62,7 @@ class CachedFolder:
         except OSError as error:
             raise DataError(
                 f"the compact copy of nuScenes cannot be kept in {self.path.parent}: {error.strerror or error}; "
-                f"{VARIABLE} names another folder"
+                f"{CACHE} names another folder"
             ) from None
         if arrays is None:
             raise DataError(f"{path} cannot be read back after writing it")
