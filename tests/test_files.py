@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import os
-import pickle
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +12,6 @@ import pytest
 
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.files import (
-    WriteError,
     content_digest,
     make_folder,
     remove_leftovers,
@@ -115,21 +112,6 @@ def test_an_error_of_writing_names_what_was_asked_for_and_says_what_to_do(tmp_pa
             write(path)
         assert str(caught.value) == f"cannot write {path}: {reason}; choose another folder"
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
-
-
-def test_an_error_of_writing_is_one_of_the_system_too(tmp_path: Path) -> None:
-    """Who can do without the file catches it as such, and it comes home from other processes."""
-    with (
-        pytest.raises(OSError, match=r"No space left on device: make room there") as caught,
-        whole_folder(tmp_path / "out") as folder,
-        whole_file(folder / "scene.npz"),
-    ):
-        raise OSError(errno.ENOSPC, "No space left on device")
-    error = caught.value
-    assert isinstance(error, WriteError)
-    assert (error.errno, error.filename) == (errno.ENOSPC, str(tmp_path / "out"))
-    assert str(pickle.loads(pickle.dumps(error))) == str(error)
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")

@@ -156,21 +156,6 @@ def test_a_misspelt_agent_is_refused_before_scenes_are_made(
     assert not list(tmp_path.iterdir())
 
 
-USAGE = {
-    "a number below": (["run", "stp", "--scenes=-3"], "-3"),
-    "a word that is none of a few": (["events", "run", "--kind", "LOST"], "did you mean 'lost'?"),
-    "of a group": (["train", "motion-noise", "--env", "e", "--observe", "thruth"], "did you mean 'truth'?"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "text"), USAGE.values(), ids=USAGE)
-def test_wrong_usage_says_what_was_got(arguments: list[str], text: str, cli: CommandLine) -> None:
-    output = cli(*arguments)
-    assert output.status == 2
-    said = " ".join(output.err.replace("│", " ").split("Error", 1)[1].split())
-    assert text in said
-
-
 def test_envs(cli: CommandLine, tmp_path: Path) -> None:
     printed = cli.ok("envs", "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")

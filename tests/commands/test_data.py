@@ -53,20 +53,6 @@ def test_broken_data_is_one_clear_error(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["data", "earlier"]
 
 
-@pytest.mark.parametrize(("break_it", "message"), BROKEN.values(), ids=BROKEN.keys())
-def test_the_listing_finds_what_is_broken(
-    break_it: Callable[[Path], Any], message: str, cli: CommandLine, tmp_path: Path, kitti: Path, card: str
-) -> None:
-    break_it(kitti)
-    output = cli("data", "--env", card, "--data", kitti.parent, "--json", tmp_path / "a.json")
-    assert output.error.startswith("data is missing or broken for MTP-Small-v0")
-    assert "incomplete" in output.out
-    status = read_json(tmp_path / "a.json")["MTP-Small-v0"]
-    assert not status["usable"]
-    (found,) = [line for line in (*status["missing"], *status["problems"]) if message in line]
-    assert output.out.count(found) == 1
-
-
 def test_scenes_without_objects(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
     (kitti / MAP).write_text("0008 empty 000000 000004\n")
     common = ("--env", card, "--data", kitti.parent)

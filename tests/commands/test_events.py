@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 import shlex
@@ -11,15 +10,14 @@ from typing import Any
 
 import pytest
 import typer.main
-from rich.console import Console
 
 from mtp_bench.commands.app import app
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring.score import KINDS as OWN_EVENTS
 from mtp_bench.viz.replay import Incident
-from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, event_table, in_order
-from mtp_bench.viz.terminal.output import SCENE_WIDTH, command_line, show_table
+from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, in_order
+from mtp_bench.viz.terminal.output import command_line
 from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.stored_runs import write_ghosts
 
@@ -82,25 +80,6 @@ def test_nothing_is_cut_off_at_80_columns(events_run: Path, known: list[str]) ->
     assert len(rows_of("\n".join(printed))) == 4
 
 
-def test_long_cells_are_folded_at_80_columns() -> None:
-    incident = Incident(
-        "lost", 1234, 1234, 0, 0, (0.0, 0.0, 0.0), "reacquired-123", object_id=12345, old_id=12345, new_id=67890,
-        wrong=True, minADE=10.0, error=10.0, confidence=1.0,
-    )  # fmt: skip
-    row = EventRow("intersection-010001", 12.3, "construction vehicle", incident, "")
-    printed = io.StringIO()
-    show_table(
-        event_table([row]), Console(width=80, file=printed), first_width=SCENE_WIDTH, wrapped=("object", "track")
-    )
-    lines = printed.getvalue().splitlines()
-    assert max(map(len, lines)) <= 80
-    assert len(lines) <= 7
-    assert [line.split()[-1] for line in lines[1:3]] == ["confi-", "dence"]
-    for part in ("intersection", "-010001", "reacquired-123*", "construction", "vehicle", "12345 →", "67890"):
-        assert any(part in line for line in lines), part
-    assert any(line.split()[-3:] == ["10.00", "10.00", "1.00"] for line in lines)
-
-
 def test_the_command_of_an_event_can_be_pasted(cli: CommandLine, events_run: Path, known: list[str]) -> None:
     printed = cli.ok("events", events_run, *known).splitlines()
     words = shlex.split(next(line for line in printed if line.startswith("mtp-bench view")))
@@ -156,24 +135,6 @@ def test_most_spurious_runs_are_only_counted(
     printed = cli.ok("events", run, *known, "--kind", "spurious")
     assert len(rows_of(printed)) == 5  # as many as live frames
     assert "all of them" not in printed
-
-
-WRONG = {
-    "scene": (["--scene", "0002"], "unknown scene of RUN '0002': did you mean '000"),
-    "data": (["--data", "none"], "no KITTI tracking data"),
-    "file": (["--json", "none/a.json"], "there is no folder none"),
-}
-
-
-@pytest.mark.parametrize(("arguments", "message"), WRONG.values(), ids=WRONG.keys())
-def test_one_clear_error(
-    arguments: list[str], message: str, cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    output = cli("events", events_run, *known, *arguments)
-    assert message.replace("RUN", str(events_run)) in output.error
-    assert output.out == ""
 
 
 def test_a_run_for_another_card_is_refused(

@@ -11,7 +11,6 @@ import pytest
 from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card, parse_card
 from mtp_bench.detector import Profile
-from mtp_bench.env import MTPEnv
 from tests.support.command_line import CommandLine
 
 ENV = "MTP-Roundabout-v0"
@@ -68,17 +67,6 @@ def test_the_command_writes_and_prints(cli: CommandLine, tmp_path: Path) -> None
     assert (detector["reach"], detector["field_of_view"]) == (40.0, 180.0)
     assert detector["noise"]["name"] == "nuscenes_megvii-refit"
     assert "too few detections to fit: " in printed
-
-
-def test_a_fitted_file_is_a_detector(cli: CommandLine, tmp_path: Path) -> None:
-    mine = tmp_path / "mine.toml"
-    similar = [option for name in ("truck", "bus", "motorcycle") for option in ("--alike", f"{name}=car")]
-    cli("fit-noise", "--env", ENV, "--scenes", "1", "--name", "mine-2026", *similar, "-o", mine)
-    assert "too few" not in mine.read_text()
-    env = MTPEnv(ENV, detector=str(mine))
-    assert env.task.detector == "mine-2026"
-    env.reset(options={"scene": env.scene_names[0]})
-    assert env.scene.detector == "mine-2026, simulated detections"
 
 
 WRONG = {

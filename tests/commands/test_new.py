@@ -44,10 +44,6 @@ def test_a_name_that_no_manifest_may_have_is_refused(name: str, tmp_path: Path) 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_name_of_a_baseline_is_refused(tmp_path: Path, cli: CommandLine) -> None:
-    assert "'stp' is the name of a baseline" in cli("new", "stp", "--folder", tmp_path).error
-
-
 def test_a_folder_that_exists_is_left_alone(tmp_path: Path, cli: CommandLine) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "agent.py").write_text("precious")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,7 +14,6 @@ from mtp_bench.training import motion_noise
 from mtp_bench.training.predictors import TrainingRequest
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine, write_training
-from tests.support.small_scenes import CARD, write_card
 
 NAMES = ("0002", "0003", "0004", "0005")
 
@@ -42,15 +40,6 @@ def test_noise_is_fitted_without_the_scenes_of_a_fold(
     read.clear()
     cli.ok(*known)
     assert read == list(NAMES)
-
-
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
-def test_a_folder_without_room_for_the_weights_is_told_before_the_work(
-    cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", None)
-    error = cli("train", "predictor", "modes", "--env", card, "--data", root, "-o", "/proc/w.safetensors").error
-    assert error.startswith("cannot write /proc/w.safetensors: ")
 
 
 @pytest.mark.parametrize(
@@ -83,12 +72,3 @@ def test_networks_learn_from_the_pasts_that_their_baselines_take(
     assert asked == [on]
     assert "unknown environment" in cli(*known, "--also", "MTP-Merg-v0").error
     assert len(asked) == 1
-
-
-def test_scenes_that_are_too_short_are_one_clear_error(cli: CommandLine, root: str, tmp_path: Path) -> None:
-    """In scenes of 7 frames only the first two have 5 future frames."""
-    card, out = write_card(tmp_path, CARD.replace("future = 3", "future = 5")), tmp_path / "w.safetensors"
-    known = ("--env", card, "--data", root, "--jobs", "1")
-    error = cli("train", "predictor", "modes", *known, "-o", out).error
-    assert "modes cannot be trained: scenes 4," in error
-    assert list(tmp_path.iterdir()) == [Path(card)]

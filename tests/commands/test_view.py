@@ -69,15 +69,6 @@ def test_one_sentence_says_what_is_wrong(
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [["--level", "most"], ["--save", "a.rrd", "--web"], ["--save", "a.mp4"]],
-    ids=["level", "both", "suffix"],
-)
-def test_wrong_usage(arguments: list[str], cli: CommandLine, folder: Path, known: list[str]) -> None:
-    assert cli("view", folder, *known, *arguments).status == 2
-
-
 def test_runs_of_other_cards_share_no_picture(
     cli: CommandLine, folder: Path, known: list[str], kitti: str, tmp_path: Path
 ) -> None:
@@ -98,16 +89,6 @@ def test_each_run_stands_beside_what_its_agent_was_given(
              for order in (("truth_past", "stp"), ("stp",))]  # fmt: skip
     together, alone = shown[0][1], shown[1][0]
     np.testing.assert_array_equal(together.scene.detections.box, alone.scene.detections.box)
-
-
-def test_runs_of_one_agent_say_how_many_hypotheses_they_have(card: str, kitti: str, tmp_path: Path) -> None:
-    stored.run("stp", card, tmp_path / "one", RunOptions(kitti))
-    run = load_run(tmp_path / "one")
-    save_run(tmp_path / "five", run.info.model_copy(update={"hypotheses": 5}), run.rollouts)
-    both = _replays(_opened([tmp_path / "one", tmp_path / "five"], kitti, card), None, False)
-    assert [each.agent for each in both] == ["stp (H = 1)", "stp (H = 5)"]
-    twice = _replays(_opened([tmp_path / "one", tmp_path / "one"], kitti, card), None, False)
-    assert [each.agent for each in twice] == ["stp", "stp"]
 
 
 def test_a_window_opens_at_the_event(

@@ -9,7 +9,6 @@ from benchmarks.detection.couplings import couplings
 from mtp_bench.detector import Profile
 from mtp_bench.detector.draws import exponential, skewed, skewed_cdf, skewed_density
 from mtp_bench.detector.fit import fit_profile
-from mtp_bench.detector.fit.quality import fit_ordered_levels
 from mtp_bench.detector.fit.samples import Samples, collect_samples
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.visibility import Sensor
@@ -126,15 +125,3 @@ def test_skewed_numbers(share: float) -> None:
         assert float(skewed_cdf(np.asarray(value), share)) == pytest.approx((numbers < value).mean(), abs=0.004)
         slope = (skewed_cdf(np.asarray(value + 1e-4), share) - skewed_cdf(np.asarray(value - 1e-4), share)) / 2e-4
         assert float(skewed_density(np.asarray(value), share)) == pytest.approx(float(slope), rel=1e-3)
-
-
-@pytest.mark.parametrize("lapses", [0.0, 0.5])
-def test_levels_give_the_mean_and_the_cuts(lapses: float) -> None:
-    rng = np.random.default_rng(3)
-    feature = np.column_stack([np.ones(20_000), rng.uniform(0, 4, 20_000)])
-    normal, tail = rng.standard_normal((2, 20_000))
-    value = feature @ [2.0, -0.7] - skewed(normal, exponential(tail), lapses)
-    cut = np.array([0.0, 0.5, 1.2])
-    weight, found = fit_ordered_levels(feature, np.searchsorted(cut, value), 4, lapses)
-    assert weight == pytest.approx([2.0, -0.7], abs=0.06)
-    assert found == pytest.approx(cut, abs=0.04)

@@ -175,15 +175,6 @@ def test_broken_rows_are_taken_out_counted_and_named(case: str) -> None:
         assert not of_rows or max(of_rows) <= count <= sum(of_rows)
 
 
-def test_a_problem_shows_its_first_row() -> None:
-    action = full_action(TASK)
-    action["track_box"][1:3, 2] = np.inf
-    (problem,) = examine(action, TASK).problems
-    assert (problem.rows, problem.kind, problem.level) == (2, "tracks", "error")
-    assert problem.example == "track_box[1] = [5, 1, inf, 1, 1, 1, 1]"
-    assert problem.expected.startswith("finite x y z yaw")
-
-
 def test_anything_but_a_dict_is_an_action_without_a_sound_row() -> None:
     actions: list[object] = [None, 3, "forecast", [1, 2], np.zeros(3)]
     for action in actions:

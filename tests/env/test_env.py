@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +14,7 @@ from gymnasium.error import ResetNeeded
 
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import MtpBenchError, RolloutError, UnknownNameError
+from mtp_bench.errors import RolloutError, UnknownNameError
 from mtp_bench.scoring import live_frames, score_scene
 from mtp_bench.types import Rollout, Scene
 from tests.env.conftest import MakeEnv
@@ -192,42 +192,6 @@ def test_the_seed_chooses_the_scene_and_options_name_it(make_env: MakeEnv) -> No
     for options in ({"scene": "b"}, {"scenes": "a"}):
         with pytest.raises(UnknownNameError):
             few.reset(options=options)
-
-
-class Names(Iterator[str]):
-    """An iterator, which could be read only once."""
-
-    def __next__(self) -> str:
-        raise StopIteration
-
-    def __repr__(self) -> str:
-        return "Names"
-
-
-WRONG: list[tuple[dict[str, Any], str]] = [
-    ({"observe": "truht"}, "'truth'"),
-    ({"render_mode": "human"}, "'human'"),
-    ({"samples": 0}, "samples is 0"),
-    ({"objects": "8"}, "objects is '8'"),
-    ({"hypotheses": 2.0}, "hypotheses is 2.0"),
-    ({"detections": True}, "detections is True"),
-    ({"scenes": ["oen"]}, "'one'"),
-    ({"scenes": "one"}, "scenes is 'one'"),
-    ({"scenes": 3}, "scenes is 3"),
-    ({"scenes": Names()}, "scenes is Names"),
-    ({"scenes": []}, "no scene"),
-    ({"evaluation": "yes"}, "evaluation is 'yes'"),
-    ({"strict": "yes"}, "strict is 'yes'"),
-    ({"split": 1}, "split is 1"),
-    ({"data": 3}, "data is 3"),
-    ({"sample": 4}, "'samples'"),
-]
-
-
-@pytest.mark.parametrize(("keywords", "text"), WRONG, ids=str)
-def test_a_wrong_keyword_is_one_clear_error(keywords: dict[str, Any], text: str, make_env: MakeEnv) -> None:
-    with pytest.raises(MtpBenchError, match=text):
-        make_env(**keywords)
 
 
 def test_sizes_come_from_the_keywords_else_from_the_card(make_env: MakeEnv) -> None:

@@ -34,14 +34,6 @@ def test_false_positives_are_not_measurable_where_only_targets_are_known(cli: Co
         assert [tracking["all"][name] for name in ("FP", "MOTA", "IDF1", "HOTA")] == [None] * 4
 
 
-def test_a_split_that_is_not_there_names_those_that_are(cli: CommandLine, data_root: Path) -> None:
-    output = cli("compare", "stp", "--env", "MTP-nuScenes-v0", "--data", data_root)
-    assert output.status == 1
-    assert "has no scene of split 'val'; it has train (100 scenes); choose one with --split or split=" in output.error
-    assert cli("data", "--env", "MTP-nuScenes-v0", "--data", data_root, "--split", "train").status == 0
-    assert cli("data", "--split", "train").status == 2
-
-
 def test_a_file_of_detections_is_run_and_scored(
     cli: CommandLine, tmp_path: Path, data_root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -230,12 +230,6 @@ def test_noise_that_no_motion_has(case: str) -> None:
         KinematicPredictor(noise)
 
 
-@pytest.mark.parametrize("settings", [{"past": 0}, {"draws": 0}, {"draws": 1.5}, {"draws": True}])
-def test_settings_that_are_not_counts(settings: dict[str, Any]) -> None:
-    with pytest.raises(ShapeError, match=f"{next(iter(settings))} is "):
-        KinematicPredictor(**settings)
-
-
 def test_noise_of_other_classes() -> None:
     with pytest.raises(ShapeError, match="noise has 3 classes, expected 1"):
         KinematicPredictor(NOISE).reset(kitti_task(classes=("car",)))

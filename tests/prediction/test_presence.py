@@ -84,12 +84,6 @@ def test_a_track_that_nobody_saw_in_its_whole_past_was_not_seen_just_now() -> No
     assert history_of(late, {}, 0.1).unseen.tolist() == [kept]
 
 
-def test_tracks_that_say_less() -> None:
-    bare = Tracks.of_one_hypothesis(np.array([1]), np.ones((1, 7)), np.array([0]))
-    got = history_of(bare, {}, 0.1)
-    assert (got.hits[0], got.age[0], got.unseen[0], got.speed[0], got.last_score[0]) == (1, 1, 0, 0, 1)
-
-
 def test_a_model_by_hand() -> None:
     # z = ((1 - 0) / 2, clip(3, 0, 2) - 1) = (0.5, 1): 0.1 + 0.2 z1 + 0.3 z2 + z1 z1 + 2 z1 z2 + 3 z2 z2 = 4.75
     model = PresenceModel(
@@ -133,19 +127,6 @@ def test_every_env_has_a_model_but_unknown_detectors_go_by_the_default(repositor
         assert file_of(load_card(path.stem).detector_name).stem != "default"
     assert file_of("megvii-my_file").stem == "megvii"
     assert file_of("yolo").stem == "default"
-
-
-def test_more_evidence_makes_it_likelier() -> None:
-    def said(detector: str, **changes: Any) -> float:
-        model, _ = read_model(file_of(detector))
-        return float(model.probability(history(**changes), np.array([0]), ["car"])[0])
-
-    assert said("pointrcnn", mean_score=8.0, last_score=8.0) > said("pointrcnn", mean_score=-1.0, last_score=-1.0)
-    assert said("megvii", mean_score=0.9) > said("megvii", mean_score=0.2)
-    for detector in ("pointrcnn", "megvii", "nuscenes_megvii", "default", "yolo"):
-        assert said(detector, mean_score=0.4, last_score=0.4, hits=9, age=9) > said(
-            detector, mean_score=0.4, last_score=0.4, hits=1, age=2, unseen=1
-        )
 
 
 def test_a_file_of_ones_own(tmp_path: Path) -> None:
@@ -196,16 +177,6 @@ def test_a_file_that_is_not_a_model(name: str, tmp_path: Path) -> None:
     file.write_text(json.dumps(content))
     with pytest.raises(SubmissionError, match=f"mine.json: {message}"):
         LearnedPresence(file).reset(kitti_task())
-
-
-def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(SubmissionError, match=r"none.json: cannot be read: no such file"):
-        LearnedPresence(str(tmp_path / "none.json")).reset(kitti_task())
-    (tmp_path / "text.json").write_text("not json")
-    with pytest.raises(SubmissionError, match=r"text.json: not valid JSON"):
-        LearnedPresence(tmp_path / "text.json").reset(kitti_task())
-    with pytest.raises(SubmissionError, match="folder"):
-        LearnedPresence(tmp_path).reset(kitti_task())
 
 
 BASELINES = ["stp", "mtp", "ab3dmot", "stp_same_budget", "stp_hedged", "stp_cut", "mtp_cut"]

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.cards import Card, load_card
-from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
+from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import expand
@@ -44,10 +44,6 @@ def loaded(card: str) -> Card:
 def settings_of(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
     """Agent and setting of each block of rows."""
     return [(r["agent"], r["hypotheses"], r["samples"], r["budget"]) for r in rows if r["subset"] == "all"]
-
-
-def without_times(content: dict[str, Any]) -> dict[str, Any]:
-    return {**content, "rows": [{k: v for k, v in row.items() if k != "ms_per_frame"} for row in content["rows"]]}
 
 
 def written(cli: CommandLine, file: Path, card: str, kitti: str, *arguments: object) -> Any:
@@ -158,13 +154,6 @@ def test_swept_values_reach_the_agent_and_its_env(tmp_path: Path, loaded: Card) 
     many = {"samples": 36, "observe": "detections"}
     assert large.env_keywords(loaded) == {**many, "hypotheses": 9}  # the card has 3
     assert replace(large, hypotheses=3).env_keywords(loaded) == many
-
-
-@pytest.mark.parametrize(("name", "value"), [("hypotheses", "2.0"), ("draws", "true"), ("draws", "0")])
-def test_counts_that_are_none_are_refused(name: str, value: str, tmp_path: Path, loaded: Card) -> None:
-    tables = f'[compare]\n{name} = "{name}"\nsweep = {{{name} = [{value}]}}\nsamples = ["equal", "free"]'
-    with pytest.raises(SubmissionError, match=f"echo: parameter '{name}' is .*, expected a whole number of at least 1"):
-        expand(load_submission(write_submission(tmp_path / "mine", tables=tables)), loaded)
 
 
 def test_ends_that_the_agent_does_not_take_are_told_before_anything_runs(

@@ -230,12 +230,6 @@ def test_one_other_byte_is_no_traceback(tmp_path: Path) -> None:
             load_run(tmp_path / "run")
 
 
-def test_text_that_is_not_utf_8_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(RolloutError, match="run of 'echo' cannot be stored"):
-        save_run(tmp_path / "run", INFO.model_copy(update={"keywords": {"track_file": "/x\udcff"}}), [make_rollout()])
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_times_do_not_enter_the_digest_and_everything_else_does() -> None:
     rollout = make_rollout()
     assert digest(replace(rollout, seconds=rollout.seconds + 1)) == digest(rollout)

@@ -171,15 +171,6 @@ def test_the_curve_of_a_target_without_samples_is_infinite() -> None:
     assert k_curve(np.zeros((2, 0)), (1,)).tolist() == [[np.inf], [np.inf]]
 
 
-def test_wrong_input_of_the_curve() -> None:
-    with pytest.raises(ShapeError, match="k is 0, expected 1 or more"):
-        k_curve(np.zeros((1, 2)), (0,))
-    with pytest.raises(ShapeError, match="errors hold a NaN"):
-        k_curve(np.full((1, 2), np.nan), (1,))
-    with pytest.raises(ShapeError, match="errors has shape"):
-        k_curve(np.zeros(3), (1,))
-
-
 # ---- energy score
 
 

@@ -201,14 +201,3 @@ BAD: dict[str, tuple[Any, str]] = {
 def test_wrong_frames_are_an_error(frames: Any, message: str) -> None:
     with pytest.raises(ShapeError, match=message):
         tracking_counts(frames)
-
-
-@pytest.mark.parametrize("gate", [-1.0, float("nan"), float("inf")])
-def test_a_wrong_gate_is_an_error(gate: float) -> None:
-    with pytest.raises(ShapeError, match=r"gate is .*, expected a distance of 0 m or more"):
-        tracking_counts([GOOD], gate=gate)
-
-
-def test_an_unknown_mode_is_an_error() -> None:
-    with pytest.raises(ShapeError, match="mode is 'greedy', expected 'frame' or 'sticky'"):
-        tracking_counts([GOOD], mode="greedy")  # type: ignore[arg-type]

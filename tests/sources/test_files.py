@@ -162,13 +162,6 @@ def test_words_are_ids_and_rows_come_in_any_order(tmp_path: Path, base: Card) ->
     np.testing.assert_array_equal(scene.truth.class_id, [0, 0, 1])
 
 
-@pytest.mark.parametrize("name", ["detections_old", "detections_pp", "my_detections", "directions", "ego2"])
-def test_other_tables_of_a_user_are_left_alone(name: str, tmp_path: Path, base: Card) -> None:
-    folder = write_tables(tmp_path, detections=None, **{name: DETECTIONS})
-    (scene,) = load_scenes(with_detector(with_files(base, folder), "kitti_pointrcnn"))
-    assert scene.simulated
-
-
 def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Card) -> None:
     truth = [*TRUTH, f"0,8,truck,1,5,{BOX}", f"1,8,truck,1,5,{BOX}"]
     scene = only(base, write_tables(tmp_path, truth=truth))
@@ -191,12 +184,6 @@ def test_a_simulated_detector_takes_the_place_of_the_files(tmp_path: Path, base:
     assert (scene.simulated, scene.detector) == (True, "kitti_pointrcnn, simulated detections")
     (memory,) = load_scenes(with_detector(with_scenes(base, [whole_scene()]), "kitti_pointrcnn"))
     assert memory.simulated
-
-
-def test_a_simulated_detector_on_targets_alone_is_refused(base: Card) -> None:
-    card = with_detector(with_scenes(base, [replace(whole_scene(), truth_complete=False)]), "kitti_pointrcnn")
-    with pytest.raises(DataError, match="scene 'one': its truth has prediction targets only"):
-        next(load_scenes(card))
 
 
 # --- splits, and what the digest holds -------------------------------------------------------------------------------
@@ -351,12 +338,6 @@ def test_two_folders_of_one_name(tmp_path: Path, base: Card) -> None:
         (tmp_path / "one").rename(tmp_path / folder)
     with pytest.raises(DataError, match=r"has the scene 'a/b' as a%2Fb and a%2fb, expected one"):
         only(base, tmp_path)
-
-
-@pytest.mark.parametrize("name", ["", "x" * 201, "\udcff", 3])
-def test_names_that_no_file_of_a_run_could_have(name: str, base: Card) -> None:
-    with pytest.raises(DataError, match=r"the name of a scene is .*, expected a text of 1 to 200 characters"):
-        open_source(with_scenes(base, [replace(make_scene(), detector="mine", name=name)]))
 
 
 def test_names_do_not_stand_for_contents(tmp_path: Path) -> None:

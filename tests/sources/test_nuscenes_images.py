@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.sources import CameraImage, camera_images, describe
+from mtp_bench.sources import CameraImage, camera_images
 from mtp_bench.sources.nuscenes import cameras
 from tests.support.camera_images import CAMERAS, SIZE, read, write_cameras
 from tests.support.nuscenes_root import VERSION, nuscenes_card, scene, write_json
@@ -91,12 +91,3 @@ def test_a_broken_table_leaves_them_out_with_one_note(
     (note,) = notes
     assert note.startswith("drawn without images: ")
     assert text in note
-
-
-def test_the_status_says_whether_they_are_there(data: Path) -> None:
-    def notes() -> str:
-        return " ".join(describe(nuscenes_card(), data).notes)
-
-    assert "samples/CAM_* is missing: pictures of events show no image" in notes()
-    write_cameras(data)
-    assert "CAM" not in notes()

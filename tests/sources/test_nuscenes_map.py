@@ -12,7 +12,7 @@ import pytest
 
 from mtp_bench import load_card
 from mtp_bench.errors import DataError
-from mtp_bench.sources import describe, load_scenes, with_map
+from mtp_bench.sources import load_scenes, with_map
 from mtp_bench.sources.nuscenes import road
 from mtp_bench.sources.nuscenes.road import read_lanes
 from mtp_bench.types import Lane
@@ -123,15 +123,6 @@ def test_a_file_that_is_cut_off_and_tables_without_a_log(mapped: Path) -> None:
     (mapped / "nuscenes" / VERSION / "log.json").unlink()
     assert drawn(mapped, notes) == ()
     assert "log.json" in notes[1]
-
-
-def test_the_status_says_whether_it_is_there(mapped: Path) -> None:
-    def notes() -> str:
-        return " ".join(describe(nuscenes_card(), mapped).notes)
-
-    assert "expansion" not in notes()
-    (mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json").unlink()
-    assert "maps/expansion/*.json is missing: pictures show no road" in notes()
 
 
 @pytest.mark.data

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import UnknownNameError
 from mtp_bench.geometry import iou_3d, transform_boxes
 from mtp_bench.tracking.kernels.affinity_kernels import GIOU_3D, IOU_3D, sparse_pairs
 from mtp_bench.tracking.parameters import Affinity, ClassParameters
@@ -154,18 +153,6 @@ def test_nan_matches_nothing() -> None:
             assert_same_gains(a, zero, b, zero, PARAMETERS[rule : rule + 1])
 
 
-def test_other_layouts_and_types() -> None:
-    rng = np.random.default_rng(6)
-    mean, b = np.hstack([random_boxes(rng, 9), np.ones((9, 3))]), random_boxes(rng, 8)
-    a_class, b_class = np.zeros(18, dtype=np.int64)[::2], np.zeros(8, dtype=np.int64)
-    expected = sparse_gains(mean[:, :7].copy(), a_class.copy(), b, b_class, rules_of(PARAMETERS))
-    b.flags.writeable = False
-    for given in (b, b.copy("F")):
-        result = sparse_gains(mean[:, :7], a_class, given, b_class.astype(np.int32), rules_of(PARAMETERS))
-        for value, other in zip(result, expected, strict=True):
-            np.testing.assert_array_equal(value, other)
-
-
 def test_plain_python_gives_the_same() -> None:
     rng = np.random.default_rng(8)
     a, b = random_boxes(rng, 25), random_boxes(rng, 20)
@@ -175,8 +162,3 @@ def test_plain_python_gives_the_same() -> None:
     compiled, plain = sparse_pairs(*given), sparse_pairs.function(*given)
     for value, other in zip(compiled, plain, strict=True):
         np.testing.assert_allclose(value, other, rtol=0, atol=1e-13)
-
-
-def test_an_unknown_affinity_is_an_error() -> None:
-    with pytest.raises(UnknownNameError, match="affinity 'giou': did you mean 'giou_3d'"):
-        rules_of([replace(PARAMETERS[0], affinity="giou")])  # type: ignore[arg-type]

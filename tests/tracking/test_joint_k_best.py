@@ -239,12 +239,6 @@ def test_empty(case: str) -> None:
     assert parent.tolist() == [0] * count
 
 
-def test_an_idle_k_needs_no_memory() -> None:
-    cost = np.array([[-2.0, -1.0], [INF, 3.0]])
-    costs, _, _ = solved((cost, np.ones((3, 2), dtype=bool), np.zeros(3), 10**12))
-    assert costs.tolist() == [-2, -1, 0, 1, 3]
-
-
 def test_enumeration_gives_up_where_everything_is_tied() -> None:
     costs = solved((np.full((5, 15), -1.0), np.ones((1, 5), dtype=bool), np.zeros(1), 30))[0]
     assert costs.tolist() == [-5.0] * 30

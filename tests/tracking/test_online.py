@@ -59,18 +59,6 @@ def test_what_is_remembered_of_a_track() -> None:
     assert (last.member.shape, last.log_weight.tolist()) == ((1, 1), [0.0])
 
 
-def test_an_id_that_returns_after_a_gap_goes_on() -> None:
-    frames = [frame((0, 0, CAR))] * 4
-    tracks = played(scripted([(7, box(0), 1)], [], [], [(7, box(0), 1)]), frames)
-    assert [t.track_id.tolist() for t in tracks] == [[0], [], [], [0]]
-    last = tracks[-1]
-    assert last.past_detection is not None
-    assert last.past_detection[0, -4:].tolist() == [0, -1, -1, 0]
-    assert last.hits is not None
-    assert last.age is not None
-    assert (last.hits.tolist(), last.age.tolist()) == ([2], [4])
-
-
 @pytest.mark.parametrize(
     ("away", "x", "taken"), [(2, [0, 1, 2, 3], [0, -1, -1, 0]), (30, [0, 0, 0, 3], [UNBORN] * 3 + [0])]
 )
@@ -213,11 +201,6 @@ def test_a_wrong_answer_is_one_error(case: str) -> None:
     said, message = WRONG[case]
     with pytest.raises(ShapeError, match=message):
         played(lambda detections: said, [frame((0, 0, CAR), (9, 0, CAR))])
-
-
-def test_the_error_names_the_frame() -> None:
-    with pytest.raises(ShapeError, match="frame 2: the tracker gave None"):
-        played(scripted([], [], None), [frame()] * 3)  # type: ignore[arg-type]
 
 
 def test_wrong_settings() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -69,15 +68,6 @@ def test_classes_do_not_mix() -> None:
     *_, tracks = run(HypothesisTracker(), [frame((0.0, 0.0, CAR)), frame((0.0, 0.0, PEDESTRIAN))])
     assert tracks.class_id.tolist() == [CAR, PEDESTRIAN]
     assert tracks.detection.tolist() == [-1, 0]
-
-
-def test_an_observation_is_padded() -> None:
-    box, class_id = frame((0.0, 0.0, CAR), (9.0, 0.0, CYCLIST))
-    padded = observation((np.vstack([box, np.full((3, 7), np.nan)]), np.append(class_id, [0, 0, 0])))
-    padded["detection_valid"] = np.array([1, 1, 0, 0, 0], dtype=np.int8)
-    tracker = HypothesisTracker()
-    tracker.reset(kitti_task())
-    np.testing.assert_array_equal(tracker.step(padded).box, box)
 
 
 def test_the_score_of_a_track_is_the_mean_of_its_detections() -> None:
@@ -165,14 +155,6 @@ def test_weak_detections_are_ignored() -> None:
     assert rows(np.float32(2.0)) == [1, 2]  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="unknown class in min_detection_score 'cars'"):
         rows({"cars": 1.0})
-
-
-@pytest.mark.parametrize("wrong", [np.nan, "0.3", True, [0.3]])
-def test_cuts_that_are_no_numbers_are_one_clear_error(wrong: Any) -> None:
-    with pytest.raises(ShapeError, match=r"min_detection_score is .*, expected a number, a number per class name"):
-        HypothesisTracker(min_detection_score=wrong)
-    with pytest.raises(ShapeError, match=r"min_detection_score is .*, expected a number"):
-        HypothesisTracker(min_detection_score={"car": wrong})
 
 
 def test_score_thresholds_of_a_task() -> None:

@@ -14,7 +14,7 @@ from mtp_bench.prediction.learned.affinity import AffinityNetwork
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.network import Network
-from mtp_bench.prediction.learned.ptp import Ptp, turned
+from mtp_bench.prediction.learned.ptp import Ptp
 from mtp_bench.prediction.learned.tracking_free import TrackingFree
 from mtp_bench.prediction.windows import Surroundings
 from mtp_bench.training.augmentation import vary_tracks
@@ -102,15 +102,6 @@ def test_windows_of_a_frame_are_mirrored_together() -> None:
     mirrored = torch.sign(out["place"][:, 1] * batch["place"][:, 1])
     assert {len(set(frame.tolist())) for frame in torch.split(mirrored, 3)} == {1}
     assert len(set(mirrored.tolist())) == 2
-
-
-def test_a_varied_window_is_where_it_was() -> None:
-    """Futures, put back from the heading frame into the frame of the observations, are the old ones, or mirrored."""
-    batch = random_training_set(Ptp()).tensors(CPU)
-    out = vary_tracks(batch, torch.Generator().manual_seed(0))
-    before, after = (part["place"][:, None, :2] + turned(part, part["future"], 1) for part in (batch, out))
-    np.testing.assert_allclose(after[..., 0], before[..., 0], rtol=0, atol=1e-4)
-    np.testing.assert_allclose(after[..., 1].abs(), before[..., 1].abs(), rtol=0, atol=1e-4)
 
 
 MOMENT = torch.tensor([5, 5, 1, 1, 1, 7, 5, 2, 9, 9])

@@ -18,9 +18,9 @@ from mtp_bench import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
-from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, draw_frame, windows_of
+from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, windows_of
 from mtp_bench.viz.drawing.canvas import Canvas
-from mtp_bench.viz.drawing.labels import BOARD, callout, scale_bar
+from mtp_bench.viz.drawing.labels import BOARD, callout
 from mtp_bench.viz.drawing.video import pictures
 from mtp_bench.viz.framing import Window
 from mtp_bench.viz.replay import Replay, replay
@@ -90,14 +90,6 @@ def test_each_mark_is_there_with_its_thing_only(part: str) -> None:
     assert amount(given, COLORS[part]) >= 10
 
 
-def test_an_untracked_true_box_differs_by_more_than_colour() -> None:
-    run = scene_with("truth", "track")
-    untracked = replace(run, truth_track=np.full(len(run.truth_track), -1))
-    window = windows_of(run.scene, CARD)[3]
-    dashed = amount(draw_frame(untracked, 3, window), palette.TRUTH)
-    assert amount(draw_frame(run, 3, window), palette.TRUTH) > 1.3 * dashed > 0
-
-
 def test_an_event_stays_for_a_while() -> None:
     run = scene_with("truth", "track", "event", frames=30)
     (event,) = run.incidents
@@ -139,14 +131,6 @@ def test_texts_never_overlap_nor_are_they_cut_off() -> None:
     assert all(l >= 0 and t >= 0 and r <= 400 and b <= 300 for l, t, r, b in canvas.taken)
     pairs = itertools.combinations(canvas.taken, 2)
     assert not any(a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3] for a, b in pairs)
-
-
-@pytest.mark.parametrize(("wide", "metres"), [(40.0, 5.0), (100.0, 20.0), (10.0, 2.0), (3.0, 0.5)])
-def test_the_scale_bar_is_a_round_number_of_metres(wide: float, metres: float) -> None:
-    canvas, ink, image = blank(wide)
-    scale_bar(canvas, ink)
-    black = np.flatnonzero((np.asarray(image)[300 - 16] == 0).all(axis=-1))
-    assert black[-1] - black[0] == pytest.approx(metres * canvas.scale, abs=2)
 
 
 # ---- the camera

@@ -31,7 +31,6 @@ from mtp_bench.viz.board import (
 )
 from mtp_bench.viz.board.drawings import (
     BAR,
-    MOST_SCENES,
     MOST_TICKS,
     PAD,
     WIDTH,
@@ -42,9 +41,8 @@ from mtp_bench.viz.board.drawings import (
 from mtp_bench.viz.board.overview import overview_of
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, on_terminal, read_json
-from tests.support.stored_records import hidden_part, save_record, signed_level, write_record
+from tests.support.stored_records import hidden_part, save_record, signed_level
 
-MOST_BYTES = 300_000  # of a page without records
 MAIN, FEW = "MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"
 LINKS = [f"records/{i}.json" for i in range(13)]
 
@@ -220,17 +218,6 @@ def test_the_page_needs_no_network(html: str, page: Page) -> None:
     assert "script-src 'self'" not in policy
 
 
-def test_the_head_says_who_is_best_by_how_much_and_how_sure() -> None:
-    head = re.sub(r"<[^>]+>", "", board_files(board_of(*made_up_board()[:10])).page.split("<main")[0])
-    said = " ".join(head.split())
-    assert "Best on WILDTRACK k10 braided_paths, forest_of_maybe" in said
-    assert "They share rank 1" in head
-    assert "0.326 m lower than the single-hypothesis pipeline stp (95 % interval 0." in said
-    assert re.search(r"and 0\.\d+ m lower than the next, [a-z_]+ \(0\.\d+ to 0\.\d+, p (&lt;|=) \.\d+\)", said)
-    assert "mtp-bench submit" in head
-    assert "Best on" not in board_files(board_of(*made_up_board()[10:])).page  # nobody is ranked there
-
-
 def test_what_was_trained_on_scored_scenes_is_said_where_ranks_are_shown() -> None:
     """In the row, by a mark in the overview, in the files, and in the terminal; nowhere else."""
     note = f"predictor {ON_SCORED}"
@@ -315,16 +302,6 @@ def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) 
     with pytest.raises(MtpBenchError, match="holds other files than parts of a page"):
         write_board(tmp_path / "theirs.html", board_files([]))
     assert (theirs / "precious.txt").exists()
-
-
-def test_an_empty_board_says_how_to_take_part() -> None:
-    html = board_files([]).page
-    assert len(html.encode()) < MOST_BYTES
-    assert "No record under definitions 2.0 yet" in html
-    for command in ("new", "check", "submit", "board --with"):
-        assert f"<code>mtp-bench {command}" in html
-    assert Page(html).entries == []
-    assert "not comparable" not in html
 
 
 def test_records_of_version_0_2_stand_apart_with_their_ranks() -> None:
@@ -413,22 +390,6 @@ def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
     assert max(bar.reference or 0.0 for bar in bars) == BAR
     assert all(bar.width < BAR for bar in bars)
     assert all(bar.reference is None for bar in scene_chart(second, second))
-
-
-def test_of_many_scenes_the_heaviest_are_drawn() -> None:
-    (entry,) = board_of(write_record(*(float(i) for i in range(MOST_SCENES + 9)), name="many"))
-    bars = scene_chart(entry, None)
-    assert [bar.error for bar in bars] == list(range(9, MOST_SCENES + 9))
-    details = pieces_of(board_files([entry]), entry.env)[f"{entry.env}/many"]
-    assert f"the {MOST_SCENES} of {MOST_SCENES + 9} with the largest sums" in details
-
-
-def test_tables_of_the_terminal(entries: list[Entry]) -> None:
-    (second, _), (first, notes) = board_tables(entries)
-    assert (len(first.rows), len(second.rows)) == (10, 3)
-    assert first.cells(first.rows[3])[0] == "late_decider (added)"
-    assert first.cells(first.rows[0])[4] == "−0.326*"
-    assert [note for note in notes if "truth" in note] == ["not ranked (saw the truth): truth_past"]
 
 
 def write_records(folder: Path, *records: Record) -> list[Path]:

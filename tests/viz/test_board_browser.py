@@ -172,41 +172,6 @@ def test_filters_are_kept_in_the_address(opened: Browser, page: Path) -> None:
     assert "signal 9" in detail(opened)  # a place is shown whatever the filters say
 
 
-@pytest.mark.parametrize("how", ["pointer", "keyboard"])
-def test_a_column_is_explained_on_hover_and_on_focus(opened: Browser, how: str) -> None:
-    selector = header("coverage")
-    if how == "keyboard":
-        opened.script("document.querySelector(arguments[0]).focus()", selector)
-    else:
-        box = opened.script(
-            """const header = document.querySelector(arguments[0]);
-            header.scrollIntoView();
-            const { x, y } = header.getBoundingClientRect();
-            return [x + 3, y + 3];""",
-            selector,
-        )
-        opened.devtools("Input.dispatchMouseEvent", type="mouseMoved", x=box[0], y=box[1])
-    tip = "const tip = document.getElementById('_tip'); return !tip.hidden && tip.textContent"
-    assert opened.wait_for(tip) == "Share of the targets that have a forecast. Higher is better."
-    edges = opened.script(
-        "const { left, right } = document.getElementById('_tip').getBoundingClientRect(); return [left, right]"
-    )
-    assert 0 <= edges[0] < edges[1] <= 1700
-    opened.script("document.getElementById('_tip').dispatchEvent(new PointerEvent('pointerover', { bubbles: true }))")
-    assert opened.script(tip)  # the pointer may go to it
-    opened.script("document.dispatchEvent(new KeyboardEvent('keydown', { key: 'Escape' }))")
-    assert not opened.script(tip)
-
-
-def test_a_missing_part_is_said(browser: Browser, tmp_path: Path) -> None:
-    path = tmp_path / "alone.html"
-    path.write_text(board_files(board_of(made_up("a"))).page)
-    browser.open(path)
-    browser.click(f"{FIRST} tbody.entry .open")
-    said = browser.wait_for(f"return document.querySelector('{FIRST} .detail .note')?.textContent")
-    assert said == "This part is missing: the folder index.parts belongs beside the page."
-
-
 def test_no_width_makes_the_page_scroll_sideways(opened: Browser) -> None:
     opened.click(f"{FIRST} tbody.entry .open")
     assert detail(opened)

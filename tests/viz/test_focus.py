@@ -19,7 +19,6 @@ from mtp_bench.viz.replay import NO_EVENT, Replay, replay
 from mtp_bench.viz.sentence import sentence, went
 from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, crowd, told
 from tests.support.scoring_scenes import (
-    WALKER,
     Thing,
     line,
     make_rollout,
@@ -182,26 +181,6 @@ def test_what_is_said_of_an_event(tracks: list[list[Thing]], name: str, text: st
     assert text in told(line([5] * 8), tracks, name)
 
 
-TAKEN = {  # places y of track 2 until it takes car 5 at frame 4, and what is said of it; car 6 drives at y = 6
-    "another": ([6.0, 6.0, 6.0, 6.0], "which followed car 6 before,"),
-    "another, long ago": ([6.0, 6.0, 3.0, 3.0], "which followed car 6 until 3 frames before,"),
-    "itself": ([0.0, 3.0, 3.0, 3.0], "which followed car 5 until 4 frames before,"),
-    "nobody": ([3.0, 3.0, 3.0, 3.0], "(4 frames old, of no object before),"),
-}
-
-
-@pytest.mark.parametrize(("places", "text"), TAKEN.values(), ids=TAKEN)
-def test_whom_the_track_that_takes_an_object_followed(places: list[float], text: str) -> None:
-    truth = [[Thing(5, float(t), 0.0), Thing(6, float(t), 6.0)] for t in range(8)]
-    tracks = [
-        [Thing(2, float(t), places[t] if t < 4 else 0.0), *([Thing(1, float(t), 0.0)] if 0 < t < 4 else [])]
-        for t in range(8)
-    ]
-    tracks[0] += [Thing(1, 0.0, 1.0)] if places[0] else []
-    event = "ids-1" if not places[0] else "ids-0"  # at frame 1 the car changes from track 2 to track 1
-    assert f"track 2{',' if text[0] == 'w' else ''} {text}" in told(truth, tracks, event)
-
-
 def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     """Track 1 drifts off in it for two frames, while it stays in the one that was the best until then."""
     tracks = [
@@ -215,18 +194,6 @@ def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     assert focus.at.frame == 4
     assert [focus.follower(t) for t in range(5)] == [1, 1, -1, -1, 1]
     assert "car 5 is found again after 2 frames by its old track 1; " in sentence(focus)
-
-
-def test_a_false_forecast_in_one_sentence() -> None:
-    ghost = line([8] * 8, y=20.0, confidence=0.25, class_id=WALKER)
-    tracks = [[*own, *other] for own, other in zip(line([1] * 8), ghost, strict=True)]
-    said = [[replace(thing, forecast=[[[0.0, 0.0]] * 3], log_weight=[0.0]) for thing in frame] for frame in tracks]
-    run = replay(make_scene(line([5] * 8)), make_rollout(tracks, said), CARD)
-    focus = Focus(run, run.incident("spurious-0"))
-    assert sentence(focus) == (
-        "spurious-0: from 0.1 s to 0.4 s track 8 forecasts a pedestrian far from true ones: the scene has "
-        "none; confidence up to 0.25"
-    )
 
 
 WENT = {  # the true way and the forecast, each [3, 2], and what is said

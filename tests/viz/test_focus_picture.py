@@ -12,16 +12,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy import ndimage
 
-from mtp_bench import load_submission
-from mtp_bench.env import MTPEnv
-from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import PANEL, draw_frame
 from mtp_bench.viz.drawing.close_up import draw_focus
 from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, save_report
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.framing import MOST_BRIGHT, ROLES, Window, frame_of, window_of
-from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.framing import MOST_BRIGHT, ROLES, Window, window_of
+from mtp_bench.viz.replay import Replay
 from mtp_bench.viz.sentence import sentence
 from mtp_bench.viz.terminal.event_table import event_rows, in_order
 from tests.support.command_line import CommandLine
@@ -129,27 +126,6 @@ def test_a_picture_needs_neither_rerun_nor_a_screen(
 
 
 # ---- real recordings
-
-
-@pytest.mark.data
-def test_a_real_failure_is_told(data_root: Path, tmp_path: Path) -> None:
-    env = MTPEnv("MTP-nuScenes-mini-v0", data=str(data_root), evaluation=True)
-    rollout = run_scene(load_submission("stp").build(agent_task(env, 0)), env, "scene-0655", seed=0)
-    focus = focus_of(replay(env.scene, rollout, env.card, "stp"), "ids")
-    save_report(tmp_path / "a.png", focus)
-    with Image.open(tmp_path / "a.png") as image:
-        assert image.text["Description"] == sentence(focus)  # type: ignore[attr-defined]
-        panel = main_panel(np.asarray(image.convert("RGB")))
-    assert_ringed_in_the_middle(panel)
-    shown = frame_of(focus, focus.at.frame)
-    assert 0 < shown.bright <= MOST_BRIGHT
-    assert len(shown.dim_detection) + len(shown.dim_truth) > 0
-    drawn = np.asarray(draw_focus(focus, focus.at.frame, (900, 450), window_of(focus, focus.at.frame)))
-    assert coloured(drawn) <= MOST_BRIGHT
-    for role in {"truth"} | {role for role, _ in focus.forecasts(focus.at.frame)}:
-        assert near(panel, ROLES[role]).sum() > 30, role
-    assert str(focus.at.old_id) in sentence(focus)
-    assert "which costs" in sentence(focus)
 
 
 # ---- committed pictures

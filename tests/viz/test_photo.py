@@ -17,11 +17,10 @@ from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import ROLES
 from mtp_bench.viz.palette import Color
 from mtp_bench.viz.photo import HEIGHT, photo_of, projected
-from mtp_bench.viz.replay import Replay, replay
+from mtp_bench.viz.replay import Replay
 from tests.support.camera_images import GREY, write_image
 from tests.support.camera_images import SIZE as PIXELS
 from tests.support.focus_scenes import EVENT, crowd
-from tests.support.scoring_scenes import Thing, make_rollout
 
 BOX = np.array([10.0, 0.0, 0.75, 0.0, 4.0, 2.0, 1.5])  # 10 m ahead of a camera at the origin
 
@@ -92,15 +91,6 @@ def test_the_camera_that_sees_most_of_it_is_chosen(seen: Replay) -> None:
     car = seen.scene.truth.box[event(seen).rows[EVENT]]
     np.testing.assert_allclose(photo.middle[0], 800, atol=1e-6)
     assert photo.extent == pytest.approx(1000 * car[5] / (car[0] - car[4] / 2 + 10))
-
-
-def test_false_forecasts_are_seen_too(seen: Replay) -> None:
-    ghost = [Thing(80, 15.0, 5.0, forecast=[[(15.0, 5.0)] * 3] * 2)]
-    rollout = make_rollout([[]] * seen.frames, [ghost] * seen.frames, samples=2)  # of no track
-    run = replace(replay(seen.scene, rollout, seen.card), images=seen.images)
-    photo = photo_of(Focus(run, run.incident("spurious-0")))
-    assert photo is not None
-    assert [role for role, _ in photo.edges] == ["now"]
 
 
 # ---- drawings

@@ -20,8 +20,7 @@ from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import MOST_BRIGHT, frame_of
 from mtp_bench.viz.photo import HEIGHT
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.rerun.entities import TOP_SAMPLES, true_futures
-from mtp_bench.viz.rerun.events import lanes
+from mtp_bench.viz.rerun.entities import TOP_SAMPLES
 from mtp_bench.viz.rerun.recording import save_recording
 from mtp_bench.viz.rerun.sdk import rr
 from mtp_bench.viz.rerun.shown import TOP_HYPOTHESES
@@ -132,19 +131,6 @@ def test_the_switch_is_an_event_a_mark_a_lane_and_a_count(run: Replay, top: dict
         assert [top[f"metrics/{name}"][t]["scalars"][0] for t in range(FRAMES)] == series.tolist()
 
 
-def test_an_object_that_pauses_has_a_gap_in_its_lane(run: Replay) -> None:
-    truth = run.scene.truth
-    kept = np.setdiff1d(np.arange(24), [3 * 2, 3 * 3, 3 * 7])  # car 7 is not there in frames 2, 3 and 7
-    names = ("box", "velocity", "class_id", "object_id", "eligible", "neutral")
-    start = np.searchsorted(kept, truth.start)
-    part = changed(truth, start=start, **{name: getattr(truth, name)[kept] for name in names})
-    seen = replay(changed(run.scene, truth=part), run.rollout, run.card)
-    assert lanes(seen)[7] == {0: 10, 2: None, 4: 12, 7: None}
-    _, future = true_futures(part, T)
-    row = int(np.flatnonzero(part.object_id == 7)[0])  # frame 0: ends at frame 1
-    np.testing.assert_array_equal(future[row, :, 0], np.array([20.0, 20.8, 20.8, 20.8], dtype=np.float32))
-
-
 def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
     renamed = changed(run.rollout, track_id=run.rollout.track_id + 100)
     other = changed(run, agent="stp", answers=Answers(renamed, run.card))
@@ -207,18 +193,6 @@ def test_an_event_alone_is_bright_named_and_told(tmp_path: Path) -> None:
     places = np.array(names["positions"])[:, :2]
     gaps = np.linalg.norm(places[:, None] - places, axis=-1)[~np.eye(len(places), dtype=bool)]
     assert gaps.min() > 1.0, "no name hides another"
-
-
-def test_the_second_run_may_have_no_event(tmp_path: Path) -> None:
-    first = crowd(ahead=12.0)
-    silent = scoring_scenes.make_rollout([[]] * first.frames, [[]] * first.frames, samples=2)
-    nothing = replay(first.scene, silent, first.card, "silent")
-    found = read(save(tmp_path / "two.rrd", first, nothing, at=first.incident("ids-0")))
-    assert "no event: at 0.4 s car 5 is followed by no track" in found["agents/silent/focus/text"][-1]["text"][0]
-    far = [at(80, (90.0, 90.0), forecast=[[[90.0, 90.0]] * 3] * 2)]
-    ghost = replay(first.scene, scoring_scenes.make_rollout([far] * 10, [far] * 10, samples=2), first.card, "ghost")
-    found = read(save(tmp_path / "ghost.rrd", ghost, nothing, at=ghost.incident("spurious-0")))
-    assert "there is no false forecast of a car" in found["agents/silent/focus/text"][-1]["text"][0]
 
 
 def test_camera_images_stand_below_the_small_pictures(tmp_path: Path) -> None:

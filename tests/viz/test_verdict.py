@@ -21,7 +21,7 @@ from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
 from mtp_bench.viz.terminal.tables import full_tables, main_table
 from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, notes, verdict
 from tests.support.command_line import TERMINAL
-from tests.support.report_rows import Setting, detail, pair, row, rows
+from tests.support.report_rows import detail, pair, row, rows
 
 STP, TRUTH, CONTROL = ("stp", 1, 20, "equal"), ("truth_past", 1, 20, "equal"), ("stp_same_budget", 1, 20, "equal")
 MTP, MINE = ("mtp", 20, 20, "equal"), ("mine", 3, 20, "equal")
@@ -92,32 +92,6 @@ def test_the_gap_between_both_reference_pairs_and_in_the_paper() -> None:
     assert sentence.startswith("mine (H = 3): no gap to close")
 
 
-def test_ranks_and_why_others_have_none() -> None:
-    def ranked(setting: Setting, **why: Any) -> list[Row]:
-        return [
-            row(setting, "all", **why),
-            row(setting, "ids", unranked_because=why.get("unranked_because") or "5.0 objects, fewer than 20"),
-            row(setting, "lost", unranked_because="shown only"),
-        ]
-
-    table = ranked(TRUTH, unranked_because="saw the truth") + ranked(STP, rank=2) + ranked(MTP, rank=1)
-    table += ranked(MINE, unranked_because="stopped after 3 scenes") + ranked(FREE, unranked_because="400 samples")
-    (sentence,) = verdict(report(table), [])
-    assert sentence == (
-        "Not ranked over all targets (stopped after 3 scenes): mine (H = 3). No agent is ranked on ids (5.0 objects, "
-        "fewer than 20; stopped after 3 scenes). Never ranked, as they saw the truth: truth_past."
-    )
-
-
-def test_budgets_where_false_forecasts_are_not_known() -> None:
-    known = report(rows(STP))
-    partly = replace(known, condition={"truth": "prediction targets only: false forecasts cannot be known"})
-    assert verdict(known, []) == []
-    (sentence,) = verdict(partly, [])
-    assert "20, 40 and the number of stp (12.3), on ids and reacquired at the last alone" in sentence
-    assert "averaged over budgets of forecasts per live frame; on ids" in notes(partly)[0]
-
-
 NOTES: dict[str, tuple[list[Row], dict[str, Any], str]] = {
     "guessed parents": (rows(MINE), {"guessed_parents": 0.25}, "* mine states no parents: "),
     "rejected": (rows(MINE), {"invalid": {"tracks": 0, "objects": 7}}, "! mine: 7 rows rejected"),
@@ -135,18 +109,6 @@ def test_warnings_below_the_table(table: list[Row], details: dict[str, Any], sta
     known.details[-1] = known.details[-1].model_copy(update=details)
     assert [note for note in notes(known)[5:] if note.startswith(start)] == notes(known)[5:] != []
     assert ("34/462/99*" in "".join(map(render, full_tables(known)))) == ("guessed_parents" in details)
-
-
-def test_the_setting_of_a_submission_that_the_verdict_states() -> None:
-    """The name itself before one with other parameters, and the most hypotheses at equal k."""
-    values = {"difference_to_stp": -0.1}
-    table = rows(
-        STP, ("mtp", 5, 20, "equal"), MTP, ("mtp noise=1", 40, 20, "equal"), ("mtp", 40, 800, "free"), **values
-    )
-    (sentence,) = [text for text in verdict(report(table), ["mtp"]) if "against stp over" in text]
-    assert sentence.startswith("mtp (H = 20) against")
-    one = rows(STP, ("noisy noise=1", 1, 20, "equal"), **values)
-    assert any(text.startswith("noisy noise=1 against stp over") for text in verdict(report(one), ["noisy"]))
 
 
 @pytest.mark.parametrize("table", [[], rows(MINE), rows(FREE), rows(STP, MINE, error=None)], ids=str)
@@ -191,20 +153,6 @@ def test_one_table_of_80_columns() -> None:
     assert "0.747/1.173" in text, "the paper's numbers below ours"
     assert "2.820/4.514" in text
     assert [line for line in text.splitlines() if "a_submission_wit" in line]
-
-
-def test_all_numbers_are_in_the_full_tables() -> None:
-    paired = [pair(MTP, "stp_same_budget", "ids", error=-0.417, interval=(-0.6, -0.2), p=0.012, minADE=-0.777)]
-    text = "".join(map(render, full_tables(report(LARGE, paired))))
-    numbers = {
-        "differences": ("−0.417", "−0.600 −0.200", "0.012", "−0.777"),
-        "errors": ("12.35", "11.25 13.75"),
-        "fixed, by score, localisation, missed, plain": ("0.456", "0.111", "0.567", "0.678", "0.789"),
-        "Brier, EPA, AP_f, MR, PI-ADE": ("0.155", "0.781", "0.222", "0.333", "0.444"),
-        "MOTA, IDF1, HOTA, events, bins": ("0.890", "0.610", "0.520", "34/462/99", "17", "7.125"),
-    }  # fmt: skip
-    for what, texts in numbers.items():
-        assert [each for each in texts if each not in text] == [], what
 
 
 def test_names_are_no_markup(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

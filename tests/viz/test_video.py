@@ -85,14 +85,6 @@ def test_what_broke_leaves_no_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_wrong_event_is_one_error_and_no_file(
-    cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path
-) -> None:
-    error = cli("video", events_run, "-o", tmp_path / "a.gif", *known, "--at", "ids-7").error
-    assert "unknown event of scene 0001 'ids-7': did you mean 'ids-0'? (`mtp-bench events`" in error
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_without_pyav_one_sentence_says_what_to_install(
     cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -22,7 +22,7 @@ from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
 from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
 from mtp_bench.prediction.learned.modes import LEAST_SPREAD, spread_of
 from mtp_bench.prediction.learned.network import Network, networks
-from mtp_bench.prediction.learned.tracking_free import TrackingFree, support
+from mtp_bench.prediction.learned.tracking_free import support
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth
 from mtp_bench.training.augmentation import vary_detections, vary_tracks
 from mtp_bench.training.losses import LOSSES
@@ -296,14 +296,6 @@ def test_of_a_track_alone_only_what_it_took_is_seen() -> None:
     np.testing.assert_array_equal(inputs["position"][:, -1, 0], crowded["position"][:, -1, 0])
 
 
-def test_of_a_track_alone_frames_before_its_scene_are_empty() -> None:
-    windows, _, seen = crowd()
-    windows = replace(windows, detection=np.zeros((12, SIZES.past), dtype=int))
-    alone, last = detections_of_tracks(windows, np.full(12, 4), seen)  # the first frame of the second scene
-    assert alone.counts.reshape(12, -1).sum(axis=0).tolist() == [0, 0, 0, 12]
-    assert last.tolist() == list(range(3, 48, 4))
-
-
 def test_the_velocity_of_places_on_a_line_is_exact_but_for_the_prior() -> None:
     age = np.array([[0.5, 1.0, 1.5]])
     position = -np.array([3.0, -1.0]) * age[:, :, None]
@@ -346,15 +338,3 @@ def test_before_training_the_soft_past_follows_an_object_that_is_alone() -> None
     np.testing.assert_allclose(past["position"][0, :, 0], [-6, -4, -2, 0], atol=0.3)
     assert (past["taken"][0] > [0.6, -1, 0.6, 0.6]).all()
     assert past["taken"][0, 1] == 0
-
-
-def test_varied_batches_keep_places_and_futures_together() -> None:
-    inputs = TrackingFree().inputs(*crowd(), SIZES)
-    batch = {name: torch.from_numpy(value) for name, value in inputs.items()}
-    batch |= {"future": batch["position"][:, -1, :3].clone(), "present": batch["position"][:, -1, 0].clone()}
-    got = vary_detections(batch, torch.Generator().manual_seed(1))
-    there = got["near"][:, -1, :3] > 0
-    torch.testing.assert_close(got["position"][:, -1, :3][there], got["future"][there])
-    torch.testing.assert_close(got["position"].norm(dim=-1), batch["position"].norm(dim=-1) * got["near"])
-    for name in ("position", "velocity", "yaw", "score", "same", "ratio"):
-        assert not got[name][got["near"] == 0].any()
