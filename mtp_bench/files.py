@@ -10,6 +10,7 @@ import os
 import secrets
 import shutil
 import stat
+import sys
 import tempfile
 import unicodedata
 from collections.abc import Iterator
@@ -227,6 +228,20 @@ def cache_root() -> Path:
     from platformdirs import user_cache_path
 
     return user_cache_path("mtp_bench", appauthor=False)
+
+
+def discard(path: Path) -> None:
+    """Delete what is at ``path`` of the cache and say on stderr that it is made anew; nothing is done if it is missing.
+
+    Raises OSError.
+    """
+    if not os.path.lexists(path):
+        return
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink()
+    print(f"mtp_bench: {path} was damaged and is made anew", file=sys.stderr, flush=True)
 
 
 def file_stem(name: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..files import whole_file
+from ..files import open_regular, whole_file
 from ..types import Scene
 
 Arrays = dict[str, NDArray[Any]]
@@ -30,7 +30,7 @@ def content_hash(arrays: Arrays) -> str:
 def read_arrays(path: Path) -> Arrays | None:
     """Stored arrays; None if the file is missing or not as it was written."""
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+        with open_regular(path) as stream, np.load(stream, allow_pickle=False) as file:
             arrays: Arrays = {name: file[name] for name in file.files}
         digest = str(arrays.pop("digest"))
         return arrays if content_hash(arrays) == digest else None

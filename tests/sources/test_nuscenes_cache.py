@@ -54,13 +54,22 @@ def test_a_file_changed_in_place_with_the_same_size_and_time(data: Path, own_cac
     assert 77 in (found.detections.box[:, 0] if kind == "detections" else found.truth.box[:, 0])
 
 
-@pytest.mark.parametrize("content", [b"", b"no archive", None, {}], ids=["empty", "other", "gone", "edited"])
+@pytest.mark.parametrize(
+    "content", [b"", b"no archive", None, {}, "file"], ids=["empty", "other", "gone", "edited", "folder"]
+)
 @pytest.mark.parametrize("name", ["scene-0003", "all.index", "all.samples"])
-def test_a_broken_file_of_the_cache_is_made_again(data: Path, own_cache: Path, name: str, content: Any) -> None:
+def test_a_broken_file_of_the_cache_is_made_again(
+    data: Path, own_cache: Path, name: str, content: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
     first, source = scene(data), open_source(nuscenes_card(), data)
-    for broken in own_cache.rglob(f"{name}.npz"):
+    files = sorted(own_cache.rglob(f"{name}.npz"))
+    for broken in files:
         if content is None:
             broken.unlink()
+        elif isinstance(content, str):
+            broken.unlink()
+            broken.mkdir()
+            (broken / content).touch()
         elif isinstance(content, bytes):
             broken.write_bytes(content)
         else:
@@ -71,6 +80,9 @@ def test_a_broken_file_of_the_cache_is_made_again(data: Path, own_cache: Path, n
         np.testing.assert_array_equal(again.truth.box, first.truth.box)
         np.testing.assert_array_equal(again.detections.box, first.detections.box)
     assert not list(own_cache.rglob("*.part"))
+    needed = [] if name == "all.samples" else files  # it is needed where detections are read
+    said = [f"mtp_bench: {file.parent} was damaged and is made anew" for file in needed]
+    assert sorted(capsys.readouterr().err.splitlines()) == said
 
 
 def test_a_cache_that_cannot_be_written(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

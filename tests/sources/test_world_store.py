@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import stat
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -102,23 +103,43 @@ def another_value(path: Path) -> None:
     np.savez(path, **arrays)
 
 
+def a_folder_in_its_place(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+    (path / "file").write_text("something")
+
+
+def a_pipe_in_its_place(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
 DAMAGE: dict[str, Callable[[Path], object]] = {
     "cut off": lambda path: path.write_bytes(path.read_bytes()[:-200]),
     "no archive": lambda path: path.write_text("not a zip file"),
     "bytes in the middle": bytes_in_the_middle,
     "another value": another_value,
+    "empty": lambda path: path.write_bytes(b""),
+    "a folder": a_folder_in_its_place,
+    "a pipe": a_pipe_in_its_place,
+    "unreadable": lambda path: path.chmod(0),
 }
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
-def test_a_broken_file_is_made_again(damage: Callable[[Path], object], made: list[int]) -> None:
+def test_a_broken_file_is_made_again(
+    damage: Callable[[Path], object], made: list[int], capsys: pytest.CaptureFixture[str]
+) -> None:
     store = WorldStore(TRAFFIC)
     good = store.get(5)
     damage(store.path(5))
+    if os.access(store.path(5), os.R_OK) and damage is DAMAGE["unreadable"]:
+        pytest.skip("root reads every file")
     assert store.read(5) is None
     assert same(store.get(5), good)
     assert store.read(5) is not None
     assert made == [5, 5]
+    assert capsys.readouterr().err == f"mtp_bench: {store.path(5)} was damaged and is made anew\n"
 
 
 def test_secret_worlds_lie_apart_and_nobody_else_lists_them() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
 from typing import NamedTuple
@@ -43,16 +44,31 @@ def test_compiled_once_whatever_the_processes(tmp_path: Path) -> None:
     assert run(tmp_path) == (PRINTED, "")
 
 
-@pytest.mark.parametrize("ending", ["nbi", "nbc"])
-def test_a_flipped_bit_is_noticed_and_the_kernel_compiled_again(ending: str, tmp_path: Path) -> None:
-    run(tmp_path)
-    (file,) = tmp_path.rglob(f"*.{ending}")
+def flip(file: Path) -> None:
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
     file.write_bytes(content)
-    printed, said = run(tmp_path)
-    assert printed == PRINTED
-    assert "is damaged and compiled again" in said
+
+
+def make_folder(file: Path) -> None:
+    file.unlink()
+    (file / "inside").mkdir(parents=True)
+
+
+DAMAGE: list[tuple[str, Callable[[Path], None]]] = [
+    ("nbi", flip), ("nbc", flip), ("nbc", make_folder), ("nbc.sha256", make_folder),
+]  # fmt: skip
+
+
+def test_a_damaged_file_is_noticed_and_the_kernel_compiled_again(tmp_path: Path) -> None:
+    run(tmp_path)
+    for ending, damage in DAMAGE:
+        (file,) = tmp_path.rglob(f"*.{ending}")
+        damage(file)
+        printed, said = run(tmp_path)
+        assert printed == PRINTED
+        assert "is damaged and compiled again" in said
+        assert file.is_file()
     assert run(tmp_path) == (PRINTED, "")
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -60,10 +61,10 @@ def _sources(function: FunctionType) -> set[str]:
 
 
 def is_sound(folder: Path, source: str) -> bool:
-    """True if the folder holds compiled files that agree with their sums and are newer than the source file."""
+    """True if the folder holds both compiled files, which agree with their sums and are newer than the source file."""
     files = _files(folder)
     newest = Path(source).stat().st_mtime
-    return bool(files) and all(_agrees(file) and file.stat().st_mtime >= newest for file in files)
+    return len(files) == 2 and all(_agrees(file) and file.stat().st_mtime >= newest for file in files)
 
 
 def seal(folder: Path) -> None:
@@ -75,11 +76,12 @@ def seal(folder: Path) -> None:
 
 
 def clear(folder: Path) -> bool:
-    """Delete the compiled files; True if one of them did not agree with its sum."""
+    """Delete the compiled files, also folders in their place; True if one of them did not agree with its sum."""
     files = _files(folder)
     damaged = any(Path(f"{file}{_SUM}").exists() and not _agrees(file) for file in files)
-    for file in files:
-        file.unlink()
+    for below in folder.iterdir():
+        if below.is_dir():
+            shutil.rmtree(below)
     return damaged
 
 
@@ -94,7 +96,7 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _files(folder: Path) -> list[Path]:
-    """Files of Numba: an index (.nbi) and the code of each signature (.nbc)."""
+    """Files of Numba: an index (.nbi) and the code (.nbc)."""
     return sorted(folder.glob("*/*.nb[ci]"))
 
 
