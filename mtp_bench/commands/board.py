@@ -65,12 +65,14 @@ def board(
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
+    if pages and (env or further):
+        raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
     if output is not None:
         require_parts(output)
     with progress_bar("records") as progress:
         content = read_board(records, further or (), env, output, trusted(base), progress)
     entries, tables = content.entries, board_tables(content.entries)
-    changed = _fill(pages, content, whole=not (env or further)) if pages else []
+    changed = _fill(pages, content) if pages else []
     write_json(json_file, board_json(entries))
     write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
     for table, notes in tables:
@@ -100,7 +102,8 @@ def read_board(
 ) -> Board:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 
-    They take the place of the folder's record of that submission, environment and split, as the files would.
+    They take the place of the folder's record of that submission, environment and split, as the files would. Of copies
+    of one record the first with a signed level is taken; a note names the others.
     Of one environment only its own files are read: a record is named after its environment.
 
     ``page`` is the file that links start from; without one there are no links. A broken record of the folder is refused
@@ -119,27 +122,36 @@ def read_board(
         code = baselines / name if name in baseline_names() and not why_not_genuine(record) else None
         return Found(record, signed, _link(path, page), added, note, _link(code, page))
 
+    given = [read(path, added=True) for path in further]  # before the long work
     refused: list[str] = []
-    found: dict[str, Found] = {}
+    stored: list[tuple[Path, Found]] = []
     paths = record_paths(folder, env_id or "")
     progress.started(len(paths))
     for path in paths:
         try:
-            each = read(path, added=False)
-            found[each.record.digest] = each
+            stored.append((path, read(path, added=False)))
         except RecordError as error:
             refused.append(str(error))
         progress.done(path.parent.name)
-    for path in further:
-        each = read(path, added=True)
-        if each.record.digest not in found:
+    found: dict[str, Found] = {}
+    files: dict[str, Path] = {}
+    notes = []
+    for path, each in sorted(stored, key=lambda pair: pair[1].signed is None):
+        taken = files.setdefault(each.record.digest, path)
+        if taken == path:
+            found[each.record.digest] = each
+        else:
+            notes.append(f"{path}: a copy of {taken}, which is shown")
+    for each in given:
+        other = found.get(each.record.digest)
+        if other is None or (each.signed is not None and other.signed is None):
             place = _place(each.record)
             found = {digest: other for digest, other in found.items() if _place(other.record) != place}
             found[each.record.digest] = each
     listed = [each for each in found.values() if env_id is None or each.record.env.id == env_id]
     if env_id is not None and not listed:
         load_card(env_id)  # an env without a submission is fine as long as there is such an env
-    notes = [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
+    notes += [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
     return Board(entries_of(listed), refused, notes)
 
 
@@ -148,10 +160,8 @@ def _place(record: Record) -> tuple[str, ...]:
     return record.submission.name, record.env.id, record.env.split
 
 
-def _fill(pages: Sequence[Path], content: Board, whole: bool) -> list[str]:
+def _fill(pages: Sequence[Path], content: Board) -> list[str]:
     """Fill in pages from all records, as a page would lose the rows of those that are missing. Lines to show."""
-    if not whole:
-        raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
     if content.refused:
         refused = counted(len(content.refused), "record")
         raise RecordError(f"no page is filled in: {refused} refused, {content.refused[0]}")

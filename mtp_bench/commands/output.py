@@ -53,11 +53,11 @@ def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
 
 def said_of(error: MtpBenchError | OSError) -> str:
     """The text of an error; for an OSError, such as a full disk, with the file and what to do."""
-    if isinstance(error, MtpBenchError):
-        return str(error)
-    named = error.filename or error.filename2
-    reason = describe_write_error(error)
-    return f"{named}: {reason}" if named else reason
+    text, notes = str(error), getattr(error, "__notes__", ())
+    if not isinstance(error, MtpBenchError):
+        named = error.filename or error.filename2
+        text = f"{named}: {describe_write_error(error)}" if named else describe_write_error(error)
+    return "; ".join([text, *notes])
 
 
 def fail(text: str) -> None:
@@ -70,8 +70,7 @@ def fail(text: str) -> None:
 def say(text: str) -> None:
     """Print one line on the error stream."""
     line = " ".join(part.strip() for part in text.splitlines())
-    # clean: it may contain names from a foreign submission
-    print(clean_text(line, len(line) + 1), file=sys.stderr)
+    print(clean_text(line, len(line) + 1), file=sys.stderr)  # clean: it may contain names from a foreign submission
 
 
 def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool, file: Path | None = None) -> None:

@@ -55,10 +55,7 @@ class Parts:
             path.parent.mkdir(exist_ok=True)
             write_arrays(path, {**arrays, _OTHER_FIELDS: np.array(json.dumps(fields))}, brief=True)
         except OSError as error:
-            raise MtpBenchError(
-                f"cannot write {path}: {describe_write_error(error)}; the scenes finished before are kept: "
-                "--resume continues"
-            ) from None
+            raise MtpBenchError(f"cannot write {path}: {describe_write_error(error)}") from None
 
     def _path(self, seed: int, scene: str) -> Path:
         return seed_folder(self.folder, seed) / f"{file_stem(scene)}.npz"
@@ -80,8 +77,10 @@ def open_parts(target: Path, plan: dict[str, Any], resume: bool) -> Iterator[Par
         _require_plan(folder, plan)
         try:
             yield Parts(folder)
-        except BaseException:
-            if not count_parts(target):
+        except BaseException as error:
+            if count_parts(target):
+                error.add_note("the scenes finished before are kept: --resume continues")
+            else:
                 _remove(folder)
             raise
         _remove(folder)

@@ -245,6 +245,7 @@ def test_a_failed_submit_leaves_the_earlier_record(
     assert said.startswith("error: ")
     assert len(said.splitlines()) == 1
     assert str(data) in said
+    assert said.endswith("; the scenes finished before are kept: --resume continues\n")
     assert content(tmp_path / "out") == before
     (tmp_path / "gone").rename(data)
     cli.ok(*command, "--resume")

@@ -480,7 +480,9 @@ def test_an_env_without_a_record_is_no_error_but_an_unknown_one_is(
     assert "unknown environment 'MTP-Nerge-v0'" in cli("board", "--records", records, "--env", "MTP-Nerge-v0").error
 
 
-def test_the_command_names_a_missing_folder_and_a_broken_record(tmp_path: Path, cli: CommandLine) -> None:
+def test_the_command_names_a_missing_folder_and_a_broken_record(
+    tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert "no such folder of records" in cli("board", "--records", tmp_path / "none").error
     (path,) = write_records(tmp_path / "records", made_up("a"))
     path.write_text(path.read_text().replace("finished", "perfect"))
@@ -490,4 +492,6 @@ def test_the_command_names_a_missing_folder_and_a_broken_record(tmp_path: Path, 
     assert "sound" in printed
     strict = cli("board", "--records", tmp_path / "records", "--strict").error
     assert strict.startswith("1 record refused, the first: ")
+    monkeypatch.setattr("mtp_bench.commands.board.record_paths", lambda *_: pytest.fail("all records were read before"))
     assert "perfect" in cli("board", "--with", path, "--records", tmp_path).error
+    assert "leave --env and --with out" in cli("board", "--fill", path, "--env", MAIN, "--records", tmp_path).err
