@@ -159,7 +159,7 @@ def _locate(model: type[BaseModel], loc: tuple[int | str, ...]) -> tuple[str, ty
     for part in loc[:-1]:
         field = section.model_fields.get(str(part))
         section = next(_sections_in(field.annotation), section) if field else section
-    return clean_text(".".join(map(str, loc)), _MOST_SHOWN), section
+    return clean_text(".".join(map(str, loc)).removesuffix(".[key]"), _MOST_SHOWN), section
 
 
 def _sections_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -9,11 +9,18 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-Date = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\d$")]
+
+
+def _require_date(text: str) -> str:
+    datetime.date.fromisoformat(text)
+    return text
+
+
+Date = Annotated[str, Field(pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}$"), AfterValidator(_require_date)]
 
 
 def canonical(content: Any) -> bytes:
@@ -27,9 +34,9 @@ def digest_of(content: Any) -> str:
     return hashlib.sha256(canonical(content)).hexdigest()
 
 
-def today() -> str:
-    """Today's date in UTC, as YYYY-MM-DD."""
-    return datetime.datetime.now(datetime.UTC).date().isoformat()
+def today(days: int = 0) -> str:
+    """Today's date in UTC, as YYYY-MM-DD, or that of some ``days`` later."""
+    return (datetime.datetime.now(datetime.UTC).date() + datetime.timedelta(days)).isoformat()
 
 
 def rounded(value: Any) -> Any:

@@ -22,8 +22,7 @@ from ..types import Rollout
 from .canonical import rounded
 from .record import MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
-# of a row: they depend on other records, or are measured
-_LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")
+_LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")  # of a row: they depend on other records, or are measured
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-import stat
+import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
+from ..files import file_kind
+from .canonical import today
 from .consistency import checked_record
 from .eligibility import why_unranked
 from .record import Record
@@ -19,7 +21,9 @@ from .trust import OWNERS, Trust, read_owners
 
 _RECORDS = "records"
 _LOOK_ALIKE = str.maketrans({"0": "o", "1": "l", "i": "l", "5": "s", "_": None, "-": None, ".": None})
-_DEPTH, _MOST_FILES = 3, 10_000
+_DEPTH = 3
+_MOST_FILES, _MOST_NEW = 100_000, 20  # of a leaderboard; new names of a proposal
+_PLAIN = "100644"  # git's mode of a regular file that cannot be executed
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,9 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     trusted_files, trusted_names = _files(trust.folder), trust.owners
     try:
         files = _files(folder)
+        odd = [f"{name}: {kind}, expected a file of mode {_PLAIN}" for name, kind in sorted(files.items()) if kind]
+        if odd:  # none of them is read
+            return Intake((), tuple(odd), ())
         names = _proposed_owners(folder / OWNERS, trusted_names, owner)
     except MtpBenchError as error:
         return Intake((), (str(error),), ())
@@ -53,7 +60,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     refused += [
         f"{name}: is removed; only maintainers remove files (if the proposal did not: bring it up to date with the "
         "branch that it is for)"
-        for name in sorted(trusted_files - files)
+        for name in sorted(trusted_files.keys() - files.keys())
     ]
     used = {name.parts[1] for name in files if name.parts[0] == _RECORDS and len(name.parts) == _DEPTH}
     refused += [
@@ -62,7 +69,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     ]
     accepted: list[Path] = []
     notes: list[str] = []
-    for name in sorted(files - {Path(OWNERS)}):
+    for name in sorted(files.keys() - {Path(OWNERS)}):
         path = folder / name
         if _same(path, trust.folder / name):
             continue
@@ -76,21 +83,35 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     return Intake(tuple(accepted), tuple(refused), tuple(notes))
 
 
-def _files(root: Path) -> set[Path]:
-    """Names of all files below ``root`` but stored rollouts; RecordError for links and special files."""
-    files: set[Path] = set()
+def _files(root: Path) -> dict[Path, str]:
+    """Names of all files and empty folders below ``root`` but stored rollouts, and what is odd about each.
+
+    Odd is everything but a regular file of mode 100644. RecordError for too many.
+    """
+    files = _odd_in_git(root)
     for parent, folders, names in os.walk(root, followlinks=False):
+        if not (folders or names):
+            files[Path(parent).relative_to(root)] = "empty folder or submodule"
         folders[:] = [name for name in folders if not name.endswith(ROLLOUTS) or Path(parent, name).is_symlink()]
-        for name in (*folders, *names):
-            path = Path(parent, name)
+        for path in (Path(parent, name) for name in (*folders, *names)):
             mode = path.lstat().st_mode
-            if not (stat.S_ISDIR(mode) or stat.S_ISREG(mode)):
-                raise RecordError(f"{path.relative_to(root)}: neither a file nor a folder, such as a link")
-            if stat.S_ISREG(mode):
-                files.add(path.relative_to(root))
-            if len(files) > _MOST_FILES:
-                raise RecordError(f"{root}: more than {_MOST_FILES} files")
+            kind = file_kind(mode) or ("executable file" if mode & 0o111 else "")
+            if kind != "folder":
+                files.setdefault(path.relative_to(root), kind)
+        if len(files) > _MOST_FILES:
+            raise RecordError(f"{root}: more than {_MOST_FILES} files")
     return files
+
+
+def _odd_in_git(root: Path) -> dict[Path, str]:
+    """Odd modes in git's commit of ``root``: a submodule need not have a folder on disk. Empty without git."""
+    command = ["git", "-c", "protocol.allow=never", "-C", str(root), "ls-tree", "-r", "-z", "HEAD"]
+    try:
+        listed = os.fsdecode(subprocess.run(command, capture_output=True, check=False).stdout)
+    except FileNotFoundError:
+        return {}
+    entries = [entry.split("\t", 1) for entry in listed.split("\0") if entry and not entry.startswith(_PLAIN)]
+    return {Path(name): f"git mode {about.split()[0]}" for about, name in entries}
 
 
 def _same(path: Path, other: Path) -> bool:
@@ -106,14 +127,18 @@ def _proposed_owners(path: Path, trusted_names: Mapping[str, str], owner: str) -
     for name, login in trusted_names.items():
         if proposed.get(name) != login:
             raise RecordError(f"{OWNERS}: {name!r} belongs to {login!r}: only maintainers change that")
-    for name in [name for name in proposed if name not in trusted_names]:
+    new = [name for name in proposed if name not in trusted_names]
+    if len(new) > _MOST_NEW:
+        raise RecordError(f"{OWNERS}: {len(new)} new names, expected at most {_MOST_NEW} in one proposal")
+    taken = {_look(name): name for name in (*baseline_names(), *trusted_names)}
+    for name in new:
         if proposed[name].lower() != owner.lower():
             raise RecordError(f"{OWNERS}: gives {name!r} to {proposed[name]!r}, expected {owner!r} who asks for it")
-        others = (*baseline_names(), *(other for other in proposed if other != name))
-        taken = next((other for other in others if _look(other) == _look(name)), None)
-        if taken is not None:
-            why = "is taken" if taken == name else f"looks like {taken!r}, which is taken"
+        other = taken.get(_look(name))
+        if other is not None:
+            why = "is taken" if other == name else f"looks like {other!r}, which is taken"
             raise RecordError(f"{OWNERS}: {name!r} {why}: choose another name")
+        taken[_look(name)] = name
     return proposed
 
 
@@ -137,6 +162,8 @@ def _acceptable(path: Path, name: Path, names: Mapping[str, str], owner: str) ->
         raise RecordError(f"{name}: holds {stated!r} on {env.id}, expected it at {stated}/{env.id}.json")
     if record.earlier_version:
         raise RecordError(f"{name}: made by version {record.earlier_version}: make it again with `mtp-bench submit`")
+    if record.measured.made > today(1):
+        raise RecordError(f"{name}: made on {record.measured.made}, expected a day up to {today()}: set the clock")
     if ships is None or ships.card != env.card_digest:
         raise RecordError(f"{name}: {env.id} with card {env.card_digest} does not ship")
     if stated in baseline_names():
@@ -156,3 +183,10 @@ def _notes(path: Path, record: Record) -> Iterator[str]:
         yield f"{path}: not ranked yet: {why}"
     if not record.submission.source:
         yield f"{path}: does not name a source, so others cannot run it: state `source` in submission.toml"
+    if not record.training_data:
+        yield f"{path}: `training_data` in submission.toml is empty: state there what it was trained or fitted on"
+    digests = [value.encode() for value in (record.hashes.seals, record.hashes.rollouts)]
+    for other in sorted(path.parents[1].glob(f"*/{path.name}")):
+        content = b"" if other == path else other.read_bytes()
+        if any(digest in content for digest in digests):
+            yield f"{path}: gives the same answers as {other.parent.name}"

@@ -13,11 +13,11 @@ from .._version import __version__
 from ..files import unseen
 from ..gateway.limits import SandboxBackend
 from ..running.options import MOST_SEED
-from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
+from ..scoring.subsets import SUBSETS, Subset
 from ..strict import Section
-from ..submission.manifest import NAME_PATTERN
+from ..submission.manifest import SubmissionName
 from .canonical import Date, Sha256
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
@@ -48,8 +48,7 @@ else:  # finite numbers, bounded whole numbers and texts, however deep; chosen b
     }  # fmt: skip
     _any_kind = reduce(or_, (Annotated[kind, Tag(name)] for name, kind in _KINDS.items()))
     Json = TypeAliasType("Json", Annotated[_any_kind, Discriminator(lambda value: type(value).__name__)])
-# part of a path
-_FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]
+_FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]  # part of a path
 _Url = Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT), AfterValidator(_visible)]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 _Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is stored
@@ -79,7 +78,7 @@ _SceneSums = Annotated[UnitSums, AfterValidator(_equally_long)]
 class SubmissionPart(Section):
     """The submission: name, digest, parameters."""
 
-    name: Annotated[str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME)]
+    name: SubmissionName
     authors: Annotated[list[Name], Field(max_length=MOST_NAMES)]
     description: Text
     source: _Url  # of its code

@@ -16,6 +16,7 @@ from pydantic import Field
 from .._bundle import bundled
 from ..errors import MtpBenchError, RecordError
 from ..strict import Section, read_toml, validate
+from ..submission.manifest import SubmissionName
 from .seal import COMMITMENT, RETIRED, Commitment, ListedSeal, Retired, Sealed, commitment_of
 from .storage import read_as
 
@@ -29,7 +30,7 @@ _MOST_OUTPUT = 200  # characters
 
 
 class _Owners(Section):
-    owners: dict[str, Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,39}$")]]  # name of a submission -> login
+    owners: dict[SubmissionName, Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,39}$")]]  # -> login
 
 
 @dataclass(frozen=True)

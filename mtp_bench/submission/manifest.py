@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,11 +14,16 @@ from ..files import clean_text
 from ..strict import Section, read_toml, validate
 
 MANIFEST = "submission.toml"
-NAME_PATTERN = r"^[a-z0-9][a-z0-9_.-]*$"
-MOST_NAME = 64  # characters
 PARTS = ".part"  # suffix of the folder of an unfinished submit
 ROLLOUTS = ".rollouts"  # suffix of the folder beside a record
-BESIDE_RECORDS = (PARTS, ROLLOUTS)
+MOST_NAME = 64  # characters
+NAME_RULE = (
+    f"expected at most {MOST_NAME} lower-case letters, digits and _ . - after a letter or a digit, no dot before a dot "
+    f"or at the end, no {PARTS} or {ROLLOUTS} at the end, and no word that Windows reserves, such as con"
+)
+_NAME = re.compile(
+    rf"(?!(con|prn|aux|nul|com[0-9]|lpt[0-9])(\.|$))[a-z0-9][a-z0-9_-]*(\.[a-z0-9_-]+)*(?<!\{PARTS})(?<!\{ROLLOUTS})"
+)
 MOST_SETTINGS = 1000  # of a comparison
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 Role = Literal["ground_truth", "single", "several", "same_samples", "hedged"]
@@ -30,16 +36,18 @@ def _require_visible(text: str) -> str:
     return text
 
 
-def _require_own_suffix(name: str) -> str:
-    if name.endswith(BESIDE_RECORDS):
-        suffixes = " and ".join(BESIDE_RECORDS)
-        raise ValueError(f"expected another ending than {suffixes}: folders beside records have these")
-    return name
+def is_name(text: str) -> bool:
+    """Return True for a text that can name a submission, and so the folder of its records, on every system."""
+    return len(text) <= MOST_NAME and _NAME.fullmatch(text) is not None
 
 
-_FolderName = Annotated[
-    str, Field(pattern=NAME_PATTERN, max_length=MOST_NAME), AfterValidator(_require_own_suffix)
-]  # names a folder of records
+def _require_name(text: str) -> str:
+    if not is_name(text):
+        raise ValueError(NAME_RULE)
+    return text
+
+
+SubmissionName = Annotated[str, AfterValidator(_require_name)]
 _NOT_EMPTY = Field(min_length=1, strict=False)  # TOML has lists, no tuples
 _Shown = AfterValidator(_require_visible)  # records and the leaderboard show it
 _Author = Annotated[str, Field(max_length=100), _Shown]
@@ -65,7 +73,7 @@ class CompareSection(Section):
 class Manifest(Section):
     """Content of ``submission.toml``."""
 
-    name: _FolderName
+    name: SubmissionName
     authors: Annotated[tuple[_Author, ...], Field(min_length=1, max_length=50, strict=False)]
     agent: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]  # "module:function"
     description: Annotated[str, Field(max_length=2000), _Shown] = ""

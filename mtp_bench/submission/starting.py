@@ -8,7 +8,7 @@ from pathlib import Path
 from .._bundle import baseline_names
 from ..errors import SubmissionError
 from ..files import require_folder, whole_folder
-from .manifest import BESIDE_RECORDS, MANIFEST, MOST_NAME, NAME_PATTERN
+from .manifest import MANIFEST, MOST_NAME, NAME_RULE, is_name
 
 TEMPLATE = Path(__file__).parent / "template"
 FILES = (MANIFEST, "agent.py", "README.md")
@@ -20,12 +20,10 @@ def new_submission(name: str, parent: Path) -> Path:
     Raises SubmissionError for an invalid name or that of a baseline, for a folder that exists, and MtpBenchError if it
     cannot be written.
     """
-    if not re.fullmatch(NAME_PATTERN, name) or len(name) > MOST_NAME or name.endswith(BESIDE_RECORDS):
-        near = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MOST_NAME] or "mine"
-        raise SubmissionError(
-            f"{name!r} is not a name for a submission: expected at most {MOST_NAME} lower-case letters, digits and "
-            f"_ . - after a letter or a digit, without {' or '.join(BESIDE_RECORDS)} at the end, such as {near!r}"
-        )
+    if not is_name(name):
+        plain = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MOST_NAME]
+        near = plain if is_name(plain) else f"my-{plain or 'agent'}"
+        raise SubmissionError(f"{name!r} is not a name for a submission: {NAME_RULE}; choose another, such as {near!r}")
     if name in baseline_names():
         raise SubmissionError(f"{name!r} is the name of a baseline, which commands would take instead: choose another")
     folder = parent / name

@@ -33,8 +33,7 @@ class SceneLabels:
         self._scene, self._local = evaluated(scene), local
         truth = self._scene.truth
         self._gate = np.asarray(card.per_class(card.task.forecast_gate))
-        # objects by their place in `_ids`
-        self._ids, self._object = np.unique(truth.object_id, return_inverse=True)
+        self._ids, self._object = np.unique(truth.object_id, return_inverse=True)  # objects by their place in `_ids`
         self._box = local.to_local(truth.box)
         self._future = card.task.future
         # The last row is of no object.

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import shutil
+import subprocess
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from mtp_bench.gateway import Limits
 from mtp_bench.records import (
     Record,
     checked_record,
+    intake,
     load_record,
     open_seal,
     read_level,
@@ -33,9 +35,11 @@ from mtp_bench.records.rerun import why_unsandboxed
 from mtp_bench.records.seal import Commitment, SecretSeeds, commitment_of
 from mtp_bench.records.shipped import baseline_digest, shipped
 from mtp_bench.records.storage import content_digest, measured_digest
+from mtp_bench.records.trust import read_owners
 from mtp_bench.records.verifying import Verification, attest
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import SUBSETS
+from mtp_bench.submission.manifest import read_manifest
 from tests.support.board_records import MAIN, made_up
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.leaderboards import SIGNER, listed, make_key
@@ -345,15 +349,47 @@ def test_what_cannot_be_is_refused(what: str, tmp_path: Path) -> None:
         checked_record(forged(tmp_path / "a.json", made_up("odd", 0.9), change))
 
 
-@pytest.mark.parametrize("name", ["Stp", "st\u0440", "s tp", "../stp", "x" * 200, "stp\n", ""])
-def test_names_that_only_look_alike_are_refused(name: str, honest: tuple[Path, Record]) -> None:
-    path, record = honest
+NO_NAMES = (
+    "Stp", "st\u0440", "s tp", "../stp", "x" * 65, "stp\n", "", ".a", "a.", "a..b", "a.part", "a.rollouts", "con",
+    "nul.a", "com1", "lpt9.b", "\u0661",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [*NO_NAMES, "a.b", "console", "part", "a.parts", "9-_"])
+def test_one_rule_of_names_holds_for_manifests_records_and_owners(
+    name: str, honest: tuple[Path, Record], tmp_path: Path
+) -> None:
+    path, _ = honest
     content = json.loads(path.read_text())
     content["submission"]["name"] = name
     path.write_text(json.dumps(content))
-    with pytest.raises(RecordError, match=r"submission\.name: got"):
+    (tmp_path / "owners.toml").write_text(f'[owners]\n{json.dumps(name)} = "ada"\n')
+    folder = write_submission(tmp_path / "a", "placeholder")
+    manifest = (folder / "submission.toml").read_text().replace('"placeholder"', json.dumps(name))
+    (folder / "submission.toml").write_text(manifest)
+    where = (
+        (load_record, path, "submission.name"), (read_manifest, folder, "name"),
+        (read_owners, tmp_path / "owners.toml", f"owners.{name.strip()}"),
+    )  # fmt: skip
+    for read, file, key in where:
+        if name not in NO_NAMES:
+            read(file)
+            continue
+        with pytest.raises(MtpBenchError) as caught:
+            read(file)
+        assert f"{key}: got {name!r}: expected at most 64 lower-case" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "date", ["9999-99-99", "2026-02-30", "2026-1-1", "0000-01-01", "\u0662\u0660\u0662\u0666-01-01"]
+)
+def test_what_is_not_a_day_is_not_a_date(date: str, honest: tuple[Path, Record]) -> None:
+    path, _ = honest
+    content = json.loads(path.read_text())
+    content["measured"]["made"] = date
+    path.write_text(json.dumps(content))
+    with pytest.raises(RecordError, match=r"measured\.made: got '"):
         load_record(path)
-    assert record.submission.name == "honest"
 
 
 def test_a_file_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
@@ -496,6 +532,25 @@ def test_a_changed_statement_is_not_shown(what: str, honest: tuple[Path, Record]
     assert message in note(path, leaderboard)
 
 
+@pytest.mark.parametrize("signed", ["a", "honest", "z"])
+def test_of_two_copies_of_a_record_the_one_with_a_level_is_shown(
+    signed: str, honest: tuple[Path, Record], leaderboard: Path, key: Path, cli: CommandLine
+) -> None:
+    path, record = honest
+    for name in ("a", "z"):
+        shutil.copytree(path.parent, path.parents[1] / name)
+    sign(path.parents[1] / signed / path.name, record, key)
+    said = "".join(cli.ok("board", "--records", path.parents[1], "--base", leaderboard).split())  # lines are wrapped
+    assert "re-run" in said
+    others = {"a", "honest", "z"} - {signed}
+    for name in others:
+        assert f"{path.parents[1] / name / path.name}:acopyof{path.parents[1] / signed / path.name},which" in said
+    alone = path.parents[2] / "unsigned"
+    shutil.copytree(path.parents[1] / others.pop(), alone / "honest")
+    with_it = ("board", "--records", alone, "--base", leaderboard, "--with", path.parents[1] / signed / path.name)
+    assert "re-run" in cli.ok(*with_it)
+
+
 def test_a_level_that_is_a_link_is_not_shown(
     honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path
 ) -> None:
@@ -607,6 +662,63 @@ def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: P
     assert "no record to take in" in said
 
 
+def test_a_record_with_the_answers_of_another_is_taken_in_with_a_note(
+    cli: CommandLine, proposal: Path, leaderboard: Path
+) -> None:
+    path = proposal / "records" / "mtp" / f"{MAIN}.json"
+    for root in (proposal, leaderboard):
+        save_record(
+            made_up("mtp", 0.7, hashes={"seals": hex_of("a"), "rollouts": hex_of("b")}),
+            root / path.relative_to(proposal),
+        )
+    for hashes, same in ((("a", "c"), True), (("c", "b"), True), (("c", "d"), False)):
+        seals, rollouts = map(hex_of, hashes)
+        save_record(made_up("newcomer", 0.9, hashes={"seals": seals, "rollouts": rollouts}), proposal / NEWCOMER)
+        said = " ".join(cli.ok("maintain", "intake", proposal, "--base", leaderboard, "--owner", "ada").split())
+        assert ("gives the same answers as mtp" in said) == same
+        assert "`training_data` in submission.toml is empty" in said
+
+
+def test_the_work_of_intake_grows_with_the_number_of_owners(
+    proposal: Path, leaderboard: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[str] = []
+
+    def look(name: str) -> str:
+        seen.append(name)
+        return name
+
+    monkeypatch.setattr(intake, "_look", look)
+    others = "".join(f'x{i:04d} = "bob"\n' for i in range(1000))
+    (leaderboard / "owners.toml").write_text(f"[owners]\n{others}")
+    (proposal / "owners.toml").write_text(f"{OWNED}{others}" + "".join(f'y{i} = "ada"\n' for i in range(19)))
+    intake.take_in(proposal, trusted(leaderboard), "ada")
+    assert 1000 < len(seen) < 1200, "once for every owner"
+
+
+@pytest.mark.parametrize(
+    ("changed", "status"),
+    [
+        (b"leaderboard/records/a/b.json\nleaderboard/owners.toml", 0),
+        (b"leaderboard/records/\xff/b.json", 0),
+        (b"leaderboard/records/\xff/b.json\nmtp_bench/errors.py", 1),
+        (b"leaderboard/records/a\n\xff.py", 1),
+        (b"leaderboard/ownersXtoml", 1),
+    ],
+)
+def test_the_workflow_compares_names_by_bytes(changed: bytes, status: int, repository: Path, tmp_path: Path) -> None:
+    import yaml
+
+    steps = yaml.safe_load((repository / ".github/workflows/records.yml").read_text())["jobs"]["intake"]["steps"]
+    (script,) = (step["run"] for step in steps if "gh api" in step.get("run", ""))
+    (tmp_path / "changed").write_bytes(changed)
+    (tmp_path / "gh").write_text(f"#!/bin/sh\ncat {tmp_path}/changed\n")
+    (tmp_path / "gh").chmod(0o755)
+    environment = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "LC_ALL": "C.UTF-8", "REPOSITORY": "a/b", "NUMBER": "1"}
+    done = subprocess.run(["bash", "-e", "-c", script], env=environment, capture_output=True, check=False)
+    assert done.returncode == status
+
+
 def test_refusals_are_short(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
     """Rollouts are named once, and of many refusals the first are shown."""
     stored = proposal / "records" / "newcomer" / f"{MAIN}.rollouts" / "seed-0"
@@ -655,6 +767,14 @@ def without_a_rivals_level(proposal: Path, leaderboard: Path) -> None:
     level_path(leaderboard / "records" / "theirs" / f"{MAIN}.json").write_text("{}")
 
 
+def with_a_submodule(proposal: Path, _: Path) -> None:
+    """In git's commit alone, without a folder on disk."""
+    entry = f"160000,{'1' * 40},{proposal.name}/records/evil"
+    commit = ["-c", "user.name=a", "-c", "user.email=a@b", "commit", "-q", "-m", "a"]
+    for words in (["init", "-q"], ["add", "."], ["update-index", "--add", "--cacheinfo", entry], commit):
+        subprocess.run(["git", "-C", proposal.parent, *words], check=True)
+
+
 def with_a_key_twice(proposal: Path, _: Path) -> None:
     text = (proposal / NEWCOMER).read_text()
     (proposal / NEWCOMER).write_text(text.replace("{", '{\n "division": "closed",', 1))
@@ -674,8 +794,11 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
         writes(f"records/newcomer/{MAIN}.level.json", "{}"),
         "levels are written by those who check records: leave it out of the proposal, or bring",
     ),
-    "a link": (as_link, "neither a file nor a folder, such as a link"),
-    "a pipe": (lambda head, _: os.mkfifo(head / "records" / "newcomer" / "x.json"), "neither a file nor a folder"),
+    "a link": (as_link, f"{NEWCOMER}: link, expected a file of mode 100644"),
+    "a pipe": (lambda head, _: os.mkfifo(head / "records" / "newcomer" / "x.json"), "newcomer/x.json: FIFO, expected"),
+    "an executable file": (lambda head, _: (head / NEWCOMER).chmod(0o755), f"{NEWCOMER}: executable file, expected"),
+    "an empty folder": (lambda head, _: (head / "records" / "evil").mkdir(), "records/evil: empty folder or submodule"),
+    "a submodule": (with_a_submodule, "records/evil: git mode 160000, expected a file of mode 100644"),
     "another folder": (
         lambda head, _: (head / "records" / "newcomer").rename(head / "records" / "other"),
         "expected it at newcomer/",
@@ -690,14 +813,24 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a look-alike": (writes("owners.toml", f'{OWNED}s_t-p = "ada"\n'), "'s_t-p' looks like 'stp', which is taken"),
     "the name of a baseline": (writes("owners.toml", f'{OWNED}stp = "ada"\n'), "'stp' is taken: choose another name"),
     "two that look alike": (
-        writes("owners.toml", f'{OWNED}new-comer = "ada"\n'), "'newcomer' looks like 'new-comer', which is taken",
+        writes("owners.toml", f'{OWNED}new-comer = "ada"\n'), "'new-comer' looks like 'newcomer', which is taken",
     ),
     "an odd name": (
         writes("records/newcomer/a\x1b[2J\u202e.json", "{}"), "records/newcomer/a\ufffd[2J\ufffd.json: ",
     ),
     "a name for later": (
-        writes("owners.toml", f'{OWNED}"for <b>later</b>" = "ada"\n'),
-        "'for <b>later</b>' has no record: a name comes with the first record of it",
+        writes("owners.toml", f'{OWNED}later = "ada"\n'),
+        "'later' has no record: a name comes with the first record of it",
+    ),
+    "an odd name of an owner": (
+        writes("owners.toml", f'{OWNED}"<b>later</b>" = "ada"\n'), "owners.<b>later</b>: got '<b>later</b>': expected",
+    ),
+    "many names": (
+        writes("owners.toml", OWNED + "".join(f'"x{i:02d}" = "ada"\n' for i in range(20))),
+        "21 new names, expected at most 20 in one proposal",
+    ),
+    "a date to come": (
+        adds("newcomer", measured={"made": "2999-12-31"}), f"{NEWCOMER}: made on 2999-12-31, expected a day up to",
     ),
     "a record of a baseline": (adds("stp"), "'stp' is a baseline, only maintainers make its records"),
     "a name that is taken over": (

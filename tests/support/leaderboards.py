@@ -25,6 +25,7 @@ def make_leaderboard(folder: Path, *lines: str) -> Path:
     """A folder ``leaderboard`` with folders of records and seals, and these lines of ``allowed_signers``."""
     for name in ("keys", "records", "seals"):
         (folder / name).mkdir(parents=True, exist_ok=True)
+        (folder / name / ".gitkeep").touch()  # git has no empty folders
     (folder / "keys" / "allowed_signers").write_text("".join(lines))
     (folder / "owners.toml").write_text("[owners]\n")
     return folder

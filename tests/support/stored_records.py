@@ -17,8 +17,8 @@ from mtp_bench.records.seal import ListedSeal
 from mtp_bench.records.shipped import Shipped, baseline_digest
 from mtp_bench.records.storage import record_text, sealed
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
-from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, ratio
+from mtp_bench.scoring.subsets import Subset
 from mtp_bench.scoring.weights import scene_key
 from tests.support.report_rows import row_content
 
@@ -102,7 +102,7 @@ def make_record(
         "measured": {
             "hardware": {"cpu": "x", "cores": 2, "memory_gib": 8.0, "gpu": None},
             "latency": {"p50_ms": 1.0, "p95_ms": 2.0, "max_ms": 3.0},
-            "ms_per_frame": 1.0, "peak_memory_mib": 100.0, "made": "2030-01-01",
+            "ms_per_frame": 1.0, "peak_memory_mib": 100.0, "made": "2026-01-01",
         },
     }  # fmt: skip
     content = merged(content, changed)

@@ -13,8 +13,7 @@ from ...tracks import UNBORN
 from ...types import Bools, Floats, Ints
 from .compile import kernel, part
 
-# rows of a memory: class, identity, detections taken, frames since the last one
-CLASS, ID, HITS, AGE = range(4)
+CLASS, ID, HITS, AGE = range(4)  # rows of a memory: class, identity, detections taken, frames since the last one
 _UNSEEN, _SEEN = -1, -2
 
 
@@ -40,8 +39,7 @@ class _Taken(NamedTuple):
     """Detections that the new hypotheses took."""
 
     choice: (
-        # [N, K] detection of each old leaf, from 1 on; 0: none; negative: the hypothesis does not hold the leaf
-        Ints
+        Ints  # [N, K] detection of each old leaf, from 1 on; 0: none; negative: the hypothesis does not hold the leaf
     )
     by_any: Bools  # [K, D] whether any leaf of the hypothesis took the detection
     takers: Ints  # [D] how many hypotheses took it
