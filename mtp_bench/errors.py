@@ -1,9 +1,16 @@
-"""Errors of the library: each says what was got, what was expected, where, and what to do."""
+"""Errors of the library, and checks of arrays that raise them.
+
+Each error says what was got, what was expected, where, and what to do.
+"""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 class MtpBenchError(Exception):
@@ -83,3 +90,21 @@ def closest(got: object, known: Iterable[str]) -> str:
     lower = {name.lower(): name for name in sorted(known)}  # names that differ by case alone are the same
     close = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=0.5)
     return lower[close[0]] if close else ""
+
+
+def require_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...]) -> None:
+    """Raise ShapeError unless ``array`` has ``shape``; None stands for any length."""
+    fits = array.ndim == len(shape) and all(
+        want is None or want == got for want, got in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        want = tuple("any" if n is None else n for n in shape)
+        raise ShapeError(f"{name} has shape {array.shape}, expected {want}")
+
+
+def require_finite(name: str, array: NDArray[Any]) -> None:
+    """Raise ShapeError naming the first entry of ``array`` that is NaN or infinite."""
+    bad = ~np.isfinite(array)
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise ShapeError(f"{name}{list(index)} is {array[index]}, expected a finite number ({int(bad.sum())} such)")

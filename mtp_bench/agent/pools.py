@@ -53,7 +53,8 @@ def reduce_pools(
     small = size <= task.samples
     entry, owner, place = _entries(pools.start, small)
     if np.ndim(forecasts.row) == 2 and len(forecasts.row) * each <= task.samples:  # type: ignore[arg-type]
-        place = pools.hypothesis[entry]  # where all fit, samples of one hypothesis have the same places in all objects
+        # where all fit, samples of one hypothesis have the same places in all objects
+        place = pools.hypothesis[entry]
     slot = place[:, None] * each + np.arange(each)
     samples[owner[:, None], slot] = forecasts.samples[pools.row[entry]]
     log_weight[owner[:, None], slot] = weight[pools.row[entry]] + pools.log_mass[entry][:, None]

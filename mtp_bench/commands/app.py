@@ -132,7 +132,8 @@ def about(
 
 def main() -> None:
     """Entry point: errors of the library become one line and exit status 1, Ctrl-C one line and 130."""
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy loads, and for workers: matrices are small
+    # before NumPy loads, and for workers: matrices are small
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  (it was closed)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

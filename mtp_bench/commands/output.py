@@ -70,7 +70,8 @@ def fail(text: str) -> None:
 def say(text: str) -> None:
     """Print one line on the error stream."""
     line = " ".join(part.strip() for part in text.splitlines())
-    print(clean_text(line, len(line) + 1), file=sys.stderr)  # clean: it may contain names from a foreign submission
+    # clean: it may contain names from a foreign submission
+    print(clean_text(line, len(line) + 1), file=sys.stderr)
 
 
 def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool, file: Path | None = None) -> None:

@@ -68,7 +68,8 @@ def _line(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) 
     asked_for = record.status == "partial" and not record.missed.crashed_scenes  # by --scenes
     if asked_for or not record.unfinished:
         return Line(piece, outcome, seconds)
-    reasons = {} if record.status in ("crashed", "rejected") else record.missed.reasons  # these statuses state one
+    # these statuses state one
+    reasons = {} if record.status in ("crashed", "rejected") else record.missed.reasons
     return Line(piece, "failed", note=": ".join([record.unfinished, *list(reasons.values())[:1]]))
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..shapes import require_shape
+from ..errors import require_shape
 from ..types import Detections, Floats, Truth
 from .draws import Draws
 from .errors import estimated_boxes, measured_velocities, position_errors

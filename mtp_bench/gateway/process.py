@@ -250,7 +250,8 @@ class AgentProcess:
         elif self._handle is not None:
             with suppress(OSError):
                 signal.pidfd_send_signal(self._handle, signal.SIGKILL)
-            processes.ready(self._handle, _END_SECONDS)  # the first process of a namespace ends after all others
+            # the first process of a namespace ends after all others
+            processes.ready(self._handle, _END_SECONDS)
             while processes.ready(self._news, _END_SECONDS) and os.read(self._news, 4096):
                 pass  # until its parent, which waits for it, has ended too
         if self._handle is not None:

@@ -22,7 +22,8 @@ ROOT = Path("/sys/fs/cgroup")
 _NAME = "mtp_bench"  # followed by the pid of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
 _V1 = {"memory.limit_in_bytes": "memory", "memory.memsw.limit_in_bytes": "with_swap", "pids.max": "processes"}
-_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")  # the others limit swap, which not every system has
+# the others limit swap, which not every system has
+_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")
 _REMOVE_SECONDS = 2.0  # that the system may take to empty a group
 _DUMPABLE = 4  # of prctl
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096

@@ -67,7 +67,8 @@ def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
             continue
         for s in range(_BLOCK * b, _BLOCK * (b + 1)):
             partial += chance[s]
-            chosen = s if chance[s] > 0.0 else chosen  # the last one, where sums round otherwise than the block's
+            # the last one, where sums round otherwise than the block's
+            chosen = s if chance[s] > 0.0 else chosen
             if partial > mark:
                 break
         break

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import ShapeError
-from ..shapes import require_finite, require_shape
+from ..errors import ShapeError, require_finite, require_shape
 from ..tracking.kernels.compile import kernel
 from ..types import Bools, Floats, Ints
 

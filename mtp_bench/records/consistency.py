@@ -9,9 +9,9 @@ from typing import Any
 
 from ..errors import RecordError
 from ..files import read_bounded
+from ..scoring.definitions import SUBSETS
 from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
-from ..scoring.subsets import SUBSETS
 from ..strict import parse_json
 from .canonical import canonical
 from .evaluation import status_of
@@ -26,7 +26,8 @@ _NOT_KNOWN_ALONE = (  # they depend on other records, or are measured
     "rank", "unranked_because", "gap_closed", "gap_interval", "gap_closed_same_predictor",
     "gap_same_predictor_interval", "ms_per_frame",
 )  # fmt: skip
-_ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")  # m, at most that of a missed target
+# m, at most that of a missed target
+_ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")
 _LENGTHS = (*_ERRORS, "minADE", "minFDE", "fixed_error")
 
 

@@ -22,7 +22,8 @@ from ..types import Rollout
 from .canonical import rounded
 from .record import MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
-_LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")  # of a row: they depend on other records, or are measured
+# of a row: they depend on other records, or are measured
+_LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from .._bundle import baseline_names
+from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.rank import guard, ranks_among, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
-from ..scoring.subsets import SUBSETS, Subset
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked

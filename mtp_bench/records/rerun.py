@@ -21,9 +21,9 @@ from ..errors import RecordError
 from ..gateway import SceneRun
 from ..parallel import Progress
 from ..scoring import Reference
+from ..scoring.definitions import SUBSETS
 from ..scoring.rank import why_not_on
 from ..scoring.rows import Row
-from ..scoring.subsets import SUBSETS
 from ..sources import discard, keep_private, open_source
 from .canonical import Difference
 from .record import HiddenPart, IsolationPart, Record

@@ -12,7 +12,7 @@ from .._bundle import baseline_names, card_ids
 from ..cards import load_card
 from ..running.reference import frozen_reference
 from ..scoring import Reference
-from ..scoring.subsets import SUBSETS, Subset
+from ..scoring.definitions import SUBSETS, Subset
 from ..submission.contents import digest_of, files_of
 from ..submission.loader import load_submission
 

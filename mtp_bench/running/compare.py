@@ -48,7 +48,8 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     """
     require_list(names)
     env = MTPEnv(env_id, **options.env_keywords)
-    card, ranked = env.card, ranked_scenes(env.card, env.scene_names)  # first, for an error in a file of weights
+    # first, for an error in a file of weights
+    card, ranked = env.card, ranked_scenes(env.card, env.scene_names)
     scenes, role = options.chosen(ranked), controls()
     settings = all_settings([*control_names(), *names], card)
     options.require_tracks_used([setting.submission for setting in settings])
@@ -61,7 +62,8 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     for each in itertools.chain(*pairs.values()):
         if each not in references:  # settings of a sweep share them
             references.append(each)
-            each.submission.require_parameters(**each.parameters)  # they run last: errors show before anything runs
+            # they run last: errors show before anything runs
+            each.submission.require_parameters(**each.parameters)
     agents = score_settings([*settings, *references], env_id, card, scenes, options)
     scores = agents[len(settings) :]
     own = {
@@ -76,7 +78,8 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     if len(ranked) < len(env.scene_names):
         missing = f"{len(env.scene_names) - len(ranked)} of {len(env.scene_names)} scenes of the split have none"
         report.condition["weights"] += f"; {missing} and are left out"
-    skipped = total_skipped(score.skipped for score in agents[0].seeds[0])  # every setting reads the same scenes
+    # every setting reads the same scenes
+    skipped = total_skipped(score.skipped for score in agents[0].seeds[0])
     return Comparison(report, reference, tuple(settings), skipped)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .clear import tracking_counts as tracking_counts
 from .definitions import DEFINITIONS as DEFINITIONS
+from .definitions import SUBSETS as SUBSETS
 from .details import end_to_end_accuracy as end_to_end_accuracy
 from .details import forecast_average_precision as forecast_average_precision
 from .displacement import Displacement as Displacement
@@ -30,7 +31,6 @@ from .statistics import bootstrap_interval as bootstrap_interval
 from .statistics import effective_number as effective_number
 from .statistics import paired_difference as paired_difference
 from .statistics import sign_flip_test as sign_flip_test
-from .subsets import SUBSETS as SUBSETS
 from .table import AgentScores as AgentScores
 from .table import stated_hypotheses as stated_hypotheses
 from .targets import Targets as Targets

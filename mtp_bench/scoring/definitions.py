@@ -1,8 +1,9 @@
-"""Version and constants of the definitions that every result carries."""
+"""Version, constants and subsets of the definitions that every result carries."""
 
 from __future__ import annotations
 
 import math
+from typing import Literal, get_args
 
 DEFINITIONS = "2.0"  # raised whenever a number of an unchanged rollout would change
 GOLDEN = "36c7ccb68c345965b09652b7141bbf11d5513d5c66423aafc17ebe2d8f88cc07"  # tests/scoring/test_golden_results.py
@@ -31,3 +32,7 @@ CAMERA_HEIGHT = 1.65  # m above the ground on which an object is put to be seen 
 LEAST_IMAGE_HEIGHT = 25.0  # pixels; labels confirm nothing that is seen this small
 MOST_IN_REGION = 0.5  # share in one region where labels do not care; nothing of which more lies there is confirmed
 BLOCK_SECONDS = 20.0  # units of uncertainty are blocks of recordings, at most this long
+
+# Weights from 0 to 1 over one array of targets (docs/definitions, "Subsets").
+Subset = Literal["all", "ids", "lost", "reacquired", "frag", "paper_ids", "paper_frag"]
+SUBSETS: tuple[Subset, ...] = get_args(Subset)

@@ -17,7 +17,8 @@ from ..types import Bools, Floats, Ints
 from .pairs import Pairs, Rows
 
 Matched = NDArray[np.intp]
-_MOST_CELLS = 1 << 20  # of a dense table of costs: a few boxes that touch many objects must not choose the memory
+# of a dense table of costs: a few boxes that touch many objects must not choose the memory
+_MOST_CELLS = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..shapes import require_shape
+from ..errors import require_shape
 from .definitions import LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, SIGNIFICANT
 from .rows import Budget
 from .statistics import ROUNDING, beyond_rounding, effective_number, sign_flip_test

@@ -10,12 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..cards import Card
-from .definitions import DEFINITIONS
+from .definitions import DEFINITIONS, SUBSETS, Subset
 from .details import details
 from .rank import ALONE, Entrant, guard, ranks_among, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
 from .statistics import Gap, bootstrap_interval, effective_number, gap_closed, paired_difference, ratio
-from .subsets import SUBSETS, Subset
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
 from .weights import Reference
 

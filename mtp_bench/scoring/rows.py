@@ -11,7 +11,7 @@ from pydantic import Field, model_serializer
 
 from ..strict import Section
 from ..tables import Column
-from .subsets import Subset
+from .definitions import Subset
 
 Count = Annotated[int, Field(ge=0)]
 Interval = Annotated[tuple[float, float], Field(strict=False)]  # 95 %; JSON has a list of two

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ShapeError
-from ..shapes import require_finite, require_shape
+from ..errors import ShapeError, require_finite, require_shape
 from ..types import Floats
 
 RESAMPLES = 2000

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ..errors import RolloutError
 from ..files import cache_root
 from ..types import Bools, Floats, Ints
+from .definitions import SUBSETS
 from .ranking_error import BudgetErrors, Budgets, budgets_of, errors_at
 from .rows import AgentSetting, Budget
 from .score import SceneScore
-from .subsets import SUBSETS
 from .weights import Reference
 
 

@@ -107,7 +107,8 @@ def units(scene: Scene) -> Ints:
     if scene.frames < 2:
         return np.zeros(scene.frames, dtype=np.int64)
     seconds = float(scene.time[-1] - scene.time[0]) * scene.frames / (scene.frames - 1)
-    count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))  # times are sums of rounded periods
+    # times are sums of rounded periods
+    count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))
     return np.arange(scene.frames) * count // scene.frames
 
 

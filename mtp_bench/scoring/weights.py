@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..errors import DataError, UnknownNameError
 from ..types import Bools, Rollout, Scene
+from .definitions import SUBSETS
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .neutral import evaluated
-from .subsets import SUBSETS
 
 WEIGHED = SUBSETS[1:]  # "all" weighs every target alike
 EVENTS = ("ids", "lost", "reacquired")  # frag is lost or reacquired

@@ -11,10 +11,10 @@ import numpy as np
 from ..running.compare import scores_of
 from ..running.settings import Setting
 from ..scoring import AgentScores, Reference, ReferencePair, Report, summarise
+from ..scoring.definitions import Subset
 from ..scoring.report import paired_row
 from ..scoring.rows import Interval, PairedRow, Row
 from ..scoring.statistics import bootstrap_interval, ratio
-from ..scoring.subsets import Subset
 from ..scoring.table import AgentTable
 from ..types import Bools, Floats, Ints
 from .causes import causes
@@ -85,7 +85,8 @@ class Findings:
 
     def _scores(self, setting: Setting) -> AgentScores:
         measured = self.of(setting)
-        return scores_of(setting, measured.scores, measured.setting.label)  # equal runs have one name in the report
+        # equal runs have one name in the report
+        return scores_of(setting, measured.scores, measured.setting.label)
 
     def mean(self, table: AgentTable, value: Floats, weight: Floats | Bools) -> Mean:
         """Mean of ``value`` [n] over targets by their ``weight`` [n]."""

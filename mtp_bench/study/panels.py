@@ -61,7 +61,8 @@ def draw_panel(axis: Any, panel: Panel) -> None:
     """Draw the series of a panel, its ticks and labels."""
     axis.grid(axis="x" if panel.stacked else "y")
     bars = [series for series in panel.series if series.kind == "bar"]
-    base = np.zeros((2, max((len(series.x) for series in bars), default=0)))  # tops of positive and negative bars
+    # tops of positive and negative bars
+    base = np.zeros((2, max((len(series.x) for series in bars), default=0)))
     for series in panel.series:
         if series.kind == "bar":
             _bar(axis, panel, series, bars.index(series), len(bars), base)

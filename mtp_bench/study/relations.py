@@ -9,10 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..running.settings import Setting
-from ..scoring.definitions import RANKED_UNITS
+from ..scoring.definitions import RANKED_UNITS, Subset
 from ..scoring.rows import Interval
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio, share_interval
-from ..scoring.subsets import Subset
 from ..types import Floats
 from ..viz.terminal.paper import PAPER_HYPOTHESES, figures_of, shared_events
 from .findings import Findings

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from ..running.settings import Setting
+from ..scoring.definitions import Subset
 from ..scoring.statistics import ratio
-from ..scoring.subsets import Subset
 from ..tables import Column, Table
 from ..types import Bools
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events

@@ -33,7 +33,8 @@ class SceneLabels:
         self._scene, self._local = evaluated(scene), local
         truth = self._scene.truth
         self._gate = np.asarray(card.per_class(card.task.forecast_gate))
-        self._ids, self._object = np.unique(truth.object_id, return_inverse=True)  # objects by their place in `_ids`
+        # objects by their place in `_ids`
+        self._ids, self._object = np.unique(truth.object_id, return_inverse=True)
         self._box = local.to_local(truth.box)
         self._future = card.task.future
         # The last row is of no object.

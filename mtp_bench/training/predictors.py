@@ -120,7 +120,8 @@ def training_set(network: Network, found: Windows, sizes: Sizes) -> TrainingSet:
     Windows without a known future have weight 0: they are there for the others to see.
     """
     validation = validation_rows(found)
-    whole = found.future_known.all(axis=1) | ~validation  # near the end of a scene only slow errors could be seen
+    # near the end of a scene only slow errors could be seen
+    whole = found.future_known.all(axis=1) | ~validation
     return TrainingSet(
         inputs=network.inputs(found, found.moment, found.seen, sizes),
         future=local_future(found, found.future),

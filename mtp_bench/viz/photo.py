@@ -69,7 +69,8 @@ def projected(projection: Floats, box: Floats) -> Floats:
     """Edges [n, 2, 2] of a box [7] in an image, pixels, without the parts that are close to the camera or behind."""
     corner = np.column_stack([bev_corners(box), np.full(4, box[2] - box[6] / 2)])
     corner = np.concatenate([corner, corner + np.array([0.0, 0.0, box[6]])])
-    ends = (np.column_stack([corner, np.ones(8)]) @ projection.T)[EDGES]  # [12, 2, 3] pixels times metres, metres
+    # [12, 2, 3] pixels times metres, metres
+    ends = (np.column_stack([corner, np.ones(8)]) @ projection.T)[EDGES]
     ends = ends[ends[..., 2].max(axis=1) > CLOSE]
     behind = np.maximum(CLOSE - ends[..., 2:], 0.0)  # [n, 2, 1] m
     other = ends[:, ::-1]

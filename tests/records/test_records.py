@@ -24,8 +24,8 @@ from mtp_bench.records.evaluation import status_of
 from mtp_bench.records.record import MissedPart, Record
 from mtp_bench.records.rerun import require_answered, worse_when_moved
 from mtp_bench.records.storage import content_digest
+from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.rows import Row
-from mtp_bench.scoring.subsets import Subset
 from mtp_bench.sources.cache import scene_digest
 from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene

@@ -17,8 +17,8 @@ from mtp_bench.records.seal import ListedSeal
 from mtp_bench.records.shipped import Shipped, baseline_digest
 from mtp_bench.records.storage import record_text, sealed
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
+from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.statistics import bootstrap_interval, effective_number, ratio
-from mtp_bench.scoring.subsets import Subset
 from mtp_bench.scoring.weights import scene_key
 from tests.support.report_rows import row_content
 

@@ -26,7 +26,8 @@ from .network import Network, Sizes
 
 SHIPPED = Path(__file__).with_name("weights")
 PACKED = ".xz"  # suffix of the files that ship
-_FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0, "lp": 1, "pb": 1}]  # pairs of bytes
+# pairs of bytes
+_FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0, "lp": 1, "pb": 1}]
 FORMAT = "mtp-bench weights 1"
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 

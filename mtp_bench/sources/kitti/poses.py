@@ -60,10 +60,12 @@ class Poses:
         """Boxes ``[R, 7]`` of the world as seen in ``frame [R]``: the inverse of `to_world`."""
         rotation = self.rotation[frame]
         heading = np.stack([np.cos(box[:, 3]), np.sin(box[:, 3])], axis=-1)
-        heading = np.linalg.solve(rotation[:, :2, :2], heading[..., None])[..., 0]  # its shadow is the heading there
+        # its shadow is the heading there
+        heading = np.linalg.solve(rotation[:, :2, :2], heading[..., None])[..., 0]
         moved = np.array(box, dtype=np.float64)
         place = box[:, :3] - self.position[frame]
-        moved[:, :3] = np.linalg.solve(rotation, place[..., None])[..., 0]  # odometry's are rotations up to rounding
+        # odometry's are rotations up to rounding
+        moved[:, :3] = np.linalg.solve(rotation, place[..., None])[..., 0]
         moved[:, 3] = np.arctan2(heading[:, 1], heading[:, 0])
         return moved
 

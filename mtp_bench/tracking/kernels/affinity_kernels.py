@@ -26,7 +26,8 @@ _COLUMNS = 12
 def _share(x: float, y: float, end_x: float, end_y: float, half_l: float, half_w: float) -> float:
     """Share of the edge from x, y to end_x, end_y that is inside the rectangle around 0."""
     dx, dy = end_x - x, end_y - y
-    inverse_x = 1.0 / (_TINY if abs(dx) < _TINY else dx)  # parallel: inside for all of its length or for none of it
+    # parallel: inside for all of its length or for none of it
+    inverse_x = 1.0 / (_TINY if abs(dx) < _TINY else dx)
     inverse_y = 1.0 / (_TINY if abs(dy) < _TINY else dy)
     enter_x, leave_x = (-half_l - x) * inverse_x, (half_l - x) * inverse_x
     enter_y, leave_y = (-half_w - y) * inverse_y, (half_w - y) * inverse_y
@@ -166,7 +167,8 @@ def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int
     if kind == IOU_3D:
         return float(iou - gate)
     whole = max(top_a, top_b) - min(low_a, low_b)
-    hull = max(hull_area(x, y, cos, sin, l_a, w_a, l_b, w_b) * whole, union)  # rounding: the union may not stand out
+    # rounding: the union may not stand out
+    hull = max(hull_area(x, y, cos, sin, l_a, w_a, l_b, w_b) * whole, union)
     return float(iou - (hull - union) / max(hull, _TINY) - gate)
 
 

@@ -267,7 +267,8 @@ def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tupl
             parents = write_totals(q, component[q], of_parent, ranked, total, totals)
             numbers[1, q] = note_small(gap, numbers[0, q], numbers[1, q], best, totals, parents, slack)
     large = np.nonzero(choices)[0]
-    for q in large[np.argsort(choices[large], kind="mergesort")]:  # the bound has fallen when the costly ones come
+    # the bound has fallen when the costly ones come
+    for q in large[np.argsort(choices[large], kind="mergesort")]:
         parents = write_totals(q, component[q], of_parent, ranked, total, totals)
         n = begin[q + 1] - begin[q]
         if used + k * n > len(pairs):

@@ -13,7 +13,8 @@ from ...tracks import UNBORN
 from ...types import Bools, Floats, Ints
 from .compile import kernel, part
 
-CLASS, ID, HITS, AGE = range(4)  # rows of a memory: class, identity, detections taken, frames since the last one
+# rows of a memory: class, identity, detections taken, frames since the last one
+CLASS, ID, HITS, AGE = range(4)
 _UNSEEN, _SEEN = -1, -2
 
 
@@ -39,7 +40,8 @@ class _Taken(NamedTuple):
     """Detections that the new hypotheses took."""
 
     choice: (
-        Ints  # [N, K] detection of each old leaf, from 1 on; 0: none; negative: the hypothesis does not hold the leaf
+        # [N, K] detection of each old leaf, from 1 on; 0: none; negative: the hypothesis does not hold the leaf
+        Ints
     )
     by_any: Bools  # [K, D] whether any leaf of the hypothesis took the detection
     takers: Ints  # [D] how many hypotheses took it

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 from ...records.canonical import rounded
+from ...scoring.definitions import Subset
 from ...scoring.rows import Row
-from ...scoring.subsets import Subset
 from ...tables import Column, Table, Value, columns_of
 from .entries import Entry
 

@@ -11,10 +11,9 @@ from ..._bundle import card_ids
 from ...cards import load_card
 from ...records.attestation import Checked, Level
 from ...records.ranking import Standing, standings
-from ...scoring.definitions import SIGNIFICANT
+from ...scoring.definitions import SIGNIFICANT, Subset
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
-from ...scoring.subsets import Subset
 from ...submission.loader import ON_SCORED
 
 _LAST = 1000  # behind all envs whose card states a place

@@ -13,9 +13,8 @@ from ...cards import load_card
 from ...files import clean_text
 from ...records.attestation import LEVELS
 from ...records.ranking import STP
-from ...scoring.definitions import DEFINITIONS
+from ...scoring.definitions import DEFINITIONS, SUBSETS
 from ...scoring.rows import Row
-from ...scoring.subsets import SUBSETS
 from ...sources import about
 from ...tables import BLANK, Column, Table, columns_of
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns

@@ -13,8 +13,7 @@ from pathlib import Path
 
 from ...errors import MtpBenchError, UnknownNameError
 from ...files import clean_text, read_bounded, write_text
-from ...scoring.definitions import SIGNIFICANT
-from ...scoring.subsets import SUBSETS, Subset
+from ...scoring.definitions import SIGNIFICANT, SUBSETS, Subset
 from ...tables import BLANK, Column, Table, Value, short, to_markdown
 from .columns import COLUMN, INTERVALS, PAGE
 from .entries import Entry, by_board, empty_error

@@ -78,7 +78,8 @@ def _draw_things(canvas: Canvas, shown: FocusFrame, forecasts: Forecasts, near: 
     canvas.boxes(shown.dim_track, DIM_TRACK)
     canvas.boxes(shown.dim_truth, DIM_TRUTH)
     for role, forecast in forecasts:
-        newest = role == "now"  # the sample nearest to the truth bold, the others thin; an old one alone, dashed
+        # the sample nearest to the truth bold, the others thin; an old one alone, dashed
+        newest = role == "now"
         for path in forecast.path if newest else ():
             canvas.lines([np.concatenate([forecast.start[None], path])], ROLES[role], 1.0, 70)
         nearest = canvas.pixels(forecast.nearest_path)

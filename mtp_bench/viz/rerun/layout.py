@@ -19,7 +19,8 @@ from .shown import ShownAgent
 
 SHARED = ("map/**", "ego", "gt", "gt_future", "at")  # entities that every view of the scene shows
 BACKGROUND = (18, 18, 24)
-ABOVE, NORTH = (0.0, 0.0, 2.2), (0.0, 1.0, 0.0)  # place of an eye in units of the reach; direction that is up there
+# place of an eye in units of the reach; direction that is up there
+ABOVE, NORTH = (0.0, 0.0, 2.2), (0.0, 1.0, 0.0)
 ASIDE, UP = (-0.9, -1.0, 0.9), (0.0, 0.0, 1.0)  # of an oblique eye
 DARK: Color = (66, 66, 76)  # true boxes that are not of the event
 DARKER: Color = (46, 46, 54)  # detections and tracks

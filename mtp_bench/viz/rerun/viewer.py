@@ -59,7 +59,8 @@ def serve_recording(replays: Sequence[Replay], level: str, at: Incident | None, 
 
     Raises MtpBenchError if the server does not start.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a server that is ended does not leave one behind
+    # a server that is ended does not leave one behind
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     port, page = free_port(), free_port()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.rrd"

@@ -10,8 +10,8 @@ from typing import Any
 from ..._bundle import card_ids
 from ...cards import load_card
 from ...scoring import Report
+from ...scoring.definitions import Subset
 from ...scoring.rows import Row
-from ...scoring.subsets import Subset
 from ...submission.loader import controls
 
 Figures = dict[str, list[float]]  # subset -> minADE, minFDE in metres

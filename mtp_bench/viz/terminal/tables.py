@@ -8,9 +8,8 @@ from textwrap import wrap
 from typing import Annotated, Any
 
 from ...scoring import Report
-from ...scoring.definitions import RANKED_SUBSETS
+from ...scoring.definitions import RANKED_SUBSETS, SUBSETS, Subset
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
-from ...scoring.subsets import SUBSETS, Subset
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
 from .paper import PAPER_SUBSETS, Figures, paper_figures, shipped_env

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 
 from ...scoring import Report
-from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT
+from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT, Subset
 from ...scoring.rank import NOT_CAUSAL
 from ...scoring.rows import Details, Interval, Row
-from ...scoring.subsets import Subset
 from ...submission.loader import controls
 from ...tables import BLANK, Column, short
 from .output import counted
