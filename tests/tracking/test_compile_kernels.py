@@ -1,4 +1,4 @@
-"""When and where kernels are compiled, and that damaged ones are not loaded; each case in a process of its own."""
+"""Compiling kernels: once per machine, again if a compiled file is damaged, and without a cache that can be written."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 
 from mtp_bench.tracking.kernels import cache
-from mtp_bench.tracking.kernels.compile import part
+from mtp_bench.tracking.kernels import compile as compiling
+from mtp_bench.tracking.kernels.compile import Kernel, part
+from mtp_bench.tracking.kernels.tree_kernels import distinct_rows
 
 PROGRAM = """
 import numpy as np
@@ -31,17 +34,31 @@ def start(folder: Path, **more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def run(folder: Path, **more: str) -> tuple[str, str]:
-    """What such a process prints and writes to stderr."""
-    return start(folder, **more).communicate()
+def load(folder: Path, patch: pytest.MonkeyPatch) -> Kernel[Any]:
+    """The same kernel as a new process would load it; its results are checked."""
+    patch.setenv("NUMBA_CACHE_DIR", str(folder))
+    patch.setattr(compiling, "_announced", set())
+    kernel: Kernel[Any] = Kernel(distinct_rows.function, distinct_rows.signature)
+    assert kernel(np.array([[True], [True], [False]]), np.array([1, 1, 2])).tolist() == [0, 2]
+    return kernel
 
 
-def test_compiled_once_whatever_the_processes(tmp_path: Path) -> None:
-    processes = [start(tmp_path) for _ in range(3)]
-    outputs = [process.communicate() for process in processes]
-    assert [printed for printed, _ in outputs] == [PRINTED] * 3
-    assert sorted(said.count("once per machine") for _, said in outputs) == [0, 0, 1]
-    assert run(tmp_path) == (PRINTED, "")
+@pytest.fixture(scope="module")
+def cached(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[tuple[str, str]]]:
+    """A cache that two processes filled at the same time, and their outputs."""
+    folder = tmp_path_factory.mktemp("cache")
+    processes = [start(folder) for _ in range(2)]
+    return folder, [process.communicate() for process in processes]
+
+
+def test_two_processes_compile_once(
+    cached: tuple[Path, list[tuple[str, str]]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, outputs = cached
+    assert [printed for printed, _ in outputs] == [PRINTED] * 2
+    assert sorted(error.count("once per machine") for _, error in outputs) == [0, 1]
+    load(folder, monkeypatch)
+    assert capsys.readouterr().err == ""
 
 
 def flip(file: Path) -> None:
@@ -60,28 +77,28 @@ DAMAGE: list[tuple[str, Callable[[Path], None]]] = [
 ]  # fmt: skip
 
 
-def test_a_damaged_file_is_noticed_and_the_kernel_compiled_again(tmp_path: Path) -> None:
-    run(tmp_path)
+def test_a_damaged_file_is_noticed_and_the_kernel_compiled_again(
+    cached: tuple[Path, list[tuple[str, str]]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     for ending, damage in DAMAGE:
-        (file,) = tmp_path.rglob(f"*.{ending}")
+        (file,) = cached[0].rglob(f"*.{ending}")
         damage(file)
-        printed, said = run(tmp_path)
-        assert printed == PRINTED
-        assert "is damaged and compiled again" in said
+        kernel = load(cached[0], monkeypatch)
+        assert "is damaged and compiled again" in capsys.readouterr().err
         assert file.is_file()
-    assert run(tmp_path) == (PRINTED, "")
+        assert cache.is_sound(kernel.folder, distinct_rows.function.__code__.co_filename)
 
 
-def test_works_where_nothing_can_be_written(tmp_path: Path) -> None:
-    nowhere = tmp_path / "file" / "cache"
-    nowhere.parent.write_text("a file, not a folder", encoding="utf-8")
-    printed, said = run(nowhere)
-    assert printed == PRINTED
-    assert "set NUMBA_CACHE_DIR" in said
+def test_a_cache_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("a file, not a folder", encoding="utf-8")
+    load(tmp_path / "file" / "cache", monkeypatch)
+    assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err
 
 
-def test_runs_in_plain_python_without_numba_s_compiler(tmp_path: Path) -> None:
-    assert run(tmp_path, NUMBA_DISABLE_JIT="1") == (PRINTED, "")
+def test_plain_python_without_numba_s_compiler(tmp_path: Path) -> None:
+    assert start(tmp_path, NUMBA_DISABLE_JIT="1").communicate() == (PRINTED, "")
     assert not list(tmp_path.iterdir())
 
 
