@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from pydantic import BaseModel
 
@@ -16,9 +15,7 @@ from mtp_bench.cards import DetectorSection, TaskSection
 from mtp_bench.cards.source import SOURCES, source_class
 from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine
-from tests.support.small_scenes import task
 
-TASK = task(classes=("car",), detections=5, objects=7)
 PAGES = sorted(path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "docs").rglob("*.md"))
 DOCUMENTS = (
     "README.md",
@@ -85,26 +82,6 @@ def test_the_example_of_the_detector_runs(repository: Path) -> None:
     text = block(repository / "mtp_bench/detector/README.md", "python", "simulate(")
     exec(compile(text, "detector/README.md", "exec"), found)
     assert found["detections"].box.shape[1] == 7
-
-
-def test_the_submission_works(repository: Path, tmp_path: Path) -> None:
-    page = repository / "docs/start/submission.md"
-    folder = tmp_path / "standing_still"
-    folder.mkdir()
-    (folder / "submission.toml").write_text(block(page, "toml", "standing_still/submission.toml"))
-    (folder / "agent.py").write_text(block(page, "python", "standing_still/agent.py"))
-    agent = load_submission(folder).build(TASK)
-    agent.reset(TASK)
-    observation: dict[str, Any] = {
-        "detection_box": np.arange(35.0).reshape(5, 7),
-        "detection_class": np.array([0, 0, 0, -1, -1]),
-        "detection_valid": np.array([1, 1, 1, 0, 0]),
-    }
-    action = agent.act(observation)
-    assert action["object_valid"].tolist() == [1, 1, 1, 0, 0, 0, 0]
-    assert action["object_box"].shape == (7, 7)
-    np.testing.assert_array_equal(action["object_box"][:3], observation["detection_box"][:3])
-    assert action["forecast"].shape == (7, 4, 3, 2)
 
 
 def test_the_submission_passes_check(repository: Path, tmp_path: Path, cli: CommandLine) -> None:

@@ -14,7 +14,7 @@ from mtp_bench import card_ids
 from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card, parse_card
 from mtp_bench.detector import load_profile
-from mtp_bench.errors import CardError, MtpBenchError, UnknownNameError
+from mtp_bench.errors import CardError, MtpBenchError
 from mtp_bench.sources.highway.world import GENERATOR, HighwaySource
 
 Content = dict[str, Any]
@@ -257,17 +257,3 @@ def test_wrong_content_of_simulated_traffic(key: str, value: object, text: str) 
     with pytest.raises(MtpBenchError) as caught:
         parse_card(put(simulated_content(), key, value))
     assert text in str(caught.value)
-
-
-def test_wrong_files_and_names(tmp_path: Path) -> None:
-    path = tmp_path / "MTP-broken-v0.toml"
-    for raw, text in ((b"id = ", "not valid TOML"), (SMALL.encode(), "expected the file's stem 'MTP-broken-v0'")):
-        path.write_bytes(raw)
-        with pytest.raises(CardError, match=text):
-            load_card(path)
-    with pytest.raises(CardError, match="no card file at"):
-        load_card(tmp_path / "none.toml")
-    with pytest.raises(UnknownNameError, match="did you mean 'MTP-KITTI-v0'"):
-        load_card("MTP-KITI-v0")
-    with pytest.raises(CardError, match="the env is 3, expected its id"):
-        load_card(3)  # type: ignore[arg-type]

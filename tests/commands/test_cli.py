@@ -100,12 +100,9 @@ WRONG_USAGE = {
     "unknown option": ["envs", "--jsno", "a.json"],
     "no agent": ["run", "--env", "MTP-KITTI-v0", "-o", "run"],
     "no output": ["run", "stp", "--env", "MTP-KITTI-v0"],
-    "no scene": ["run", "stp", "--env", "MTP-KITTI-v0", "-o", "run", "--scenes", "0"],
     "no seed": ["compare", "stp", "--env", "MTP-KITTI-v0", "--seeds", "0"],
-    "a page of another form": ["board", "-o", "RESULTS.md"],
     "a table of another form": ["board", "--table", "table.xls"],
     "more scenes than are checked": ["check", "stp", "--scenes", "10"],
-    "nothing known to fit": ["train", "motion-nosie", "--env", "MTP-KITTI-v0"],
 }
 
 
@@ -128,9 +125,6 @@ UNKNOWN = {
     "folder": (["run", "EMPTY", "--env", "CARD"], "is not a submission, expected a folder"),
     "card file": (["run", "stp", "--env", "none.toml"], "no card file at none.toml"),
     "agent beside others": (["compare", "stp", "mpt", "--env", "CARD"], "unknown submission 'mpt': did you mean 'mtp'"),
-    "env of a comparison": (["compare", "stp", "--env", "KITTI-v0"], "did you mean 'MTP-KITTI-v0'?"),
-    "env of a fit": (["train", "motion-noise", "--env", "MTP-KITI-v0"], "did you mean 'MTP-KITTI-v0'?"),
-    "env of data": (["data", "--env", "MTP-KITI-v0"], "did you mean 'MTP-KITTI-v0'?"),
     "run": (["score", "EMPTY"], "no run.json there, expected a folder written by `mtp-bench run`"),
 }
 
@@ -209,18 +203,6 @@ def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
     first = content["MTP-KITTI-v0"]
     assert (first["usable"], first["missing"], first["problems"]) == (True, [], [])
     assert first["counts"]["scenes"] == 3
-
-
-def test_data_that_is_not_there(cli: CommandLine, tmp_path: Path) -> None:
-    output = cli("data", "--data", tmp_path, "--env", "MTP-KITTI-v0", "--json", tmp_path / "a.json")
-    assert output.error.startswith("data is missing or broken for MTP-KITTI-v0")
-    for text in (
-        "missing; looked in",
-        "how to get it: register at https://",
-        "training/label_02/%04d.txt",
-    ):
-        assert text in output.out
-    assert read_json(tmp_path / "a.json")["MTP-KITTI-v0"]["root"] is None
 
 
 def test_the_root_comes_from_the_environment_unless_it_is_given(

@@ -147,7 +147,7 @@ def test_a_run_for_another_card_is_refused(
 
 
 @pytest.mark.data
-@pytest.mark.parametrize("env_id", ["MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0"])
+@pytest.mark.parametrize("env_id", ["MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0"])
 def test_as_many_events_as_in_the_score(env_id: str, cli: CommandLine, data_root: Path, tmp_path: Path) -> None:
     stored.run("stp", env_id, tmp_path / "run", RunOptions(str(data_root), scenes=2))
     cli.ok("events", tmp_path / "run", "--data", data_root, "--json", tmp_path / "a.json")

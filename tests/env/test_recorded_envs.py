@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from mtp_bench import load_submission
-from mtp_bench.cards import load_card, with_split
-from mtp_bench.env import MTPEnv
-from mtp_bench.running.run import jobs_of, run_jobs
-from mtp_bench.scoring import score_scene
-from mtp_bench.scoring.ranking_error import errors_at
 from tests.support.command_line import CommandLine, read_json
 
 pytestmark = pytest.mark.data
@@ -49,18 +41,3 @@ def test_a_file_of_detections_is_run_and_scored(
     assert by_name["rows"][0]["minADE"] == by_file["rows"][0]["minADE"]
     assert by_file["condition"]["detector"] == "megvii-mine"
     assert by_name["condition"]["card"] != by_file["condition"]["card"]
-
-
-def test_silence_is_worst_where_only_targets_are_known(data_root: Path) -> None:
-    card = with_split(load_card("MTP-nuScenes-v0"), "train")
-    keywords = {"data": str(data_root), "split": "train"}
-    names = MTPEnv(card.id, **keywords).scene_names[:1]  # type: ignore[arg-type]
-    jobs = jobs_of(load_submission("stp"), card.id, keywords, names)
-    ((scene, rollout),) = run_jobs(jobs, finish=lambda scene, rollout, card: (scene, rollout))
-    unusable = replace(rollout, forecast_log_weight=np.full_like(rollout.forecast_log_weight, -np.inf))
-    moved = replace(rollout, object_box=rollout.object_box + 30.0 * np.eye(7)[0])
-    honest, silent, lost = (score_scene(scene, said, card) for said in (rollout, unusable, moved))
-    of_all = [errors_at([s.cuts], [20.0, 40.0], s.live).error.mean(axis=1) for s in (honest, silent, lost)]
-    assert (of_all[0] < of_all[2]).all()
-    assert (of_all[2] < of_all[1]).all() or not lost.covered.any()
-    assert of_all[1] == pytest.approx(silent.miss_error.mean())

@@ -211,25 +211,6 @@ def test_a_shorter_past_is_the_past_cut_off() -> None:
     np.testing.assert_array_equal(predict(tracks_with_past(past), past=10), predict(tracks_with_past(past)))
 
 
-WRONG: dict[str, tuple[Any, str]] = {
-    "no measurement noise": (
-        replace(NOISE, measurement=np.zeros(3)),
-        "measurement contains 0.0, expected numbers above",
-    ),
-    "no prior speed": (replace(NOISE, speed=np.zeros((3, 2))), "speed contains 0.0, expected numbers above 0"),
-    "below 0": (replace(NOISE, jerkiness=-NOISE.jerkiness), "jerkiness contains -1.0, expected numbers of at least 0"),
-    "NaN": (replace(NOISE, acceleration=np.full((3, 2), np.nan)), r"acceleration\[0, 0\] is nan"),
-    "another form": (replace(NOISE, speed=NOISE.measurement), r"speed has shape \(3,\), expected \(3, 2\)"),
-}
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_noise_that_no_motion_has(case: str) -> None:
-    noise, message = WRONG[case]
-    with pytest.raises(ShapeError, match=f"noise.{message}"):
-        KinematicPredictor(noise)
-
-
 def test_noise_of_other_classes() -> None:
     with pytest.raises(ShapeError, match="noise has 3 classes, expected 1"):
         KinematicPredictor(NOISE).reset(kitti_task(classes=("car",)))

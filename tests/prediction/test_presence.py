@@ -154,19 +154,13 @@ MINE = {
     "shared": [0, 0, 0], "classes": {}, "knots": [[0, 1], [0, 0.5]],
 }  # fmt: skip
 BROKEN: dict[str, tuple[Any, str]] = {
-    "empty": ({}, "key 'features' is missing"),
     "an unknown key": ({**MINE, "shard": []}, "unknown key 'shard': did you mean 'shared'"),
-    "an unknown feature": ({**MINE, "features": ["log_hit", "unseen"]}, "unknown feature 'log_hit': did you mean"),
-    "no features": ({**MINE, "features": []}, "features: got "),
     "too few numbers": ({**MINE, "low": [0]}, ".*low has 1 numbers, expected 2 for 2 features"),
-    "text": ({**MINE, "high": ["1", "2"]}, "high.0: got '1'"),
     "no spread": ({**MINE, "scale": [1, 0]}, "scale.1: got 0"),
     "half of the products": ({**MINE, "shared": [0] * 5}, ".*shared has 5 numbers, expected 3 or 6"),
     "a short class": ({**MINE, "classes": {"car": [0]}}, ".*classes.car has 1 numbers, expected 3"),
-    "one knot": ({**MINE, "knots": [[0], [0]]}, "knots: got .*, expected two lists of one length, at least 2"),
     "knots that fall": ({**MINE, "knots": [[1, 0], [0, 1]]}, "knots: got .*: expected a first list whose numbers rise"),
     "no probabilities": ({**MINE, "knots": [[0, 1], [0, 2]]}, "knots.1.1: got 2"),
-    "a map of one score": ({**MINE, "score_map": {"car": [[0], [0]]}}, "score_map.car: got "),
 }
 
 

@@ -112,17 +112,3 @@ def test_what_does_not_ship_runs_in_the_sandbox_alone(cli: CommandLine, tmp_path
     cli(*words, "-o", tmp_path / "out")
     assert (tmp_path / "out" / "mine" / f"{CARD_ID}.json").exists()
     assert not ran.exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ((), "PATH"),
-        (("stp",), "--env"),
-        (("--all", "--commit", "0123abc"), "--commit"),
-    ],
-)
-def test_wrong_usage(cli: CommandLine, words: tuple[object, ...], named: str) -> None:
-    done = cli("submit", *words)
-    assert done.status == 2
-    assert named in done.err

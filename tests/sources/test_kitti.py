@@ -165,11 +165,6 @@ def test_odometry_replaces_the_gps_unit_where_it_is_given(root: Path) -> None:
         load(root)
 
 
-# Corners of a standing car of the nominal size (3.88 x 1.63 x 1.50 m) 20 m ahead and 2 m to the left, on level ground
-# 1.65 m below the camera: the near face is 18.06 m away.
-AHEAD, LEFT = 20.0, 2.0
-
-
 @pytest.mark.parametrize("ego_motion", [True, False])
 def test_ground_is_level_also_where_the_camera_is_not(root: Path, ego_motion: bool) -> None:
     """Nose up by 0.1 rad: level ground at the height of the camera is seen 0.1 rad below its axis."""
@@ -298,16 +293,6 @@ def test_truth_is_as_it_was_where_no_velocity_is_shown(root: Path) -> None:
     np.testing.assert_array_equal(simulated.velocity, stored.velocity)
 
 
-def test_empty_scene(root: Path) -> None:
-    write(root / "training/label_02/0000.txt")
-    scene = load(root)
-    assert scene.frames == SIX
-    assert scene.truth.box.shape == (0, 7)
-    assert scene.detections.box.shape == (0, 7)
-    assert scene.truth.velocity.shape == (0, 2)
-    np.testing.assert_array_equal(scene.truth.start, [0] * (SIX + 1))
-
-
 @pytest.mark.parametrize(
     ("size", "z", "reason"),
     [
@@ -351,18 +336,6 @@ def test_train_is_every_other_sequence(root: Path) -> None:
     (root / SEQMAP).unlink()
     assert open_source(kitti_card(), root).names == VALIDATION
     assert open_source(kitti_card(split="train"), root).names == ("0000", "0002", "0003")
-
-
-def test_missing_detections(root: Path) -> None:
-    with pytest.raises(DataError, match="has no detector 'pointrnn'; found: pointrcnn"):
-        open_source(kitti_card(detector="pointrnn"), root)
-    (root / "detections/pointrcnn/Cyclist/0000.txt").unlink()
-    (root / "detections/pointrcnn/Cyclist").rmdir()
-    with pytest.raises(DataError, match="Cyclist, expected for class 'cyclist'"):
-        open_source(kitti_card(), root)
-    (root / "detections").rename(root / "elsewhere")
-    with pytest.raises(DataError, match=r"no folder .*detections; .*AB3DMOT"):
-        open_source(kitti_card(), root)
 
 
 def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:

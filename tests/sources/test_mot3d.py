@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
-from mtp_bench.errors import CardError, DataError
+from mtp_bench.errors import CardError
 from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe, open_source
 from mtp_bench.types import Scene
@@ -156,14 +156,6 @@ def test_the_order_of_the_lines_does_not_matter(root: Path) -> None:
     np.testing.assert_array_equal(after.truth.box, before.truth.box)
     np.testing.assert_array_equal(after.truth.start, before.truth.start)
     np.testing.assert_array_equal(after.detections.score, before.detections.score)
-
-
-def test_missing_root(root: Path, tmp_path: Path) -> None:
-    nowhere = tmp_path / "nothing"
-    with pytest.raises(DataError, match=r"none of .*mot3d2015, .*3DMOT2015, .*given as data root.*motchallenge\.net"):
-        open_source(mot3d_card(), nowhere)
-    with pytest.raises(DataError, match=r"train/PETS09-S2L1 is in none of .*; name"):
-        open_source(mot3d_card(sequence="PETS09-S2L1"), root)
 
 
 def test_status_lists_missing_and_wrong_files(root: Path) -> None:

@@ -63,29 +63,21 @@ TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error 
     "a sample comes twice": ("sample", repeat(T + "1"), f"token '{T}1', expected one"),
     "two samples have one time": ("sample", record(T + "1", timestamp=1_500_000_200_000_000), "at least 0 s; expected"),
     "a time is not finite": ("sample", record(T + "1", timestamp=NAN), "[9].timestamp: expected `float`"),
-    "a time is a truth value": ("sample", record(T + "1", timestamp=True), "[9].timestamp: expected `float`"),
     "times are in milliseconds": ("sample", scale_times(1000), "timestamp must be in microseconds"),
     "a scene has no samples": ("scene", repeat(S3, token="new", name="new"), "record 'new'"),
     "a scene has a name twice": ("scene", record(S3, name="scene-0001"), "several scenes 'scene-0001'"),
-    "a scene has no name for a file": ("scene", record(S3, name="../x"), "[2].name"),
     "no lidar keyframe": ("sample_data", record(KEY, is_key_frame=False), f"LIDAR_TOP keyframe of sample '{T}2'"),
     "two lidar keyframes": ("sample_data", record("scene-0003-lidar-1-False-2", is_key_frame=True), "a second LIDAR"),
-    "a keyframe of no sample": ("sample_data", record(KEY, sample_token="x"), "sample_token is 'x'"),
     "an unknown sensor": ("calibrated_sensor", record("cam-1", sensor_token="x"), "sensor_token is 'x'"),
-    "a calibration comes twice": ("calibrated_sensor", repeat("lidar-1", sensor_token="cam"), "token 'lidar-1'"),
     "a pose is missing": ("ego_pose", remove(POSE), f"no record '{POSE}'"),
-    "a pose comes twice": ("ego_pose", repeat(POSE), f"token '{POSE}'"),
     "a pose is too far": ("ego_pose", record(POSE, translation=[1e308, 0, 0]), "translation[0]"),
     "a pose is not turned": ("ego_pose", record(POSE, rotation=[0, 0, 0, 0]), f"'{POSE}': rotation is"),
     "two boxes in a sample": (BOX, record(C2, sample_token=T + "1"), f"record '{C2}': a second box"),
-    "a box in no sample": (BOX, record(C1, sample_token="x"), f"record '{C1}': sample_token is 'x'"),
     "a box of no instance": (BOX, record(C1, instance_token=""), f"record '{C1}': instance_token is ''"),
     "a box of another instance": (BOX, record(CAR + "-t3", instance_token=WALKER), f"'{WALKER}-t3': a second box"),
     "a box is not finite": (BOX, record(C1, translation=[NAN, 0, 0]), "translation[0]"),
     "a box is too large": (BOX, record(C1, size=[1, 100.5, 1]), "size[1]"),
-    "a box has no rotation": (BOX, record(C1, rotation=None), "rotation"),
     "a box is not turned properly": (BOX, record(C1, rotation=[0.7, 0, 0, 0.6]), f"'{C1}': rotation is [0.7, "),
-    "an instance without a token": ("instance", record(CAR, token=None), "`token`"),
 }
 
 
@@ -104,10 +96,8 @@ def test_tables(data: Path, table: str, change: Change, text: str) -> None:
 S = sample("scene-0003", 1)
 BOXES: dict[str, dict[str, Any] | Callable[[dict[str, Any]], object]] = {  # changes of a box, or of the results
     "place not finite": {"translation": [NAN, 0, 0]},
-    "place of truth values": {"translation": [True, 0, 0]},
     "side too large": {"size": [101, 1, 1]},
     "score not finite": {"detection_score": NAN},
-    "no score": {"detection_score": None},
     "quaternion of norm 2": {"rotation": [2, 0, 0, 0]},
     "too fast": {"velocity": [1e308, 0]},
     "unknown name": {"detection_name": "tram"},
@@ -135,8 +125,6 @@ TARGETS: dict[str, Any] = {
     "a sample of another scene": {"scene-0003": ["scene-0003-car_scene-0001-t0"]},
     "a sample without the box": {"scene-0003": [f"{WALKER}_{T}2"]},
     "an instance alone": {"scene-0003": [CAR]},
-    "a number": {"scene-0003": [3]},
-    "a text": {"scene-0003": "x"},
     "a list": ["scene"],
 }
 
@@ -150,11 +138,9 @@ def test_prediction_targets(data: Path, content: Any) -> None:
 
 TEXTS = {
     "empty": "",
-    "cut off between records": '[{"token": "a"},',
     "not a number of JSON": '[{"token": "a", "x": Infinity}]',
     "nested too deeply": "[" * 100_000,
     "nested too deeply in a skipped value": '[{"x": ' + "[" * 100_000,
-    "more after the end": '[{"token": "a"}] []',
     "no list": '{"a": 1}',
     "no record": "[1, 2]",
     "bytes that are no text": b'[{"token": "\xff\xfe"}]',

@@ -107,27 +107,6 @@ def test_unknown_detector(data: Path) -> None:
         open_source(nuscenes_card(), data)
 
 
-def test_a_submission_to_the_tracking_task(data: Path) -> None:
-    content = make_detections()
-    for boxes in content["results"].values():
-        for box in boxes:
-            box |= {"tracking_name": box.pop("detection_name"), "tracking_score": box.pop("detection_score")}
-            box["tracking_id"] = "1"
-    write_json(stored(data), content)
-    with pytest.raises(DataError, match=r"sample 'scene-0301-t0'.*expected a submission to the detection task"):
-        load(data)
-
-
-def test_a_file_of_other_tables(data: Path) -> None:
-    write_json(stored(data), make_detections(("scene-0555",)))
-    text = r"all\.json: none of its 4 sample tokens \(for example 'scene-0555-t0'\) is in sample\.json of v1\.0-mini"
-    with pytest.raises(DataError, match=text):
-        open_source(nuscenes_card(), data)
-    write_json(stored(data), {"results": {}})
-    with pytest.raises(DataError, match="none of its 0 sample tokens is in"):
-        open_source(nuscenes_card(), data)
-
-
 def test_scenes_that_are_not_covered(data: Path) -> None:
     content = make_detections(SCENES[1:])
     write_json(stored(data), content)

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import load_card
 from mtp_bench.errors import DataError
-from mtp_bench.sources import load_scenes, with_map
+from mtp_bench.sources import with_map
 from mtp_bench.sources.nuscenes import road
 from mtp_bench.sources.nuscenes.road import read_lanes
 from mtp_bench.types import Lane
 from tests.support.map_expansion import Record, make_map, write_map
-from tests.support.nuscenes_root import VERSION, link_root, nuscenes_card, scene, write_json
+from tests.support.nuscenes_root import VERSION, nuscenes_card, scene, write_json
 
 POSE = (0.0, 0.0, np.pi / 2)  # of the ego in frame 0: it drives along y
 LOCATION = "boston-seaport"
@@ -65,15 +64,6 @@ def test_without_the_expansion_nothing_is_read(data: Path) -> None:
     assert not notes
 
 
-def test_a_place_without_a_map(mapped: Path) -> None:
-    (mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json").rename(
-        mapped / "nuscenes/maps/expansion/singapore-onenorth.json"
-    )
-    notes: list[str] = []
-    assert drawn(mapped, notes) == ()
-    assert not notes
-
-
 def changed(key: str, value: Any) -> Callable[[Record], Record]:
     """A map with another value under ``key``."""
     return lambda content: {**content, key: value}
@@ -112,29 +102,3 @@ def test_a_broken_map_is_left_out_with_one_note(change: Callable[[Record], Recor
     assert drawn(mapped, notes) == ()
     (note,) = notes
     assert note.startswith(f"drawn without the road: {path}")
-
-
-def test_a_file_that_is_cut_off_and_tables_without_a_log(mapped: Path) -> None:
-    path = mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json"
-    path.write_text(path.read_text(encoding="utf-8")[:-500], encoding="utf-8")
-    notes: list[str] = []
-    assert drawn(mapped, notes) == ()
-    assert "is the file cut off?" in notes[0]
-    (mapped / "nuscenes" / VERSION / "log.json").unlink()
-    assert drawn(mapped, notes) == ()
-    assert "log.json" in notes[1]
-
-
-@pytest.mark.data
-def test_the_road_lies_around_the_way_of_a_real_ego(data_root: Path, tmp_path: Path) -> None:
-    data, card = link_root(tmp_path / "root", data_root), load_card("MTP-nuScenes-mini-v0")
-    (real,) = load_scenes(card, data, ["scene-0655"])
-    assert with_map(real, card, data).lanes == ()
-    x, y, _, yaw = real.ego[11]
-    write_map(data / "nuscenes", LOCATION, make_map((x, y, yaw)))
-    notes: list[str] = []
-    own, *_ = with_map(real, card, data, notes.append).lanes
-    assert not notes
-    assert np.hypot(*(own.center - [x, y]).T).min() < road.STEP
-    (singapore,) = load_scenes(card, data, ["scene-0061"])
-    assert with_map(singapore, card, data, notes.append).lanes == (), "the map of another place"

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.errors import DataError
 from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe
 from mtp_bench.sources.motion import as_places
-from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack, read_detections
+from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
 from mtp_bench.types import Detections, Scene
 from tests.support.source_files import with_source, write
 
@@ -136,20 +135,6 @@ def test_velocities_look_back(root: Path) -> None:
     np.testing.assert_allclose(walker[[1, 2, 4]], np.tile([2.0, 0.0], (3, 1)))
     assert np.isnan(walker[[0, 3]]).all()
     np.testing.assert_allclose(truth.velocity[truth.object_id == 2][1:], 0, atol=1e-12)
-
-
-def test_missing_files(root: Path, tmp_path: Path) -> None:
-    (root / DETECTIONS).unlink()
-    with pytest.raises(DataError, match=r"no file .*mvdet_test.txt, detections of wildtrack-1800; .*MVDet"):
-        load(root)
-    assert load(root, "wildtrack-0000", split="train").detector == ""  # that split has none anyway
-    with pytest.raises(DataError, match=r"annotations_positions is in none of .*Wildtrack_dataset.* get the data"):
-        Wildtrack(wildtrack_card(), tmp_path / "elsewhere")
-
-
-def test_a_file_without_detections(root: Path) -> None:
-    write(root / DETECTIONS)
-    assert read_detections(root / DETECTIONS).place.shape == (0, 2)
 
 
 def test_status_names_missing_and_broken_files(root: Path) -> None:

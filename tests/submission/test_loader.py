@@ -218,24 +218,6 @@ def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_p
         load_submission(tmp_path)
 
 
-NO_SUBMISSION = {
-    "./nowhere": "./nowhere is not a submission, expected a folder with submission.toml",
-    "notes.txt": "notes.txt is not a submission, expected a folder with submission.toml",
-    "stp,mtp": "'stp,mtp' is not a submission: put blanks between agents, not commas",
-}
-
-
-@pytest.mark.parametrize(("text", "said"), NO_SUBMISSION.items(), ids=NO_SUBMISSION)
-def test_what_is_no_submission_is_told_as_what_it_is(
-    text: str, said: str, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(folder.parent)
-    Path("notes.txt").touch()
-    with pytest.raises(SubmissionError) as caught:
-        load_submission(text)
-    assert str(caught.value) == said
-
-
 @pytest.mark.parametrize("name", baseline_names())
 def test_every_baseline_is_a_submission(name: str) -> None:
     submission = load_submission(name)

@@ -11,13 +11,12 @@ import pytest
 from numpy.typing import NDArray
 
 from mtp_bench import load_submission
-from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.submission import SubmissionFactory
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding, check_agent, check_card
 from mtp_bench.types import Observation, Task
 from tests.support.own_scenes import BOX, TRUTH, write_tables
-from tests.support.small_scenes import CARD, Action, EchoAgent, make_echo, write_card
+from tests.support.small_scenes import CARD, Action, EchoAgent, write_card
 
 SCENES = ["0006", "0001"]
 
@@ -177,15 +176,6 @@ def test_what_is_no_agent_or_cannot_be_built(card: str, kitti: str) -> None:
     assert [str(finding) for finding in findings] == [
         "build: object without reset and act, expected reset(task) and act(observation) (build); write them"
     ]
-
-
-def test_scenes_and_envs_that_are_not_there(card: str, kitti: str) -> None:
-    with pytest.raises(UnknownNameError, match="unknown scene '0007'"):
-        check(make_echo, card, kitti, ["0007"])
-    with pytest.raises(MtpBenchError, match="no scene to check on"):
-        check_agent(make_echo, card, [], {"data": kitti})
-    with pytest.raises(MtpBenchError, match="MTP-Kitti"):
-        check_agent(make_echo, "MTP-Kitti-v0")
 
 
 def test_a_card_that_is_sound(card: str, kitti: str) -> None:

@@ -18,7 +18,7 @@ from mtp_bench.prediction.learned.weights import find_weights, read_weights, req
 from mtp_bench.running.options import Fold, RunOptions, fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.augmentation import vary_tracks
-from mtp_bench.training.fitting import TrainingPlan, device_of, one_cycle
+from mtp_bench.training.fitting import TrainingPlan, device_of
 from mtp_bench.training.losses import Tensors, mode_distance
 from mtp_bench.training.predictors import (
     TrainingRequest,
@@ -141,12 +141,6 @@ def test_the_distance_of_a_mode_counts_known_frames_alone() -> None:
     np.testing.assert_allclose(mode_distance(modes, future, known), [[5.0, 0.0]], atol=1e-4)
 
 
-def test_the_learning_rate_rises_and_falls() -> None:
-    rates = [one_cycle(progress) for progress in (0.0, 0.1, 0.2, 0.6, 1.0)]
-    assert rates[0] < rates[1] < rates[2] > rates[3] > rates[4]
-    assert max(rates) == 1.0
-
-
 def test_folds() -> None:
     names = [f"s{number}" for number in range(10)]
     parts = [held_out(names, (number, 3)) for number in (1, 2, 3)]
@@ -197,14 +191,6 @@ def test_envs_that_are_not_alike(name: str, value: object) -> None:
     _require_same_task(task(), task(classes=("car",)))  # an env may teach some of the classes
     with pytest.raises(MtpBenchError, match="one network cannot be trained on both"):
         _require_same_task(task(), task(**{name: value}))
-
-
-def test_further_envs_that_cannot_be_learnt_from() -> None:
-    for also in (("MTP-Merge-v0", "MTP-Merge-v0"), ("MTP-Merge-v0", "MTP-Highway-v0")):
-        with pytest.raises(MtpBenchError, match=f"{also[1]} is named twice among the envs .* expected each once"):
-            training_windows(TrainingRequest("modes", "MTP-Highway-v0", also=also), RunOptions(scenes=1))
-    with pytest.raises(MtpBenchError, match="--also MTP-Merge-v0 cannot go with --files"):
-        training_windows(TrainingRequest("modes", "MTP-Highway-v0", also=also[:1]), RunOptions(files="logs"))
 
 
 def test_no_env_teaches_what_a_fold_of_another_one_holds_out(
@@ -269,8 +255,3 @@ def test_a_predictor_learns_from_no_scene_that_its_fold_scores(root: str, card: 
     learnt = training_windows(TrainingRequest("modes", card, fold=fold), RunOptions(root, scenes=5)).names
     assert not set(learnt) & set(scored)
     assert len(learnt) == 5
-
-
-def test_too_few_scenes_for_a_fold(root: str, card: str) -> None:
-    with pytest.raises(MtpBenchError, match="8 scenes cannot be cut into 9 folds"):
-        open_split(card, RunOptions(root, split="train"), (1, 9))

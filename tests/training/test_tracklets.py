@@ -155,15 +155,6 @@ def test_a_fold_takes_a_scene_out_of_all_envs_that_show_it(tmp_path: Path) -> No
         assert len(learnt) == 6
 
 
-def test_envs_together(tmp_path: Path) -> None:
-    one = windows_of_scenes(tmp_path, make_scene("a"))
-    both = concatenate([one, one])
-    assert len(both) == 2 * len(one)
-    assert len(both.names) == 2
-    np.testing.assert_array_equal(both.moment[len(one) :], one.moment + 8)
-    assert both.seen.frames == 16
-
-
 def test_a_tracker_whose_boxes_are_not_finite(tmp_path: Path) -> None:
     class Lost(HypothesisTracker):
         def step(self, observation: Observation) -> Tracks:
@@ -184,9 +175,3 @@ def test_from_a_data_root(tmp_path: Path) -> None:
     for message, scenes in wrong.items():
         with pytest.raises(MtpBenchError, match=message):
             windows(card, "val", 1, scenes=scenes, options=options)
-
-
-@pytest.mark.parametrize("wrong", ["Truth", 0, True, 2.0, None, HypothesisTracker], ids=lambda value: repr(value)[:20])
-def test_values_that_are_not_a_tracker(wrong: Any) -> None:
-    with pytest.raises(MtpBenchError, match=r"expected 'truth', a number of hypotheses .*, or a tracker of your own"):
-        windows("MTP-Intersection-v0", tracker=wrong, scenes=1)

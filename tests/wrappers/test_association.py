@@ -104,13 +104,6 @@ def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly)
         env.step(action)
 
 
-def test_what_another_wrapper_shows_cannot_be_associated(env: AssociationOnly) -> None:
-    inner = env.unwrapped
-    flat: Any = gym.wrappers.FlattenObservation(inner)
-    with pytest.raises(MtpBenchError, match="the observation_space of the env is a Box, expected the Dict that it has"):
-        AssociationOnly(flat)
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [("detections", 0), ("detections", 2.5), ("choices", True), ("choices", None), ("near", -1.0), ("near", np.nan),
@@ -147,12 +140,6 @@ def test_the_nearest_neighbour_earns_more_than_ignoring_or_beginning_everything(
     nearest = reward(env, env.nearest)
     assert nearest > 0.8 * reward(env, lambda observation: np.full(size or (), IGNORE))  # rewards are negative
     assert nearest > 0.8 * reward(env, lambda observation: np.full(size or (), NEW))
-
-
-def test_an_env_of_another_library() -> None:
-    untyped: Any = gym.make("CartPole-v1")
-    with pytest.raises(MtpBenchError, match=r"is a CartPoleEnv, expected one of mtp_bench"):
-        AssociationOnly(untyped)
 
 
 def test_both_checkers_accept_it(card: str, kitti: str) -> None:

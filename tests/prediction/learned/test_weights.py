@@ -197,13 +197,6 @@ def test_an_agent_whose_tracker_associates(network: str, tmp_path: Path) -> None
     assert changed == [True, False]
 
 
-def test_associations_that_a_network_does_not_have() -> None:
-    with pytest.raises(SubmissionError, match="association is 'none', expected one of: network, track"):
-        LearnedPredictor("affinity", association="none")
-    with pytest.raises(SubmissionError, match="'modes': its input is always the track"):
-        LearnedPredictor("modes", association="track")
-
-
 FILES = sorted(SHIPPED.glob(f"*.safetensors{PACKED}"))
 MOST_BYTES = 2_000_000
 
