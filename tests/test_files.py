@@ -13,7 +13,6 @@ import pytest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.files import (
     content_digest,
-    make_folder,
     remove_leftovers,
     require_file,
     require_folder,
@@ -94,24 +93,6 @@ def test_leftovers_of_killed_writers_go(tmp_path: Path) -> None:
     (tmp_path / ".a.7.0b.part.json").touch()
     remove_leftovers(tmp_path / "a.rollouts", tmp_path / "a.json")
     assert sorted(each.name for each in tmp_path.iterdir()) == [".b.7.0a.part.rollouts", "a.rollouts"]
-
-
-def write_file(path: Path) -> None:
-    with whole_file(path) as part:
-        part.write_text("new")
-
-
-def test_an_error_of_writing_names_what_was_asked_for_and_says_what_to_do(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    for write, path, reason in (
-        (write_file, tmp_path / "none" / "a.png", "No such file or directory"),
-        (make_folder, tmp_path / "file" / "a", "Not a directory"),
-        (lambda path: fill(path, "new"), tmp_path / "file" / "a", "Not a directory"),
-    ):
-        with pytest.raises(MtpBenchError) as caught:
-            write(path)
-        assert str(caught.value) == f"cannot write {path}: {reason}; choose another folder"
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")

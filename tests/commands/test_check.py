@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -71,36 +70,6 @@ def test_code_that_cannot_be_imported_shows_the_line(
     assert output.status == 1
     assert text in output.out
     assert where in output.out
-
-
-NOT_BUILT = {
-    "a misspelt function": (
-        lambda folder: edit(folder, "def build(", "def biuld("),
-        "unknown function of mine/agent.py 'build': did you mean 'biuld'? (the name behind ':' in agent of",
-    ),
-    "an unknown parameter": (
-        lambda folder: edit(folder, "[parameters]", "[parameters]\nspeed = 3", "submission.toml"),
-        "unknown parameter of mine 'speed'",
-    ),
-}
-
-
-@pytest.mark.parametrize(("change", "text"), NOT_BUILT.values(), ids=NOT_BUILT)
-def test_what_no_line_of_the_agent_led_to_points_to_no_lines(
-    change: Callable[[Path], None], text: str, folder: Path, cli: CommandLine
-) -> None:
-    change(folder)
-    out = cli("check", folder).out
-    assert text in out
-    for empty in ("to do:", "expected: an agent", "contents.py"):
-        assert empty not in out, "it would help nobody"
-
-
-def test_a_manifest_that_is_wrong_is_one_sentence(folder: Path, cli: CommandLine) -> None:
-    manifest = folder / "submission.toml"
-    manifest.write_text(manifest.read_text().replace("authors", "author"))
-    assert cli("check", folder).error == "mine/submission.toml: unknown key 'author': did you mean 'authors'?"
-    assert "unknown submission 'nothing'" in cli("check", "nothing").error
 
 
 def test_what_only_the_gateway_sees(folder: Path, cli: CommandLine) -> None:

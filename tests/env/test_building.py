@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
-from mtp_bench import ShapeError, Tracks, make_action
+from mtp_bench import Tracks, make_action
 from mtp_bench.env.action import FIELDS
 from mtp_bench.env.spaces import ActionSpace
 from tests.support.small_scenes import decode, task
@@ -18,11 +16,6 @@ TASK = task()  # N 5, O 4, H 3, K 4, T 3
 BOX = np.array([[1.0, 2, 0, 0.5, 4, 2, 1.5], [5, 6, 0, 0, 1, 1, 2]])
 CLASS = np.array([0, 1])
 FUTURE = np.arange(12.0).reshape(2, 3, 2)
-
-
-def said(**changes: Any) -> dict[str, Any]:
-    """Two objects with one sample each, and what is to be different."""
-    return {"boxes": BOX, "classes": CLASS, "forecasts": FUTURE, **changes}
 
 
 def action_table() -> str:
@@ -100,37 +93,6 @@ def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
     assert action["hypothesis_member"].tolist() == [[1, 0, 1], [0, 1, 1]]
     np.testing.assert_allclose(np.exp(action["hypothesis_log_weight"]), [0.5, 0.3])
     np.testing.assert_array_equal(action["object_box"], BOX[:1])
-
-
-WRONG: list[tuple[dict[str, Any], str]] = [
-    ({"boxes": BOX[:, :6]}, "boxes has shape (2, 6), expected (O, 7)"),
-    ({"boxes": [[1.0], [1.0, 2.0]]}, "boxes is not an array"),
-    ({"classes": [0]}, "classes has shape (1,)"),
-    ({"classes": []}, "classes has shape (0,)"),
-    ({"classes": ["car", "car"]}, "classes has dtype <U3"),
-    ({"forecasts": FUTURE[:, :2]}, "forecasts has shape (2, 2, 2), expected (2, k, 3, 2) or (2, 3, 2)"),
-    ({"forecasts": np.zeros((2, 5, 3, 2))}, "forecasts holds 5 samples"),
-    ({"log_weights": [0.0, 0.0]}, "log_weights has shape (2,), expected (2, 1)"),
-    ({"ids": [0.5, 1.0]}, "ids has dtype float64"),
-    ({"ids": CLASS, "tracks": Tracks.of_one_hypothesis(CLASS, BOX, CLASS)}, "ids and tracks"),
-    ({"boxes": BOX * np.array([[1.0], [np.nan]])}, "boxes: not finite"),
-    ({"forecasts": FUTURE + 400}, "(first forecast[0]); subtract the centre of the box"),
-    ({"classes": [0, -1]}, "classes: unknown, expected 0 to 1 (object_class[1] = -1)"),
-    ({"confidence": [0.5, 1.5]}, "(object_confidence[1] = 1.5)"),
-    (
-        {"tracks": replace(Tracks.of_one_hypothesis(CLASS, BOX, CLASS), parent=np.array([-5]))},
-        "tracks.parent: unknown, expected -1 (not stated) to 2",
-    ),
-    ({"tracks": 3}, "tracks is of type int"),
-    ({"ids": [7, 7]}, "ids or tracks.track_id: twice in one hypothesis"),
-]
-
-
-@pytest.mark.parametrize(("changes", "text"), WRONG, ids=[text for _, text in WRONG])
-def test_a_wrong_argument_is_one_clear_error(changes: dict[str, Any], text: str) -> None:
-    with pytest.raises(ShapeError) as caught:
-        make_action(TASK, **said(**changes))
-    assert text in str(caught.value)
 
 
 def test_numbers_can_be_left_to_the_env() -> None:

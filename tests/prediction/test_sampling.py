@@ -196,12 +196,6 @@ def test_a_pool_that_fits_is_passed_on(present: list[int], k: int, sampler: Samp
     assert (chosen[0, len(rows) :] == 0).all()
 
 
-@BOTH
-def test_no_objects(sampler: Sampler) -> None:
-    chosen, weight = sampler.reduce(np.zeros((0, 40, 5, 2)), np.zeros((0, 40)), 3, np.random.default_rng(0))
-    assert (chosen.shape, weight.shape) == ((0, 3, 5, 2), (0, 3))
-
-
 def test_equal_samples_are_one_cluster() -> None:
     # Three distinct futures, 10, 20 and 30 times; of the five that are asked for two stay absent.
     distinct = make_pool(np.random.default_rng(5), 1, 3)[0]

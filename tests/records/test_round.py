@@ -90,15 +90,6 @@ def test_without_a_key_nothing_is_written(made: Path, cli: CommandLine, card: st
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
-def test_a_key_needs_a_name_and_a_file(cli: CommandLine, made: Path, leaderboard: Path, tmp_path: Path) -> None:
-    path = made / "records" / "stp" / f"{CARD_ID}.json"
-    assert cli("verify", path, "--sign", tmp_path / "key").status == 2
-    assert cli("verify", path, "--signer", "me").status == 2
-    error = cli("verify", path, "--sign", tmp_path / "key", "--signer", "me", "--base", leaderboard).error
-    assert "no such key; `ssh-keygen -t ed25519" in error
-    assert "no such folder, expected a leaderboard" in cli("verify", path, "--base", tmp_path / "none").error
-
-
 def test_a_random_order_changes_no_answer(made: Path, card: str, kitti: str) -> None:
     plan = plan_run(load_submission(made / "submissions" / "echo"), card, RunOptions(kitti))
     record = load_record(made / "records" / "echo" / f"{CARD_ID}.json")

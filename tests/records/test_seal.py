@@ -79,24 +79,6 @@ def test_no_public_number_tells_a_hidden_scene(tmp_path: Path) -> None:
     assert order == one.shuffled(reversed(names)), "the same for every submission"
 
 
-def test_errors_of_seals(cli: CommandLine, tmp_path: Path) -> None:
-    out = tmp_path / "s.json"
-    assert "MTP-KITTI-v0 is recorded, expected a simulated env" in (
-        cli("maintain", "seal", "--env", "MTP-KITTI-v0", "--count", 2, "-o", out).error
-    )
-    assert cli("maintain", "seal", "--env", ENV, "--count", 0, "-o", out).status == 2
-    assert (
-        "there is no folder"
-        in cli("maintain", "seal", "--env", ENV, "--count", 2, "-o", tmp_path / "no" / "s.json").error
-    )
-    assert cli("verify", tmp_path, "--hidden", out).status == 2
-    assert (
-        "no such file; `mtp-bench maintain seal`"
-        in cli("verify", tmp_path / "a.json", "--rerun", "--hidden", out).error
-    )
-    assert not list(tmp_path.iterdir())
-
-
 def test_hidden_scenes_are_others(short: str, tmp_path: Path) -> None:
     seal(short, 3, tmp_path / "s.json")
     sealed = open_seal(tmp_path / "s.json")

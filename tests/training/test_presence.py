@@ -140,11 +140,6 @@ def test_the_quality_of_probabilities() -> None:
     assert quality(np.array([0.5]), np.array([True]))["auc"] == 0.5
 
 
-def test_wrong_usage(cli: CommandLine) -> None:
-    assert cli("train", "presence", "megvi").status == 2
-    assert cli("train", "presence", "centerpoint").status == 2  # it has Megvii's numbers and no recipe
-
-
 @pytest.mark.data
 @pytest.mark.parametrize("detector", ["acf", "megvii", "wildtrack_mvdet"])
 def test_the_command_gives_the_file_that_ships(cli: CommandLine, data_root: Path, detector: str) -> None:

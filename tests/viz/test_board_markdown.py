@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from mtp_bench.errors import MtpBenchError
 from mtp_bench.viz.board import Entry
 from mtp_bench.viz.board.tables import filled
 from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
@@ -49,22 +48,3 @@ def test_records_of_an_earlier_version_fill_a_table_that_has_no_others() -> None
     assert "`old`" in filled(marked(f"env {MAIN}"), board_of(old), "page.md")
     new = filled(marked(f"env {MAIN}"), board_of(old, made_up("new")), "page.md")
     assert [row[0] for row in rows_of(new)[2:]] == ["`new`"]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("no table\n", "no table to fill in"),
-        (f"<!-- table: env {MAIN} -->\n", "expected them in pairs"),
-        ("<!-- /table -->\n", "expected them in pairs"),
-        (marked(marked("env x")), "expected them in pairs"),
-        (marked("env"), "expected `env ID` or"),
-        (marked("most of stp"), "expected `env ID` or"),
-        (marked("ids of"), "expected `env ID` or"),
-        (marked("env MTP-WILDTRAK-v0"), "unknown environment"),
-        (marked("ids of spt"), "unknown agent"),
-    ],
-)
-def test_a_wrong_marker_stops_the_page(entries: list[Entry], text: str, message: str) -> None:
-    with pytest.raises(MtpBenchError, match=message):
-        filled(text, entries, "page.md")

@@ -15,7 +15,7 @@ from scipy import ndimage
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import PANEL, draw_frame
 from mtp_bench.viz.drawing.close_up import draw_focus
-from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, save_report
+from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, report, save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import MOST_BRIGHT, ROLES, Window, window_of
 from mtp_bench.viz.replay import Replay
@@ -79,16 +79,6 @@ def test_the_event_is_bright_and_the_crowd_is_not() -> None:
     assert coloured(everything[:, : -PANEL - 4]) > 40, "the same frame with everything in colour"
     window = window_of(focus, EVENT)
     assert coloured(np.asarray(draw_focus(focus, EVENT, (900, 450), window))) <= MOST_BRIGHT
-
-
-@pytest.mark.parametrize("t", [0, EVENT - 1, EVENT, EVENT + 3, 9])
-def test_every_frame_around_the_event_has_the_same_size_and_the_object_in_the_same_place(t: int) -> None:
-    focus = focus_of(crowd(ahead=12.0))
-    image = np.asarray(picture(focus, t, (960, 720)))
-    assert image.shape == (720, 960, 3)
-    ringed = near(image[120:, : 960 - COLUMN], palette.EVENT).sum() > 60
-    assert ringed == (t >= EVENT)
-    assert near(image[120:, : 960 - COLUMN], ROLES["truth"]).sum() > 30
 
 
 def test_the_file_says_what_it_shows(tmp_path: Path) -> None:

@@ -81,12 +81,3 @@ def test_an_episode_of_another_env_has_its_own_place_too(card: str, kitti: str, 
     assert stream is not None
     stream.disconnect()
     assert ["world/det" in found for found in episodes(recording)] == [True, True]
-
-
-def test_without_a_recording_a_sentence_says_what_to_do(card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rr, "get_data_recording", lambda: None)
-    env = MTPEnv(card, data=kitti, render_mode="rerun")
-    with pytest.warns(UserWarning, match="nothing is shown: call rerun.init"):
-        env.reset()
-    env.step(full_action(env.task))
-    env.close()

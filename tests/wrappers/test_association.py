@@ -12,7 +12,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
-from mtp_bench import ActionError, MtpBenchError
+from mtp_bench import ActionError
 from mtp_bench.env import MTPEnv
 from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly
 from tests.env.conftest import MakeEnv
@@ -102,18 +102,6 @@ def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly)
     env.reset()
     with pytest.raises(ActionError, match="expected 4 whole numbers from 0 to 3"):
         env.step(action)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("detections", 0), ("detections", 2.5), ("choices", True), ("choices", None), ("near", -1.0), ("near", np.nan),
-     ("near", np.inf), ("near", "far")],
-)  # fmt: skip
-def test_a_wrong_size_is_one_clear_error(name: str, value: Any, make_env: MakeEnv) -> None:
-    keywords: dict[str, Any] = {name: value}
-    kind = "finite number" if name == "near" else "whole number"
-    with pytest.raises(MtpBenchError, match=rf"{name} is {value!r}, expected a {kind} above 0 \(AssociationOnly\)"):
-        AssociationOnly(make_env(make_scene()), **keywords)
 
 
 def make_roundabout(**keywords: Any) -> AssociationOnly:
