@@ -14,7 +14,6 @@ from mtp_bench.errors import MtpBenchError
 from mtp_bench.files import (
     content_digest,
     remove_leftovers,
-    require_file,
     require_folder,
     whole_file,
     whole_folder,
@@ -93,16 +92,6 @@ def test_leftovers_of_killed_writers_go(tmp_path: Path) -> None:
     (tmp_path / ".a.7.0b.part.json").touch()
     remove_leftovers(tmp_path / "a.rollouts", tmp_path / "a.json")
     assert sorted(each.name for each in tmp_path.iterdir()) == [".b.7.0a.part.rollouts", "a.rollouts"]
-
-
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs /proc")
-@pytest.mark.parametrize("require", [require_file, require_folder])
-def test_a_folder_that_refuses_files_is_told_before_the_work(
-    require: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(os, "access", lambda *_: True)  # as it is for root
-    with pytest.raises(MtpBenchError, match=r"cannot write /proc/e.png: [\w ]+; choose another folder"):
-        require(Path("/proc/e.png"))
 
 
 def test_names_of_any_bytes_have_a_digest(tmp_path: Path) -> None:

@@ -131,11 +131,6 @@ def test_pictures_are_of_simulated_scenes_and_small(repository: Path) -> None:
     assert all(picture.stat().st_size <= LARGEST for picture in pictures)
 
 
-def test_the_table_links_to_every_environment(site: Path) -> None:
-    links = Page(site / "environment" / "index.html").links
-    assert {f"{env_id}.html" for env_id in card_ids()} <= set(links)
-
-
 def test_the_reference_is_complete(site: Path) -> None:
     ids = {place for file in (site / "reference").glob("*.html") for place in Page(file).ids}
     wanted = {f"mtp_bench.{name}" for name in reference.public_names()}

@@ -139,13 +139,6 @@ def test_confidence_is_the_mean_presence_over_hypotheses() -> None:
     assert several > 20
 
 
-@pytest.mark.parametrize("settings", [{"weighting": "equal"}, {"min_mass": 50}])
-def test_settings_outside_their_range(settings: dict[str, Any]) -> None:
-    name, value = next(iter(settings.items()))
-    with pytest.raises(ShapeError, match=f"{name} is {value!r}, expected"):
-        pipeline(1, **settings)
-
-
 def test_frames_without_detections() -> None:
     for action in answers(pipeline(5), frames=[frame()] * 3):
         assert not action["track_valid"].any()
@@ -204,12 +197,6 @@ def test_forecasts_may_move_an_object_state_its_presence_and_leave_it_out() -> N
     np.testing.assert_allclose(action["forecast"][there][0, 0], -1.0, atol=1e-3)
     np.testing.assert_allclose(action["object_confidence"][there], 0.25)
     assert action["forecast_log_weight"][there][0, 1] < -1e29
-
-
-@pytest.mark.parametrize("shape", [(2, 3, 2), (2, 3), ()])
-def test_forecasts_without_an_axis_of_samples(shape: tuple[int, ...]) -> None:
-    with pytest.raises(ShapeError, match=r"samples has shape .*, expected \[rows, samples, frames, 2\]"):
-        Forecasts(np.zeros(shape))
 
 
 @pytest.mark.parametrize(

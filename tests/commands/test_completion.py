@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
-from mtp_bench.detector import profile_names
 from mtp_bench.training.predictors import ON
 from mtp_bench.viz.replay import KINDS
 from mtp_bench.viz.rerun.shown import LEVELS
@@ -50,12 +49,6 @@ def test_submissions(offered: Shell) -> None:
     assert offered("run stp_s") == [name for name in baseline_names() if name.startswith("stp_s")]
     assert offered("compare stp o") == ["own"]
     assert offered("submit ./o") == ["./own"]
-
-
-def test_detectors(offered: Shell) -> None:
-    kitti = [name for name in profile_names() if name.startswith("kitti")]
-    assert len(kitti) > 1
-    assert offered("run stp --env MTP-KITTI-v0 --detector kitti") == kitti
 
 
 WORDS = {

@@ -16,10 +16,8 @@ from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring.score import KINDS as OWN_EVENTS
 from mtp_bench.viz.replay import Incident
-from mtp_bench.viz.terminal.event_table import LONGEST, EventRow, in_order
-from mtp_bench.viz.terminal.output import command_line
+from mtp_bench.viz.terminal.event_table import EventRow, in_order
 from tests.support.command_line import CommandLine, on_terminal, read_json
-from tests.support.stored_runs import write_ghosts
 
 ROW = re.compile(r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+)" + 3 * r" +([\d.–]+)" + " *")
 
@@ -89,11 +87,6 @@ def test_the_command_of_an_event_can_be_pasted(cli: CommandLine, events_run: Pat
     commands.get_command(None, "view").make_context("view", words[2:])  # parses and checks, runs nothing
 
 
-def test_names_with_spaces_are_quoted() -> None:
-    text = command_line("view", "my runs/stp", scene="scene 1", at="ids-0", data="/data root", env=None)
-    assert text == "mtp-bench view 'my runs/stp' --scene 'scene 1' --at ids-0 --data '/data root'"
-
-
 def test_only_a_scene_or_a_kind(cli: CommandLine, events_run: Path, known: list[str]) -> None:
     printed = cli.ok("events", events_run, *known, "--scene", "0006")
     assert [row[2] for row in rows_of(printed)] == ["spurious-0"]
@@ -121,20 +114,6 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
         "error_before": 2.0, "confidence": None,
     }  # fmt: skip
     assert (ghost["frame"], ghost["until"], ghost["object"], ghost["new_id"]) == (1, 3, None, 90)
-
-
-def test_most_spurious_runs_are_only_counted(
-    cli: CommandLine, card: str, kitti: str, tmp_path: Path, known: list[str]
-) -> None:
-    """An agent that forecasts something new in every frame."""
-    run = write_ghosts(tmp_path / "run", card, kitti)
-    printed = cli.ok("events", run, *known)
-    listed = [row for row in rows_of(printed) if row[2].startswith("spurious")]
-    assert len(listed) == LONGEST
-    assert "all of them: --kind spurious" in printed.splitlines()[-1]
-    printed = cli.ok("events", run, *known, "--kind", "spurious")
-    assert len(rows_of(printed)) == 5  # as many as live frames
-    assert "all of them" not in printed
 
 
 def test_a_run_for_another_card_is_refused(

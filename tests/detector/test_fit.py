@@ -12,7 +12,6 @@ from mtp_bench.detector.fit import fit_profile
 from mtp_bench.detector.fit.samples import Samples, collect_samples
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.visibility import Sensor
-from mtp_bench.errors import DataError
 from mtp_bench.types import Scene, Truth
 from tests.support.detector_scenes import CLASSES, DT, FREE, NEAR, grid_truth, profile_of
 
@@ -107,11 +106,6 @@ def test_couplings_come_back(scenes: list[Scene], refit: Profile) -> None:
     assert after("false_together") == pytest.approx(before.false_together, rel=0.3)
     assert after("false_long") == pytest.approx(before.false_long, rel=0.3)
     assert after("false_per_frame") == pytest.approx(before.false_per_frame, rel=0.25)
-
-
-def test_too_little_data_is_one_clear_error(scenes: list[Scene]) -> None:
-    with pytest.raises(DataError, match="car 0; expected at least 100 of one class"):
-        fit_profile(scenes[:1], CLASSES, DT, SENSOR, "none", "", "", {"car": 2.0})
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7])

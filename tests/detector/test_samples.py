@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -52,16 +50,6 @@ def of_car(true: Truth, found: Detections) -> ClassStatistics:
     return detector_statistics([scene(true, found)], CLASSES, AHEAD)["car"]
 
 
-def pattern(*objects: str) -> Scene:
-    """Objects 15 m apart; a letter per frame: ``+`` hit, ``-`` undetected, a blank: not there."""
-    frames = len(objects[0])
-    places = [(15.0 * (j + 1), 0.0) for j in range(len(objects))]
-    there = [[j for j, marks in enumerate(objects) if marks[t] != " "] for t in range(frames)]
-    hit = [[places[j] for j in row if objects[j][t] == "+"] for t, row in enumerate(there)]
-    true = truth(*([places[j] for j in row] for row in there))
-    return scene(replace(true, object_id=np.array([j for row in there for j in row])), detections(*hit))
-
-
 @pytest.mark.parametrize(
     ("true", "found", "expected"),
     [
@@ -76,12 +64,6 @@ def pattern(*objects: str) -> Scene:
 )
 def test_match(true: list[ROW], found: list[ROW], expected: list[int]) -> None:
     assert match_boxes(truth(true), detections(found), CLASSES).detection.tolist() == expected
-
-
-def test_gates_are_tighter_for_small_classes() -> None:
-    walker = truth([(10, 0)], class_id=1)
-    assert match_boxes(walker, detections([(11.1, 0)], class_id=1), CLASSES).detection.tolist() == [-1]
-    assert match_boxes(walker, detections([(10.9, 0)], class_id=1), CLASSES).detection.tolist() == [0]
 
 
 def test_a_neutral_box_absorbs_its_detections_and_counts_nowhere() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from mtp_bench.agent import Frame
-from mtp_bench.errors import ShapeError
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, NoiseTable
 from mtp_bench.prediction.kalman import filtered, heading_frame
@@ -209,11 +208,6 @@ def test_a_shorter_past_is_the_past_cut_off() -> None:
     valid[0, :7] = False
     np.testing.assert_array_equal(predict(tracks_with_past(past), past=3), predict(tracks_with_past(past, valid)))
     np.testing.assert_array_equal(predict(tracks_with_past(past), past=10), predict(tracks_with_past(past)))
-
-
-def test_noise_of_other_classes() -> None:
-    with pytest.raises(ShapeError, match="noise has 3 classes, expected 1"):
-        KinematicPredictor(NOISE).reset(kitti_task(classes=("car",)))
 
 
 def test_noise_of_objects_that_never_change_their_motion() -> None:

@@ -110,15 +110,6 @@ def test_polynomials_are_orthonormal_and_tell_constant_acceleration() -> None:
     np.testing.assert_allclose(motion @ basis.T @ basis, motion, atol=1e-12)
 
 
-@pytest.mark.parametrize("future", [1, 2, 3, 4])
-def test_short_futures(future: int) -> None:
-    pool = np.random.default_rng(10).normal(size=(3, 50, future, 2))
-    centre, weight = reduce(pool, np.zeros((3, 50)), 50 - 1, iterations=0)
-    np.testing.assert_allclose(np.exp(weight).sum(axis=1), 1.0)
-    for o in range(3):
-        assert np.abs(pool[o, :, None] - centre[o, None]).max(axis=(2, 3)).min(axis=0).max() < 1e-12
-
-
 def test_one_bent_sample_among_straight_ones_keeps_its_bend() -> None:
     pool = make_pool(np.random.default_rng(11), 1, 40)
     pool[0, 7] = [[0, 0], [3, 0], [0, 0], [3, 0], [0, 0]]

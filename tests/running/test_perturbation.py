@@ -59,13 +59,6 @@ def test_noise_and_cuts_are_those_of_matched_detections() -> None:
     np.testing.assert_allclose(fitted.cuts, [[0.1, 1.2], [0.25, 1.5]], atol=1e-5)
 
 
-def test_a_class_that_was_never_matched_takes_what_all_classes_have() -> None:
-    found = matched_detections(scene_of(0.2, 0.03), CARD)
-    fitted = fit_perturbation([found], 3)
-    assert 0.1 < fitted.sigma_xy[2] < 0.2
-    assert fit_perturbation([], 2) == Perturbation((0.0, 0.0), (0.0, 0.0), ((0.0, 0.0), (0.0, 0.0)))
-
-
 def test_every_sixth_run_has_the_same_assignment_and_cut() -> None:
     assert [assignment_of(run) for run in range(4)] == ["hungarian", "greedy", "hungarian", "greedy"]
     scene = scene_of(0.2, 0.03)

@@ -115,19 +115,6 @@ def test_an_earlier_run_survives_when_writing_fails(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
-def test_a_scene_twice_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(RolloutError, match="'one' occurs twice"):
-        save_run(tmp_path / "run", INFO, [make_rollout(), make_rollout()])
-    assert list(tmp_path.iterdir()) == []
-
-
-@pytest.mark.parametrize("value", [float("nan"), np.zeros(2), {1, 2}], ids=["NaN", "array", "set"])
-def test_parameters_that_are_no_json_are_an_error(value: Any, tmp_path: Path) -> None:
-    with pytest.raises(RolloutError, match="run of 'echo' cannot be stored as JSON"):
-        save_run(tmp_path / "run", INFO.model_copy(update={"parameters": {"noise": value}}), [])
-    assert list(tmp_path.iterdir()) == []
-
-
 def edit_json(change: Callable[[Any], Any]) -> Callable[[Path], None]:
     def apply(folder: Path) -> None:
         content = json.loads((folder / "run.json").read_text())

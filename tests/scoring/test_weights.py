@@ -150,12 +150,3 @@ def test_a_broken_file_is_one_error_that_names_file_and_key(
         read_reference(path)
     assert str(error.value).startswith(f"{path}: ")
     assert message in str(error.value)
-
-
-def test_a_missing_file_and_other_definitions(tmp_path: Path) -> None:
-    path = tmp_path / "reference.json"
-    with pytest.raises(DataError, match=r"reference\.json: cannot be read"):
-        read_reference(path)
-    write_reference(path, reference_of_streams(definitions="0.1"))
-    with pytest.raises(DataError, match=f"definitions is '0.1', expected '{DEFINITIONS}': mtp-bench maintain freeze"):
-        read_reference(path)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mtp_bench.cards import Card, with_detector, with_files, with_scenes, with_split
 from mtp_bench.cards.own import folder_digest
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
-from mtp_bench.sources import describe, load_scenes, open_source
+from mtp_bench.sources import load_scenes, open_source
 from mtp_bench.sources.files.save import TableForm, save_scene
 from mtp_bench.types import Detections, Scene, StoredTracks, Truth, starts_of
 from tests.support.own_scenes import (
@@ -279,12 +279,6 @@ def test_a_mistake_in_a_table(tables: dict[str, list[str] | None], text: str, tm
     assert str(tmp_path) in str(caught.value)
 
 
-def test_the_folder_of_a_scene_instead_of_the_one_above(tmp_path: Path, base: Card) -> None:
-    write_tables(tmp_path)
-    with pytest.raises(DataError, match=rf"it is a scene itself: name the folder above, {re.escape(str(tmp_path))}$"):
-        only(base, tmp_path / "one")
-
-
 def test_broken_files(tmp_path: Path, base: Card) -> None:
     write_tables(tmp_path)
     table = tmp_path / "one" / "truth.csv"
@@ -303,24 +297,6 @@ def test_a_mark_blank_lines_quotes_and_blanks_are_fine_and_lines_are_counted(tmp
     assert only(base, write_tables(tmp_path, truth=lines)).truth.box[:, 0].tolist() == [0, 1, 2]
     with pytest.raises(DataError, match=r"truth\.csv, line 7, column 'x': 'far', expected a number"):
         only(base, write_tables(tmp_path, truth=[*lines, f"2,2,car,far,0,{BOX}"]))
-
-
-def test_a_folder_without_scenes(tmp_path: Path, base: Card) -> None:
-    with pytest.raises(DataError, match=r"no folder .*none, expected one with a sub-folder"):
-        with_files(base, tmp_path / "none")
-    card = with_files(base, tmp_path)
-    with pytest.raises(DataError, match="has no scene, expected a sub-folder for each scene"):
-        open_source(card)
-    assert describe(card).missing
-    assert not describe(card).usable
-
-
-def test_two_folders_of_one_name(tmp_path: Path, base: Card) -> None:
-    for folder in ("a%2Fb", "a%2fb"):
-        write_tables(tmp_path)
-        (tmp_path / "one").rename(tmp_path / folder)
-    with pytest.raises(DataError, match=r"has the scene 'a/b' as a%2Fb and a%2fb, expected one"):
-        only(base, tmp_path)
 
 
 def test_names_do_not_stand_for_contents(tmp_path: Path) -> None:

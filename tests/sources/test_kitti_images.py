@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_card
-from mtp_bench.sources import camera_images, describe, load_scenes
+from mtp_bench.sources import camera_images, load_scenes
 from mtp_bench.sources.kitti.files import read_labels
-from mtp_bench.types import ImageField
 from mtp_bench.viz.photo import projected
 from tests.support.camera_images import write_image
 
@@ -49,17 +48,3 @@ def test_boxes_lie_where_the_labels_have_them(env_id: str, data_root: Path, tmp_
             gaps.append(np.concatenate([edges.min(axis=0), edges.max(axis=0)]) - labels.image_box[at])
     assert len(gaps) > 20
     assert np.median(np.abs(gaps)) < 4.0, "pixels"
-
-
-@pytest.mark.data
-def test_the_status_says_whether_they_are_there(data_root: Path, tmp_path: Path) -> None:
-    card, text = load_card("MTP-KITTI-v0"), "training/image_02 is missing: pictures of events show no image"
-    assert any(text in note for note in describe(card, data_root).notes)
-    assert not any(text in note for note in describe(card, linked(tmp_path, data_root, "0006", range(1))).notes)
-
-
-def test_a_scene_without_a_calibrated_image_has_none(kitti: str, card: str) -> None:
-    loaded = load_card(card)
-    (scene, *_) = load_scenes(loaded, kitti)
-    assert isinstance(scene.image, ImageField)
-    assert camera_images(scene, loaded, kitti) == ()

@@ -16,7 +16,6 @@ from tests.support.nuscenes_root import (
     PREDICTION,
     SCENES,
     TIMES,
-    VERSION,
     make_detections,
     make_tables,
     make_targets,
@@ -80,13 +79,6 @@ def test_scenes_without_targets_are_left_out(data: Path) -> None:
         open_source(nuscenes_card(truth="targets", split="val"), data)
 
 
-def test_the_list_of_targets_is_needed_for_targets_only(data: Path) -> None:
-    (data / PREDICTION).unlink()
-    assert len(open_source(nuscenes_card(), data).names) == 3
-    with pytest.raises(DataError, match=r"no file .*prediction_scenes\.json: .* needs the targets"):
-        open_source(nuscenes_card(truth="targets"), data)
-
-
 def test_splits(data: Path) -> None:
     for split, name in (("train", "scene-0301"), ("train_val", "scene-0001"), ("val", "scene-0003")):
         assert open_source(nuscenes_card(split=split), data).names == (name,)
@@ -105,17 +97,6 @@ def test_a_root_of_unofficial_scenes(data: Path) -> None:
     assert open_source(nuscenes_card(), data).names == ("scene-9001",)
     with pytest.raises(DataError, match=r"no scene of split 'val'; splits with scenes: all \(1\)"):
         open_source(nuscenes_card(split="val"), data)
-
-
-def test_missing_root_version_and_table(data: Path, tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"no nuScenes data: .* \(given as data root\); .*register at"):
-        open_source(nuscenes_card(), tmp_path / "elsewhere")
-    with pytest.raises(DataError, match=r"has no folder 'v1\.0-trainval'; found: v1\.0-mini"):
-        open_source(nuscenes_card(version="v1.0-trainval"), data)
-    assert open_source(nuscenes_card(), data / "nuscenes").names  # the folder itself
-    (data / "nuscenes" / VERSION / "ego_pose.json").unlink()
-    with pytest.raises(DataError, match=r"no file .*ego_pose\.json: this table of v1\.0-mini is missing"):
-        open_source(nuscenes_card(), data)
 
 
 def test_a_simulated_detector_needs_no_detections(data: Path) -> None:

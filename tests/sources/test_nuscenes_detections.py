@@ -96,17 +96,6 @@ def test_a_named_file_is_used_alone(data: Path, tmp_path: Path) -> None:
         open_source(nuscenes_card(detections_file="none.json", detections_sha256="0" * 64), data)
 
 
-def test_unknown_detector(data: Path) -> None:
-    write_json(stored(data, "centerpoint_mini.json"), {})
-    with pytest.raises(DataError, match=r"no file pointrcnn\*\.json; found: .*, megvii_all\.json; without them"):
-        open_source(nuscenes_card(detector="pointrcnn"), data)
-    stored(data).unlink()
-    stored(data, "centerpoint_mini.json").unlink()
-    stored(data).parent.rmdir()
-    with pytest.raises(DataError, match=r"detections; .*--detector nuscenes_megvii .*; to get them: register at"):
-        open_source(nuscenes_card(), data)
-
-
 def test_scenes_that_are_not_covered(data: Path) -> None:
     content = make_detections(SCENES[1:])
     write_json(stored(data), content)

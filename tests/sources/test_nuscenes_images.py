@@ -54,12 +54,6 @@ def test_images_that_are_not_there_are_left_out(seen: Path) -> None:
     assert len(images(seen, name="scene-0001")) == 8
 
 
-def test_without_images_no_table_is_read(data: Path) -> None:
-    notes: list[str] = []
-    assert images(data, notes) == (), "the cameras of this root have no calibration"
-    assert not notes
-
-
 def test_the_tables_are_read_once(seen: Path, own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     images(seen)
     assert len(list(own_cache.glob("*-cameras*/*.npz"))) == 3

@@ -26,7 +26,7 @@ from mtp_bench.study.causes import CAUSES
 from mtp_bench.study.conduct import find
 from mtp_bench.study.figures import FIGURES, make_figures
 from mtp_bench.study.gallery import command_of, worst_events
-from mtp_bench.study.plan import make_plan, subject_of
+from mtp_bench.study.plan import subject_of
 from mtp_bench.study.relations import relation_rows, verdict
 from mtp_bench.study.rows import TEXTS, make_tables
 from mtp_bench.study.runs import Bench, library_files, open_bench
@@ -160,14 +160,6 @@ def test_a_study_overwrites_studies_alone(name: str, card: str, kitti: str, tmp_
 
 
 # ---- plans
-
-
-def test_a_plan_has_no_setting_twice(card: str) -> None:
-    plan = make_plan(["mtp", "stp"], load_card(card))
-    names = [(s.submission.name, s.hypotheses, s.samples, s.observe) for s in plan.equal]
-    assert names.count(("stp", 1, 4, "detections")) == 1
-    assert plan.same_samples is not None
-    assert [s.label for s in plan.shown_controls] == ["stp_same_budget", "stp_hedged"]
 
 
 SUBJECTS = {  # agent -> labels of one hypothesis and of the start of its gap, hypotheses with k samples and with all

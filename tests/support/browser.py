@@ -27,7 +27,6 @@ SWITCHES = (
 )  # fmt: skip
 FLAGS = [f"--{switch}" for switch in SWITCHES]
 ENTER = "\ue007"
-TAB = "\ue004"
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # the key of an element in the protocol
 
 

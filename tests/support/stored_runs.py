@@ -26,14 +26,6 @@ def write_events_run(folder: Path, card: str, data: str) -> Path:
     return folder
 
 
-def write_ghosts(folder: Path, card: str, data: str) -> Path:
-    """A run of scene 0001 that says nothing of its objects and forecasts in every frame under another id."""
-    scene = open_source(load_card(card), data).load("0001")
-    said = [[_ghost(scene, t)] for t in range(scene.frames)]
-    save_run(folder, _info(card), [_written(scene, said, said)])
-    return folder
-
-
 def _info(card: str) -> RunInfo:
     return RunInfo(
         env_id=load_card(card).id, card_digest=load_card(card).digest, observe="detections", samples=4, split="val",

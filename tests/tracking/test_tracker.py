@@ -10,7 +10,7 @@ import pytest
 from mtp_bench.agent import Observation
 from mtp_bench.errors import ShapeError, SubmissionError, UnknownNameError
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker, score_thresholds
-from mtp_bench.tracking.parameters import detector_parameters, read_detector
+from mtp_bench.tracking.parameters import read_detector
 from tests.support.tracking_scenes import (
     CAR,
     CYCLIST,
@@ -193,11 +193,3 @@ def test_a_velocity_of_a_task_without_velocities_is_not_looked_at() -> None:
         tracker.reset(replace(URBAN, velocity=False))
         outputs.append([tracker.step(at(0.4 * t, velocity)).box for t in range(3)])
     np.testing.assert_array_equal(outputs[0], outputs[1])
-
-
-def test_a_simulated_detector_is_tracked_like_the_one_it_was_fitted_to() -> None:
-    kitti = detector_parameters("kitti_pointrcnn", ("car", "pedestrian", "cyclist"))
-    assert kitti == detector_parameters("pointrcnn", ("car", "pedestrian", "cyclist"))
-    assert detector_parameters("kitti_pointrcnn-hard", ("car", "truck")) == (kitti[0], kitti[0])
-    for name in ("nuscenes_megvii", "nuscenes_centerpoint", "clean"):
-        assert len(detector_parameters(name, ("car", "truck", "bus", "motorcycle", "pedestrian"))) == 5

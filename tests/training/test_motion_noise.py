@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import UnknownNameError
 from mtp_bench.prediction import NoiseTable, motion_noise, stored_noise
 from mtp_bench.prediction.motion_noise import condition, noise_table
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
@@ -87,11 +86,6 @@ def test_stored_noise(name: str) -> None:
     np.testing.assert_array_equal(swapped.jerkiness, noise.jerkiness[[2, 0]])
 
 
-def test_unknown_classes_are_errors() -> None:
-    with pytest.raises(UnknownNameError, match="class of motion noise 'KITTI-pointrcnn-world' 'pedestrain': did you"):
-        stored_noise(kitti_task(motion_noise="KITTI", classes=("car", "pedestrain")))
-
-
 STORE: dict[str, dict[str, Any]] = {
     "KITTI-pointrcnn-world": {"car": {**TRUE, "measurement": 1.0}, "cyclist": {**TRUE, "measurement": 1.5}},
     "KITTI-truth-world": {"car": {**TRUE, "measurement": 2.0}},
@@ -116,12 +110,6 @@ def test_the_most_similar_condition_stands_in(name: str, monkeypatch: pytest.Mon
     monkeypatch.setattr(motion_noise, "_read_folder", lambda _: STORE)
     changes, measurement = LIKE[name]
     assert stored_noise(kitti_task(**{"classes": ("car",), **changes})).measurement[0] == measurement
-
-
-def test_a_moving_frame_has_no_substitute(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion_noise, "_read_folder", lambda _: STORE)
-    with pytest.raises(UnknownNameError, match="motion noise 'test-pointrcnn-ego'"):
-        stored_noise(kitti_task(classes=("car",), ego_motion=False))
 
 
 def test_a_file_in_the_folder_is_a_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,10 +14,9 @@ from mtp_bench.env.observation import LocalFrame
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
-from mtp_bench.tracks import Tracks
 from mtp_bench.training.labels import UNKNOWN
 from mtp_bench.training.tracklets import Windows, concatenate, windows, windows_of_scene
-from mtp_bench.types import ImageField, Observation, Scene
+from mtp_bench.types import ImageField, Scene
 from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
 
@@ -119,12 +118,6 @@ def test_targets_are_those_of_the_scorer(tmp_path: Path) -> None:
     assert set(found.frame[found.target].tolist()) == {1, 2, 3, 4}  # two past frames, three future ones
 
 
-def test_masses_of_one_object_are_those_of_its_hypotheses(tmp_path: Path) -> None:
-    found = windows_of_scenes(tmp_path, make_scene(), hypotheses=5)
-    assert ((found.mass > 0) & (found.mass <= 1 + 1e-6)).all()
-    assert found.mass[found.best].min() > 0.5 / 5
-
-
 def test_a_scene_without_objects_has_no_windows(tmp_path: Path) -> None:
     found = windows_of_scenes(tmp_path, bare_scene(), make_scene())
     assert (found.scene == 1).all()
@@ -153,17 +146,6 @@ def test_a_fold_takes_a_scene_out_of_all_envs_that_show_it(tmp_path: Path) -> No
         (name,) = {one.names[scene] for scene in one.split((number, 4))[1].scene.tolist()}
         assert away == {f"MTP-Small-v0 {name}", f"MTP-SmallRaw-v0 {name}"}
         assert len(learnt) == 6
-
-
-def test_a_tracker_whose_boxes_are_not_finite(tmp_path: Path) -> None:
-    class Lost(HypothesisTracker):
-        def step(self, observation: Observation) -> Tracks:
-            tracks = super().step(observation)
-            return replace(tracks, box=np.full_like(tracks.box, np.nan))
-
-    card = load_card(write_card(tmp_path))
-    with pytest.raises(MtpBenchError, match=r"scene .*, frame 0: the tracker gave a box that is not finite"):
-        windows_of_scene(make_scene(), card, small_task(), Lost(1))
 
 
 def test_from_a_data_root(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from mtp_bench import load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
@@ -151,17 +150,6 @@ def test_the_camera_goes_along_with_the_ego_and_never_changes_its_size() -> None
     assert (first.wide, first.high) == (last.wide, last.high)
     assert first.x > scene.ego[0, 0], "most is ahead"
     assert first.wide <= 2 * LARGEST
-
-
-@pytest.mark.parametrize("has_ego", [True, False])
-def test_the_camera_holds_what_was_seen(has_ego: bool) -> None:
-    card = CARD if has_ego else load_card("MTP-WILDTRACK-v0")
-    scene = seen_scene([(5.0, 9.0), (19.0, -9.0)])
-    windows = windows_of(scene, card)
-    assert windows[0] == windows[4]
-    assert Canvas.blank(400, 300, windows[0]).inside(scene.detections.box[:, :2]).all()
-    nothing = windows_of(seen_scene([]), card)[0]
-    assert min(nothing.wide, nothing.high) > 0, "a scene without detections has a camera, too"
 
 
 # ---- colours

@@ -30,13 +30,11 @@ from mtp_bench.viz.board import (
     write_board,
 )
 from mtp_bench.viz.board.drawings import (
-    BAR,
     MOST_TICKS,
     PAD,
     WIDTH,
     bar_of,
     scale_of,
-    scene_chart,
 )
 from mtp_bench.viz.board.overview import overview_of
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
@@ -244,17 +242,6 @@ def test_the_overview_has_the_papers_environments_first_and_marks_simulated_ones
     assert html.count('<span class="tag">simulated</span>') == 1
 
 
-def test_links_lead_to_code_paper_and_licence() -> None:
-    theirs = {"source": "https://a.invalid/x", "commit": "abcdef1", "paper": "https://b.invalid/'\"y", "license": "MIT"}
-    found = [Found(made_up("stp"), code="../baselines/stp"), Found(made_up("theirs", submission=theirs), code="never")]
-    files = board_files(entries_of(found))
-    links = [a["href"] for a in Page(files.page).all("a") if a.get("rel")]
-    assert sorted(filter(None, links)) == ["./../baselines/stp", theirs["source"], theirs["paper"]]
-    details = pieces_of(files)[f"{MAIN}/theirs"]
-    assert "<bdi>MIT</bdi>" in details
-    assert "<code>abcdef1</code>" in details
-
-
 def test_a_curve_is_drawn_and_nonsense_is_not() -> None:
     curve = [[0.0, 9.0], [1.0, 5.0], [5.0, 4.0]]
     huge = [[[0.0, -1e308], [1.0, 1e308]], [[0.0, 1.0], [1e308, 1.0]], [[-1.0, 1.0], [1.0, 2.0]]]
@@ -381,15 +368,6 @@ def test_the_scale_of_differences_holds_the_ranked_and_zero() -> None:
     assert off.above
     assert not off.below
     assert off.at == WIDTH - PAD
-
-
-def test_bars_of_scenes_share_a_scale_with_the_reference() -> None:
-    first, second = board_of(made_up("a", 0.5), made_up("stp", 1.0))
-    bars = scene_chart(first, second)
-    assert [bar.scene for bar in bars[:2]] == ["wildtrack-1200", "wildtrack-1400"]
-    assert max(bar.reference or 0.0 for bar in bars) == BAR
-    assert all(bar.width < BAR for bar in bars)
-    assert all(bar.reference is None for bar in scene_chart(second, second))
 
 
 def write_records(folder: Path, *records: Record) -> list[Path]:

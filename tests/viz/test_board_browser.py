@@ -96,27 +96,6 @@ def test_a_click_sorts_and_another_turns_the_order(opened: Browser) -> None:
     assert names(opened) == [*best[-2::-1], "sleeper"]  # what has no number stays last
 
 
-def test_text_filters(opened: Browser) -> None:
-    opened.type("#_text", "PATHS ada")
-    assert names(opened) == ["braided_paths"]
-    assert opened.script(COUNT) == "2 of 13 entries"
-    opened.type("#_text", "nobody")
-    assert names(opened) == []
-    assert opened.script(f"return document.querySelector('{FIRST} .none').checkVisibility()")
-
-
-@pytest.mark.parametrize(
-    ("control", "value", "kept"),
-    [
-        ("level", "2", ["braided_paths", "stp"]),
-        ("level", "0", RANKED + UNRANKED),
-    ],
-)
-def test_selections_filter(opened: Browser, control: str, value: str, kept: list[str]) -> None:
-    choose(opened, control, value)
-    assert names(opened) == kept
-
-
 def choose(browser: Browser, control: str, value: str) -> None:
     browser.script(
         """const chosen = document.getElementById(`_${arguments[0]}`);

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from mtp_bench.geometry import rotate
 from mtp_bench.viz.counterpart import counterpart
 from mtp_bench.viz.drawing.report import SIZE, report
-from mtp_bench.viz.focus import Focus, ObjectForecast
+from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, frame_of, turn_of, window_of
 from mtp_bench.viz.replay import NO_EVENT, Replay, replay
-from mtp_bench.viz.sentence import sentence, went
+from mtp_bench.viz.sentence import sentence
 from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, crowd, told
 from tests.support.scoring_scenes import (
     Thing,
@@ -194,26 +194,6 @@ def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     assert focus.at.frame == 4
     assert [focus.follower(t) for t in range(5)] == [1, 1, -1, -1, 1]
     assert "car 5 is found again after 2 frames by its old track 1; " in sentence(focus)
-
-
-WENT = {  # the true way and the forecast, each [3, 2], and what is said
-    "right": ([[4, 0], [8, 0], [12, 0]], [[4, 0], [8, 1], [12, 1]], "goes the right way and ends 1.0 m"),
-    "short": ([[4, 0], [8, 0], [12, 0]], [[2, 0], [4, 0], [6, 0]], "falls short and ends 6.0 m"),
-    "far": ([[4, 0], [8, 0], [12, 0]], [[6, 0], [12, 0], [18, 0]], "goes too far and ends 6.0 m"),
-    "still": ([[4, 0], [8, 0], [12, 0]], [[0, 0], [0, 0], [0, 0]], "stands still and ends 12.0 m"),
-    "left": ([[4, 0], [8, 0], [12, 0]], [[4, 4], [8, 8], [12, 12]], "turns off to the left and ends 12.0 m"),
-    "right turn": ([[0, 4], [0, 8], [0, 12]], [[4, 4], [8, 8], [12, 12]], "turns off to the right and ends 12.0 m"),
-    "back": ([[4, 0], [8, 0], [12, 0]], [[-4, 0], [-8, 0], [-12, 0]], "goes back and ends 24.0 m"),
-    "both stand": ([[0, 0]] * 3, [[0, 0], [0, 0], [0.5, 0]], "stands still like the object and ends 0.5 m"),
-    "moves off": ([[0, 0]] * 3, [[0, 0], [2, 0], [5, 0]], "moves off though the object stands, and ends 5.0 m"),
-}
-
-
-@pytest.mark.parametrize(("future", "path", "text"), WENT.values(), ids=WENT)
-def test_what_a_forecast_did(future: list[list[float]], path: list[list[float]], text: str) -> None:
-    samples = np.array([[[50.0, 50.0]] * 3, path])
-    forecast = ObjectForecast(0, 1, np.zeros(2), samples, nearest=1)
-    assert went(forecast, np.array([[0, 0], *future], dtype=float)) == f"{text} from the true place"
 
 
 def test_the_nearest_sample_is_the_one_that_the_score_counts() -> None:

@@ -96,14 +96,6 @@ def test_the_camera_that_sees_most_of_it_is_chosen(seen: Replay) -> None:
 # ---- drawings
 
 
-def test_without_images_nothing_changes(seen: Replay) -> None:
-    plain = report(event(replace(seen, images=())))
-    assert plain.size == SIZE
-    with_images = report(event(seen))
-    assert with_images.size == (SIZE[0], SIZE[1] + HEIGHT)
-    assert np.array_equal(np.asarray(with_images)[: SIZE[1]], np.asarray(plain))
-
-
 def test_the_row_shows_the_image_and_the_boxes(seen: Replay) -> None:
     row = report(event(seen)).crop((0, SIZE[1], SIZE[0], SIZE[1] + HEIGHT))
     assert near(row, GREY, 4) > 0.7 * SIZE[0] * HEIGHT

@@ -13,7 +13,6 @@ from rich.console import Console
 
 from mtp_bench import load_submission
 from mtp_bench.scoring import SUBSETS, Report
-from mtp_bench.scoring.rank import NOT_CAUSAL
 from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.tables import Table
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, show, show_command, show_lines, show_table
@@ -90,30 +89,6 @@ def test_the_gap_between_both_reference_pairs_and_in_the_paper() -> None:
     assert "paper" not in sentence
     (sentence,) = verdict(report(ends + rows(MINE)), ["mine"])
     assert sentence.startswith("mine (H = 3): no gap to close")
-
-
-NOTES: dict[str, tuple[list[Row], dict[str, Any], str]] = {
-    "guessed parents": (rows(MINE), {"guessed_parents": 0.25}, "* mine states no parents: "),
-    "rejected": (rows(MINE), {"invalid": {"tracks": 0, "objects": 7}}, "! mine: 7 rows rejected"),
-    "no target": (rows(MINE, targets=0), {}, "! there is no target"),
-    "another frame": ([*rows(TRUTH, unranked_because="saw the truth"), *rows(STP, coverage=0.0)], {}, "! no forecast"),
-    "dropped": (rows(MINE), {"dropped_detections": 3}, "! 3 detections not shown to agents"),
-    "stored tracks": (rows(MINE, unranked_because=NOT_CAUSAL), {}, "mine: never ranked, not causal"),
-}
-
-
-@pytest.mark.parametrize(("table", "details", "start"), NOTES.values(), ids=NOTES)
-def test_warnings_below_the_table(table: list[Row], details: dict[str, Any], start: str) -> None:
-    known = report(table)
-    assert len(notes(report(rows(MINE)))) == 5
-    known.details[-1] = known.details[-1].model_copy(update=details)
-    assert [note for note in notes(known)[5:] if note.startswith(start)] == notes(known)[5:] != []
-    assert ("34/462/99*" in "".join(map(render, full_tables(known)))) == ("guessed_parents" in details)
-
-
-@pytest.mark.parametrize("table", [[], rows(MINE), rows(FREE), rows(STP, MINE, error=None)], ids=str)
-def test_no_sentence_without_its_numbers(table: list[Row]) -> None:
-    assert verdict(report(table), ["mine", "mtp", "missing"]) == []
 
 
 LARGE = [
