@@ -43,7 +43,7 @@ SUMMARIES = {
     "train": "Fit predictors and other parameters on training splits.",
     "fit-noise": "Fit the noise of the simulated detector to real detections.",
     "new": "Create a folder with a new submission.",
-    "check": "Check a submission or a card.",
+    "check": "Check a submission.",
     "submit": "Make a leaderboard record of a submission.",
     "verify": "Check records, and run their submissions again.",
     "board": "Show the leaderboard.",

@@ -38,7 +38,7 @@ def test_a_report_shows_it(jerk: float | None, text: str) -> None:
     known = report(
         [further(row, jerk) for row in rows(SETTING)] + [further(row, 9.0) for row in rows(("b", 1, 20, "equal"))]
     )
-    (parts,) = [table for table in tables.full_tables(known) if table.title.startswith("What the error is made of")]
+    (parts,) = [table for table in tables.full_tables(known) if table.title.startswith("Further metrics")]
     console = Console(record=True, width=100, file=io.StringIO())
     console.print(report_table(parts))
     (line,) = [line for line in console.export_text().splitlines() if line.startswith("mine")]

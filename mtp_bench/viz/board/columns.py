@@ -141,9 +141,13 @@ def page_columns(entries: Collection[Entry]) -> list[Column]:
 
 
 def data_table(entries: Sequence[Entry], name: str) -> Table:
-    """Every number of the entries, rounded as records are, for CSV, JSON and other programs."""
+    """Every number of the entries, rounded as records are, for CSV, JSON and other programs.
+
+    A further number that no entry has is left out: records are older than a new metric.
+    """
     env = _text("env", lambda e: e.env)
     further = [_over_all(column) for column in further_columns(entries)]
+    further = [column for column in further if any(column.value(entry) is not None for entry in entries)]
     columns = [env, *_FIRST, *_NUMBERS, *further, *_LAST]
     return Table(name, "Leaderboard", "", entries, [replace(c, read=_rounded(c)) for c in columns])
 

@@ -100,8 +100,10 @@ def full_tables(report: Report) -> Iterator[Table]:
         shown.sort(key=lambda row: (row.other, SUBSETS.index(row.subset)))
         columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED]
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
-    parts = [_on(column, "all") for column in known.values() if column.key in _MADE_OF or column.optional]
+    parts = [_on(known[name], "all") for name in _MADE_OF]
     yield _lines_table("What the error is made of (all targets, m)", lines, parts)
+    optional = [_on(column, "all") for column in known.values() if column.optional and column.key not in _MADE_OF]
+    yield _lines_table("Further metrics (all targets)", lines, optional)
     others = [_of(column, lambda line: line.details) for column in columns_of(Details)[len(columns_of(AgentSetting)) :]]
     title = "Other numbers (all targets; forecasts and false ones per live frame)"
     yield _lines_table(title, lines, [*others, _on(known["ms_per_frame"], "all")])
