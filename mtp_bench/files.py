@@ -230,11 +230,8 @@ def cache_root() -> Path:
     return user_cache_path("mtp_bench", appauthor=False)
 
 
-def discard(path: Path) -> None:
-    """Delete what is at ``path`` of the cache and say on stderr that it is made anew; nothing is done if it is missing.
-
-    Raises OSError.
-    """
+def remove_damaged(path: Path) -> None:
+    """Delete the file or folder ``path`` of the cache, if there is one, and say on stderr that it is made anew."""
     if not os.path.lexists(path):
         return
     if path.is_dir() and not path.is_symlink():

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import DataError
-from ...files import CACHE, cache_root, discard
+from ...files import CACHE, cache_root, remove_damaged
 from ...parallel import Workers, unordered_map
 from ...types import Lane, Truth, starts_of
 from ..cache import Arrays, read_arrays, write_arrays
@@ -63,7 +63,7 @@ class WorldStore:
             return stored
         path = self.path(seed)
         with _stored_in(path.parent):
-            discard(path)
+            remove_damaged(path)
             world = simulate_world(self.traffic, seed)
             world = replace(world, visible=visible_fractions(world.truth, world.ego))
             write_arrays(path, pack(world))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError
-from ...files import CACHE, cache_root, discard, whole_folder
+from ...files import CACHE, cache_root, remove_damaged, whole_folder
 from ...types import Ints
 from ..cache import Arrays, read_arrays, write_arrays
 from .layout import PREDICTION, TABLES, prediction_path, table_paths
@@ -75,7 +75,7 @@ class CachedFolder:
         if sys.stderr.isatty():
             names = [path.name for path in self.sources.values()]
             print(f"reading {names[0] if len(names) == 1 else self.prefix} (once)", file=sys.stderr)
-        discard(self.path)
+        remove_damaged(self.path)
         with whole_folder(self.path) as part:
             self.fill(part)
 
