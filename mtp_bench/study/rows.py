@@ -17,8 +17,7 @@ from ..scoring.statistics import ratio
 from ..tables import Column, Table
 from ..types import Bools
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
-from .causes import CAUSES
-from .circumstances import KINDS
+from .causes import CAUSES, KINDS
 from .findings import Findings
 from .plan import StudiedAgent, unique
 from .relations import relation_rows

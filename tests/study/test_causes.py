@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.scoring.ranking_error import Budgets, budgets_of, errors_at
 from mtp_bench.scoring.targets import find_targets
-from mtp_bench.study.causes import CAUSES, causes, causes_at
-from mtp_bench.study.circumstances import Circumstances, circumstances
+from mtp_bench.study.causes import CAUSES, Circumstances, causes, causes_at, circumstances
 from mtp_bench.types import Detections, Rollout, Scene
 from tests.support.scoring_scenes import (
     Array,
