@@ -78,8 +78,9 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     if len(ranked) < len(env.scene_names):
         missing = f"{len(env.scene_names) - len(ranked)} of {len(env.scene_names)} scenes of the split have none"
         report.condition["weights"] += f"; {missing} and are left out"
-    # every setting reads the same scenes
-    skipped = total_skipped(score.skipped for score in agents[0].seeds[0])
+    skipped: dict[str, int] = {}
+    for agent in agents:  # every setting reads the same scenes, but only some read stored tracks
+        skipped |= total_skipped(score.skipped for score in agent.seeds[0])
     return Comparison(report, reference, tuple(settings), skipped)
 
 

@@ -24,7 +24,7 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
         return None
     count = sum(skipped.values())
     reasons = ", ".join(f"{reason} ({number})" for reason, number in skipped.items())
-    return f"skipped {count} row{'' if count == 1 else 's'} of the data that cannot be used: {reasons}"
+    return f"{count} {'row' if count == 1 else 'rows'} of the data skipped or completed: {reasons}"
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, UnknownNameError
 from ..types import Scene
 from .base import CameraImage as CameraImage
-from .base import ChangedScenes, SourcePackage
+from .base import ChangedScenes, SourcePackage, usable
 from .base import SceneSource as SceneSource
 from .dataset import Dataset as Dataset
 from .dataset import DataStatus as DataStatus
@@ -28,7 +27,7 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA, else the user data folder.
     Raises DataError when the root, a folder or the card's detector is missing.
     """
-    return ChangedScenes(_package(card).open(card, data), partial(detected, card=card))
+    return ChangedScenes(_package(card).open(card, data), lambda scene: detected(usable(scene), card))
 
 
 def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: str | Path) -> SceneSource:
@@ -37,7 +36,7 @@ def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: 
     ``card`` and ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
     """
     read = find_tracks(_package(card), card, data, path)
-    return ChangedScenes(source, lambda scene: replace(scene, tracks=read(scene)))
+    return ChangedScenes(source, lambda scene: usable(replace(scene, tracks=read(scene))))
 
 
 def load_scenes(

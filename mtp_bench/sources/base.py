@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -13,8 +14,9 @@ from ..cards import Card, SourceSection
 from ..cards.own import TEXTS, folder_digest, known_digest
 from ..cards.source import DetectionsSection
 from ..errors import CardError, DataError, MissingDataError, UnknownNameError, nearest
-from ..types import Detections, Floats, Ints, Lane, Scene, StoredTracks
+from ..types import Detections, Floats, Ints, Lane, Scene, StoredTracks, Truth
 from .dataset import Dataset, DataStatus
+from .text import SMALLEST, refuse_shared_place
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
 SectionT = TypeVar("SectionT", bound=SourceSection)
@@ -144,3 +146,30 @@ def no_detections(frames: int) -> Detections:
     no_ids = np.zeros(0, dtype=np.int64)
     start = np.zeros(frames + 1, dtype=np.int64)
     return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), no_ids, np.zeros(0))
+
+
+def usable(scene: Scene) -> Scene:
+    """The scene without detected and tracked boxes of size 0 or below; tracks without a score (NaN) have 1.
+
+    ``skipped`` counts both. Raises DataError for true objects at one place.
+    """
+    require_separate(scene.truth, f"scene {scene.name!r}")
+    changes: dict[str, Any] = {}
+    skipped = Counter(scene.skipped)
+    for name, kind in (("detections", "detection"), ("tracks", "track")):
+        boxes: Detections | None = getattr(scene, name)
+        if boxes is None:
+            continue
+        sized = np.all(boxes.box[:, 4:7] >= SMALLEST, axis=1)
+        unscored = np.isnan(boxes.score) & sized
+        skipped[f"{kind} size not above 0"] += int((~sized).sum())
+        skipped[f"{kind} without a score, taken as 1"] += int(unscored.sum())
+        changes[name] = replace(boxes, score=np.where(unscored, 1.0, boxes.score)).select(sized)
+    counted = dict(+skipped)
+    return replace(scene, skipped=counted, **changes) if counted != scene.skipped else scene
+
+
+def require_separate(truth: Truth, where: str) -> None:
+    """Raise DataError if objects of a frame have one and the same x and y: their places were not measured."""
+    frame = truth.frame_of_rows
+    refuse_shared_place(frame, truth.box[:, :2], truth.object_id, lambda row: f"{where}, frame {frame[row]}")

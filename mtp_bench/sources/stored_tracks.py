@@ -105,7 +105,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Stored
     """The tracks of a scene in a table; DataError names the line that is wrong."""
     table = read_table(path, "tracks")
     frame, number, class_id = table.whole("frame"), ids_of(table), class_ids_of(table, classes)
-    check_boxes(table, frame, scene.frames)
+    check_boxes(table, frame, scene.frames, true=False)
     _refuse_misspelt(table, classes)
     kind = table.words["class"]
     twice = repeated(frame, kind, number)  # an id in another class is another track

@@ -15,14 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, MissingDataError
+from ..files import open_regular
 from ..types import Bools, Floats, Ints
 
 LIMIT = 1e9  # of a number: far beyond metres, pixels, frames and identities
+SMALLEST = 1e-6  # m, of a side of a box
 TURN = 8 * np.pi  # rad; an angle that is never wrapped may be some turns beyond one
 RADIANS = "expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees"
 MOST_LETTERS = 200  # of a word: an array has room for the longest in every row
-_FEW = 10  # columns, which an error can name
+_SEPARATORS = {"commas": ",", "semicolons": ";", "tabs": "\t", "blanks": None}
 _NAN = re.compile(rb'(?<![\w"])NaN(?![\w"])')
+_INFINITY = re.compile(rb'(?<![\w"])Infinity(?![\w"])')
 
 Content = TypeVar("Content")
 
@@ -105,14 +108,36 @@ def repeated(*keys: NDArray[Any]) -> Bools:
     return again
 
 
+def refuse_shared_place(frame: Ints, place: Floats, name: NDArray[Any], where: Callable[[int], str]) -> None:
+    """Raise DataError if two rows [R] of a frame have the same ``place`` [R, 2]; ``name`` [R]: of the objects."""
+
+    def problem(row: int) -> str:
+        names = [str(each) for each in name[(frame == frame[row]) & (place == place[row]).all(axis=1)]]
+        both = (
+            f"the objects {', '.join(names[:-1])} and {names[-1]} are all at x {place[row, 0]:g}, y {place[row, 1]:g}"
+        )
+        return f"{where(row)}: {both}; expected a place of its own for each: leave out objects whose place is unknown"
+
+    refuse(repeated(frame, *place.T), problem)
+
+
 def read_text(path: Path) -> str:
     """The text of a file, without the byte order mark that some editors write."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return _content(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise DataError(f"{path} cannot be read as text: {error}; save it as UTF-8") from None
+
+
+def _content(path: Path) -> bytes:
+    """The bytes of a regular file after the byte order mark, if any."""
+    try:
+        with open_regular(path) as stream:
+            return stream.read().removeprefix(codecs.BOM_UTF8)
     except FileNotFoundError:
         raise MissingDataError(f"no file {path}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"{path} cannot be read as text: {error}") from None
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
 def numbered_lines(path: Path) -> tuple[Ints, list[str]]:
@@ -122,14 +147,17 @@ def numbered_lines(path: Path) -> tuple[Ints, list[str]]:
     return np.array(kept, dtype=np.int64), [lines[number - 1] for number in kept]
 
 
-def read_table(path: Path, columns: str, delimiter: str | None = None, text: str = "") -> RowTable:
+def read_table(path: Path, columns: str, delimiter: str | None = None, text: str = "", optional: str = "") -> RowTable:
     """Numbers in the named ``columns`` of a file; an empty file gives no rows.
 
     ``columns``: their names, blanks between them. ``delimiter`` of the file: None for blanks. ``text``: the column that
-    holds texts, if any. DataError names the line, and the column, that is wrong.
+    holds texts, if any. ``optional``: the last column, if the first line may lack it. DataError names the line, and the
+    column, that is wrong.
     """
     number, lines = numbered_lines(path)
     names = columns.split()
+    if optional and lines and len(lines[0].split(delimiter)) == len(names) - 1:
+        names.remove(optional)
     kinds: list[Any] = [(name, "U16" if name == text else "f8") for name in names]
     try:
         rows = (
@@ -149,16 +177,37 @@ def _first_problem(
     """Index of the first line that does not fit the columns, and the end of the message about it."""
     for index, line in enumerate(lines):
         cells = line.split(delimiter)
+        if other := other_separator(line, cells, delimiter):
+            return index, f": {other}"
         if len(cells) != len(columns):
-            named = f" ({', '.join(columns)})" if len(columns) <= _FEW else ""
-            return index, f": {len(cells)} columns, expected {len(columns)}{named}: is the file cut off?"
+            return index, f": {wrong_count(cells, columns, last=index == len(lines) - 1)}"
         for place, (name, cell) in enumerate(zip(columns, cells, strict=True), 1):
             try:
-                float("0" if name == text else cell)
+                float("0" if name == text else cell.encode("ascii").replace(b"_", b"?"))
             except ValueError:
                 got = reprlib.repr(cell.strip())
                 return index, f", column {place} ({name}): got {got}, expected a number"
     return None
+
+
+def other_separator(line: str, cells: Sequence[str], delimiter: str | None) -> str | None:
+    """The message about a line that another separator divides; None if ``delimiter`` may be right."""
+    counts = {word: len(line.split(own)) for word, own in _SEPARATORS.items() if own != delimiter}
+    other = max(counts, key=lambda word: counts[word])
+    if counts[other] == 1 or (len(cells) > 1 and not cells[0].endswith((",", ";"))):
+        return None
+    expected = next(word for word, own in _SEPARATORS.items() if own == delimiter)
+    return f"this file is separated by {other}, expected {expected}"
+
+
+def wrong_count(cells: Sequence[str], columns: Sequence[str], last: bool) -> str:
+    """The message about too many or too few cells; only the last line of a file can be cut off."""
+    got, count = len(cells), len(columns)
+    if got > count:
+        advice = f"column {count + 1} is {reprlib.repr(cells[count].strip())}: remove what is not listed"
+    else:
+        advice = f"column {got + 1} ({columns[got]}) is missing" + (": is the file cut off?" if last else "")
+    return f"{got} columns, expected {count} ({', '.join(columns)}); {advice}"
 
 
 def read_json(path: Path, kind: type[Content]) -> Content:
@@ -167,15 +216,13 @@ def read_json(path: Path, kind: type[Content]) -> Content:
 
 
 def read_bytes(path: Path) -> bytes:
-    """The text of a JSON file, with null in place of NaN, which official files have for unknown velocities."""
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise MissingDataError(f"no file {path}") from None
-    except OSError as error:
-        raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
-    content = content.removeprefix(codecs.BOM_UTF8)  # some editors write it
-    return _NAN.sub(b"null", content) if b"NaN" in content else content
+    """The text of a JSON file, with null in place of NaN, which official files have for unknown velocities.
+
+    Infinity becomes 1e300, which no number may be: the error about it then names the place.
+    """
+    content = _content(path)
+    content = _NAN.sub(b"null", content) if b"NaN" in content else content
+    return _INFINITY.sub(b"1e300", content) if b"Infinity" in content else content
 
 
 def decode(content: bytes | msgspec.Raw, kind: type[Content], where: object) -> Content:

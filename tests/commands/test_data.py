@@ -13,7 +13,7 @@ from tests.support.small_scenes import write_kitti
 
 LABELS = "training/label_02/0006.txt"
 MAP = "evaluate_tracking.seqmap.val"
-SKIPPED = "skipped 3 rows of the data that cannot be used: detection not finite (2), detection size not above 0 (1)"
+SKIPPED = "3 rows of the data skipped or completed: detection not finite (2), detection size not above 0 (1)"
 
 
 @pytest.fixture
@@ -31,7 +31,7 @@ def remove(name: str) -> Callable[[Path], Any]:
 
 
 BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {  # one of each kind; tests/sources has them all
-    "a row": (cut(LABELS, 30), "label_02/0006.txt, line 21: 14 columns, expected 17: is the file cut off?"),
+    "a row": (cut(LABELS, 30), "column 15 (y) is missing: is the file cut off?"),
     "a file": (remove("detections/pointrcnn/Car/0006.txt"), "Car/0006.txt"),
     "the map": (lambda root: (root / MAP).write_text(""), "names no sequence"),
 }

@@ -16,6 +16,7 @@ from mtp_bench.errors import MtpBenchError, RolloutError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
 from mtp_bench.records import submit
 from mtp_bench.running import stored
+from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.stored import open_run
@@ -71,6 +72,20 @@ def test_a_run_is_stored_scored_and_looked_at(
     stp = json.loads(cli.ok("events", Path(tracks).parent / "run", *known, "--json", "-"))
     assert events["counts"] == stp["counts"]
     assert events["counts"]["lost"] > 0
+
+
+def test_tracks_without_scores_are_counted_for_the_user(
+    cli: CommandLine, card: str, kitti: str, known: list[str], tracks: str, tmp_path: Path
+) -> None:
+    for path in Path(tracks).glob("*.txt"):
+        lines = [" ".join(line.split()[:-1]) for line in path.read_text().splitlines()]
+        (tmp_path / path.name).write_text("\n".join(lines))
+    said = cli.ok("run", "given_tracks", *known, "--tracks", tmp_path, "-o", tmp_path / "run", "--jobs", 1)
+    assert (
+        " ".join(said.split()).count("36 rows of the data skipped or completed: track without a score, taken as 1") == 1
+    )
+    options = RunOptions(kitti, track_file=str(tmp_path))
+    assert compare(["stp", "given_tracks"], card, options).skipped == {"track without a score, taken as 1": 36}
 
 
 def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from mtp_bench.errors import DataError
+from mtp_bench.sources.base import usable
 from mtp_bench.sources.text import read_table
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS
 from tests.sources import test_kitti as kitti
@@ -19,9 +22,16 @@ from tests.support.source_files import assert_one_error, write
 Lines = list[str] | None  # of a file; None: the file is removed
 
 TABLES: dict[str, tuple[str, str]] = {  # second line of a table, what the error says of it
-    "cut off": ("1,2", r"line 3: 2 columns, expected 3 \(frame, x, yaw\): is the file cut off\?"),
-    "too long": ("1,2,3,4", "line 3: 4 columns"),
-    "blanks for commas": ("1 2 3", "line 3: 1 columns"),
+    "cut off": (
+        "1,2",
+        r"line 3: 2 columns, expected 3 \(frame, x, yaw\); column 3 \(yaw\) is missing: is the file cut off\?$",
+    ),
+    "too short": ("1,2\n3,4,5", r"line 3: 2 columns, expected 3 .*; column 3 \(yaw\) is missing$"),
+    "too long": ("1,2,3,word,5", r"line 3: 5 columns, expected 3 .*; column 4 is 'word': remove what is not listed"),
+    "blanks for commas": ("1 2 3", "line 3: this file is separated by blanks, expected commas"),
+    "tabs for commas": ("1\t2\t3", "line 3: this file is separated by tabs, expected commas"),
+    "semicolons and another number of columns": ("1;2;3;4", "is separated by semicolons, expected commas"),
+    "a number of Python alone": ("1,2_0,3", r"line 3, column 2 \(x\): got '2_0', expected a number"),
     "a word": ("1,two,3", r"line 3, column 2 \(x\): got 'two', expected a number"),
     "not a number": ("1,nan,3", "line 3, column 'x': expected a finite number"),
     "infinite": ("1,inf,3", "line 3, column 'x': expected a finite number"),
@@ -30,6 +40,13 @@ TABLES: dict[str, tuple[str, str]] = {  # second line of a table, what the error
     "degrees": ("1,2,90", r"line 3, column 'yaw': 90, expected radians"),
     "no text": ("\udcff", "cannot be read as text"),
 }
+
+
+@pytest.mark.parametrize("line", ["0,Car,1.5", "0, Car, 1.5", "0;Car;1.5;2"])
+def test_another_separator_than_blanks(line: str, tmp_path: Path) -> None:
+    write(tmp_path / "table.txt", line)
+    with pytest.raises(DataError, match=r"line 1: this file is separated by \w+s, expected blanks$"):
+        read_table(tmp_path / "table.txt", "frame type x", text="type")
 
 
 @pytest.mark.parametrize(("line", "text"), TABLES.values(), ids=TABLES)
@@ -58,10 +75,19 @@ ODOMETRY = "poses_orbslam3/0000.txt"
 KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error says
     "a misspelt type": (kitti.LABELS, [PARKED, PARKED.replace("Car", "Cars")], "line 2: type 'Cars', expected one"),
     "a flat label": (kitti.LABELS, [PARKED.replace("1.5 2 4", "1 0 1")], "line 1: a box with a size"),
-    "a label after the end": (kitti.LABELS, [PARKED.replace("0", "6", 1)], "line 1: frame 6, but .* 6 frames"),
+    "a label after the end": (
+        kitti.LABELS,
+        [PARKED.replace("0", "6", 1)],
+        "line 1: frame 6, but .* 6 frames; a recording of your own needs a name that no official sequence has",
+    ),
     "an object twice": (kitti.LABELS, [PARKED, "", PARKED], "line 3: a second box of object 7 in frame 0"),
     "another type": (kitti.DETECTED, [kitti.detection(0, 1, 0, 1, 2, 3)], r"line 1: type 1, expected 2 \(Car\)"),
     "no detections": (kitti.DETECTED, None, "no file"),
+    "GPS/IMU too short": (
+        kitti.OXTS,
+        [kitti.oxts()] * 5,
+        "has 5 rows, expected one for each frame of the sequence map; a recording of your own needs a name that no",
+    ),
     "GPS/IMU empty": (kitti.OXTS, [], "is empty, expected one row per frame"),
     "a calibration without the image": (kitti.CALIB, CALIBRATION[1:], "no line 'P2'; found R_rect"),
     "a calibration without a turn": (
@@ -85,7 +111,9 @@ MOT3D: dict[str, tuple[str, Lines, str]] = {
     "a frame after the end": (DET, [row(11, -1, 0, 0)], "line 1: frame 11, expected 1 to 10"),
     "a person twice": (GT, [row(1, 7, 0, 0), row(2, 7, 0, 0), row(1, 7, 1, 0)], "line 3: a second box of object 7"),
     "no detections": (DET, None, "no file"),
-    "detections in pixels": (DET, [row(1, -1, -1, -1)[:-1] + "-1"], "-1 in every row, as in the 2D benchmark"),
+    "detections in pixels": (DET, [row(1, -1, -1, -1)[:-1] + "-1"], "line 1: X, Y and Z are -1, as in the 2D benchm"),
+    "truth in pixels": (GT, [row(1, 7, 1, 2), row(2, 7, -1, -1)[:-1] + "-1"], "line 2: X, Y and Z are -1, as in the"),
+    "truth without rows": (GT, [], "has no rows, expected one per person and frame"),
     "no rate": (INI, [seqinfo()[0], *seqinfo()[3:]], "missing required field `frameRate`"),
 }
 
@@ -118,6 +146,40 @@ DATASETS: dict[str, tuple[Callable[[Path], Path], Callable[[Path], object], dict
     "WILDTRACK": (wildtrack.make_root, wildtrack.load, WILDTRACK),
 }
 CASES = [pytest.param(name, case, id=f"{name}: {case}") for name, (*_, cases) in DATASETS.items() for case in cases]
+
+
+ONE_PLACE: dict[str, tuple[str, list[str], str]] = {
+    "KITTI": (
+        kitti.LABELS,
+        [kitti.label(2, i, "Car", 0, 1.65, 10 + i % 2, 0) for i in (7, 8, 9)],
+        "'0000', frame 2: the objects 7 and 9 are all at x 11, y 0",
+    ),
+    "3DMOT2015": (
+        GT,
+        [row(5, i, 4, -5.6) for i in (3, 8, 9)],
+        "frame 0: the objects 3, 8 and 9 are all at x 4, y -5.6; expected a place of its own for each",
+    ),
+    "WILDTRACK": (FRAME, people(7, 5, 2, 4, 3, 5), "frame 0: the objects 7 and 3 are all at x -2.875, y -9"),
+}
+
+
+@pytest.mark.parametrize("dataset", DATASETS)
+def test_several_objects_at_one_place_are_not_a_truth(dataset: str, tmp_path: Path) -> None:
+    make_root, load, _ = DATASETS[dataset]
+    root, (file, lines, text) = make_root(tmp_path), ONE_PLACE[dataset]
+    write(root / file, *lines)
+    with pytest.raises(DataError, match=text):
+        usable(load(root))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("dataset", DATASETS)
+def test_a_pipe_in_place_of_a_file(dataset: str, tmp_path: Path) -> None:
+    make_root, load, _ = DATASETS[dataset]
+    path = (root := make_root(tmp_path)) / ONE_PLACE[dataset][0]
+    path.unlink()
+    os.mkfifo(path)
+    with pytest.raises(DataError, match=r"FIFO, expected a file|no file"):
+        load(root)
 
 
 @pytest.mark.parametrize(("dataset", "case"), CASES)

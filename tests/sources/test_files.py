@@ -71,6 +71,7 @@ def scenes(draw: st.DrawFn) -> Scene:
     """Scenes with any number of rows in each frame."""
     counts = draw(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=5))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    counts[0] = counts[0][0] + 1, counts[0][1]  # a truth without rows is refused
     truth, seen = (starts_of(column) for column in zip(*counts, strict=True))
     rows, found = int(truth[-1]), int(seen[-1])
     return Scene(
@@ -169,6 +170,25 @@ def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Ca
     assert scene.skipped == {"truth of class 'truck', which the task does not have": 2}
 
 
+@pytest.mark.parametrize("sides", ["0,1.8,1.5", "4,-1.8,1.5", "4,1.8,1e-9"])
+def test_flat_detections_are_left_out_and_counted(sides: str, tmp_path: Path, base: Card) -> None:
+    rows = [*DETECTIONS, f"1,car,5,5,0.8,0,{sides},0.9"]
+    scene = only(base, write_tables(tmp_path, detections=rows))
+    assert (scene.detections.start.tolist(), scene.skipped) == ([0, 1, 1, 2], {"detection size not above 0": 1})
+
+
+def test_a_scene_with_two_objects_at_one_place_or_none_is_not_written(tmp_path: Path) -> None:
+    scene = make_scene()
+    box = scene.truth.box.copy()
+    box[scene.truth.rows(1), :2] = 3.0
+    with pytest.raises(DataError, match=r"'one': truth, frame 1: the objects \d+(, \d+)* and \d+ are all at x 3, y 3"):
+        save_scene(replace(scene, truth=replace(scene.truth, box=box)), tmp_path, CLASSES)
+    empty = scene.truth.select(np.zeros(len(box), dtype=bool))
+    with pytest.raises(DataError, match="scene 'one': truth has no rows"):
+        save_scene(replace(scene, truth=empty, visible=None), tmp_path, CLASSES)
+    assert not any(tmp_path.iterdir())
+
+
 def test_targets_alone_are_no_complete_truth(tmp_path: Path, base: Card) -> None:
     card = with_files(base, write_tables(tmp_path))
     card = card.model_copy(update={"source": card.source.model_copy(update={"truth": "targets"})})
@@ -223,10 +243,20 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
         "detection.csv is not a known table; did you mean detections.csv?",
     ),
     "no detections": ({"detections": None}, "one: no detections; without them a simulated detector runs at once"),
+    "names alone": ({"truth": TRUTH[:1]}, "truth.csv has no rows, expected one per object and frame"),
+    "one place": (
+        {"truth": [*TRUTH, f"1,bob,car,3,0,{BOX}", f"1,7,tram,3,0,{BOX}", f"1,eve,pedestrian,3,0,{BOX}"]},
+        "truth.csv, line 7: the objects bob and eve are all at x 3, y 0; expected a place of its own for each",
+    ),
+    "blanks": (
+        {"truth": [line.replace(",", " ") for line in TRUTH]},
+        "truth.csv, line 1: this file is separated by blanks, expected commas",
+    ),
+    "a long row": ({"truth": [*TRUTH, TRUTH[1] + ",more"]}, "truth.csv, line 5: 11 columns, expected 10 (frame, id"),
     "empty file": ({"truth": []}, "truth.csv is empty, expected a line with the names of the columns"),
     "column twice": ({"truth": [TRUTH[0] + ",x"]}, "truth.csv: column 'x' occurs twice, expected once"),
     "column lacking": ({"truth": ["frame,id,class,x"]}, "truth.csv: no column 'y': m, centre of the box; found"),
-    "a short row": ({"truth": [*TRUTH, "3,1,car"]}, "truth.csv, line 5: 3 columns, expected 10"),
+    "a short row": ({"truth": [*TRUTH, "3,1,car"]}, "truth.csv, line 5: 3 columns, expected 10 (frame, id"),
     "a word": ({"truth": [*TRUTH, f"3,1,car,far,0,{BOX}"]}, "truth.csv, line 5, column 'x': 'far', expected a number"),
     "not finite": ({"truth": [*TRUTH, f"3,1,car,nan,0,{BOX}"]}, "line 5, column 'x': nan, expected a finite number"),
     "far away": ({"detections": [*DETECTIONS, f"2,car,1e12,0,{BOX},1"]}, "line 4, column 'x': 1e+12, expected a"),

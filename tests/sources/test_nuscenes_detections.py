@@ -96,6 +96,25 @@ def test_a_named_file_is_used_alone(data: Path, tmp_path: Path) -> None:
         open_source(nuscenes_card(detections_file="none.json", detections_sha256="0" * 64), data)
 
 
+@pytest.mark.parametrize("number", ["Infinity", "-Infinity", "1e999"])
+def test_a_number_without_end_names_its_sample(number: str, data: Path) -> None:
+    content = make_detections()
+    content["results"][T] = [detection(T), detection(T, velocity=[0, "number"])]
+    write_json(stored(data), content)
+    stored(data).write_text(stored(data).read_text().replace('"number"', number))
+    with pytest.raises(DataError, match=rf"megvii_all\.json, sample '{T}', \[1\]\.velocity\[1\]: "):
+        load(data)
+
+
+def test_flat_boxes_are_left_out_and_counted(data: Path) -> None:
+    before, content = load(data), make_detections()
+    content["results"][T] += [detection(T, size=size) for size in ([0, 1, 1], [1, -2, 1], [1, 1, 1e-9])]
+    write_json(stored(data), content)
+    scene = open_source(nuscenes_card(), data).load("scene-0003")
+    np.testing.assert_array_equal(scene.detections.box, before.box)
+    assert scene.skipped == {"detection size not above 0": 3}
+
+
 def test_scenes_that_are_not_covered(data: Path) -> None:
     content = make_detections(SCENES[1:])
     write_json(stored(data), content)

@@ -95,6 +95,35 @@ def test_ids_of_two_classes_are_two_identities(kitti: str, card: str, tmp_path: 
     assert tracks.object_id.tolist()[0] == tracks.object_id.tolist()[2]
 
 
+def test_kitti_tracks_without_a_score_have_1_and_are_counted(kitti: str, card: str, tmp_path: Path) -> None:
+    one, folder = load_card(card), kitti_folder(tmp_path, [line(0, 1, more=""), line(1, 1, more="")])
+    scene = with_tracks(open_source(one, kitti), one, kitti, folder).load("0001")
+    assert scene.tracks is not None
+    assert scene.tracks.score.tolist() == [1.0, 1.0]
+    assert scene.skipped == {"track without a score, taken as 1": 2}
+
+
+@pytest.mark.parametrize("form", ["txt", "csv", "json"])
+def test_flat_tracks_are_left_out_and_counted(form: str, kitti: str, card: str, tmp_path: Path) -> None:
+    one, data, path, name = load_card(card), Path(kitti), tmp_path, "0001"
+    if form == "txt":
+        kitti_folder(tmp_path, [line(0, 1), line(1, 1, size="1.5 0 4"), line(2, 1, size="1.5 1 -4")])
+    elif form == "csv":
+        (tmp_path / "0001.csv").write_text(
+            csv("0,1,car,1,1,1,0,4,1,1,1\n1,1,car,1,1,1,0,0,1,1,1\n2,1,car,1,1,1,0,1,-1,1,1")
+        )
+    else:
+        one, data, path, name = nuscenes_card(), write_root(tmp_path / "data"), tmp_path / "t.json", "scene-0003"
+        flat = {sample(name, 1): [2, 0, 1], sample(name, 2): [2, -4, 1]}
+        results = {sample(name, t): [tracked(sample(name, t))] for t in range(3)} | {sample(name, 3): []}
+        results |= {token: [tracked(token, size=size)] for token, size in flat.items()}
+        write_json(path, {"meta": {}, "results": results})
+    scene = with_tracks(open_source(one, data), one, data, path).load(name)
+    assert scene.tracks is not None
+    assert (scene.tracks.frame_of_rows.tolist(), scene.tracks.object_id.tolist()) == ([0], [0])
+    assert scene.skipped == {"track size not above 0": 2}
+
+
 def test_camera_fields_are_the_inverse_of_sensor_boxes(tmp_path: Path) -> None:
     box = np.random.default_rng(0).uniform(0.5, 3.0, (20, 7))
     fields = camera_fields(box)
@@ -128,11 +157,15 @@ def kitti_folder(folder: Path, lines: list[str]) -> Path:
 
 
 KITTI: dict[str, tuple[list[str], str]] = {  # lines, what the error says; the rest is as of any text
-    "no score": ([line(0, 1, more="")], "0001.txt, line 1: 17 columns, expected 18"),
+    "no score in some lines": (
+        [line(0, 1), line(1, 1, more="")],
+        r"0001.txt, line 2: 17 columns, expected 18 .*; column 18 \(score\) is missing",
+    ),
+    "a score in some lines": ([line(0, 1, more=""), line(1, 1)], "line 2: 18 columns, expected 17 .* 18 is '0.9'"),
+    "commas": ([line(0, 1).replace(" ", ",")], "line 1: this file is separated by commas, expected blanks"),
     "a box twice": ([line(0, 1), line(0, 1)], "line 2: a second box of object 1 in frame 0"),
     "after the end": ([line(99, 1)], "line 1: frame 99, but the last one of sequence 0001 is 8"),
     "before the start": ([line(-1, 1)], "line 1: frame -1, but the last one"),
-    "flat": ([line(0, 1, size="1.5 0 4")], "line 1: a box with a size that is not above 0"),
     "an unknown type": ([line(0, 1, "car")], "line 1: type 'car', expected one of Car, Van"),
 }
 
@@ -150,7 +183,6 @@ def csv(row: str, header: str = "frame,id,class,x,y,z,yaw,l,w,h,score") -> str:
 
 TABLE: dict[str, tuple[str, str]] = {  # content, what the error says; the rest is as of any table of own scenes
     "no id": (csv("0,car,1,1,1,0,4,2,1", "frame,class,x,y,z,yaw,l,w,h"), "0001.csv: no column 'id'"),
-    "flat": (csv("0,1,car,1,1,1,0,4,0,1,1"), "line 2, column 'w': 0"),
     "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2, column 'frame': frame 9"),
     "a class in capitals": (
         csv("0,1,pedestrian,1,1,1,0,4,2,1,1\n0,2,Car,1,1,1,0,4,2,1,1"),

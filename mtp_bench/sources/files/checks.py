@@ -9,7 +9,7 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
-from ..text import LIMIT, RADIANS, TURN, RowTable, refuse, repeated
+from ..text import LIMIT, RADIANS, SMALLEST, TURN, RowTable, refuse, refuse_shared_place, repeated
 
 MOST_FRAMES = 1_000_000
 FARTHEST = 1e5  # m, x and y: rollouts keep boxes in single precision, which is coarser than centimetres farther away
@@ -19,7 +19,7 @@ _NEAR = (
     f"expected -{FARTHEST:g} to {FARTHEST:g} m: boxes are kept in single precision, so subtract a fixed origin from "
     "all coordinates, such as the first position of the ego"
 )
-_SIZE = 1e-6, LIMIT, f"expected a number from 1e-06 to {LIMIT:g}"
+_SIZE = SMALLEST, LIMIT, f"expected a number from {SMALLEST:g} to {LIMIT:g}"
 _VELOCITY = -LIMIT, LIMIT, f"expected a number from {-LIMIT:g} to {LIMIT:g}"
 RANGES = {  # column -> least, largest, message
     **dict.fromkeys(("x", "y"), (-FARTHEST, FARTHEST, _NEAR)),
@@ -93,16 +93,16 @@ def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
     refuse(step > GAP * period, lambda t: f"{where}: frame {t + 1} is {step[t]:g} s after the one before, {longest}")
 
 
-def check_boxes(table: RowTable, frame: Ints, frames: int) -> None:
-    """Raise DataError for the first impossible value."""
+def check_boxes(table: RowTable, frame: Ints, frames: int, true: bool) -> None:
+    """Raise DataError for the first impossible value; only ``true`` boxes need a size above 0."""
     outside = (frame < 0) | (frame >= frames)
     table.refuse(outside, lambda row: f"frame {frame[row]}, but the scene has the frames 0 to {frames - 1}", "frame")
     for column in filter(table.has, RANGES):
-        _check_range(table, column)
+        _check_range(table, column, -LIMIT if column in "lwh" and not true else RANGES[column][0])
 
 
-def _check_range(table: RowTable, column: str) -> None:
-    low, high, expected = RANGES[column]
+def _check_range(table: RowTable, column: str, low: float) -> None:
+    _, high, expected = RANGES[column]
     value = table.numbers[column]
     unknown = np.isnan(value) & (column in ("vx", "vy"))
     bad = ~(unknown | ((value >= low) & (value <= high)))
@@ -110,10 +110,12 @@ def _check_range(table: RowTable, column: str) -> None:
 
 
 def check_objects(table: RowTable, frame: Ints, number: Ints, classes: Sequence[str]) -> None:
-    """Raise DataError if an object has two boxes in a frame, or two classes of the task."""
+    """Raise DataError if an object has two boxes in a frame or two classes of the task, or two objects one place."""
     table.refuse(repeated(frame, number), "a second box of this object in this frame", "id")
     kind = table.words["class"]
     used = np.flatnonzero(np.isin(kind, classes))
+    name = table.words.get("id", number)
+    refuse_shared_place(frame[used], table.matrix("x y")[used], name[used], lambda row: table.where(used[row]))
     order = used[np.lexsort((frame[used], number[used]))]
     changed: Bools = np.zeros(len(kind), dtype=bool)
     changed[order[1:]] = (np.diff(number[order]) == 0) & (kind[order[1:]] != kind[order[:-1]])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ...errors import DataError, MtpBenchError, UnknownNameError
 from ...files import file_stem, make_folder, require_replaceable, whole_folder
 from ...types import ID_LIMIT, Detections, Scene, Truth
+from ..base import require_separate
 from .columns import BOX, FORMS, TABLES
 from .table import write_table
 
@@ -76,7 +77,10 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, dict[str, ND
             raise DataError(f"{where} is {type(rows).__name__}, expected {kind.__name__}{hint}")
         _check_rows(where, rows, scene.frames, len(names))
     number = np.asarray(truth.object_id)
-    if len(number) and (number.min() < 0 or number.max() > ID_LIMIT):
+    if not len(number):
+        raise DataError(f"scene {scene.name!r}: truth has no rows, expected one per object and frame")
+    require_separate(truth, f"scene {scene.name!r}: truth")
+    if number.min() < 0 or number.max() > ID_LIMIT:
         raise DataError(
             f"scene {scene.name!r}: truth.object_id has {number.min()} to {number.max()}, expected whole numbers from "
             f"0 to {ID_LIMIT}"

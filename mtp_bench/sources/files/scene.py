@@ -34,6 +34,8 @@ def read_scene(folder: Path, card: Card) -> Scene:
     if paths["truth"] is None:
         raise DataError(f"{folder}: no table truth.csv or truth.parquet, which the score needs")
     tables = {name: read_table(path, name) for name, path in paths.items() if path is not None}
+    if not len(tables["truth"]):
+        raise DataError(f"{paths['truth']} has no rows, expected one per object and frame")
     number, time = scene_frames(str(folder), tables, card.task.rate)
     ego = np.zeros((len(time), 4))
     for i, column in enumerate(("x", "y", "z", "yaw")):
@@ -64,7 +66,7 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
                 key: np.asarray(value, dtype=np.float64) for key, value in columns[name].items()
             }
             table = RowTable(f"{where}: {name}", "row", rows, numbers, words)
-            check_boxes(table, table.whole("frame"), scene.frames)
+            check_boxes(table, table.whole("frame"), scene.frames, name == "truth")
             if name == "truth":
                 check_objects(table, table.whole("frame"), table.whole("id"), card.task.classes)
     return _for_card(scene, card, where, detected="detections" in columns)
@@ -141,7 +143,7 @@ def _usable_rows(
     table: RowTable, frame: Ints, frames: int, name: str, classes: Sequence[str], skipped: dict[str, int]
 ) -> Ints:
     """Rows of ``classes``, sorted by frame and otherwise in their order; all rows are checked."""
-    check_boxes(table, frame, frames)
+    check_boxes(table, frame, frames, name == "truth")
     kind = table.words["class"]
     used = np.isin(kind, classes)
     others, count = (column.tolist() for column in np.unique(kind[~used], return_counts=True))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ...errors import DataError, nearest
 from ...files import open_regular
-from ..text import LIMIT, MOST_LETTERS, RowTable
+from ..text import LIMIT, MOST_LETTERS, RowTable, other_separator, wrong_count
 from .columns import COLUMNS, TableColumn
 
 LARGEST_FILE = 1 << 30  # bytes
@@ -95,7 +95,10 @@ def _read_csv(path: Path, stream: Any, name: str) -> Any:
     except ArrowInvalid as error:
         if short:
             row = short[0]
+            cells = (row.text or "").split(",")
             got = f"{row.actual_columns} columns, expected {row.expected_columns}"
+            if len(cells) == row.actual_columns:  # without commas in quotes
+                got = wrong_count(cells, names, last=False)
             raise DataError(f"{path}, line {row.number + 1}: {got}") from None
         if "Empty CSV" in str(error):
             return schema(list(kinds.items())).empty_table()
@@ -158,6 +161,8 @@ def _header(path: Path, stream: Any, table: str) -> list[str]:
     """Names of the columns in the first line of a CSV file."""
     first = stream.readline().decode("utf-8-sig")
     names = [name.strip().strip('"') for name in first.strip().split(",")]
+    if other := other_separator(first.strip(), names, ","):
+        raise DataError(f"{path}, line 1: {other}")
     if names == [""]:
         raise DataError(f"{path} is empty, expected a line with the names of the columns")
     known = {column.name for column in COLUMNS[table]}
@@ -173,9 +178,6 @@ def _check_names(path: Path, names: Sequence[str], table: str) -> None:
     """Raise DataError unless these are columns of the table, each once, with all that it requires."""
     known = [column.name for column in COLUMNS[table]]
     for i, name in enumerate(names):
-        if name not in known and (";" in name or "\t" in name):
-            got = reprlib.repr(name)
-            raise DataError(f"{path}, line 1: {got}, expected names of columns with commas between them")
         if name not in known:
             raise DataError(f"{path}: unknown column {name!r}{nearest(name, known)}; remove or rename it")
         if name in names[:i]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...errors import DataError
 from ...geometry import wrap_angle
-from ...types import Bools, Floats, Ints
+from ...types import Floats, Ints
 from ..text import RowTable, numbered_lines, read_table
 
 BOX_FIELDS = "height width length x y z rotation_y"  # in camera axes
@@ -69,7 +69,8 @@ def read_labels(path: Path) -> LabelRows:
     kind = table.words["type"]
     boxed = kind != "DontCare"
     table.refuse_not_finite(LABEL.replace(" type", ""))
-    refuse_flat(table, boxed)
+    flat = (table.matrix("height width length") <= 0).any(axis=1)
+    table.refuse(boxed & flat, "a box with a size that is not above 0")
     table.refuse_degrees("rotation_y", boxed)
     frame, object_id = table.whole("frame"), table.whole("id")
     table.refuse_second_box(frame, object_id, np.flatnonzero(boxed))
@@ -100,12 +101,6 @@ def require_kinds(table: RowTable) -> None:
     """Raise DataError for the first row with a type that KITTI does not have."""
     kind = table.words["type"]
     table.refuse(~np.isin(kind, KINDS), lambda row: f"type {str(kind[row])!r}, expected one of {', '.join(KINDS)}")
-
-
-def refuse_flat(table: RowTable, rows: Bools) -> None:
-    """Raise DataError for a box, among these ``rows``, with a side that is not above 0."""
-    flat = (table.matrix("height width length") <= 0).any(axis=1)
-    table.refuse(rows & flat, "a box with a size that is not above 0")
 
 
 def read_oxts(path: Path) -> Oxts:

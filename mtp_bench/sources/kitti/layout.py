@@ -21,6 +21,7 @@ TYPES = {"car": ("Car", 2), "pedestrian": ("Pedestrian", 1), "cyclist": ("Cyclis
 LABELS = "training/label_02"
 IMAGES = "training/image_02"  # shown beside an event
 DATASET = Dataset.of(__file__)
+RENAME = "; a recording of your own needs a name that no official sequence has, such as 7001, in all folders"
 
 
 class KittiSource(DetectionsSection):

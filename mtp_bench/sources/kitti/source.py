@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from .files import (
     read_odometry,
     read_oxts,
 )
-from .layout import DATASET, LABELS, TYPES, KittiSource, require_detector, split_names, validation_lengths
+from .layout import DATASET, LABELS, RENAME, TYPES, KittiSource, require_detector, split_names, validation_lengths
 from .poses import FRAME_PERIOD, Poses, image_field, integrated_poses, odometry_poses
 
 # Types that KITTI's own evaluation leaves out of account: their annotation overlaps with the class.
@@ -52,7 +53,7 @@ class KittiTracking:
         length = len(poses.position)
         if validation_lengths(self.root).get(name, length) != length:
             path = self.root / f"training/oxts/{name}.txt"
-            raise DataError(f"{path} has {length} rows, expected one for each frame of the sequence map")
+            raise DataError(f"{path} has {length} rows, expected one for each frame of the sequence map{RENAME}")
         frames = Frames(length, section.stride, poses if section.ego_motion else None)
         kept = np.arange(0, length, section.stride)
         labels = read_labels(self.root / LABELS / f"{name}.txt")
@@ -89,7 +90,7 @@ def read_poses(root: Path, name: str) -> Poses:
         return integrated_poses(oxts, imu_to_camera)
     odometry = read_odometry(odometry_path)
     if len(odometry) != len(oxts.attitude):
-        raise DataError(f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}")
+        raise DataError(f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}{RENAME}")
     return odometry_poses(odometry, oxts, imu_to_camera)
 
 
@@ -122,7 +123,8 @@ class Frames:
     def check(self, rows: LabelRows | DetectionRows) -> None:
         """Raise DataError for a row outside of the sequence."""
         outside = (rows.frame < 0) | (rows.frame >= self.length)
-        rows.table.refuse(outside, lambda row: f"frame {rows.frame[row]}, but the sequence has {self.length} frames")
+        problem = f"but the sequence has {self.length} frames{RENAME}"
+        rows.table.refuse(outside, lambda row: f"frame {rows.frame[row]}, {problem}")
 
 
 def truth_of(labels: LabelRows, classes: tuple[str, ...], frames: Frames) -> Truth:
@@ -152,13 +154,15 @@ def detections_of(
 ) -> tuple[Detections, dict[str, int]]:
     """Detections of all classes, sorted by frame, class and place in the file; and the counts of skipped rows."""
     parts: list[tuple[Ints, Floats, Floats, Ints]] = []
-    skipped: dict[str, int] = {}
+    skipped = Counter[str]()
     for index, class_name in enumerate(classes):
         kind, code = TYPES[class_name]
         rows = read_detections(folder, name, kind, code)
         frames.check(rows)
         row = frames.select(rows.frame, np.ones(len(rows.frame), dtype=bool))
-        row = row[_sound(rows.box[row], rows.score[row], skipped)]
+        finite = np.isfinite(rows.box[row]).all(axis=1) & np.isfinite(rows.score[row])
+        skipped["detection not finite"] += int((~finite).sum())
+        row = row[finite]
         parts.append((rows.frame[row], rows.box[row], rows.score[row], np.full(len(row), index)))
     frame, box, score, class_id = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(frame, kind="stable")
@@ -170,14 +174,4 @@ def detections_of(
         class_id=class_id[order],
         score=score[order],
     )
-    return detections, skipped
-
-
-def _sound(box: Floats, score: Floats, skipped: dict[str, int]) -> Bools:
-    """Rows [R] that can be used; the others are counted by reason in ``skipped``."""
-    finite = np.isfinite(box).all(axis=1) & np.isfinite(score)
-    empty = finite & (box[:, 4:7] <= 0).any(axis=1)
-    for reason, bad in (("detection not finite", ~finite), ("detection size not above 0", empty)):
-        if bad.any():
-            skipped[reason] = skipped.get(reason, 0) + int(bad.sum())
-    return np.asarray(finite & ~empty)
+    return detections, dict(+skipped)

@@ -17,7 +17,7 @@ from ...types import Floats, Ints, Scene, StoredTracks
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
 from ..stored_tracks import FEWER, stored_tracks
 from ..text import read_table
-from .files import BOX_FIELDS, RESULT, camera_fields, refuse_flat, require_kinds, sensor_boxes
+from .files import BOX_FIELDS, LABEL, RESULT, camera_fields, require_kinds, sensor_boxes
 from .layout import TYPES, KittiSource
 from .poses import Poses
 from .source import KittiTracking
@@ -26,10 +26,11 @@ from .source import KittiTracking
 def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, poses: Poses | None) -> StoredTracks:
     """The tracks of a scene of every ``stride``-th frame; ``poses``: of all frames; None without a common frame.
 
-    Rows of other classes and other frames are left out. DataError names the line that is wrong.
+    Rows of other classes and other frames are left out; in a file with the columns of a label, scores are NaN.
+    DataError names the line that is wrong.
     """
-    table = read_table(path, RESULT, text="type")
-    table.refuse_not_finite(RESULT.replace(" type", ""))
+    table = read_table(path, RESULT, text="type", optional="score")
+    table.refuse_not_finite(LABEL.replace(" type", "") + " score" * table.has("score"))
     require_kinds(table)
     frame, object_id = table.whole("frame"), table.whole("id")
     types = [TYPES[name][0] for name in classes]
@@ -41,14 +42,12 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     outside = used & ((frame < 0) | (frame > last))
     table.refuse(outside, lambda row: f"frame {frame[row]}, but the last one of sequence {scene.name} is {last}")
     table.refuse_degrees("rotation_y", used)
-    refuse_flat(table, used)
     for index in range(len(classes)):
         table.refuse_second_box(frame, object_id, np.flatnonzero(used & (class_id == index)))
     box = sensor_boxes(table.matrix(BOX_FIELDS)[used])
     box = box if poses is None else poses.to_world(box, frame[used])
-    return stored_tracks(
-        scene.frames, frame[used] // stride, object_id[used], class_id[used], box, table["score"][used]
-    )
+    score = table.numbers.get("score", np.full(len(frame), np.nan))[used]
+    return stored_tracks(scene.frames, frame[used] // stride, object_id[used], class_id[used], box, score)
 
 
 def result_lines(

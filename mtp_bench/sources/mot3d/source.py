@@ -95,7 +95,7 @@ class Mot3d:
         stored = section.detector if self.card.detector is None else None
         detections = no_detections(len(kept))
         if stored:
-            found = read_detections(self.folder / DETECTIONS, self._info.length)
+            found = read_rows(self.folder / DETECTIONS, self._info.length)
             row, frame = _select(found, kept)
             detections = people_detections(frame, found.ground[row, :2], found.confidence[row], len(kept))
         time = (kept - 1) / self._info.rate
@@ -176,30 +176,27 @@ def read_sequence_info(path: Path) -> SequenceInfo:
 
 def read_truth(path: Path, length: int) -> Rows:
     """True rows of a sequence of ``length`` frames; DataError names the line that is wrong."""
-    rows = _read_rows(path, length)
+    rows = read_rows(path, length)
+    if not len(rows.frame):
+        raise DataError(f"{path} has no rows, expected one per person and frame")
     rows.table.refuse_second_box(rows.frame, rows.object_id, np.arange(len(rows.frame)))
     return rows
 
 
-def read_detections(path: Path, length: int) -> Rows:
-    """Detections in a sequence of ``length`` frames; DataError names the line that is wrong.
+def read_rows(path: Path, length: int) -> Rows:
+    """Rows of either file in a sequence of ``length`` frames; an empty file gives no rows.
 
-    Detections of the 2D benchmark have sequences of the same names, but X = Y = Z = -1 everywhere: DataError says so.
+    DataError names the line that is wrong. Sequences of the 2D benchmark have these names, but no ground coordinates.
     """
-    rows = _read_rows(path, length)
-    if len(rows.frame) and (rows.ground == -1).all():
-        raise DataError(
-            f"{path}: X, Y and Z are -1 in every row, as in the 2D benchmark (2DMOT2015); expected the file of "
-            "3D MOT 2015, https://motchallenge.net/data/3D_MOT_2015"
-        )
-    return rows
-
-
-def _read_rows(path: Path, length: int) -> Rows:
-    """The rows of either file, whose frames lie in the sequence; an empty file gives no rows."""
     table = read_table(path, COLUMNS, ",")
     table.refuse_not_finite(COLUMNS)
     frame = table.whole("frame")
     outside = (frame < 1) | (frame > length)
     table.refuse(outside, lambda row: f"frame {frame[row]}, expected 1 to {length}, the seqLength of {SEQINFO}")
-    return Rows(table, frame, table.whole("id"), table["confidence"], table.matrix("X Y Z"))
+    ground = table.matrix("X Y Z")
+    flat = (
+        "X, Y and Z are -1, as in the 2D benchmark (2DMOT2015), expected metres on the ground; get the file of 3D MOT "
+        "2015, https://motchallenge.net/data/3D_MOT_2015"
+    )
+    table.refuse((ground == -1).all(axis=1), flat)
+    return Rows(table, frame, table.whole("id"), table["confidence"], ground)

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from ...errors import DataError
 from ...types import Floats, Ints
-from ..text import MOST_LETTERS, decode, read_json
+from ..text import LIMIT, MOST_LETTERS, decode, read_json
 from .layout import CLASSES, ClassName
 from .tables import (
+    LONGEST,
     Number,
     Quaternion,
-    Size,
     Vector,
     floats,
     require_rotations,
@@ -30,10 +30,13 @@ _UNKNOWN = np.nan, np.nan
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 
 
+_Side = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LONGEST)]  # m; boxes of size 0 or below are skipped
+
+
 class _Box(msgspec.Struct, gc=False):
     sample_token: str
     translation: Vector
-    size: Size
+    size: tuple[_Side, _Side, _Side]
     rotation: Quaternion
     velocity: tuple[Number | None, Number | None] | None = None
 

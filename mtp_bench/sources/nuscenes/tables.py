@@ -21,13 +21,14 @@ from ..text import LIMIT, read_json, refuse
 SECOND = 1e6  # microseconds
 STEPS = 0.25, 1.0  # s, between samples: nominally 0.5
 LIDAR = "LIDAR_TOP"  # its keyframes carry the ego pose of a sample, as in the official development kit
+LONGEST = 100.0  # m, side of a box
 NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
 
 Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
 Pair = tuple[Number, Number]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]  # w x y z
-_Side = Annotated[float, msgspec.Meta(gt=0, le=100)]  # m
+_Side = Annotated[float, msgspec.Meta(gt=0, le=LONGEST)]
 Size = tuple[_Side, _Side, _Side]  # width, length, height
 
 Content = TypeVar("Content")
