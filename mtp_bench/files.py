@@ -23,7 +23,7 @@ from .errors import MtpBenchError
 CACHE = "MTP_BENCH_CACHE"  # environment variable
 ABSENT = "cannot be read: no such file"
 _CHUNK = 1 << 20  # bytes hashed at once
-_FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
+FULL_DISK = (errno.ENOSPC, errno.EDQUOT)
 _INVISIBLE = ("Cc", "Cf", "Cs")  # Unicode categories: controls, format marks, surrogates
 _JOINERS = "\u200c\u200d"  # invisible, but several scripts need them
 _FILE_KINDS = {
@@ -39,7 +39,7 @@ class WriteError(MtpBenchError, OSError):
     """
 
     def __str__(self) -> str:
-        advice = "" if self.errno in _FULL_DISK else "; choose another folder"
+        advice = "" if self.errno in FULL_DISK else "; choose another folder"
         return f"cannot write {self.filename}: {describe_write_error(self)}{advice}"
 
 
@@ -153,7 +153,7 @@ def make_folder(folder: Path) -> None:
 
 def describe_write_error(error: OSError) -> str:
     """The reason of a failure to write, for a full disk with what to do."""
-    advice = ": make room there, or choose another folder, and try again" if error.errno in _FULL_DISK else ""
+    advice = ": make room there, or choose another folder, and try again" if error.errno in FULL_DISK else ""
     return f"{error.strerror or error}{advice}"
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +17,7 @@ from .errors import MtpBenchError
 Done = Callable[[str], object]  # called with the name of every finished item
 _CONNECT_SECONDS = 10  # wait for the scheduler
 _WORKER_SECONDS = 30  # wait for its first worker: workers that died may be restarting
+_SAFE_PATH = "PYTHONSAFEPATH"  # where set, Python does not import from the current folder
 _one_at_a_time = threading.Lock()  # one call per worker process: agents need not be thread-safe
 
 
@@ -99,7 +102,8 @@ def unordered_map(
         count = min(workers.count, len(calls))
         parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
         try:
-            yield from parallel(delayed(_indexed)(*call) for call in indexed)
+            with _safe_path():
+                yield from parallel(delayed(_indexed)(*call) for call in indexed)
         except TerminatedWorkerError:
             raise MtpBenchError(
                 f"one of {count} processes died, most likely because memory ran out: take fewer (--jobs)"
@@ -113,6 +117,18 @@ def unordered_map(
 
 def _indexed(index: int, function: Callable[..., Any], call: tuple[Any, ...]) -> tuple[int, Any]:
     return index, function(*call)
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Keep processes that are started meanwhile from importing modules of the current folder."""
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        os.environ.pop(_SAFE_PATH, None)
+        os.environ |= {} if before is None else {_SAFE_PATH: before}
 
 
 def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:
@@ -162,14 +178,20 @@ def _require_workers(client: Any, scheduler: str) -> None:
         raise MtpBenchError(
             f"the Dask scheduler at {scheduler} has no workers: start some with `dask worker {scheduler}`"
         ) from None
-    versions = client.run(_library_version, on_error="ignore")  # a worker may end just now
-    for worker, version in versions.items():
+    states = client.run(_state, on_error="ignore")  # a worker may end just now
+    for worker, (version, safe) in states.items():
         if version != __version__:
             raise MtpBenchError(f"worker {worker} has mtp-bench {version}, expected {__version__} as here: install it")
+        if not safe:
+            raise MtpBenchError(
+                f"worker {worker} imports modules of the folder in which it was started: start it again with "
+                f"{_SAFE_PATH}=1 in its environment"
+            )
 
 
-def _library_version() -> str:
-    return __version__
+def _state() -> tuple[str, bool]:
+    """Version of the library, and True if no module of the current folder is imported."""
+    return __version__, sys.flags.safe_path
 
 
 def _alone(call: tuple[Any, ...]) -> Any:

@@ -20,6 +20,7 @@ from ..errors import MtpBenchError
 from ..files import clean_text
 from .output import fail, said_of, say
 
+NUMBA_SETTINGS = Path(".numba_config.yaml")  # read by Numba from the current folder
 INTERRUPTED = 130  # exit status, as shells have it
 AFTER = {  # command -> note after Ctrl-C
     "submit": "finished scenes are kept: the same command with --resume continues",
@@ -138,6 +139,8 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be text
+    if NUMBA_SETTINGS.exists():  # those of a submission would change how the judge runs
+        fail(f"{NUMBA_SETTINGS.absolute()} would change how Numba compiles: run from another folder, or remove it")
     # joblib renews workers that hold much memory, and says so; nothing is lost by it.
     warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
     try:

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import typer
 
 from ..errors import MtpBenchError
-from ..files import clean_text, describe_write_error, require_file, write_text
+from ..files import FULL_DISK, clean_text, describe_write_error, require_file, write_text
 from ..tables import Table, tables_text
 
 if TYPE_CHECKING:
@@ -56,6 +57,8 @@ def said_of(error: MtpBenchError | OSError) -> str:
     text, notes = str(error), getattr(error, "__notes__", ())
     if not isinstance(error, MtpBenchError):
         named = error.filename or error.filename2
+        if not named and error.errno in FULL_DISK:
+            named = f"temporary files in {tempfile.gettempdir()}"
         text = f"{named}: {describe_write_error(error)}" if named else describe_write_error(error)
     return "; ".join([text, *notes])
 

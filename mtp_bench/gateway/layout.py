@@ -17,12 +17,16 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing.util import Finalize
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock
+
 from ..errors import SubmissionError
-from ..files import cache_root, file_digest, open_regular
+from ..files import FULL_DISK, WriteError, cache_root, file_digest, open_regular
 from ..networks import VARIABLE as WEIGHTS
 from ..networks import network_files
 from ..sources.dataset import data_root
@@ -62,7 +66,9 @@ class Image:
 
 
 _known: dict[tuple[object, ...], Image] = {}
-_folders: list[tempfile.TemporaryDirectory[str]] = []  # removed when this process ends
+_locks: list[FileLock] = []  # of the folders of images, held until this process ends
+_IMAGE = "mtp_bench-image-"  # start of the names of these folders
+_LOCK_SECONDS = 60.0  # within which a process has surely locked its new folder
 
 
 def image_of(submission: Submission, env_id: str, weights_of: str | None = None) -> Image:
@@ -78,14 +84,15 @@ def image_of(submission: Submission, env_id: str, weights_of: str | None = None)
         if key not in _known:
             _known[key] = _copy(submission.path, files, networks)
     except OSError as error:
+        if error.errno in FULL_DISK:
+            raise WriteError(error.errno, error.strerror, f"temporary files in {tempfile.gettempdir()}") from None
         path = error.filename or submission.path
         raise SubmissionError(f"{path}: cannot be read: {error.strerror or error}") from None
     return _known[key]
 
 
 def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Image:
-    _folders.append(tempfile.TemporaryDirectory(prefix="mtp_bench-image-"))
-    root = Path(_folders[-1].name)
+    root = _new_folder()
     folder, beside = root / "submission", root / "networks"
     places = {path: folder / path.relative_to(source) for path in files} | {p: beside / p.name for p in networks}
     for path in (folder, beside, *(place.parent for place in places.values())):
@@ -95,6 +102,27 @@ def _copy(source: Path, files: Sequence[Path], networks: Sequence[Path]) -> Imag
             shutil.copyfileobj(original, copy)
     weights = {place.name: file_digest(place) for place in sorted(beside.iterdir())}
     return Image(source, folder, beside, weights, digest_of(folder, files_of(folder), weights))
+
+
+def _new_folder() -> Path:
+    """A new folder for an image, locked and removed at the end of this process; removes those of killed processes.
+
+    A lock shows that a process lives, also one whose pid is of another namespace.
+    """
+    root = Path(tempfile.mkdtemp(prefix=_IMAGE))
+    Finalize(None, shutil.rmtree, (root, True), exitpriority=0)  # also at the end of a worker
+    _locks.append(FileLock(root / "lock", timeout=0, thread_local=False))
+    with suppress(OSError, NotImplementedError):  # not every file system has locks
+        _locks[-1].acquire()
+    own = root.stat()
+    for folder in root.parent.glob(f"{_IMAGE}*"):
+        with suppress(OSError, NotImplementedError):  # of another user, or locked
+            state = folder.lstat()
+            old = state.st_uid == own.st_uid and state.st_mtime < own.st_mtime - _LOCK_SECONDS
+            if old and (folder / "lock").exists():
+                with FileLock(folder / "lock", timeout=0):
+                    shutil.rmtree(folder)
+    return root
 
 
 @dataclass(frozen=True)

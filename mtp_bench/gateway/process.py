@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -30,6 +31,8 @@ _MOST_PROCESSES = 64
 _MOST_FILES = 10_000  # in its temporary folder: their names take memory that no limit counts
 MOST_THREADS = 1024  # of all its processes; the system's own limit does not hold for root
 Message = tuple[dict[str, Any], bytearray]
+_unsandboxed: set[int] = set()  # pids of the agents that run without a sandbox
+_starting = threading.Lock()  # an agent that is just started is not taken for an adopted process
 
 
 class ExcessError(Exception):
@@ -135,18 +138,21 @@ class AgentProcess:
     def _spawn(self, undo: ExitStack) -> None:
         """Start it without a sandbox; meanwhile the memory of the judge is closed to processes of the same user."""
         folder = undo.enter_context(tempfile.TemporaryDirectory(prefix="mtp_bench-agent-"))
-        undo.callback(processes.hide_memory, False)
-        processes.hide_memory(True)
+        self._own_children = {*processes.children(os.getpid())}
+        for close in (processes.hide_memory, processes.adopt_orphans):
+            undo.callback(close, False)
+            close(True)
         self.begun = time.monotonic()
         child = str(library() / "mtp_bench" / "gateway" / "child.py")
-        with self._pipes(undo) as (stdin, orders, answers, log, _):
+        with self._pipes(undo) as (stdin, orders, answers, log, _), _starting:
             self._spawned = subprocess.Popen(
                 [*python(), child, str(orders), str(answers)], cwd=folder,
                 env=environment(False, folder, str(self._spec.image.networks)), stdin=stdin, stdout=log, stderr=log,
                 pass_fds=(orders, answers), start_new_session=True,
             )  # fmt: skip
             undo.callback(self._kill)
-        self._pid = self._spawned.pid
+            self._pid = self._spawned.pid
+            _unsandboxed.add(self._pid)
         with suppress(OSError, AttributeError):  # it ended at once; not on every system
             self._handle = os.pidfd_open(self._pid)
 
@@ -182,7 +188,15 @@ class AgentProcess:
 
     def others(self) -> int:
         """Number of running processes that it has started."""
-        return 0 if self._pid is None or self._ended() else len(processes.children(self._pid))
+        running = [] if self._pid is None or self._ended() else processes.children(self._pid)
+        return len(running) + len(self._adopted())
+
+    def _adopted(self) -> list[int]:
+        """Processes that unsandboxed agents have started, and whose own parents have ended."""
+        if self._spawned is None:  # in a sandbox the agent itself adopts them
+            return []
+        with _starting:
+            return processes.adopted(self._own_children | _unsandboxed)
 
     def peak_memory(self) -> int:
         """Largest resident memory seen so far, bytes."""
@@ -217,7 +231,7 @@ class AgentProcess:
         self.peak_memory()
         if self._group is not None and self._group.exceeded():
             raise ExcessError(f"its processes held more than {self._limits.memory >> 20} MiB")
-        family = processes.descendants(self._pid, _MOST_PROCESSES)
+        family = [p for first in (self._pid, *self._adopted()) for p in processes.descendants(first, _MOST_PROCESSES)]
         if len(family) > _MOST_PROCESSES:
             raise ExcessError(f"it had started {len(family) - 1} other processes, or more")
         threads = sum(map(processes.threads, family))
@@ -242,11 +256,15 @@ class AgentProcess:
     def _kill(self) -> None:
         """End the agent and all that it started, and wait for it."""
         if self._spawned is not None:
-            for _ in range(0 if self._ended() else 2):  # some may have started others meanwhile
-                processes.end(processes.descendants(self._spawned.pid)[1:], _END_SECONDS)
             with suppress(OSError):
                 os.killpg(self._spawned.pid, signal.SIGKILL)
             self._spawned.wait()
+            deadline = time.monotonic() + _END_SECONDS
+            while (
+                orphans := self._adopted()
+            ) and time.monotonic() < deadline:  # then this process adopts their children
+                processes.end(orphans, deadline - time.monotonic())
+            _unsandboxed.discard(self._spawned.pid)
         elif self._handle is not None:
             with suppress(OSError):
                 signal.pidfd_send_signal(self._handle, signal.SIGKILL)

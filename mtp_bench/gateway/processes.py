@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path("/sys/fs/cgroup")
-_NAME = "mtp_bench"  # followed by the pid of the judge
+_NAME = "mtp_bench"  # followed by the namespace and the pid of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
 _V1 = {"memory.limit_in_bytes": "memory", "memory.memsw.limit_in_bytes": "with_swap", "pids.max": "processes"}
 # the others limit swap, which not every system has
 _NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")
 _REMOVE_SECONDS = 2.0  # that the system may take to empty a group
-_DUMPABLE = 4  # of prctl
+_DUMPABLE, _CHILD_SUBREAPER = 4, 36  # of prctl
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 
@@ -68,7 +68,7 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
     for place in places:
         _sweep(place)
     made: list[Path] = []
-    name = f"{_NAME}-{os.getpid()}-{secrets.token_hex(4)}"
+    name = f"{_own_name()}-{os.getpid()}-{secrets.token_hex(4)}"
     try:
         for place in places:
             folder = place / name
@@ -86,10 +86,17 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
     return Group(tuple(made)) if made else None
 
 
+def _own_name() -> str:
+    """Start of the names of groups whose judges have their pids in the namespace of this process."""
+    with suppress(OSError):
+        return f"{_NAME}-{Path('/proc/self/ns/pid').stat().st_ino}"
+    return _NAME
+
+
 def _sweep(place: Path) -> None:
-    """Remove groups of judges that have ended, and end the processes in them."""
-    for folder in place.glob(f"{_NAME}-*-*"):
-        judge = folder.name.split("-")[1]
+    """Remove groups of judges of this namespace that have ended, and end the processes in them."""
+    for folder in place.glob(f"{_own_name()}-*-*"):
+        judge = folder.name.split("-")[-2]
         if judge.isdigit() and not Path(f"/proc/{judge}").exists():
             with suppress(OSError, ValueError):
                 for line in (folder / "cgroup.procs").read_text().split():
@@ -147,8 +154,22 @@ def files_below(pid: int, folder: str) -> int:
 
 def hide_memory(hidden: bool) -> None:
     """Close the memory of this process to other processes of the same user, or open it again; on Linux only."""
-    if sys.platform.startswith("linux"):
-        ctypes.CDLL(None).prctl(_DUMPABLE, 0 if hidden else 1, 0, 0, 0)
+    _set_property(_DUMPABLE, not hidden)
+
+
+def adopt_orphans(wanted: bool) -> None:
+    """Make this process the parent of descendants whose own parent ends, or no longer; on Linux only."""
+    _set_property(_CHILD_SUBREAPER, wanted)
+
+
+def adopted(own: Iterable[int]) -> list[int]:
+    """Running children in sessions of their own, but for ``own``; those that have ended are removed from the system."""
+    found: list[int] = []
+    for pid in sorted({*children(os.getpid())} - {*own}):
+        with suppress(OSError):
+            if os.getsid(pid) != os.getsid(0) and os.waitpid(pid, os.WNOHANG) == (0, 0):
+                found.append(pid)
+    return found
 
 
 def children(pid: int) -> list[int]:
@@ -203,6 +224,11 @@ def _pages(pid: int, place: int) -> int:
     with suppress(OSError, ValueError, IndexError):
         return int(_read(f"/proc/{pid}/statm").split()[place]) * _PAGE
     return 0
+
+
+def _set_property(number: int, value: bool) -> None:
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None).prctl(number, int(value), 0, 0, 0)
 
 
 def _read(path: str) -> bytes:

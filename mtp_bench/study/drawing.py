@@ -79,10 +79,10 @@ def draw(
     rows: int = 1,
 ) -> Drawing:
     """A figure of ``panels`` in ``rows``; ``paint`` gets the axes of each panel. ``size``: width and height, inches."""
-    import matplotlib as mpl
+    from matplotlib import style
 
     settings: Any = {**_SETTINGS, "svg.hashsalt": name}  # ids are stable, and differ between figures of a page
-    with mpl.rc_context(settings):
+    with style.context(["default", settings]):  # whatever file of settings is in the current folder
         from matplotlib.figure import Figure
 
         across = -(-panels // rows)

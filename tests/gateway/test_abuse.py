@@ -6,6 +6,8 @@ import importlib.util
 import os
 import py_compile
 import re
+import subprocess
+import sys
 import tempfile
 import threading
 from collections.abc import Iterator
@@ -103,7 +105,7 @@ FORKS = {
 @pytest.mark.parametrize("what", FORKS.values(), ids=FORKS)
 def test_processes_that_an_agent_starts_end_with_it(court: Court, agents: Path, what: str) -> None:
     run = court.run(at_frame_two(what))
-    assert run.status == "rejected"
+    assert run.status == "rejected", run.reason
     assert re.search("other processes|processes held", run.reason), run.reason  # many forks map much, too
     assert left_over(agents) == []
 
@@ -122,9 +124,30 @@ def test_processes_that_take_the_machine_end_before_the_answer_is_due(
     court: Court, agents: Path, what: str, text: str
 ) -> None:
     run = court.run(at_frame_two(f"{what}; time.sleep(4711)"), replace(QUICK, frame=50.0, memory=2 << 30))
-    assert run.status == "rejected"
+    assert run.status == "rejected", run.reason
     assert re.search(text, run.reason), run.reason
     assert left_over(agents) == []
+
+
+DAEMON = "os.fork() or (os.setsid(), os.fork() or START, os._exit(0))"
+ENDS = {"the agent goes on": ("os.wait()", "rejected"), "the agent ends": ("os._exit(4)", "crashed")}
+
+
+@pytest.mark.parametrize(("ends", "status"), ENDS.values(), ids=ENDS)
+def test_a_daemon_of_an_unsandboxed_agent_ends_with_its_scene(court: Court, ends: str, status: str) -> None:
+    """It has a session and an environment of its own, and its parent has ended."""
+    mark = f"left-by-{os.getpid()}"
+    sleeps = f"[sys.executable, '-c', 'import time; time.sleep(4711)', {mark!r}]"
+    start = f"(os.closerange(0, 99), os.execve(sys.executable, {sleeps}, {{}}))"  # else it holds the connection open
+    folder = submission(court.folder / "hostile", at_frame_two(f"{DAEMON.replace('START', start)}; {ends}"))
+    waiting = [sys.executable, "-c", "input()"]
+    with subprocess.Popen(waiting, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL, start_new_session=True) as own:
+        run = run_isolated(folder, court.card, {"data": court.data}, SCENE, limits=QUICK, backend="none")
+        alive = own.poll() is None
+    assert run.status == status, run.reason
+    commands = [entry.read_bytes() for entry in Path("/proc").glob("[0-9]*/cmdline") if entry.exists()]
+    assert not [command for command in commands if mark.encode() in command]
+    assert alive, "a process of the judge's own program"
 
 
 def left_over(agents: Path) -> list[str]:
