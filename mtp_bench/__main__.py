@@ -1,4 +1,4 @@
-"""``python -m mtp_bench`` is ``mtp-bench``."""
+"""``python -m mtp_bench`` is ``mtp-bench``, but imports modules of the current folder; see ``SECURITY.md``."""
 
 from .commands import main
 

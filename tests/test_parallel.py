@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -14,6 +17,30 @@ def test_a_process_that_dies_is_one_clear_error() -> None:
     with pytest.raises(MtpBenchError, match=r"one of 2 processes died, .*: take fewer \(--jobs\)"):
         parallel_map(os._exit, [(1,), (1,)], Workers(2))
     assert parallel_map(abs, [(-1,), (2,)], Workers(2)) == [1, 2], "the next ones work"
+
+
+SHADOWS = ("pickle", "typing", "random", "json", "numpy")  # imported by workers as they start, or by their calls
+
+
+PROGRAM = """
+import os
+from mtp_bench.parallel import Workers, parallel_map
+if __name__ == "__main__":
+    print(parallel_map(abs, [(-1,), (2,)], Workers(2)), os.environ.get("PYTHONSAFEPATH"))
+"""
+
+
+def test_workers_import_nothing_from_the_current_folder(tmp_path: Path) -> None:
+    program, current = tmp_path / "program.py", tmp_path / "current"
+    program.write_text(PROGRAM)
+    current.mkdir()
+    for name in SHADOWS:
+        (current / f"{name}.py").write_text("open(f'{__file__}.seen', 'w').close()\n")
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    command = [sys.executable, str(program)]
+    done = subprocess.run(command, cwd=current, env=environment, capture_output=True, text=True, check=False)
+    assert done.stdout == "[1, 2] None\n", done.stderr
+    assert not list(current.glob("*.seen"))
 
 
 class NotSentError(Exception):

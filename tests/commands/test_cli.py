@@ -94,6 +94,15 @@ def test_the_program_and_the_module_are_the_same(tmp_path: Path) -> None:
     assert "MTP-KITTI-v0" in first.stdout
 
 
+def test_settings_of_numba_in_the_current_folder_are_refused(
+    cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They would come from a submission, and change how the judge runs."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / ".numba_config.yaml").write_text("disable_jit: 1\n")
+    assert str(tmp_path) in cli("envs").error
+
+
 WRONG_USAGE = {
     "no command": [],
     "unknown command": ["comapre"],

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from importlib.util import cache_from_source, source_from_cache
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from mtp_bench.cards import card_text, load_card, with_files
-from mtp_bench.errors import SubmissionError
+from mtp_bench.commands.output import said_of
+from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.gateway import run_isolated, sandbox
-from mtp_bench.gateway.layout import LIBRARY, environment, image_of, layout_for, library, python
+from mtp_bench.gateway.layout import LIBRARY, _new_folder, environment, image_of, layout_for, library, python
 from mtp_bench.gateway.processes import Group, _places, make_group
 from mtp_bench.networks import VARIABLE, file_name
 from mtp_bench.submission import load_submission
@@ -140,6 +145,38 @@ def test_weights_that_were_trained_here_are_part_of_what_runs(tmp_path: Path, mo
     found = image_of(load_submission(folder), "MTP-Merge-v0", "MTP-Highway-v0")
     assert [path.name for path in found.networks.iterdir()] == [file_name("modes", "truth", "MTP-Highway-v0")]
     assert found.digest != without.digest
+
+
+def test_a_full_temporary_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded = load_submission(submission(tmp_path / "mine"))
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(shutil, "copyfileobj", full)
+    with pytest.raises(MtpBenchError, match=f"temporary files in {tempfile.gettempdir()}: No space left") as raised:
+        image_of(loaded, "MTP-X-v0")
+    assert "mine" not in str(raised.value)
+    assert said_of(OSError(errno.ENOSPC, "No space left on device")).startswith("temporary files in ")
+
+
+def test_copies_of_killed_judges_are_removed_and_those_of_living_ones_are_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their pids say nothing: a judge may live in another namespace."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folders = {name: tmp_path / f"mtp_bench-image-{name}" for name in ("killed", "living", "begun", "unlocked")}
+    for folder in folders.values():
+        (folder / "submission").mkdir(parents=True)
+    for name in ("killed", "living", "begun"):
+        (folders[name] / "lock").touch()
+    for name in ("killed", "living", "unlocked"):
+        os.utime(folders[name], (0, 0))
+    with FileLock(folders["living"] / "lock"):
+        first = _new_folder()
+        os.utime(first, (0, 0))
+        second = _new_folder()
+    assert {first, second, *folders.values()} - set(tmp_path.iterdir()) == {folders["killed"]}
 
 
 def test_a_link_that_takes_the_place_of_a_file_is_not_followed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,10 +42,12 @@ def make_slow(task: Task) -> SlowAgent:
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[Any]:
     """A scheduler with two worker processes of one thread each."""
-    with distributed_untyped.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
-    ) as running:
-        yield running
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONSAFEPATH", "1")
+        with distributed_untyped.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
+        ) as running:
+            yield running
 
 
 def on(cluster: Any, done: Done = lambda _: None) -> RunOptions:
@@ -83,6 +85,21 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
     spread = run_jobs(given, on(cluster, kill_once))
     assert killed
     assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
+
+
+class UnsafeClient:
+    """Of one worker that imports from the folder in which it was started."""
+
+    def wait_for_workers(self, count: int, timeout: float) -> None:
+        pass
+
+    def run(self, function: Any, on_error: str) -> dict[str, tuple[str, bool]]:
+        return {"tcp://127.0.0.1:9": (function()[0], False)}
+
+
+def test_a_worker_that_imports_from_its_folder_is_refused() -> None:
+    with pytest.raises(MtpBenchError, match=r"127\.0\.0\.1:9 imports modules .* PYTHONSAFEPATH=1"):
+        _cluster._require_workers(UnsafeClient(), "tcp://127.0.0.1:8")
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
