@@ -19,7 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path("/sys/fs/cgroup")
-_NAME = "mtp_bench"  # followed by the namespace and the pid of the judge
+_PIDS = Path("/proc/self/ns/pid")  # the namespace in which the pids of this process are
+_NAME = f"mtp_bench-{_PIDS.stat().st_ino if _PIDS.exists() else 0}"  # of a group, followed by the pid of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
 _V1 = {"memory.limit_in_bytes": "memory", "memory.memsw.limit_in_bytes": "with_swap", "pids.max": "processes"}
 # the others limit swap, which not every system has
@@ -68,7 +69,7 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
     for place in places:
         _sweep(place)
     made: list[Path] = []
-    name = f"{_own_name()}-{os.getpid()}-{secrets.token_hex(4)}"
+    name = f"{_NAME}-{os.getpid()}-{secrets.token_hex(4)}"
     try:
         for place in places:
             folder = place / name
@@ -86,17 +87,10 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
     return Group(tuple(made)) if made else None
 
 
-def _own_name() -> str:
-    """Start of the names of groups whose judges have their pids in the namespace of this process."""
-    with suppress(OSError):
-        return f"{_NAME}-{Path('/proc/self/ns/pid').stat().st_ino}"
-    return _NAME
-
-
 def _sweep(place: Path) -> None:
     """Remove groups of judges of this namespace that have ended, and end the processes in them."""
-    for folder in place.glob(f"{_own_name()}-*-*"):
-        judge = folder.name.split("-")[-2]
+    for folder in place.glob(f"{_NAME}-*-*"):
+        judge = folder.name.split("-")[2]
         if judge.isdigit() and not Path(f"/proc/{judge}").exists():
             with suppress(OSError, ValueError):
                 for line in (folder / "cgroup.procs").read_text().split():
