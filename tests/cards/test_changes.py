@@ -18,8 +18,7 @@ from mtp_bench.cards import (
 )
 from mtp_bench.detector import load_profile
 from mtp_bench.detector.profile_file import profile_text
-from mtp_bench.env import MTPEnv
-from mtp_bench.errors import CardError, DataError
+from mtp_bench.errors import CardError
 from mtp_bench.sources.nuscenes import NuScenesSource
 from mtp_bench.sources.wildtrack import WildtrackSource
 from tests.cards.test_cards import put, simulated_content
@@ -47,18 +46,6 @@ def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: P
     here.write_text("{}  ")
     assert with_detections(card, here).digest != mine.digest
     assert str(tmp_path) not in str(mine.model_dump(mode="json"))
-
-
-def test_a_file_of_detections_that_cannot_be_used(tmp_path: Path) -> None:
-    card = load_card("MTP-nuScenes-v0")
-    with pytest.raises(DataError, match=r"detections .*none\.json: No such file"):
-        with_detections(card, tmp_path / "none.json")
-    with pytest.raises(DataError, match=r"none: No such file or directory; expected a folder of KITTI text"):
-        with_detections(load_card("MTP-KITTI-v0"), tmp_path / "none")
-    with pytest.raises(CardError, match="MTP-PETS-v0 takes no file of detections: only those of KITTI and nuScenes"):
-        with_detections(load_card("MTP-PETS-v0"), tmp_path / "none.json")
-    with pytest.raises(CardError, match="takes no file of detections"):
-        MTPEnv("MTP-Intersection-v0", detection_file="some.json")
 
 
 def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() -> None:

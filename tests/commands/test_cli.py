@@ -196,12 +196,6 @@ def test_a_closed_standard_output_is_no_error() -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("command", [("run", "stp"), ("train", "predictor", "modes")], ids=" ".join)
-def test_a_seed_beyond_what_files_hold_is_refused(command: tuple[str, ...], cli: CommandLine, tmp_path: Path) -> None:
-    error = cli(*command, "--env", "MTP-KITTI-v0", "--seed", 2**31, "-o", tmp_path / "output").error
-    assert error == "the seed is 2147483648, expected a whole number from 0 to 2147483647"
-
-
 def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
     printed = cli.ok("data", "--data", kitti, "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")

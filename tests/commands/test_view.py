@@ -45,30 +45,6 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, known: list[str]
     assert not any(path.endswith("/forecast") for path in entities)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--scene", "0009", "--save", "a.rrd"], "unknown scene of .*run '0009'"),
-        (["--at", "ids-99", "--save", "a.rrd"], "unknown event of scene 0001 'ids-99'.*`mtp-bench events` lists them"),
-        (["--save", "missing/a.rrd"], "missing"),
-        ([], "no display for the viewer: write a file with --save FILE.rrd, serve it with --web, or draw"),
-    ],
-    ids=["scene", "event", "folder of the file", "display"],
-)
-def test_one_sentence_says_what_is_wrong(
-    arguments: list[str], text: str, cli: CommandLine, folder: Path, known: list[str], tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "platform", "linux")
-    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    assert re.search(text, cli("view", folder, *known, *arguments).error)
-    if not arguments:
-        assert "nowhere" in cli("view", tmp_path / "nowhere", *known).error, "a missing run is said before the display"
-    assert not list(tmp_path.iterdir())
-
-
 def test_runs_of_other_cards_share_no_picture(
     cli: CommandLine, folder: Path, known: list[str], kitti: str, tmp_path: Path
 ) -> None:

@@ -10,8 +10,7 @@ import pytest
 
 from mtp_bench.cards import Card, load_card, parse_card
 from mtp_bench.errors import CardError
-from mtp_bench.running.reading import read_status
-from mtp_bench.sources import describe, open_source
+from mtp_bench.sources import open_source
 from mtp_bench.types import Scene
 from tests.support.source_files import write
 
@@ -156,14 +155,3 @@ def test_the_order_of_the_lines_does_not_matter(root: Path) -> None:
     np.testing.assert_array_equal(after.truth.box, before.truth.box)
     np.testing.assert_array_equal(after.truth.start, before.truth.start)
     np.testing.assert_array_equal(after.detections.score, before.detections.score)
-
-
-def test_status_lists_missing_and_wrong_files(root: Path) -> None:
-    status = read_status(mot3d_card(), root)
-    assert status.usable
-    assert status.counts["frames"] == 4
-    write(root / GT, "1,2,3")
-    assert "3 columns, expected 10 (frame, id, left," in read_status(mot3d_card(), root).problems[0]
-    (root / DET).unlink()
-    assert "det.txt" in describe(mot3d_card(), root).missing[0]
-    assert describe(mot3d_card(detector={"profile": "clean"}), root).usable

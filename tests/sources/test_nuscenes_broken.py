@@ -23,7 +23,6 @@ from tests.support.nuscenes_root import (
     make_targets,
     nuscenes_card,
     sample,
-    scene,
     write_json,
 )
 
@@ -160,12 +159,6 @@ def test_nan_is_null_outside_of_texts(tmp_path: Path) -> None:
     assert [each.token for each in read_records(path, TableRecord)] == ["NaN", "aNaN"]
     with pytest.raises(DataError, match="somewhere"):
         decode(b"NaN", list[TableRecord], "somewhere")
-
-
-def test_a_byte_order_mark_is_not_read(data: Path) -> None:
-    for path in (data / "nuscenes").rglob("*.json"):
-        path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
-    assert scene(data, truth="targets").truth.object_id.tolist() == [0, 1, 0, 1, 0, 0]
 
 
 @pytest.mark.parametrize(

@@ -130,17 +130,6 @@ def test_camera_fields_are_the_inverse_of_sensor_boxes(tmp_path: Path) -> None:
     np.testing.assert_allclose(sensor_boxes(fields), box)
 
 
-@pytest.mark.data
-def test_poses_there_and_back(data_root: Path) -> None:
-    from mtp_bench.sources.kitti.source import KittiTracking
-
-    poses = KittiTracking(load_card("MTP-KITTI-v0"), data_root).poses("0019")
-    rng = np.random.default_rng(0)
-    frame = rng.integers(0, len(poses.position), 500)
-    box = np.column_stack([rng.uniform(-50, 50, (500, 3)), rng.uniform(-3, 3, 500), rng.uniform(1, 4, (500, 3))])
-    np.testing.assert_allclose(poses.to_world(poses.to_sensor(box, frame), frame), box, atol=1e-9)
-
-
 # ---- wrong files
 
 

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.running.reading import read_status
-from mtp_bench.sources import describe
 from mtp_bench.sources.motion import as_places
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS, SCENES, STORED, Wildtrack
 from mtp_bench.types import Detections, Scene
@@ -135,15 +133,3 @@ def test_velocities_look_back(root: Path) -> None:
     np.testing.assert_allclose(walker[[1, 2, 4]], np.tile([2.0, 0.0], (3, 1)))
     assert np.isnan(walker[[0, 3]]).all()
     np.testing.assert_allclose(truth.velocity[truth.object_id == 2][1:], 0, atol=1e-12)
-
-
-def test_status_names_missing_and_broken_files(root: Path) -> None:
-    write(root / ANNOTATIONS / "00001605.json", "[")
-    (root / ANNOTATIONS / "00001810.json").unlink()
-    status = read_status(wildtrack_card(), root)
-    assert [line.rsplit("/", 1)[1] for line in status.missing] == ["00001810.json"]
-    assert len(status.problems) == 1
-    assert "00001605.json" in status.problems[0]
-    assert read_status(wildtrack_card(split="train"), root).usable
-    (root / DETECTIONS).unlink()
-    assert "mvdet_test.txt, detections of wildtrack-1800" in describe(wildtrack_card(), root).missing[0]

@@ -205,15 +205,6 @@ def test_an_unknown_parameter_or_function_names_the_nearest(folder: Path, tmp_pa
         built(write(tmp_path / "wrong", MANIFEST.replace(":build", ":built")))
 
 
-def test_an_unknown_name_lists_the_baselines_and_a_folder_needs_a_manifest(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match="unknown submission") as caught:
-        load_submission("nowhere")
-    assert str(caught.value).count("ab3dmot") == 1, "the baselines, once"
-    assert "name a baseline, or a folder with submission.toml" in str(caught.value)
-    with pytest.raises(SubmissionError, match=r"is not a submission, expected a folder with submission\.toml"):
-        load_submission(tmp_path)
-
-
 @pytest.mark.parametrize("name", baseline_names())
 def test_every_baseline_is_a_submission(name: str) -> None:
     submission = load_submission(name)
