@@ -23,7 +23,7 @@ SMALLEST = 1e-6  # m, of a side of a box
 TURN = 8 * np.pi  # rad; an angle that is never wrapped may be some turns beyond one
 RADIANS = "expected radians, such as -pi to pi; np.radians(yaw) makes radians of degrees"
 MOST_LETTERS = 200  # of a word: an array has room for the longest in every row
-_SEPARATORS = {"commas": ",", "semicolons": ";", "tabs": "\t", "blanks": None}
+_SEPARATORS = {"commas": ",", "semicolons": ";", "tabs": "\t", "bars": "|", "blanks": None}
 _NAN = re.compile(rb'(?<![\w"])NaN(?![\w"])')
 _INFINITY = re.compile(rb'(?<![\w"])Infinity(?![\w"])')
 

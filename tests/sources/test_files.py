@@ -177,6 +177,14 @@ def test_flat_detections_are_left_out_and_counted(sides: str, tmp_path: Path, ba
     assert (scene.detections.start.tolist(), scene.skipped) == ([0, 1, 1, 2], {"detection size not above 0": 1})
 
 
+def test_a_link_to_nothing_is_not_a_misspelt_table(tmp_path: Path, base: Card) -> None:
+    path = write_tables(tmp_path) / "one/detections.csv"
+    path.unlink()
+    path.symlink_to("gone.csv")
+    with pytest.raises(DataError, match=r"no file .*detections\.csv"):
+        only(base, tmp_path)
+
+
 def test_a_scene_with_two_objects_at_one_place_or_none_is_not_written(tmp_path: Path) -> None:
     scene = make_scene()
     box = scene.truth.box.copy()
@@ -252,6 +260,7 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
         {"truth": [line.replace(",", " ") for line in TRUTH]},
         "truth.csv, line 1: this file is separated by blanks, expected commas",
     ),
+    "bars": ({"truth": [line.replace(",", "|") for line in TRUTH]}, "this file is separated by bars, expected commas"),
     "a long row": ({"truth": [*TRUTH, TRUTH[1] + ",more"]}, "truth.csv, line 5: 11 columns, expected 10 (frame, id"),
     "empty file": ({"truth": []}, "truth.csv is empty, expected a line with the names of the columns"),
     "column twice": ({"truth": [TRUTH[0] + ",x"]}, "truth.csv: column 'x' occurs twice, expected once"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -74,7 +75,7 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
 
 def find_table(folder: Path, name: str) -> Path | None:
     """The file of a table; None without one. Raises DataError if there are two."""
-    paths = [path for form in FORMS if (path := folder / f"{name}.{form}").is_file()]
+    paths = [path for form in FORMS if os.path.lexists(path := folder / f"{name}.{form}")]
     if len(paths) > 1:
         raise DataError(f"{folder} has {paths[0].name} and {paths[1].name}, expected only one of them")
     return paths[0] if paths else None

@@ -179,7 +179,7 @@ def _check_names(path: Path, names: Sequence[str], table: str) -> None:
     known = [column.name for column in COLUMNS[table]]
     for i, name in enumerate(names):
         if name not in known:
-            raise DataError(f"{path}: unknown column {name!r}{nearest(name, known)}; remove or rename it")
+            raise DataError(f"{path}: unknown column {reprlib.repr(name)}{nearest(name, known)}; remove or rename it")
         if name in names[:i]:
             raise DataError(f"{path}: column {name!r} occurs twice, expected once")
     found = f"found: {', '.join(names)}"
