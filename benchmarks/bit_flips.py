@@ -115,6 +115,7 @@ def main() -> int:
                 flip(file, chance)
             answer, said = answer_of(folder)
             lines = [line for line in said.splitlines() if line.startswith(REPORT)]
+            print(f"{len(flipped)} bits flipped: {answer}", *lines, sep="\n  ", file=sys.stderr, flush=True)
             for kind, file in flipped:
                 place = file.parent.parent if kind == "compiled kernel" else file.parent
                 counts[kind]["flips"] += 1
