@@ -13,8 +13,7 @@ import pytest
 from mtp_bench import card_ids
 from mtp_bench._bundle import bundled
 from mtp_bench.cards import load_card, parse_card
-from mtp_bench.detector import load_profile
-from mtp_bench.errors import CardError, MtpBenchError
+from mtp_bench.errors import CardError
 from mtp_bench.sources.highway.world import GENERATOR, HighwaySource
 
 Content = dict[str, Any]
@@ -204,7 +203,6 @@ def test_the_digest_does_not_depend_on_what_agents_choose_their_parameters_by(co
     assert {name: card.model_dump()[name] for name in hints} == hints
 
 
-MISSPELT = {"detections": 4, "tarcks": 8, "objects": 4, "hypotheses": 2}
 WRONG: dict[str, tuple[str, object, str]] = {
     "typo in an optional key": ("refrence", "stp", "unknown key 'refrence': did you mean 'reference'?"),
     "missing key": ("task.past", None, "key 'task.past' is missing"),
@@ -230,21 +228,3 @@ def test_wrong_content_is_one_clear_error(content: Content, key: str, value: obj
     assert message.startswith("MTP-small-v0.toml")
     assert text in message
     assert "\n" not in message
-
-
-WRONG_SIMULATED: dict[str, tuple[str, object, str]] = {
-    "no such profile": ("detector.profile", "megvii", "unknown detector profile 'megvii'"),
-    "a file as profile": ("detector.profile", "mine.toml", "[detector.noise]"),
-    "an older generator": ("source.generator", 1, "generator: got 1"),
-    "splits that overlap": ("source.seeds.test", [0, 10], "without a common seed"),
-    "too short": ("source.seconds", 5.0, "have 10 frames, expected at least 16"),
-    "two kinds of noise": ("detector.noise", load_profile("clean").model_dump(exclude_none=True), "both or none"),
-    "no detector": ("detector", None, "a [detector] section is missing"),
-}
-
-
-@pytest.mark.parametrize(("key", "value", "text"), WRONG_SIMULATED.values(), ids=WRONG_SIMULATED)
-def test_wrong_content_of_simulated_traffic(key: str, value: object, text: str) -> None:
-    with pytest.raises(MtpBenchError) as caught:
-        parse_card(put(simulated_content(), key, value))
-    assert text in str(caught.value)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.agent import Observation
-from mtp_bench.errors import ShapeError, SubmissionError, UnknownNameError
+from mtp_bench.errors import UnknownNameError
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker, score_thresholds
 from mtp_bench.tracking.parameters import read_detector
 from tests.support.tracking_scenes import (
@@ -102,30 +102,6 @@ def test_iou_as_affinity() -> None:
         frames = [frame((0.0, 0.0, CAR)), frame((step, 0.0, CAR))]
         *_, tracks = run(HypothesisTracker(1, (CAR_RULE,)), frames, kitti_task(classes=("car",)))
         assert tracks.track_id.tolist() == ids
-
-
-def test_wrong_settings_are_errors() -> None:
-    for hypotheses in (0, 2.5):
-        with pytest.raises(ShapeError, match=f"hypotheses is {hypotheses}, expected a whole number, 1 or more"):
-            HypothesisTracker(hypotheses)  # type: ignore[arg-type]
-    with pytest.raises(ShapeError, match="temperature is 0"):
-        HypothesisTracker(temperature=0)
-    with pytest.raises(ShapeError, match="assignment is 'auction'"):
-        HypothesisTracker(assignment="auction")
-    for assignment in ("as_parameters", "greedy"):
-        with pytest.raises(ShapeError, match=f"{assignment}' works with 1 hypothesis, got 2"):
-            HypothesisTracker(2, assignment=assignment)
-    with pytest.raises(ShapeError, match="parameters of 1 classes, the task has 3"):
-        HypothesisTracker(1, (CAR_RULE,)).reset(kitti_task())
-    with pytest.raises(UnknownNameError, match="detector 'pointrcn': did you mean 'pointrcnn'"):
-        HypothesisTracker().reset(kitti_task(detector="pointrcn"))
-    with pytest.raises(UnknownNameError, match="class for detector 'pointrcnn' 'cyclsit'"):
-        HypothesisTracker().reset(kitti_task(classes=("cyclsit",)))
-    misspelt = replace(CAR_RULE, assignment="Hungarian")  # type: ignore[arg-type]
-    with pytest.raises(ShapeError, match="assignment of ClassParameters is 'Hungarian', expected 'hungarian' or 'gree"):
-        HypothesisTracker(1, (misspelt,), assignment="as_parameters").reset(kitti_task(classes=("car",)))
-    with pytest.raises(SubmissionError, match='observe="truth"'):
-        TruthTracker().reset(kitti_task())
 
 
 def test_the_truth_tracker_follows_true_ids() -> None:

@@ -450,14 +450,6 @@ def test_a_record_made_again_is_shown_in_the_place_of_the_earlier_one(
     ]
 
 
-def test_an_env_without_a_record_is_no_error_but_an_unknown_one_is(
-    folders: tuple[Path, Path], cli: CommandLine
-) -> None:
-    records, _ = folders
-    assert "no record of MTP-Merge-v0 yet" in cli.ok("board", "--records", records, "--env", "MTP-Merge-v0")
-    assert "unknown environment 'MTP-Nerge-v0'" in cli("board", "--records", records, "--env", "MTP-Nerge-v0").error
-
-
 def test_the_command_names_a_missing_folder_and_a_broken_record(
     tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
