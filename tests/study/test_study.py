@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
@@ -26,7 +27,7 @@ from mtp_bench.study.conduct import find
 from mtp_bench.study.figures import FIGURES, make_figures
 from mtp_bench.study.gallery import command_of, worst_events
 from mtp_bench.study.plan import subject_of
-from mtp_bench.study.relations import relation_rows
+from mtp_bench.study.relations import relation_rows, verdict
 from mtp_bench.study.rows import TEXTS, make_tables
 from mtp_bench.study.runs import Bench, library_files, open_bench
 from mtp_bench.submission import load_submission
@@ -235,6 +236,23 @@ def test_the_worst_events_can_be_opened(made: Study, cli: CommandLine, tmp_path:
 
 
 # ---- relations
+
+
+VERDICTS = {  # interval, limit, sign of the paper, units -> verdict
+    "all below": ((-2.0, -1.0), 0.0, -1, 9, "holds"),
+    "all above": ((1.0, 2.0), 0.0, -1, 9, "does not hold"),
+    "around": ((-1.0, 1.0), 0.0, -1, 9, "cannot be told"),
+    "above as expected": ((1.0, 2.0), 0.5, 1, 9, "holds"),
+    "below against it": ((0.1, 0.4), 0.5, 1, 9, "does not hold"),
+    "too few recordings": ((-2.0, -1.0), 0.0, -1, 5, "cannot be told"),
+    "no interval": (None, 0.0, -1, 9, "cannot be told"),
+}
+
+
+@pytest.mark.parametrize("name", VERDICTS)
+def test_verdicts(name: str) -> None:
+    interval, limit, sign, units, expected = VERDICTS[name]
+    assert verdict(interval, limit, sign, np.ones(units)) == expected
 
 
 def test_the_papers_numbers_stand_beside_ours(made: Study, monkeypatch: pytest.MonkeyPatch) -> None:
