@@ -68,7 +68,7 @@ def use_cache(folder: Path) -> None:
 
 
 def answer_of(folder: Path) -> tuple[dict[str, Any] | None, str]:
-    """What a new process with this cache prints, None if it fails, and its stderr."""
+    """Output of a new process with this cache, None if it fails, and its stderr."""
     places = {"MTP_BENCH_CACHE": str(folder / "cache"), "NUMBA_CACHE_DIR": str(folder / "kernels")}
     command = [sys.executable, __file__, "--use", str(folder)]
     root = Path(__file__).resolve().parent.parent
