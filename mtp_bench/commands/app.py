@@ -6,6 +6,7 @@ import importlib
 import io
 import keyword
 import os
+import re
 import sys
 import warnings
 from pathlib import Path
@@ -93,6 +94,12 @@ class Commands(TyperGroup):
         with formatter.section("Commands"):
             formatter.write_dl(list(SUMMARIES.items()))
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse an empty word, which would mean the current folder where a path is expected."""
+        if not ctx.resilient_parsing and any(word == "" or re.fullmatch("--[a-z-]+=", word) for word in args):
+            raise typer.BadParameter("got an empty word, expected a value: is a variable of the shell unset?", ctx)
+        return super().parse_args(ctx, args)
+
     def invoke(self, ctx: Any) -> Any:
         """Run the chosen command."""
         try:
@@ -135,7 +142,9 @@ def main() -> None:
     """Entry point: errors of the library become one line and exit status 1, Ctrl-C one line and 130."""
     # before NumPy loads, and for workers: matrices are small
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    sys.stdout = sys.stdout or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115  (it was closed)
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):  # in the order of their descriptors
+        if getattr(sys, name) is None:  # it was closed
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be text
@@ -144,12 +153,26 @@ def main() -> None:
     # joblib renews workers that hold much memory, and says so; nothing is lost by it.
     warnings.filterwarnings("ignore", message="A worker stopped while some jobs were given")
     try:
-        app(prog_name="mtp-bench")
+        try:
+            app(prog_name="mtp-bench")
+        finally:
+            _flush()
+    except BrokenPipeError:  # the reader has enough
+        raise SystemExit(1) from None
     except (MtpBenchError, OSError) as error:
         fail(said_of(error))
     except InterruptedCommandError as interruption:
         say(f"interrupted; {interruption}")
         raise SystemExit(INTERRUPTED) from None
+
+
+def _flush() -> None:
+    """Write what is left now: an error at the end of the interpreter has no clear message."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
+        raise
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ from ..running.options import RunOptions, fold_of
 from ..tables import SUFFIXES
 from .output import json_alone
 
-SEEDS = 3  # default of commands that compare or submit
+SEEDS, MOST_SEEDS = 3, 1000  # default and limit of commands that compare or submit
 
 
 def env_ids(incomplete: str) -> list[str]:

@@ -57,8 +57,10 @@ def said_of(error: MtpBenchError | OSError) -> str:
     text, notes = str(error), getattr(error, "__notes__", ())
     if not isinstance(error, MtpBenchError):
         named = error.filename or error.filename2
+        if not named and isinstance(error, FileNotFoundError):  # of Path.cwd
+            return "the current folder does not exist any more: change to another one"
         if not named and error.errno in FULL_DISK:
-            named = f"temporary files in {tempfile.gettempdir()}"
+            named = f"standard output, or temporary files in {tempfile.gettempdir()}"
         text = f"{named}: {describe_write_error(error)}" if named else describe_write_error(error)
     return "; ".join([text, *notes])
 

@@ -66,7 +66,7 @@ def predictor(
         ),
     ] = None,
     also: Annotated[list[str] | None, typer.Option(help="Learn from this environment too; may be repeated.")] = None,
-    hypotheses: Annotated[int, typer.Option(min=1, help="Hypotheses of the tracker of the tracklets.")] = 20,
+    hypotheses: Annotated[int, typer.Option(min=1, max=1000, help="Hypotheses of the tracker of the tracklets.")] = 20,
     epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; default: by network.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")] = 0,
     device: Annotated[str, choice(DEVICES, text="auto (a GPU if there is one), cpu or cuda.")] = "auto",

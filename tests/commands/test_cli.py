@@ -105,6 +105,9 @@ def test_settings_of_numba_in_the_current_folder_are_refused(
 
 WRONG_USAGE = {
     "no command": [],
+    "too large a number": ["compare", "stp", "--env", "e", "--seeds", "1" + 25 * "0"],
+    "an empty word": ["verify", ""],
+    "an empty value": ["run", "stp", "--env", "e", "--output="],
     "unknown command": ["comapre"],
     "unknown option": ["envs", "--jsno", "a.json"],
     "no agent": ["run", "--env", "MTP-KITTI-v0", "-o", "run"],
@@ -190,10 +193,20 @@ def test_json_on_standard_output_stands_alone_beside_talking_agents(tmp_path: Pa
     assert "HERE I AM" in done.stderr
 
 
-def test_a_closed_standard_output_is_no_error() -> None:
-    command = f"exec {shlex.quote(sys.executable)} -m mtp_bench envs >&-"
-    done = subprocess.run(["sh", "-c", command], env=plain_environment(), capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+CLOSED = {
+    "output": ("envs >&-", 0, ""),
+    "output of a failure": ("score none >&-", 1, "error: none/run.json: no run.json there"),
+    "error stream": ("score none 2>&-", 1, ""),
+}
+
+
+@pytest.mark.parametrize(("words", "status", "said"), CLOSED.values(), ids=CLOSED)
+def test_what_a_closed_stream_gets_goes_nowhere_else(words: str, status: int, said: str, tmp_path: Path) -> None:
+    command = f"exec {shlex.quote(sys.executable)} -P -m mtp_bench {words}"
+    done = subprocess.run(
+        ["sh", "-c", command], env=plain_environment(), cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr[: len(said) or None]) == (status, "", said)
 
 
 def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
@@ -263,6 +276,25 @@ def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path
     os.close(terminal)
     assert list(tomllib.loads(done.stdout)) == ["pointrcnn-world"]
     assert "1/1" in shown
+
+
+def test_a_full_disk_behind_standard_output_is_one_line() -> None:
+    if not Path("/dev/full").exists():
+        pytest.skip("this system has no full device")
+    with open("/dev/full", "wb") as full:  # noqa: PTH123
+        done = python("from mtp_bench.commands.app import main; main()", "envs", stdout=full, stderr=subprocess.PIPE)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: standard output, or temporary files in ")
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_current_folder_that_was_deleted_is_named(
+    cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert cli("new", "mine").error == "the current folder does not exist any more: change to another one"
 
 
 def test_a_pipe_that_closes_early_is_no_traceback() -> None:

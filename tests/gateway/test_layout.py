@@ -157,7 +157,7 @@ def test_a_full_temporary_folder_is_named(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(MtpBenchError, match=f"temporary files in {tempfile.gettempdir()}: No space left") as raised:
         image_of(loaded, "MTP-X-v0")
     assert "mine" not in str(raised.value)
-    assert said_of(OSError(errno.ENOSPC, "No space left on device")).startswith("temporary files in ")
+    assert "temporary files in " in said_of(OSError(errno.ENOSPC, "No space left on device"))
 
 
 def test_copies_of_killed_judges_are_removed_and_those_of_living_ones_are_not(
