@@ -35,7 +35,7 @@ from ..submission.loader import Submission
 
 SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/scratch"
 LIBRARY = (  # parts of the package that agents use: not judge, sources, cards and training
-    "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py", "shapes.py",
+    "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py",
     "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py",
     "gateway/child.py", "gateway/wire.py", "gateway/fork_server_main.py",
