@@ -33,7 +33,7 @@ from ..sources.dataset import data_root
 from ..submission.contents import digest_of, files_of
 from ..submission.loader import Submission
 
-SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/scratch"
+SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/agent-scratch"
 LIBRARY = (  # parts of the package that agents use: not judge, sources, cards and training
     "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py",
     "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",

@@ -194,7 +194,7 @@ for path in (Path("/kernels"), Path(association.__file__), Path("/submission/age
         raise AssertionError(f"can write {target}")
 """
 LINKS_OUT = """
-for target in ("/proc/self/root/../..", "/proc/1/cwd/../../..", "/scratch/../..", "/dev/../.."):
+for target in ("/proc/self/root/../..", "/proc/1/cwd/../../..", "/agent-scratch/../..", "/dev/../.."):
     assert os.listdir(target) == os.listdir("/"), target
 Path("/tmp/way").unlink(missing_ok=True)
 os.symlink("/" + self.given["folder"].lstrip("/"), "/tmp/way")
@@ -214,7 +214,7 @@ MOUNT_POINTS = """
 bad = []
 for line in Path("/proc/self/mountinfo").read_text().splitlines():
     place, options = line.split()[4:6]
-    if place not in ("/scratch", "/dev/null", "/dev/zero", "/dev/urandom") and "ro" not in options.split(","):
+    if place not in ("/agent-scratch", "/dev/null", "/dev/zero", "/dev/urandom") and "ro" not in options.split(","):
         bad.append(place)
 assert not bad, f"can be written: {bad}"
 """
@@ -326,7 +326,7 @@ for name in os.listdir("/proc/self/fd"):
 FILES = """
 data = Path(self.given["data"])
 assert not data.exists() or not any(data.rglob("*")), "read the data"
-assert Path.cwd() == Path("/scratch"), Path.cwd()
+assert Path.cwd() == Path("/agent-scratch"), Path.cwd()
 given = self.given["submission"], self.given["cache"]
 for folder in (data, *given, "/", "/submission", "/networks", "/dev", "/usr"):
     try:

@@ -16,7 +16,7 @@ import pytest
 
 from mtp_bench.gateway import SceneRun, fork_server
 from mtp_bench.gateway.fork_server import ForkServer, ForkServerError, discard
-from mtp_bench.gateway.layout import Layout, _with_tmp, image_of, layout_for, library
+from mtp_bench.gateway.layout import TEMPORARY, Layout, _with_tmp, image_of, layout_for, library
 from mtp_bench.gateway.process import AgentProcess
 from mtp_bench.gateway.processes import children
 from mtp_bench.gateway.sandbox import sandbox_backend
@@ -323,9 +323,10 @@ def test_a_fork_is_in_its_control_groups_and_does_not_see_their_names(
 
 
 def test_a_library_below_tmp_is_shown_there(tmp_path: Path) -> None:
-    """The temporary folder of agents is then at /scratch alone; else /tmp is another name of it."""
+    """The temporary folder of agents is then at /agent-scratch alone; else /tmp is another name of it."""
     image = image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0")
-    assert ("scratch", "/tmp") in layout_for(image, None).links or str(library()).startswith("/tmp/")
+    assert ("agent-scratch", "/tmp") in layout_for(image, None).links or str(library()).startswith("/tmp/")
     shown = [("/elsewhere", "/tmp/library")]
     assert _with_tmp([], shown) == ()
-    assert _with_tmp([], []) == (("scratch", "/tmp"),)
+    assert _with_tmp([], []) == (("agent-scratch", "/tmp"),)
+    assert Path(TEMPORARY).name != "scratch", "clusters keep libraries below /scratch, which it would hide"
