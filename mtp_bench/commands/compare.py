@@ -10,7 +10,7 @@ from ..running.compare import compare as run_comparison
 from ..running.compare import control_names
 from ..viz.terminal.output import counted, show, show_lines
 from ..viz.terminal.verdict import verdict
-from .options import MOST_SEEDS, SEEDS, AgentScenes, FullOption, JsonOption, TableOption, WorkerChoice, submissions
+from .options import SEEDS, AgentScenes, FullOption, JsonOption, SeedsOption, TableOption, WorkerChoice, submissions
 from .output import prepare, show_report, working, write_json
 
 
@@ -20,7 +20,7 @@ def compare(
     ],
     on: AgentScenes,
     workers: WorkerChoice,
-    seeds: Annotated[int, typer.Option(min=1, max=MOST_SEEDS, help="Runs with different random draws.")] = SEEDS,
+    seeds: SeedsOption = SEEDS,
     full: FullOption = False,
     table_file: TableOption = None,
     json_file: JsonOption = None,

@@ -19,7 +19,8 @@ from ..running.options import RunOptions, fold_of
 from ..tables import SUFFIXES
 from .output import json_alone
 
-SEEDS, MOST_SEEDS = 3, 1000  # default and limit of commands that compare or submit
+SEEDS = 3  # default of commands that compare or submit
+SeedsOption = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Runs with different random draws.")]
 
 
 def env_ids(incomplete: str) -> list[str]:

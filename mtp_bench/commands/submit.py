@@ -20,7 +20,7 @@ from ..running.options import RunOptions
 from ..submission.loader import Submission, load_submission
 from ..tables import Table, columns_of
 from ..viz.terminal.output import counted, show, show_table
-from .options import MOST_SEEDS, SEEDS, DataOption, WorkerChoice, env_ids, submissions
+from .options import SEEDS, DataOption, SeedsOption, WorkerChoice, env_ids, submissions
 from .output import prepare, said_of, say, some_of, working
 from .submit_all import make_all, summary_table
 
@@ -31,9 +31,7 @@ SHOWN = ("subset", "error", "interval", "plain_error", "minADE", "minFDE", "cove
 class EntryOptions:
     """Options of the entry on the leaderboard, and of an earlier submit of it."""
 
-    seeds: Annotated[int, typer.Option(min=1, max=MOST_SEEDS, help="Runs with different random draws and frames.")] = (
-        SEEDS
-    )
+    seeds: SeedsOption = SEEDS
     scenes: Annotated[
         int | None, typer.Option(min=1, help="Only the first N scenes: a partial record, never ranked.")
     ] = None

@@ -27,7 +27,6 @@ class LiveEpisode:
 
     card: Card
     scene: Scene  # its detections are those that the agent is shown; its truth is empty if it must not be seen
-    truth_shown: bool
     actions: Sequence[RecordedAction]  # of the frames until now, in the scene's frame of reference
     dropped: Ints  # [F] detections that did not fit into the observation
 
@@ -63,7 +62,7 @@ def live_episode(
     if evaluation:
         hidden = np.zeros(len(scene.truth.box), dtype=bool)
         shown = replace(shown, truth=scene.truth.select(hidden), visible=None)
-    return LiveEpisode(card, shown, not evaluation, actions, feed.dropped)
+    return LiveEpisode(card, shown, actions, feed.dropped)
 
 
 class Renderer(Protocol):

@@ -260,10 +260,8 @@ class AgentProcess:
                 os.killpg(self._spawned.pid, signal.SIGKILL)
             self._spawned.wait()
             deadline = time.monotonic() + _END_SECONDS
-            while (
-                orphans := self._adopted()
-            ) and time.monotonic() < deadline:  # then this process adopts their children
-                processes.end(orphans, deadline - time.monotonic())
+            while (left := self._adopted()) and time.monotonic() < deadline:  # each round adopts their children
+                processes.end(left, deadline - time.monotonic())
             _unsandboxed.discard(self._spawned.pid)
         elif self._handle is not None:
             with suppress(OSError):

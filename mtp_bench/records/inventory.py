@@ -36,10 +36,9 @@ class Piece:
 
 
 def inventory(env_ids: Sequence[str] = (), names: Sequence[str] = (), folder: Path | None = None) -> list[Piece]:
-    """The records of a leaderboard, in the order in which they are made.
+    """The records of a leaderboard as they are made: recorded envs first; STP and ground-truth tracks before others.
 
-    Recorded environments come before simulated ones, and in each STP and ground-truth tracks, between which gaps are
-    measured, before the others. Submissions that observe stored tracks are left out.
+    Submissions that observe stored tracks are left out.
 
     Args:
         env_ids: Only these environments; empty: all that ship.

@@ -1,10 +1,8 @@
 """Runs that check a record: again in random order, under a secret motion, and on hidden scenes.
 
-The seeds of a record are public, and they fix how its scenes were turned and shifted. An agent could thus look its
-answers up in a table of the coordinates that it is shown. Such a table fails under another motion, while an agent that
-tracks and predicts scores alike. The order is random, so that a run cannot use what another one left in the page cache
-of the system. A table relative to the first pose of the ego works under any motion: authors declare that they use no
-such table.
+The public seeds of a record fix how its scenes were turned and shifted, so that an agent could look its answers up in a
+table of coordinates. Such a table fails under another motion. One relative to the first pose of the ego does not:
+authors declare that they use none. The order is random, so that a run cannot use what another left in the page cache.
 
 Hidden scenes, which rank on simulated envs, are made for one or more checks and then deleted. Only their sums per unit
 are published, since the name of a scene contains its seed.

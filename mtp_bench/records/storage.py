@@ -100,11 +100,6 @@ def seed_folder(folder: Path, seed: int) -> Path:
     return folder / f"seed-{seed}"
 
 
-def rollouts_folder(path: Path, seed: int) -> Path:
-    """The folder of the stored rollouts of one seed of the record at ``path``."""
-    return seed_folder(path.with_suffix(ROLLOUTS), seed)
-
-
 def stored_rollouts(path: Path, record: Record) -> dict[int, list[Rollout]]:
     """Read the stored rollouts of each seed of the record at ``path``, in the order of ``per_scene``.
 
@@ -113,7 +108,7 @@ def stored_rollouts(path: Path, record: Record) -> dict[int, list[Rollout]]:
     runs = {}
     names = [scene.scene for scene in record.per_scene]
     for seed in record.seeds:
-        folder = rollouts_folder(path, seed)
+        folder = seed_folder(path.with_suffix(ROLLOUTS), seed)
         if not folder.is_dir():
             raise RecordError(
                 f"{path}: its rollouts of seed {seed} are not stored at {folder}; run the submission again with --rerun"

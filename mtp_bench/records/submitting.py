@@ -67,11 +67,10 @@ def submit(
             of the same plan. Else finished scenes are refused.
         replace: Replace a finished record also by one of other seeds or scenes that cannot rank.
 
-    Every finished scene is stored at once. Record and rollouts are written together, at the end: until then, and after
-    any failure, those of an earlier submit remain. In every run the local frames are turned and shifted at random, so
-    that scenes cannot be recognised by their coordinates. Actions of an agent are never an error: a submission of which
-    no scene was finished has the status "crashed". Raises MtpBenchError for mistakes that the user can correct, before
-    anything runs if the output cannot be written or a finished record would be lost.
+    Finished scenes are stored at once, record and rollouts together at the end: until then those of an earlier submit
+    remain. Local frames are turned and shifted at random, so that coordinates do not tell the scene. An agent's actions
+    are never an error: without a finished scene the status is "crashed". Raises MtpBenchError for mistakes that users
+    can correct, before anything runs if the output cannot be written or a finished record would be lost.
     """
     submission = load_submission(path)
     plan = plan_run(submission, env_id, options)

@@ -112,12 +112,10 @@ def verify(
         rerun: Run the submission again instead: its rollouts must be the same, and under a secret seed it must score
             alike ("re-run"). An unsandboxed agent reaches "re-scored" at most.
         sealed: Run it on hidden scenes too ("hidden").
-        ends: Deletes the hidden scenes when it is closed, so that several checks make them once; None: they are deleted
-            at the end of this check.
+        ends: Deletes the hidden scenes when it is closed, shared by several checks; None: at the end of this check.
 
-    A record of an earlier version is checked in itself alone. Raises RecordError if the record is missing, was changed
-    or has no stored rollouts, has more seeds than are run again, or would run a stranger's code
-    unsandboxed; DataError if data is missing.
+    A record of an earlier version is checked in itself alone. Raises RecordError if the record is missing, was changed,
+    has no stored rollouts or too many seeds, or would run a stranger's code unsandboxed; DataError for missing data.
     """
     path = Path(path)
     record = checked_record(path)

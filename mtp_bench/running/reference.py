@@ -44,11 +44,6 @@ _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
 _SceneFields = tuple[Bools, tuple[int, int, int], int, int]  # fields of `SceneWeights` but the counts
 
 
-def reference_agent(card: Card) -> str:
-    """Name of the baseline whose runs make the event weights of ``card``."""
-    return card.reference or controls()["single"]
-
-
 def frozen_path(env_id: str) -> Path:
     """Path of the frozen event weights of an env; the file need not exist."""
     return bundled("envs") / "reference" / f"{env_id}.json"
@@ -109,7 +104,7 @@ def make_reference(
 
     Raises CardError unless that baseline takes the parameters ``assignment`` and ``forecasts``.
     """
-    submission = load_submission(reference_agent(card))
+    submission = load_submission(card.reference or controls()["single"])
     parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
     progress = options.progress
     progress.started(len(scenes) * (1 + len(parts)))

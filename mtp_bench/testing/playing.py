@@ -190,10 +190,6 @@ class Suite:
         """Run a new agent on the first scene, keywords as for `play`; raises AgentError."""
         return play(self.agent(), self.env, self.scenes[0], self.seed, **keywords)
 
-    def other_env(self, **changes: Any) -> MTPEnv:
-        """The env of the suite with other keywords."""
-        return MTPEnv(self.env_id, **{**self.keywords, **changes})
-
 
 def score_of(env: MTPEnv) -> SceneScore:
     """Score of the episode that was played in ``env``."""

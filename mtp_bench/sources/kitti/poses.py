@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card
-from ...errors import DataError
 from ...types import Floats, ImageField, Ints, Scene
 from ..base import CameraImage, DataRoot, section_of
 from .files import SENSOR_FROM_CAMERA, Oxts, read_calibration
@@ -28,7 +27,6 @@ CAMERA = "image_02"
 # Width and height of the images of each recording day, by the focal length of its calibration; the images are not
 # needed. The right and bottom ends of DontCare regions agree: they reach exactly to these borders.
 SIZES = {721.5377: (1242, 375), 707.0493: (1224, 370), 718.3351: (1238, 374), 718.856: (1241, 376)}
-_SAME = 1.0  # pixels between the focal lengths of one camera in two calibrations
 # m, length width height: medians over all labelled boxes of the type Car (17 750), Pedestrian (1 346) and Cyclist (529)
 # of the ten sequences outside the validation split; `tests/sources/test_kitti_recordings.py` measures them again.
 BOX_SIZES = {"car": (3.88, 1.63, 1.50), "pedestrian": (0.67, 0.60, 1.71), "cyclist": (1.65, 0.57, 1.74)}
@@ -114,15 +112,6 @@ def _rotations(attitude: Floats) -> Floats:
         ],
         axis=-2,
     )
-
-
-def known_camera(path: Path) -> bool:
-    """True if a calibration is of one of KITTI's cameras, whose images have a known size."""
-    try:
-        focal = read_calibration(path, ("P2",), 4)[0, 0]
-    except DataError:  # of the GPS/IMU unit alone
-        return False
-    return bool(min(abs(known - focal) for known in SIZES) <= _SAME)
 
 
 def image_field(

@@ -25,7 +25,6 @@ LONGEST = 100.0  # m, side of a box
 NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and are normalised
 
 Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
-Pair = tuple[Number, Number]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]  # w x y z
 _Side = Annotated[float, msgspec.Meta(gt=0, le=LONGEST)]
