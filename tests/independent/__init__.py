@@ -39,6 +39,5 @@ Written from the text of the protocol alone. Which sentence is which function:
   of agents significantly better (p < .05)"; Paired.gap: "G = (E_STP - E_agent) / (E_STP - E_GT) ... null unless
   E_STP - E_GT is significantly above 0"; its own_ends: "Both ends use the agent's own predictor and presence
   model where the submission says how to build them ... The gap between the kinematic ends stands beside it".
-
-Where the text is ambiguous, the docstring of the function says "Reading:".
+- Where the text is ambiguous, the docstring of the function says "Reading:".
 """

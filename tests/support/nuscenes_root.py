@@ -3,12 +3,10 @@
 ``scene-0001`` is in the split train_val, ``scene-0301`` in train, ``scene-0003`` in val. Each has four keyframes at 0,
 0.5, 0.9 and 1.5 s. The ego drives along y at 4 m/s. Objects of a scene, with their x, y:
 
-======== ========================= =======================================
 car      frames 0 1 2 3            heads along y, (10, 0) (10, 2) (10, 4) (10, 7)
 walker   frames 0 1 3              stands at (5, 5): a gap, ``next`` jumps
 police   frames 0 1                stands at (-5, 5)
 dog      frame 2                   an animal, not used
-======== ========================= =======================================
 """
 
 from __future__ import annotations
