@@ -147,7 +147,6 @@ def test_the_figures_of_the_paper() -> None:
     assert paper_figures("MTP-KITTI-v0", row(MTP, "all"))["ids"] == [0.747, 1.173]
     assert paper_figures("MTP-KITTI-v0", row(FREE, "all"))["ids"] == [0.707, 1.093]
     assert paper_figures("MTP-KITTI-v0", row(("mtp", 7, 20, "equal"), "all")) == {}
-    assert paper_figures("MTP-KITTI-5Hz-v0", row(STP, "all")) == {}
     assert paper_figures("MTP-nuScenes-v0", row(("mtp", 20, 10, "equal"), "all"))["frag"] == [8.476, 12.105]
     assert paper_figures("MTP-WILDTRACK-v0", row(STP, "all")) == {"all": [1.024, 1.335]}
     gaps = {"MTP-KITTI-v0": 0.762, "MTP-nuScenes-v0": 0.562}  # protocol, "gap closed"
