@@ -21,7 +21,7 @@ Fold = tuple[int, int]  # the number of a fold, from 1 on, and the number of fol
 def fold_of(text: str) -> Fold:
     """The fold that a text such as "2/4" names: the second of four. Raises MtpBenchError for anything else."""
     first, _, second = text.partition("/")
-    if not (first.isdecimal() and second.isdecimal() and 1 <= int(first) <= int(second) and int(second) >= 2):
+    if not (text.isascii() and first.isdecimal() and second.isdecimal() and 1 <= int(first) <= int(second) > 1):
         raise MtpBenchError(f"fold is {text!r}, expected the number of a fold and the number of folds, such as 1/4")
     return int(first), int(second)
 

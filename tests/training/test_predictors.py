@@ -147,7 +147,7 @@ def test_folds() -> None:
     assert sorted(name for part in parts for name in part) == names
     assert held_out(names[::-1], (1, 3))[::-1] == parts[0]
     assert fold_of("2/3") == (2, 3)
-    for wrong in ("0/3", "4/3", "1", "1/1", "a/b"):
+    for wrong in ("0/3", "4/3", "1", "1/1", "a/b", "\u0661/\u0664"):
         with pytest.raises(MtpBenchError, match=r"such as 1/4"):
             fold_of(wrong)
 
