@@ -323,7 +323,7 @@ def test_broken_files(tmp_path: Path, base: Card) -> None:
     table = tmp_path / "one" / "truth.csv"
     for content in (b"\xff\xfe", table.read_bytes() + b"3,\xff,car,0,0,1,0,1,1,1\n"):
         table.write_bytes(content)
-        with pytest.raises(DataError, match=r"truth\.csv cannot be read as CSV: .*(utf-8|UTF8)"):
+        with pytest.raises(DataError, match=r"truth\.csv cannot be read as CSV in UTF-8: .*(utf-8|UTF8)"):
             only(base, tmp_path)
     table.unlink()
     (tmp_path / "one" / "truth.parquet").write_bytes(b"PAR1 and more")

@@ -34,7 +34,7 @@ def read_table(path: Path, name: str) -> RowTable:
     except FileNotFoundError:
         raise DataError(f"no file {path}") from None
     except (OSError, ValueError, pyarrow.ArrowException) as error:
-        raise DataError(f"{path} cannot be read as {'Parquet' if is_parquet else 'CSV'}: {error}") from None
+        raise DataError(f"{path} cannot be read as {'Parquet' if is_parquet else 'CSV in UTF-8'}: {error}") from None
     _check_names(path, content.column_names, name)
     line = np.arange(content.num_rows) + (1 if is_parquet else 2)
     if not is_parquet:  # blank lines
