@@ -15,12 +15,12 @@ from gymnasium import logger
 from gymnasium.error import ResetNeeded
 
 from ..cards import Card, changed_card, load_card, with_scenes
-from ..errors import DataError, RolloutError
+from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.forecasts import RecordedForecasts
 from ..scoring.score import frame_error
 from ..scoring.targets import Targets, find_targets
-from ..sources import open_source, with_tracks
+from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import OBSERVE as OBSERVE
 from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
@@ -84,6 +84,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         require_room(self.card.id, sizes, "observation", observation_numbers(self.task))
         require_room(self.card.id, sizes, "action", action_numbers(self.task))
         self._evaluation, self._rigid_motion = given["evaluation"], given["rigid_motion"]
+        self._fresh_noise = given["fresh_noise"]
+        if self._fresh_noise and (self.card.detector is None or self._evaluation):
+            raise MtpBenchError("fresh_noise is for training with a simulated detector, not for evaluation")
         self._feedback = Feedback(self.task) if given["strict"] else None
         self._source = open_source(self.card, data)
         if given["track_file"] is not None:
@@ -183,6 +186,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             scene = self._episode.scene
         else:
             scene = self._source.load(name)
+        if self._fresh_noise:
+            scene = detected(scene, self.card, int(self.np_random.integers(2**62)))
         if scene.frames == 0:
             raise DataError(f"scene {name!r} of {self.card.id} has no frames, expected at least one")
         return scene

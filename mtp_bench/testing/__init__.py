@@ -1,11 +1,6 @@
 """Conformance suite for agents and cards.
 
-::
-
-    from mtp_bench import load_submission
-    from mtp_bench.testing import check_agent
-
-    errors = [finding for finding in check_agent(load_submission("mine").build) if finding.level == "error"]
+Findings of an agent: ``mtp_bench.testing.check_agent(mtp_bench.load_submission("mine").build)``.
 """
 
 from __future__ import annotations

@@ -50,9 +50,13 @@ def shown(env: MTPEnv, seed: int) -> np.ndarray[Any, Any]:
     return observation["detection_box"]
 
 
-def test_a_scene_has_the_same_detections_in_every_episode() -> None:
-    env = first_scene("MTP-Intersection-v0")
-    np.testing.assert_array_equal(shown(env, 0), shown(env, 1))
+def test_a_scene_has_the_same_detections_in_every_episode_unless_noise_is_fresh() -> None:
+    usual, fresh = (first_scene("MTP-Intersection-v0", fresh_noise=value) for value in (False, True))
+    np.testing.assert_array_equal(shown(usual, 0), shown(usual, 1))
+    np.testing.assert_array_equal(shown(fresh, 1), shown(fresh, 1))
+    assert not np.array_equal(shown(fresh, 0), shown(fresh, 1))
+    with pytest.raises(MtpBenchError, match="fresh_noise is for training"):
+        MTPEnv("MTP-Merge-v0", fresh_noise=True, evaluation=True)
 
 
 def test_another_detector_sees_the_same_world() -> None:

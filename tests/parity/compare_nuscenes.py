@@ -1,8 +1,6 @@
 """Compare the nuScenes source with the data that the official devkit reads; see README.md.
 
-    python -m tests.parity.compare_nuscenes OUT.npz DATA_ROOT [--split SPLIT] [--record FILE]
-
-OUT.npz is written by nuscenes_devkit.py. Prints a table, and ends with status 1 if anything differs.
+`python -m tests.parity.compare_nuscenes OUT.npz DATA_ROOT`, OUT.npz by nuscenes_devkit.py; status 1: something differs.
 """
 
 from __future__ import annotations

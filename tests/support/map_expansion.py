@@ -1,8 +1,7 @@
 """A map expansion in the official layout: two lanes and a bend through a junction, beside the way of an ego.
 
 Along the heading of the ego, from 40 m behind it to 20 m ahead, run two lanes: ``own`` around the ego,
-``other`` to its left, which comes towards it. From the end of ``own`` the connector ``bend`` turns left, with a radius
-of 10 m. ``far`` lies 1 km away.
+``other`` to its left, towards it. At the end of ``own`` ``bend`` turns left, radius 10 m. ``far`` lies 1 km away.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ def write_events_run(folder: Path, card: str, data: str) -> Path:
 
     In scene 0001, track 7 follows car 7 until frame 3 and track 8 at frame 4 (ids-0); nothing at frames 5 and 6
     (lost-0); track 8 again from frame 7 (reacquired-0). Everything else is tracked by the id of the object. In scene
-    0006, track 90 stands 20 m beside at frames 1 to 3 and forecasts there (spurious-0). Scene 0008 is empty.
+    0006, track 90 forecasts 20 m beside at frames 1 to 3 (spurious-0). Scene 0008 is empty.
     """
     source = open_source(load_card(card), data)
     save_run(folder, _info(card), [_rollout(source.load(name)) for name in source.names])

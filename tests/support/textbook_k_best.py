@@ -1,8 +1,7 @@
 """Textbook solver, the oracle of the kernels: the k cheapest partial matchings over all parents at once (Murty 1968).
 
 Every row of a parent takes one allowed column or none; leaving a row unmatched costs 0 and a column serves one row.
-Each solution found splits what is left of its parent's solutions into disjoint parts (forbid one of its choices, keep
-those before it), so that no solution comes twice; one queue over all parents gives the best k of them together.
+Each solution found splits the other solutions of its parent into disjoint parts; one queue gives the best k of all.
 """
 
 from __future__ import annotations

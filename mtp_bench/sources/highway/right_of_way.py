@@ -1,9 +1,8 @@
 """Right of way at a junction: first come, first served, where routes conflict.
 
-A vehicle asks for the right of way when it comes near its line. It gets it if it will reach every shared stretch after
-the vehicles with the right of way have left it (or, if the map allows it, well before they come), and if no pedestrian
-is in the way. Until then it stops at its line. With the right of way it still waits before a stretch that is not free
-in time.
+Near its line a vehicle asks for the right of way. It gets it if it will reach every shared stretch after the vehicles
+that have it have left (or, if the map allows it, well before they come), and if no pedestrian is in the way. Until then
+it stops at its line; with the right of way it still waits before a stretch that is not free in time.
 """
 
 from __future__ import annotations
