@@ -235,6 +235,8 @@ def test_the_end_of_another_thread_ends_no_agent(court: Court) -> None:
     starter.join()
     user.join()
     assert [run.status for run in found] == ["finished"]
+    for server in fork_server._servers.values():
+        server._process.wait(60.0)  # it ends soon after its thread
     court.again()
     assert list(fork_server._servers) == [threading.get_native_id()], "servers of threads that ended are stopped"
 

@@ -1,7 +1,4 @@
-"""Compare the nuScenes source with the data that the official devkit reads; see README.md.
-
-`python -m tests.parity.compare_nuscenes OUT.npz DATA_ROOT`, OUT.npz by nuscenes_devkit.py; status 1: something differs.
-"""
+"""Compare the nuScenes source with what the devkit reads: `-m tests.parity.compare_nuscenes OUT.npz DATA_ROOT`."""
 
 from __future__ import annotations
 
