@@ -68,7 +68,7 @@ def run_isolated(
     with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
-        exchange.open(setup, asdict(agent_task(env, seed)))
+        exchange.open(setup, asdict(agent_task(env, seed, scene)))
         silence = make_action(
             env.task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2)), checked=False
         )

@@ -29,16 +29,16 @@ Finish = Callable[[Scene, Rollout, Card], Any]
 def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None) -> Rollout:
     """Rollout of ``agent`` on one scene of ``env``, with the seconds that ``act`` took per frame.
 
-    ``scene_name``: one of ``env.scene_names``. The agent's own seed depends on ``seed`` alone, so it does not identify
-    the scene. Raises SubmissionError, naming the agent (``name``, else its class), scene and frame, if the agent
-    raises; invalid rows of its actions are counted in the rollout instead, or are an ActionError of a strict env.
+    ``scene_name``: one of ``env.scene_names``. Raises SubmissionError, naming the agent (``name``, else its class),
+    scene and frame, if the agent raises; invalid rows of its actions are counted in the rollout instead, or are an
+    ActionError of a strict env.
     """
     name = name or type(agent).__name__
     observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})
     seconds: list[float] = []
     truncated, place = False, "reset"
     try:
-        agent.reset(agent_task(env, seed))
+        agent.reset(agent_task(env, seed, scene_name))
         while not truncated:
             place = f"frame {len(seconds)}"
             start = time.perf_counter()
@@ -101,9 +101,13 @@ def derived_seed(seed: int, scene_name: str, purpose: str) -> int:
     return int.from_bytes(content[:4], "big") >> 1
 
 
-def agent_task(env: MTPEnv, seed: int) -> Task:
-    """The task of ``env`` with the agent's own seed, which is the same for all scenes."""
-    return replace(env.task, seed=derived_seed(seed, "", "agent"))
+def agent_task(env: MTPEnv, seed: int, scene_name: str = "") -> Task:
+    """The task of ``env`` with the agent's own seed on one scene; without a name, for an agent that waits for a scene.
+
+    The seed is a hash of both, so it shows neither the number nor the order of the runs. Where ``seed`` and names are
+    public, a table of such hashes tells the scene.
+    """
+    return replace(env.task, seed=derived_seed(seed, scene_name, "agent"))
 
 
 def library_versions() -> dict[str, str]:
@@ -120,7 +124,7 @@ def library_versions() -> dict[str, str]:
 def _one_scene(job: Job, finish: Finish | None) -> Any:
     env = MTPEnv(job.env, **job.env_keywords)
     try:
-        agent = job.make_agent(agent_task(env, job.seed))
+        agent = job.make_agent(agent_task(env, job.seed, job.scene))
     except (Exception, SystemExit) as error:
         raise SubmissionError(f"agent {job.name or 'of this run'!r} cannot be built: {_text(error)}") from error
     rollout = run_scene(agent, env, job.scene, job.seed, job.name)

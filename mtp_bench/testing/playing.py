@@ -62,7 +62,7 @@ def play(agent: Agent, env: MTPEnv, scene: str, seed: int, scribble: bool = Fals
     """
     place = "" if turn == 0 else f"|{turn}"
     first, _ = env.reset(seed=derived_seed(seed, scene + place, "env"), options={"scene": scene})
-    return _play(agent, agent_task(env, seed), _episode(env, first), f"scene {scene}", scribble)
+    return _play(agent, agent_task(env, seed, scene), _episode(env, first), f"scene {scene}", scribble)
 
 
 def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
@@ -182,7 +182,7 @@ class Suite:
     def agent(self, env: MTPEnv | None = None) -> Agent:
         """A new agent for the task of ``env``, by default the env of the suite; raises AgentError."""
         try:
-            return self.make(agent_task(env or self.env, self.seed))
+            return self.make(agent_task(env or self.env, self.seed, self.scenes[0]))
         except (Exception, SystemExit) as error:
             raise failure(error, "build", "an agent") from error
 

@@ -15,7 +15,7 @@ from mtp_bench.cards import Card
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import SubmissionError, UnknownNameError
-from mtp_bench.running.run import run_scene
+from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.settings import setting_of
 from mtp_bench.running.stored import run_info
 from mtp_bench.submission import load_submission
@@ -75,6 +75,11 @@ def test_results_come_in_the_order_of_the_names_whatever_the_number_of_jobs(card
     assert [rollout.scene for rollout in alone] == NAMES
     assert [digest(rollout) for rollout in alone] == [digest(rollout) for rollout in together]
     assert len({digest(rollout) for rollout in alone}) == 3
+    env = MTPEnv(card, kitti, evaluation=True)
+    seeds = {agent_task(env, seed, name).seed for seed in (0, 1) for name in NAMES}
+    assert len(seeds) == 6, "the seed of an agent mixes that of the run and the scene"
+    again = run_scene(make_noisy(env.task), env, NAMES[0], seed=5)
+    assert digest(again) == digest(alone[0]), "whatever the seed was when the agent was built"
 
 
 def test_a_failing_agent_is_named_with_scene_and_frame(card: str, kitti: str) -> None:
