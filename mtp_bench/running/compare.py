@@ -11,7 +11,7 @@ from ..env.environment import MTPEnv
 from ..scoring import (
     AgentScores,
     Reference,
-    ReferencePair,
+    References,
     Report,
     SceneScore,
     score_scene,
@@ -67,12 +67,12 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     agents = score_settings([*settings, *references], env_id, card, scenes, options)
     scores = agents[len(settings) :]
     own = {
-        label: ReferencePair(*(scores[references.index(each)] for each in pair)) if pair else None
+        label: References(*(scores[references.index(each)] for each in pair)) if pair else None
         for label, pair in pairs.items()
     }
     reference = reference_for(card, scenes, options)
     report = summarise(
-        agents[: len(settings)], card, reference, stp=role["single"], truth=role["ground_truth"], gap_references=own
+        agents[: len(settings)], card, reference, stp=role["single"], truth=role["ground_truth"], references=own
     )
     report.condition.update(_training_notes(settings, card.id))
     if len(ranked) < len(env.scene_names):

@@ -20,7 +20,7 @@ from .neutral import evaluated as evaluated
 from .neutral import unconfirmable as unconfirmable
 from .pairs import Pairs as Pairs
 from .rank import ranks_by_test as ranks_by_test
-from .report import ReferencePair as ReferencePair
+from .report import References as References
 from .report import Report as Report
 from .report import summarise as summarise
 from .score import SceneScore as SceneScore

@@ -40,15 +40,19 @@ class Report:
         return content
 
 
-class ReferencePair(NamedTuple):
-    """Reference pair of a gap: the single-hypothesis pipeline, and the same on ground-truth tracks."""
+class References(NamedTuple):
+    """Runs with an agent's own predictor and presence model beside which it is measured; None: there is none."""
 
-    stp: AgentScores
-    truth: AgentScores
+    single: AgentScores | None = None  # one hypothesis
+    ground_truth: AgentScores | None = None  # the same on ground-truth tracks
+    same_samples: AgentScores | None = None  # one hypothesis, all samples that several draw, reduced to k
+    associated_same_samples: AgentScores | None = None  # the same with perfect association of the detections
+    associated: AgentScores | None = None  # perfect association, with as many samples as the agent draws
+    tracks: AgentScores | None = None  # ground-truth tracks, with as many samples as the agent draws
 
 
 class _Pair(NamedTuple):
-    """The tables of a `ReferencePair`; None if the agent is absent."""
+    """The tables between which a gap is closed; None if the agent is absent."""
 
     stp: AgentTable | None
     truth: AgentTable | None
@@ -61,28 +65,28 @@ def summarise(
     stp: str = "stp",
     truth: str = "truth_past",
     controls: Sequence[str] = ("stp", "stp_same_budget"),
-    gap_references: Mapping[str, ReferencePair | None] | None = None,
+    references: Mapping[str, References | None] | None = None,
 ) -> Report:
     """Report of ``agents`` on the same scenes of ``card``.
 
     ``reference``: event weights, and the false forecasts of STP that set budgets; without it only "all" has targets.
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
-    given; all of them with equal k, and left out if absent. ``gap_references``: by agent, the reference pair with its
-    own predictor and presence model; None if that is ``stp`` and ``truth``, missing if unknown.
+    given; all of them with equal k, and left out if absent. ``references``: by agent, the runs with its own
+    predictor and presence model; None if its gap is between ``stp`` and ``truth``, missing if unknown.
     One agent alone has no rank. Raises RolloutError if agents differ in scenes or targets.
     """
     tables = [agent_table(setting, reference) for setting in agents]
     for setting in agents[1:]:
         who = f"agents {agents[0].agent!r} and {setting.agent!r}"
         require_same_targets(agents[0].seeds[0], setting.seeds[0], who)
-    for agent, pair in (gap_references or {}).items():
-        for each in pair or ():
-            who = f"{agents[0].agent!r} and a gap reference of {agent!r}"
+    for agent, runs in (references or {}).items():
+        for each in filter(None, runs or ()):
+            who = f"{agents[0].agent!r} and a reference of {agent!r}"
             require_same_targets(agents[0].seeds[0], each.seeds[0], who)
     shared = _Pair(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
     own = {
-        agent: _Pair(agent_table(pair.stp, reference), agent_table(pair.truth, reference)) if pair else shared
-        for agent, pair in (gap_references or {}).items()
+        agent: _Pair(*(None if each is None else agent_table(each, reference) for each in runs[:2])) if runs else shared
+        for agent, runs in (references or {}).items()
     }
     others = [table for name in controls if (table := _with_equal_budget(tables, name)) is not None]
     rows = [_row(table, subset, shared, own.get(table.setting.agent)) for table in tables for subset in SUBSETS]

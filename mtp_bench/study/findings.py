@@ -10,7 +10,7 @@ import numpy as np
 
 from ..running.compare import scores_of
 from ..running.settings import Setting
-from ..scoring import AgentScores, Reference, ReferencePair, Report, summarise
+from ..scoring import AgentScores, Reference, References, Report, summarise
 from ..scoring.definitions import Subset
 from ..scoring.report import paired_row
 from ..scoring.rows import Interval, PairedRow, Row
@@ -63,7 +63,7 @@ class Findings:
     def report(self) -> Report:
         """The report over all settings, with the reference pair of every subject."""
         own = {
-            self.of(subject.equal[count]).setting.label: ReferencePair(
+            self.of(subject.equal[count]).setting.label: References(
                 self._scores(subject.reference), self._scores(subject.truth)
             )
             for subject in self.plan.subjects
@@ -71,7 +71,7 @@ class Findings:
             for count in subject.equal
         }
         settings = [*self.plan.equal, *self.plan.free]
-        return summarise([self._scores(s) for s in settings], self.bench.card, self.reference, gap_references=own)
+        return summarise([self._scores(s) for s in settings], self.bench.card, self.reference, references=own)
 
     def row(self, setting: Setting, subset: Subset) -> Row:
         """Row of the report for a setting and a subset."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.scoring import SUBSETS, AgentScores, Reference, ReferencePair, statistics, summarise
+from mtp_bench.scoring import SUBSETS, AgentScores, Reference, References, statistics, summarise
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.targets import units
 from mtp_bench.types import Floats, Ints, Rollout, Scene
@@ -118,9 +118,9 @@ def test_both_scorers_rank_alike(seed: int) -> None:
         weights = {subset: weight for subset, weight in table.weight.items() if subset != "all"}
         others[name] = scorer.score(card, scenes, runs, table.budgets.subsets, weights)
     own = ("good's stp", "good's gt")
-    ends = {"good": ReferencePair(*(product[name] for name in own)), "alike": None}
+    ends = {"good": References(*(product[name] for name in own)), "alike": None}
     rows = [agent for name, agent in product.items() if name not in own]
-    report = summarise(rows, card, reference, stp="stp", truth="gt", gap_references=ends)
+    report = summarise(rows, card, reference, stp="stp", truth="gt", references=ends)
     compared = scorer.compare(
         {name: agent for name, agent in others.items() if name not in own},
         own_ends={"good": (others[own[0]], others[own[1]]), "alike": None},

@@ -17,7 +17,7 @@ from mtp_bench.scoring import (
     SUBSETS,
     AgentScores,
     Reference,
-    ReferencePair,
+    References,
     Report,
     SceneScore,
     score_scene,
@@ -122,9 +122,9 @@ def run(error: float, **more: Any) -> list[SceneScore]:
     return [answer(error + 0.01 * (i % 5), name=name, **more) for i, name in enumerate(SCENES)]
 
 
-def comparison(*others: AgentScores, stp: float = 1.0, own: Mapping[str, ReferencePair | None] | None = None) -> Report:
+def comparison(*others: AgentScores, stp: float = 1.0, own: Mapping[str, References | None] | None = None) -> Report:
     ends = agent("stp", run(stp)), agent("truth_past", run(0.2))
-    return summarise([*ends, *others], CARD, ALIKE, gap_references=own)
+    return summarise([*ends, *others], CARD, ALIKE, references=own)
 
 
 def test_gap_closed() -> None:
@@ -147,7 +147,7 @@ def test_gap_closed_is_undefined_at_another_k_and_where_there_is_no_gap() -> Non
 
 
 def test_the_same_predictor_at_both_ends() -> None:
-    ends = ReferencePair(agent("learned stp", run(0.7)), agent("learned truth", run(0.3)))
+    ends = References(agent("learned stp", run(0.7)), agent("learned truth", run(0.3)))
     report = comparison(agent("half", run(0.6)), own={"half": ends, "stp": None})
     assert row(report, agent=2).gap_closed == pytest.approx(0.5)
     assert [row(report, agent=i).gap_closed_same_predictor for i in range(3)] == [0, None, pytest.approx(0.25)]
@@ -207,7 +207,7 @@ def test_ranks(
 
 
 def test_the_guard_knows_the_agent_s_own_pipeline_too() -> None:
-    ends = ReferencePair(agent("learned stp", run(0.5)), agent("learned truth", run(0.2)))
+    ends = References(agent("learned stp", run(0.5)), agent("learned truth", run(0.2)))
     report = comparison(agent("a", run(0.6)), own={"a": ends})
     assert (row(report, agent=2).rank, row(report, "ids", 2).rank) == (1, None)
 
@@ -306,9 +306,9 @@ def test_agents_on_different_targets_are_an_error(monkeypatch: pytest.MonkeyPatc
     strange = [replace(score, frame=score.frame + 1) for score in run(0.5)]
     with pytest.raises(RolloutError, match="agents 'a' and 'b' have different targets in scene 's0'"):
         summarise([one, agent("b", strange)], CARD)
-    ends = ReferencePair(agent("stp", run(1.0)[::-1]), agent("truth_past", run(0.2)[::-1]))
-    with pytest.raises(RolloutError, match="'a' and a gap reference of 'a' were scored on different scenes"):
-        summarise([one], CARD, gap_references={"a": ends})
+    ends = References(agent("stp", run(1.0)[::-1]), agent("truth_past", run(0.2)[::-1]))
+    with pytest.raises(RolloutError, match="'a' and a reference of 'a' were scored on different scenes"):
+        summarise([one], CARD, references={"a": ends})
     with pytest.raises(RolloutError, match="agent 'c' has no scored scene"):
         summarise([agent("c")], CARD)
     with pytest.raises(DataError, match="no event weights of scene 's3'"):
