@@ -1,11 +1,10 @@
-"""Do event weights depend on the seeds of their runs? Two disjoint sets of 48 runs per env, and the time they take.
+"""How much do ranked errors depend on the seeds of the event weights? Disjoint sets of runs of the reference tracker.
 
-    python benchmarks/event_weights.py [--envs MTP-Intersection-v0 ...] [--runs 48] [--scenes N] [--json FILE]
+    python benchmarks/event_weights.py [--envs MTP-Intersection-v0 ...] [--sets 4] [--runs 48] [--scenes N]
 
-For every subset: the correlation of the two sets' weights over all targets, their sums and effective numbers of targets
-(sum w)^2 / sum w^2. The second correlation is what sets of as many independent runs with these weights would have; a
-set takes every assignment and cut equally often, so its own is a little higher. Recorded envs need MTP_BENCH_DATA or
---data.
+The agents run once; only the weights of the targets change. For each subset that ranks: the standard deviation of bADE
+over the sets, of the worst agent, and that of the difference to STP, in metres, beside the half-width of the 95 %
+interval. Recorded envs need MTP_BENCH_DATA or --data.
 """
 
 from __future__ import annotations
@@ -18,59 +17,85 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtp_bench.cards import load_card
+from mtp_bench.cards import Card, load_card
 from mtp_bench.env import MTPEnv
 from mtp_bench.parallel import Workers, cores
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.perturbation import RUNS
 from mtp_bench.running.reference import make_reference
+from mtp_bench.running.run import jobs_of, run_jobs
+from mtp_bench.scoring import AgentScores, score_scene, summarise
+from mtp_bench.scoring.definitions import Subset
+from mtp_bench.scoring.rows import Row
 from mtp_bench.scoring.weights import Reference
+from mtp_bench.submission.loader import load_submission
 
 ENVS = ("MTP-nuScenes-mini-v0", "MTP-Intersection-v0", "MTP-KITTI-v0")
-SUBSETS = ("ids", "lost", "reacquired", "frag")
+AGENTS = ("stp", "stp_same_budget", "stp_hedged", "mtp", "truth_past")
+SUBSETS: tuple[Subset, ...] = ("ids", "reacquired")
 
 
-def weights(reference: Reference, scenes: Sequence[str], subset: str) -> NDArray[np.float64]:
-    """Of the targets of all scenes."""
-    return np.concatenate([reference.weight(name, subset) for name in scenes])
+def played(card: Card, scenes: Sequence[str], options: RunOptions) -> list[AgentScores]:
+    """Scores of the agents, one seed."""
+    jobs = [job for name in AGENTS for job in jobs_of(load_submission(name), card, options.env_keywords, scenes)]
+    scores = run_jobs(jobs, options, score_scene)
+    count, samples = len(scenes), card.task.samples
+    return [
+        AgentScores(name, 0, samples, "equal", (tuple(scores[i * count : (i + 1) * count]),), name == "truth_past")
+        for i, name in enumerate(AGENTS)
+    ]
 
 
-def compare_sets(first: NDArray[np.float64], second: NDArray[np.float64], runs: int) -> dict[str, Any]:
-    """Correlation of two sets of weights of the same targets, None where one of them is constant."""
-    constant = min(np.ptp(first), np.ptp(second)) == 0
-    coins = np.mean([one * (1 - one) for one in (first, second)]) / (runs - 1)  # variance of a share of the runs
+def rows_of(agents: Sequence[AgentScores], card: Card, reference: Reference) -> dict[tuple[str, str], Row]:
+    """Rows by agent and subset, with the weights of one set of runs."""
+    return {(row.agent, row.subset): row for row in summarise(agents, card, reference).rows}
+
+
+def spread(sets: Sequence[dict[tuple[str, str], Row]], subset: str) -> dict[str, Any] | None:
+    """Standard deviations over sets, and half-widths of the first set, m, the largest over agents; None without."""
+    errors = np.array([[rows[name, subset].error or np.nan for name in AGENTS] for rows in sets])
+    if np.isnan(errors).any():
+        return None
+    away = errors - errors[:, :1]
+    halves = {name: sets[0][name, subset].interval for name in AGENTS}
     return {
-        "expected": None if constant else float(1 - coins / np.mean([first.var(), second.var()])),
-        "correlation": None if constant else float(np.corrcoef(first, second)[0, 1]),
-        "sums": [float(one.sum()) for one in (first, second)],
-        "effective": [float(one.sum() ** 2 / max((one**2).sum(), 1e-12)) for one in (first, second)],
-        "certain": int((first >= 0.9).sum()),  # targets that nearly every run errs at
-        "rare": int(((first > 0) & (first <= 0.1)).sum()),
+        "deviation": errors.std(axis=0, ddof=1).max(),
+        "deviation_of_difference": away.std(axis=0, ddof=1).max(),
+        "half_width": [None if pair is None else (pair[1] - pair[0]) / 2 for pair in halves.values()],
+        "half_width_of_difference": [
+            (pair[1] - pair[0]) / 2 for name in AGENTS[1:] if (pair := sets[0][name, subset].difference_interval)
+        ],
+        "errors": {name: errors[:, i].tolist() for i, name in enumerate(AGENTS)},
+        "effective_objects": sets[0]["stp", subset].effective_objects,
     }
 
 
-def measure(env_id: str, options: RunOptions, runs: int = RUNS) -> dict[str, Any]:
-    """Both sets of one env; ``seconds`` of the first."""
+def measure(env_id: str, options: RunOptions, count: int, runs: int = RUNS) -> dict[str, Any]:
+    """All sets of one env; ``seconds`` to make the weights of one."""
     card = load_card(env_id)
     scenes = MTPEnv(card, data=options.data).scene_names[: options.scenes]
+    agents = played(card, scenes, options)
     start = time.perf_counter()
-    first = make_reference(card, scenes, options, range(runs))
-    seconds = time.perf_counter() - start
-    second = make_reference(card, scenes, options, range(runs, 2 * runs))
-    rows = {}
-    for name in SUBSETS:
-        one, other = (weights(reference, scenes, name) for reference in (first, second))
-        rows[name] = compare_sets(one, other, runs)
-    return {"env": env_id, "targets": first.totals["targets"], "seconds": round(seconds, 1), "subsets": rows}
+    references = [make_reference(card, scenes, options, range(i * runs, (i + 1) * runs)) for i in range(count)]
+    seconds = (time.perf_counter() - start) / count
+    sets = [rows_of(agents, card, reference) for reference in references]
+    subsets = {subset: spread(sets, subset) for subset in SUBSETS}
+    return {"env": env_id, "sets": count, "runs": runs, "seconds": round(seconds, 1), "subsets": subsets}
+
+
+def ranges(values: Sequence[float | None]) -> str:
+    """Least and largest of some half-widths."""
+    known = [value for value in values if value is not None]
+    return f"{min(known):.3f} to {max(known):.3f}" if known else "-"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--envs", nargs="+", default=ENVS)
     parser.add_argument("--data")
-    parser.add_argument("--runs", type=int, default=RUNS, help="at most 255")
+    parser.add_argument("--sets", type=int, default=4)
+    parser.add_argument("--runs", type=int, default=RUNS, help="per set, at most 255")
     parser.add_argument("--scenes", type=int)
     parser.add_argument("--jobs", type=int, default=cores())
     parser.add_argument("--json", type=Path)
@@ -78,13 +103,18 @@ def main() -> None:
     options = RunOptions(arguments.data, arguments.scenes, workers=Workers(arguments.jobs))
     results = []
     for env_id in arguments.envs:
-        results.append(measure(env_id, options, arguments.runs))
-        print(f"{env_id}: {results[-1]['targets']} targets, {results[-1]['seconds']} s")
-        for name, row in results[-1]["subsets"].items():
-            correlation = "–" if row["correlation"] is None else f"{row['correlation']:.3f} of {row['expected']:.3f}"
-            sums, effective = (" / ".join(f"{value:8.1f}" for value in row[key]) for key in ("sums", "effective"))
-            counts = f"{row['certain']:5d} targets in 90 % of the runs, {row['rare']:5d} in up to 10 %"
-            print(f"  {name:10}  r {correlation}   sums {sums}   effective {effective}   {counts}", flush=True)
+        results.append(measure(env_id, options, arguments.sets, arguments.runs))
+        print(f"{env_id}: {arguments.sets} sets of {arguments.runs} runs, {results[-1]['seconds']} s each")
+        for subset, row in results[-1]["subsets"].items():
+            if row is None:
+                print(f"  {subset:10}  no targets in a set")
+                continue
+            own, paired = ranges(row["half_width"]), ranges(row["half_width_of_difference"])
+            print(f"  {subset:10}  error: deviation {row['deviation']:.4f} m, half-width {own} m")
+            print(
+                f"  {'':10}  to stp: deviation {row['deviation_of_difference']:.4f} m, half-width {paired} m",
+                flush=True,
+            )
     if arguments.json:
         arguments.json.write_text(json.dumps(results, indent=1) + "\n")
 
