@@ -142,7 +142,7 @@ def joined(rollout: Rollout, other: Rollout, confidence: Callable[[NDArray[Any]]
     ``confidence``: of the objects of ``other`` from their own.
     """
     count, rng = len(other.object_box), np.random.default_rng(RNG_SEED)
-    moved = rng.normal(0.0, 0.3, (count, 2))
+    moved = rng.normal(0.0, BESIDE, (count, 2))
     box = other.object_box.copy()
     box[:, :2] += moved
     path = centimetres(other.forecast.astype(np.float64) - 100.0 * moved[:, None, None])
@@ -202,6 +202,7 @@ def sure(rollout: Rollout) -> NDArray[np.float64]:
     return rollout.object_confidence.astype(np.float64)
 
 
+BESIDE = 0.05  # m, sigma of the place of a twin: now it is the nearer one, now the other
 CROSS = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 RNG_SEED = 7
 CHANGES: dict[str, Change] = {

@@ -2,10 +2,11 @@
 
     python benchmarks/gaming.py --env MTP-nuScenes-mini-v0 [--scenes N] [--data ROOT] [--jobs N] [--json FILE]
 
-A dishonest row is what an honest agent answered, STP if no other is named, changed afterwards (`attacks.py`). "blurred"
-and "dropping" rows are STP that was shown worse detections, the mean of four draws of the noise. Differences are to the
-honest agent, with the interval that inverts the sign-flip test. At the end: what gains outside of its interval, whether
-silence is last, and which steps of the order of honest agents on ids are significant.
+A dishonest row is what an honest agent answered, STP if no other is named, changed afterwards (`attacks.py`). Twins
+are a second forecast beside each, with the samples of stp_hedged or of another seed. "blurred" and "dropping" rows are
+STP that was shown worse detections, the mean of four draws of the noise. Differences are to the honest agent, with the
+interval that inverts the sign-flip test. At the end: what gains outside of its interval, whether silence is last, and
+which steps of the order of honest agents on ids are significant.
 """
 
 from __future__ import annotations
@@ -113,20 +114,22 @@ def play(env_id: str, options: RunOptions, scene: str) -> dict[str, list[SceneSc
         seen = MTPEnv(env_id, **options.env_keywords, observe=submission.compare.observe, evaluation=True)
         said[label] = run_scene(submission.build(agent_task(seen, 0), **parameters), seen, scene, 0)
     agent = load_submission("stp").build(agent_task(env, 0))
-    again = run_scene(agent, env, scene, 1)  # the same tracks with other samples
-    leaves = run_scene(Leaves(), env, scene, 0)
     worse = {
         label: [run_scene(WorseEyes(agent, *how, seed), env, scene, 0) for seed in range(NOISES)]
         for label, how in EYES.items()
     }
     said |= {label: change(env.scene, said["stp"], env.card) for label, change in CHANGES.items()}
-    crowds = in_crowds(env.scene, again)
-    said["twins, unsure"] = joined(said["stp"], again, lambda c: np.full_like(c, UNSURE))
-    said["twins, half as sure"] = joined(said["stp"], again, lambda c: 0.5 * c)
-    said["twins in crowds, unsure"] = joined(said["stp"], crowds, lambda c: np.full_like(c, UNSURE))
-    said["twins in crowds, half as sure"] = joined(said["stp"], crowds, lambda c: 0.5 * c)
-    said["mtp: leaves as objects, unsure"] = joined(said["mtp"], leaves, lambda c: np.full_like(c, UNSURE))
-    said["mtp: leaves as objects, half as sure"] = joined(said["mtp"], leaves, lambda c: 0.5 * c)
+    seed, hedged = run_scene(agent, env, scene, 1), said["stp_hedged"]  # the same tracks with other samples
+    leaves = run_scene(Leaves(), env, scene, 0)
+    beside = {
+        "twins": ("stp", hedged),
+        "twins of another seed": ("stp", seed),
+        "twins in crowds": ("stp", in_crowds(env.scene, hedged)),
+        "mtp: leaves as objects": ("mtp", leaves),
+    }
+    for label, (honest, other) in beside.items():
+        said[f"{label}, unsure"] = joined(said[honest], other, lambda c: np.full_like(c, UNSURE))
+        said[f"{label}, half as sure"] = joined(said[honest], other, lambda c: 0.5 * c)
     scores = {label: [score_scene(env.scene, one, env.card)] * NOISES for label, one in said.items()}
     return scores | {label: [score_scene(env.scene, one, env.card) for one in rows] for label, rows in worse.items()}
 
@@ -153,7 +156,7 @@ def report_of(env_id: str, options: RunOptions) -> Report:
 
 
 def ideal(label: str) -> bool:
-    """Whether an honest agent saw the truth, or what it says of detections."""
+    """True for an agent that saw the truth, or which detections are of one true object."""
     return label in HONEST and load_submission(HONEST[label][0]).compare.observe != "detections"
 
 
