@@ -206,7 +206,9 @@ class Task:
     objects: int  # O
     hypotheses: int  # H
     detector: str  # e.g. "pointrcnn": agents choose their parameters by it
-    observe: str = "detections"  # "truth": true boxes with true ids come as detections; "tracks": stored tracks do
+    # "truth": true boxes with true ids come as detections; "tracks": stored tracks do; "associated": detections have
+    # the ids of the true objects that they are matched to
+    observe: str = "detections"
     ego_motion: bool = True  # False: every frame is given in its own ego frame, the world moves
     velocity: bool = False  # detections carry a measured velocity
     seed: int = 0  # for the agent's own random draws

@@ -46,7 +46,7 @@ def recordings(env_id: str, data: str | None, quick: bool = False, name: str | N
     scenes: Scenes = {}
     for scene in env.scene_names:
         env.reset(options={"scene": scene})
-        feed = make_feed(env.scene, LocalFrame.of(env.scene), env.task)
+        feed = make_feed(env.scene, LocalFrame.of(env.scene), env.task, env.card)
         scenes[scene] = [feed.observe(t) for t in range(env.scene.frames)]
     return env.task, dict(sorted(scenes.items(), key=lambda scene: len(scene[1]))[:2]) if quick else scenes
 

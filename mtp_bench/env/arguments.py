@@ -13,13 +13,15 @@ from ..types import Scene
 from .live import RENDERERS
 
 MOST_BYTES = 64 << 20  # of one action, and of one observation: they are sent between an agent and the env
-OBSERVE = ("detections", "truth", "tracks")
+OBSERVE = ("detections", "truth", "associated", "tracks")
 
 
 class EnvKeywords(TypedDict, total=False):
     """Keywords of `MTPEnv`; None or a missing one means the card's own value, if the card has one."""
 
-    observe: str  # "detections", "truth" for true boxes with true ids, or "tracks" for those of ``track_file``
+    # "detections", "truth" for true boxes with true ids, "associated" for detections with the ids of true objects, or
+    # "tracks" for those of ``track_file``
+    observe: str
     samples: int | None  # K; more than the card's belong to unranked runs
     tracks: int | None  # N
     objects: int | None  # O

@@ -22,7 +22,6 @@ from ..scoring.score import frame_error
 from ..scoring.targets import Targets, find_targets
 from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
-from .arguments import OBSERVE as OBSERVE
 from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .checks import examine
 from .feedback import Feedback
@@ -113,7 +112,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         scene = self._load(wanted(options or {}, self.scene_names, drawn))
         frame = LocalFrame.of(scene, self.np_random if self._rigid_motion else None)
         targets = None if self._evaluation else find_targets(scene, self.card)
-        self._episode = _Episode(scene, frame, make_feed(scene, frame, self.task), targets)
+        self._episode = _Episode(scene, frame, make_feed(scene, frame, self.task, self.card), targets)
         self._live = None
         self._render_each()
         return self._episode.feed.observe(0), _info(self._episode)

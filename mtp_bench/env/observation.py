@@ -10,8 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..cards import Card
 from ..errors import DataError
 from ..geometry import rotate, transform_boxes
+from ..scoring.forecasts import near_truth
+from ..scoring.matching import columns_to_rows, match
 from ..types import Bools, Detections, Floats, Ints, Observation, Ragged, Scene, Task, starts_of
 from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
 from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
@@ -53,7 +56,7 @@ class Feed(Ragged):
     velocity: Floats  # [R, 2]
     score: Floats  # [R]
     class_id: Ints  # [R]
-    object_id: Ints | None  # [R] with observe="truth" or "tracks"
+    object_id: Ints | None  # [R] unless observe="detections"
     ego: Floats  # [F, 4]
     time: Floats  # [F] s since the first frame
     dt: Floats  # [F] s since the frame before
@@ -82,8 +85,8 @@ class Feed(Ragged):
         return seen
 
 
-def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
-    """Observations of ``scene`` under ``task``; see `shown_boxes`."""
+def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
+    """Observations of ``scene`` under ``task`` of ``card``; see `shown_boxes` and `true_ids`."""
     shown, object_id = shown_boxes(scene, task.observe)
     with np.errstate(over="ignore", invalid="ignore"):  # inf where float32 overflows is out of range below
         box = frame.to_local(shown.box).astype(np.float32)
@@ -93,6 +96,9 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
     in_frame = shown.frame_of_rows
     sound = _in_range(box, score, shown.class_id, len(task.classes))
     kept = sound & (_rank(in_frame, np.where(sound, score, -np.inf)) < task.detections)
+    if task.observe == "associated":  # of the shown detections alone
+        object_id = np.full(len(kept), -1)
+        object_id[kept] = true_ids(scene, in_frame[kept], shown.box[kept], shown.class_id[kept], card)
     count = np.bincount(in_frame[kept], minlength=scene.frames)
     pose = np.concatenate([scene.ego, np.zeros((scene.frames, 3))], axis=1)
     time = scene.time - scene.time[0]
@@ -114,10 +120,10 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task) -> Feed:
 def shown_boxes(scene: Scene, observe: str) -> tuple[Detections, Ints | None]:
     """The boxes of a scene that an agent is shown, and their ids or None.
 
-    ``observe``: "detections", "truth" for the true boxes, or "tracks" for those of a foreign tracker. Raises DataError
-    for a scene without stored tracks.
+    ``observe``: "detections" or "associated", "truth" for the true boxes, or "tracks" for those of a foreign tracker.
+    Raises DataError for a scene without stored tracks.
     """
-    if observe == "detections":
+    if observe in ("detections", "associated"):
         return scene.detections, None
     if observe == "truth":
         return true_detections(scene)
@@ -131,6 +137,18 @@ def true_detections(scene: Scene) -> tuple[Detections, Ints]:
     shown = scene.truth.select(~scene.truth.neutral)
     score = np.ones(len(shown.box))
     return Detections(shown.start, shown.box, shown.velocity, shown.class_id, score), shown.object_id
+
+
+def true_ids(scene: Scene, frame: Ints, box: Floats, class_id: Ints, card: Card) -> Ints:
+    """The true object [n] that each detection is matched to, -1 for none.
+
+    ``frame`` [n], ``box`` [n, 7] in the scene's frame of reference and ``class_id`` [n] of the detections, by frame.
+    They are matched one-to-one to all true boxes, neutral ones too, inside the forecast gate.
+    """
+    truth = scene.truth
+    matched = match(near_truth(truth, frame, box, class_id, card), len(truth.box))
+    row = columns_to_rows(matched, len(frame))
+    return np.append(truth.object_id, -1)[row]
 
 
 def _in_range(box: Floats, score: Floats, class_id: Ints, classes: int) -> Bools:

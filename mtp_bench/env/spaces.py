@@ -40,6 +40,7 @@ def observation_space(task: Task) -> spaces.Dict:
 
     Rows where ``detection_valid`` is 0 hold zeros, and -1 as class and id. With ``observe="truth"`` true boxes come as
     detections with score 1 and ``detection_id`` (D,) is added; with ``observe="tracks"`` those of a foreign tracker do.
+    With ``observe="associated"`` it is the true object that a detection is matched to, -1 for none.
     """
     d = task.detections
     fields: AnySpaces = {

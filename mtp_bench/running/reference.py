@@ -157,7 +157,7 @@ def _perturbed_runs(
     env.reset(options={"scene": name})
     scene, row = env.scene, find_targets(env.scene, card).row
     agents = {assignment: _tracker(submission, env.task, assignment) for assignment in ASSIGNMENTS}
-    rollouts = (track(agents[assignment_of(run)], perturbed(scene, perturbation, run), env.task) for run in runs)
+    rollouts = (track(agents[assignment_of(run)], perturbed(scene, perturbation, run), env.task, card) for run in runs)
     return count_runs((events_of(scene, rollout, card)[row] for rollout in rollouts), len(row))
 
 
@@ -169,13 +169,13 @@ def _tracker(submission: Submission, task: Task, assignment: str) -> Agent:
         raise CardError(f"{submission.name!r} cannot be the reference of a card: {error}") from None
 
 
-def track(agent: Agent, scene: Scene, task: Task) -> Rollout:
+def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
     """Rollout of the tracks that ``agent`` makes of the detections of ``scene``, one hypothesis, without forecasts.
 
     For trusted agents: their actions are not checked, which takes longer than the tracking.
     """
     frame = LocalFrame.of(scene)
-    feed = make_feed(scene, frame, task)
+    feed = make_feed(scene, frame, task, card)
     agent.reset(task)
     columns = []
     for t in range(scene.frames):

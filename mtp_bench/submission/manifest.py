@@ -26,7 +26,7 @@ _NAME = re.compile(
 )
 MOST_SETTINGS = 1000  # of a comparison
 Value = bool | int | float | str | list[Any] | dict[str, Any]
-Role = Literal["ground_truth", "single", "several", "same_samples", "hedged"]
+Role = Literal["ground_truth", "single", "several", "same_samples", "hedged", "associated", "associated_same_samples"]
 NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and its training data
 
 
@@ -61,7 +61,8 @@ class CompareSection(Section):
 
     sweep: dict[str, _Values] = Field(default_factory=dict)  # parameter of the agent -> values to run it with
     samples: Annotated[tuple[Literal["equal", "free"], ...], _NOT_EMPTY] = ("equal",)  # k per object, or all drawn
-    observe: Literal["detections", "truth", "tracks"] = "detections"  # of the env; "truth" and "tracks" are not ranked
+    # of the env; only "detections" is ranked, and "associated" is for baselines alone
+    observe: Literal["detections", "truth", "associated", "tracks"] = "detections"
     hypotheses: str | None = None  # parameter for the number H of hypotheses; None: as many as the agent states
     draws: str | None = None  # parameter for how often k samples are drawn per hypothesis; None: once
     # Parameters of the reference pair of its gap: a single-hypothesis pipeline, which takes ground-truth tracks if the

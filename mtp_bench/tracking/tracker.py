@@ -17,6 +17,7 @@ from ..agent import Observation, Tracks
 from ..errors import ShapeError, UnknownNameError
 from ..tracks import Affinity
 from ..types import Floats, Ints, Task
+from .identities import GivenIdentities
 from .joint import k_best
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
 from .kernels.association import joint_k_best
@@ -34,6 +35,7 @@ class HypothesisTracker:
     ``temperature`` turns costs into weights, exp(-cost / temperature). ``assignment``: with one hypothesis also
     "as_parameters", greedy for the classes whose parameters say so, as in AB3DMOT, or "greedy" for all.
     ``min_detection_score``: detections with lower scores are ignored; a number, or one per class name.
+    In an env with ``observe="associated"`` one hypothesis keeps the given identities: `GivenIdentities`.
     """
 
     def __init__(
@@ -61,6 +63,9 @@ class HypothesisTracker:
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
+        if task.observe == "associated" and self._hypotheses > 1:
+            raise ShapeError(f'observe="associated" works with 1 hypothesis, got {self._hypotheses}')
+        self._identities = GivenIdentities() if task.observe == "associated" else None
         self._parameters = self._given or recommended_parameters(task)
         if self._assignment == "greedy":
             self._parameters = tuple(replace(rule, assignment="greedy") for rule in self._parameters)
@@ -79,10 +84,14 @@ class HypothesisTracker:
         """Tracks to output after this frame: hit often enough, and not unseen for too long."""
         rows = _rows(observation, self._least)
         seen = _seen(observation, rows, self._velocity)
+        if self._identities is not None:
+            self._identities.observe(observation["detection_id"][rows])
         self._frame += 1
         self._tree.predict()
         cost, column, parent = self._associate(seen)
         self._tree.grow(column, parent, seen, self._max_age[self._tree.class_id], self._dt)
+        if self._identities is not None:
+            self._identities.grow(self._tree.before, self._tree.detection)
         kept = self._tree.merge_equal()
         self._cost = cost[kept] - cost[0]
         return self._output(parent[kept], rows)
@@ -90,8 +99,15 @@ class HypothesisTracker:
     def _associate(self, seen: Seen) -> tuple[Floats, Ints, Ints]:
         """Costs [K] of the new hypotheses, the detection of each leaf in them [K, N], and their parents [K]."""
         tree = self._tree
-        indptr, column, gain = sparse_gains(tree.box, tree.class_id, seen.box, seen.class_id, self._rules)
-        self._pairs = indptr, seen.row[column], gain
+        pairs = sparse_gains(tree.box, tree.class_id, seen.box, seen.class_id, self._rules)
+        if self._identities is not None:
+            pairs = self._identities.free_pairs(*pairs)
+        self._pairs = pairs[0], seen.row[pairs[1]], pairs[2]
+        cost, column, parent = self._solve(seen, *pairs)
+        return cost, column if self._identities is None else self._identities.assign(column), parent
+
+    def _solve(self, seen: Seen, indptr: Ints, column: Ints, gain: Floats) -> tuple[Floats, Ints, Ints]:
+        tree = self._tree
         if self._assignment != "hungarian":
             cost = np.full((len(tree.class_id), len(seen.box)), np.inf)
             cost[np.repeat(np.arange(len(cost)), np.diff(indptr)), column] = -gain

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..agent import Tracker
-from ..env.environment import OBSERVE, MTPEnv
+from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
 from ..prediction.kalman import NoiseTable, filtered, heading_frame, rotation
 from ..prediction.motion_noise import noise_table, observed
@@ -36,8 +36,8 @@ def fit_env(
     ``options`` may name another split. ``observe``: "truth" for ground-truth tracks. ``without``: a fold whose scenes
     are left out, see `open_split`. Raises MtpBenchError if there is nothing to fit.
     """
-    if observe not in OBSERVE:
-        raise UnknownNameError("value of observe", observe, OBSERVE)
+    if observe not in (known := ("detections", "truth")):
+        raise UnknownNameError("value of observe", observe, known)
     split = open_split(env_id, options.on_split("train"), without)
     task = MTPEnv(split.card, data=options.data, observe=observe).task
     rows = fit_scenes(list(split.scenes()), task)

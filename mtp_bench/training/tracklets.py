@@ -164,7 +164,7 @@ def _load_windows(card: Card, data: str | None, task: Task, tracker: Tracker, na
 def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> Windows:
     """The windows of one scene."""
     local = LocalFrame.of(scene)
-    feed = make_feed(scene, local, task)
+    feed = make_feed(scene, local, task, card)
     labels = SceneLabels(scene, card, local, feed)
     tracker.reset(task)
     parts, seen = [_no_windows(task)], deque[Observation](maxlen=task.past)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import gymnasium.spaces.utils as space_utils
@@ -134,6 +135,33 @@ def test_true_boxes_come_as_detections_with_their_ids(make_env: MakeEnv) -> None
     np.testing.assert_allclose(np.hypot(*observation["detection_box"][0, :2]), 0, atol=1e-6)
     assert not observation["detection_velocity"].any()  # the task says that velocity is not measured
     assert env.task.velocity is False
+
+
+def test_detections_carry_the_true_object_that_they_are_matched_to(make_env: MakeEnv) -> None:
+    """One-to-one by frame and class, to neutral boxes too: most pairs first, then least distance, by brute force."""
+    rng, scene = np.random.default_rng(3), make_scene(frames=40)
+    box, kind = scene.detections.box.copy(), np.zeros(120, dtype=np.int64)
+    truth = replace(scene.truth, box=scene.truth.box.copy(), class_id=kind, neutral=rng.random(120) < 0.3)
+    box[:, :2], truth.box[:, :2] = rng.uniform(0, 4, (2, 120, 2))
+    score = np.full(120, 1.0)
+    score[2::6] = np.nan  # left out, so it takes no object
+    env = make_env(
+        replace(scene, truth=truth, detections=replace(scene.detections, box=box, class_id=kind, score=score)),
+        observe="associated",
+    )
+    frames, _ = play(env, lambda _: empty_action(env.task))
+    for t, (observation, _) in enumerate(frames[:-1]):
+        rows, seen = np.arange(3 * t, 3 * t + 3), [d for d in range(3 * t, 3 * t + 3) if np.isfinite(score[d])]
+        gap = np.linalg.norm(box[seen, None, :2] - truth.box[None, rows, :2], axis=2)
+        costs = {
+            chosen: sum(gap[i, j] - 100 for i, j in enumerate(chosen) if j >= 0)
+            for chosen in product(range(-1, 3), repeat=len(seen))
+            if len(of := [j for j in chosen if j >= 0]) == len(set(of))
+            and all(j < 0 or gap[i, j] <= 2.0 for i, j in enumerate(chosen))
+        }
+        best = [-1 if j < 0 else int(truth.object_id[rows[j]]) for j in min(costs, key=costs.__getitem__)]
+        assert observation["detection_id"].tolist() == best + [-1] * (6 - len(seen))
+        assert env.observation_space.contains(observation)
 
 
 def test_observations_are_never_reused(make_env: MakeEnv) -> None:

@@ -80,16 +80,16 @@ def test_checker_would_notice_a_wrong_observation(card: str, kitti: str, monkeyp
         check(make_small(card, kitti))
 
 
-@pytest.mark.parametrize("env_id", ["MTP-Roundabout-v0", "MTP-KITTI-v0"])
-def test_a_spec_survives_json(env_id: str, kitti: str) -> None:
+@pytest.mark.parametrize(("env_id", "observe"), [("MTP-Roundabout-v0", "truth"), ("MTP-KITTI-v0", "associated")])
+def test_a_spec_survives_json(env_id: str, observe: str, kitti: str) -> None:
     scene = "0006" if "KITTI" in env_id else MTPEnv(env_id).scene_names[0]
-    made = gym.make(env_id, data=kitti, observe="truth", samples=3, scenes=[scene], rigid_motion=True)
+    made = gym.make(env_id, data=kitti, observe=observe, samples=3, scenes=[scene], rigid_motion=True)
     assert made.spec is not None
     again = gym.make(EnvSpec.from_json(made.spec.to_json()))
     for env in (made.unwrapped, again.unwrapped):
         assert isinstance(env, MTPEnv)
         assert env.task.env_id == env_id
-        assert env.task.observe == "truth"
+        assert env.task.observe == observe
         assert env.task.samples == 3
         assert env.scene_names == (scene,)
     first, second = made.reset(seed=3)[0], again.reset(seed=3)[0]

@@ -84,7 +84,7 @@ def test_tracks_are_recorded_as_the_env_records_them(assignment: str) -> None:
     env = MTPEnv(card, evaluation=True)
     agent, name = load_submission("stp").build(env.task, **chosen), env.scene_names[0]
     whole = run_scene(agent, env, name, seed=0)
-    light = track(agent, env.scene, env.task)
+    light = track(agent, env.scene, env.task, env.card)
     for part in ("track_start", "track_id", "track_box", "track_class"):
         got, wanted = getattr(light, part), getattr(whole, part)
         assert got.dtype == wanted.dtype

@@ -31,6 +31,7 @@ class _Leaf:
     score: float = 0.0  # sum over the detections taken
     age: int = 0  # frames since the last one
     detection: int = -1
+    object: int = -1  # given to the detection that started it
     past: tuple[tuple[bool, Floats], ...] = ()  # whether a detection was taken, and its box (else the track's)
 
     @property
@@ -64,6 +65,7 @@ class PlainTracker:
             for name, value in observation.items()
             if name.startswith("detection_")
         }
+        self._given = seen.get("detection_id", np.full(len(seen["detection_box"]), -1.0))
         self._frame += 1
         ahead = [replace(leaf, state=predicted(leaf.state), age=leaf.age + 1) for leaf in self._leaves]
         column, parent = self._associate(ahead, seen["detection_box"], seen["detection_class"])
@@ -75,6 +77,9 @@ class PlainTracker:
         class_id = np.array([leaf.class_id for leaf in ahead], dtype=int)
         mean = np.reshape([leaf.box for leaf in ahead], (-1, 7))
         gain = gains(mean, class_id, box, box_class, self._parameters)
+        for i, leaf in enumerate(ahead):
+            gain[i, [d for d in range(len(box)) if max(leaf.object, self._given[d]) >= 0]] = -np.inf
+            gain[i, [d for d in range(len(box)) if leaf.object == self._given[d] >= 0]] = 1e6
         if self._greedy:
             chosen = [self._parameters[c].assignment == "greedy" for c in class_id]
             gain = _only_greedy_pairs(gain, np.flatnonzero(chosen))
@@ -108,7 +113,8 @@ class PlainTracker:
             velocity = seen["detection_velocity"][detection] if self._task.velocity else np.zeros(2)
             state = updated(None if leaf is None else leaf.state, box, velocity, self._task.dt)
             if leaf is None:
-                leaf = _Leaf(self._born, int(seen["detection_class"][detection]), state)
+                given = int(self._given[detection])
+                leaf = _Leaf(self._born, int(seen["detection_class"][detection]), state, object=given)
                 self._born += 1
             score = leaf.score + float(seen["detection_score"][detection])
             leaf = replace(leaf, state=state, hits=leaf.hits + 1, score=score, age=0)

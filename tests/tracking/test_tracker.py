@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.agent import Observation
-from mtp_bench.errors import UnknownNameError
+from mtp_bench.errors import ShapeError, UnknownNameError
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker, score_thresholds
 from mtp_bench.tracking.parameters import read_detector
 from tests.support.tracking_scenes import (
@@ -102,6 +102,31 @@ def test_iou_as_affinity() -> None:
         frames = [frame((0.0, 0.0, CAR)), frame((step, 0.0, CAR))]
         *_, tracks = run(HypothesisTracker(1, (CAR_RULE,)), frames, kitti_task(classes=("car",)))
         assert tracks.track_id.tolist() == ids
+
+
+# the object and x of one car's detections; then the tracks that are output, lower case without a detection
+GIVEN: dict[str, tuple[list[tuple[int, float] | None], str]] = {
+    "continues at any distance": ([(7, 0), (7, 90), (7, -900)], "AAA"),
+    "takes no other detection": ([(7, 0), (7, 0), (7, 0), (-1, 0)], "AAAa"),
+    "is not resumed after its end": ([(7, 0), (7, 0), (7, 0), None, None, (7, 0), (7, 0), (7, 0)], "AAAa...B"),
+    "detections of no object are associated by place": ([(-1, 0), (-1, 0.1), (-1, 90)], "AAaB"),
+    "a track of no object takes no object": ([(-1, 0), (-1, 0), (7, 0)], "AAaB"),
+}
+
+
+@pytest.mark.parametrize("case", GIVEN)
+def test_a_track_with_a_given_identity(case: str) -> None:
+    seen, expected = GIVEN[case]
+    tracker, story = HypothesisTracker(), ""
+    tracker.reset(kitti_task(observe="associated"))
+    for each in seen:
+        now = observation(NOTHING if each is None else frame((each[1], 0.0, CAR)))
+        tracks = tracker.step({**now, "detection_id": np.array([] if each is None else [each[0]], dtype=np.int64)})
+        letters = zip(tracks.track_id.tolist(), tracks.detection.tolist(), strict=True)
+        story += "".join("ABC"[i] if took >= 0 else "abc"[i] for i, took in letters) or "."
+    assert story == expected
+    with pytest.raises(ShapeError, match='observe="associated" works with 1 hypothesis, got 2'):
+        HypothesisTracker(2).reset(kitti_task(observe="associated"))
 
 
 def test_the_truth_tracker_follows_true_ids() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,26 @@ def test_greedy_assignment_agrees_too(seed: int) -> None:
     pair = run(HypothesisTracker(assignment="as_parameters"), frames), run(PlainTracker(greedy=True), frames)
     for ours, plain in zip(*pair, strict=True):
         assert_same(ours, plain)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("assignment", ["hungarian", "as_parameters"])
+def test_they_agree_where_detections_have_the_ids_of_true_objects(assignment: str, share: float) -> None:
+    """The ids know neither place nor class; without any, the tracks are those of STP bit for bit."""
+    rng, task = np.random.default_rng(5), kitti_task(observe="associated")
+    ours, stp = (HypothesisTracker(assignment=assignment) for _ in range(2))
+    plain = PlainTracker(greedy=assignment != "hungarian")
+    for tracker, known in ((ours, task), (plain, task), (stp, kitti_task())):
+        tracker.reset(known)
+    for detections in random_frames(rng, 60):
+        seen = observation(detections)
+        count = len(detections[0])
+        given = np.where(rng.random(count) < share, rng.permutation(max(count, 9))[:count], -1)
+        tracks, without = ours.step({**seen, "detection_id": given}), stp.step(seen)
+        assert_same(tracks, plain.step({**seen, "detection_id": given}))
+        if share == 0.0:
+            for name in (f.name for f in fields(Tracks) if f.name != "affinity"):
+                np.testing.assert_array_equal(getattr(tracks, name), getattr(without, name))
 
 
 @pytest.mark.parametrize("hypotheses", [1, 8])

@@ -1,0 +1,10 @@
+"""Reference: perfect association of the same detections, with the samples of many hypotheses."""
+
+from mtp_bench import Agent, Pipeline, Task
+from mtp_bench.prediction import KinematicPredictor, KMeansSampler, LearnedPresence
+from mtp_bench.tracking import HypothesisTracker
+
+
+def build(task: Task, draws: int = 20) -> Agent:
+    """``draws`` x k samples of each track, reduced to k; tracks keep the identities that the env gives."""
+    return Pipeline(HypothesisTracker(1), KinematicPredictor(draws=draws), KMeansSampler(), presence=LearnedPresence())
