@@ -39,6 +39,7 @@ class ForecastErrors:
     min_fde: Floats  # [n] m
     miss: Bools  # [n]
     energy_score: Floats  # [n] m
+    centred_ade: Floats  # [n] m, min_ade with the present place of the forecast moved to the truth
     curve: Floats  # [n, len(ks)] m, expected minADE of a random k-subset
     ks: tuple[int, ...]  # of CURVE_KS, those up to the number of samples
 
@@ -101,18 +102,11 @@ def candidates(scene: Scene, targets: Targets, forecasts: RecordedForecasts, liv
     place = np.full(len(scene.truth.box), -1, dtype=np.intp)
     place[targets.row] = np.arange(len(targets))
     found = Candidates(scene, targets, forecasts, live[forecasts.frame], pairs, place, np.zeros(len(pairs)))
-    return replace(found, error=_pair_errors(found, np.zeros((len(pairs), 2))))
+    return replace(found, error=_pair_errors(found))
 
 
-def centred(found: Candidates) -> Candidates:
-    """The candidates with every forecast moved to the true present position: errors without those of localisation."""
-    pairs = found.pairs
-    moved = found.scene.truth.box[pairs.row, :2] - found.forecasts.box[pairs.column, :2]
-    return replace(found, error=_pair_errors(found, moved))
-
-
-def _pair_errors(found: Candidates, moved: Floats) -> Floats:
-    """MinADE [E] of the pairs as `Candidates.error`, with forecasts ``moved`` [E, 2] by metres."""
+def _pair_errors(found: Candidates) -> Floats:
+    """MinADE [E] of the pairs as `Candidates.error`."""
     targets, forecasts = found.targets, found.forecasts
     target = found.target_of_row[found.pairs.row]
     error = np.zeros(len(found.pairs))
@@ -122,8 +116,7 @@ def _pair_errors(found: Candidates, moved: Floats) -> Floats:
         part = of_target[low : low + size]
         row = found.pairs.column[part]
         weight = floored(forecasts.weights(row))
-        paths = forecasts.paths(row) + moved[part, None, None]
-        ade, _, _ = sample_errors(paths, targets.future[target[part]], weight)
+        ade, _, _ = sample_errors(forecasts.paths(row), targets.future[target[part]], weight)
         error[part] = ade.min(axis=1, initial=np.inf)
     return error
 
@@ -190,7 +183,7 @@ def final_errors(found: Candidates, matching: IncrementalMatching) -> tuple[Fore
     targets, forecasts = found.targets, found.forecasts
     _, samples, horizon, _ = forecasts.offset.shape
     ks = tuple(k for k in CURVE_KS if k <= samples)
-    table = np.full((len(targets), 3 + len(ks)), np.inf)  # min_ade, min_fde, energy_score, curve
+    table = np.full((len(targets), 4 + len(ks)), np.inf)  # min_ade, min_fde, energy_score, centred_ade, curve
     covered, miss = np.zeros(len(targets), dtype=bool), np.ones(len(targets), dtype=bool)
     object_of_truth = final_match(matching.additions, len(found.scene.truth.box))
     column = object_of_truth[targets.row]
@@ -199,11 +192,14 @@ def final_errors(found: Candidates, matching: IncrementalMatching) -> tuple[Fore
     for low in range(0, len(matched), size):
         part = matched[low : low + size]
         row = column[part]
-        result = displacement(forecasts.paths(row), targets.future[part], forecasts.weights(row))
+        paths, future, weight = forecasts.paths(row), targets.future[part], forecasts.weights(row)
+        result = displacement(paths, future, weight)
         covered[part], miss[part] = result.valid, result.miss
-        table[part, :3] = np.stack([result.min_ade, result.min_fde, result.energy_score], axis=1)
-        table[part, 3:] = k_curve(result.ade, ks)
-    errors = ForecastErrors(covered, table[:, 0], table[:, 1], miss, table[:, 2], table[:, 3:], ks)
+        away = forecasts.box[row, :2] - found.scene.truth.box[targets.row[part], :2]
+        centred = sample_errors(paths, future + away[:, None], floored(weight))[0].min(axis=1, initial=np.inf)
+        table[part, :4] = np.stack([result.min_ade, result.min_fde, result.energy_score, centred], axis=1)
+        table[part, 4:] = k_curve(result.ade, ks)
+    errors = ForecastErrors(covered, table[:, 0], table[:, 1], miss, *table[:, 2:4].T, table[:, 4:], ks)
     return errors, object_of_truth
 
 

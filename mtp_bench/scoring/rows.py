@@ -23,6 +23,7 @@ Metres = Annotated[float | None, Column(unit="m", better="lower")]
 Share = Annotated[float | None, Column(unit="share", better="higher")]
 ErrorPart = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 Difference = Annotated[float | None, Column(unit="m", better="lower", format="+.3f")]
+Cost = Annotated[float | None, Column(unit="m", better="lower", optional=True, group="parts of bADE")]
 IntervalColumn = Annotated[Interval | None, Column(interval=True, help="95 % interval.")]
 Score = Annotated[float | None, Column(better="higher")]
 PValue = Annotated[float | None, Column(format=".3f", help="Sign-flip test over units.")]
@@ -53,6 +54,17 @@ class Row(AgentSetting):
     error_by_score: Annotated[
         ErrorPart, Column(help="bADE with the score of the nearest detection as the confidence.")
     ] = None
+    cost_ground_truth: Annotated[Cost, Column("predictor", help="On ground-truth tracks.")] = None
+    cost_localisation: Annotated[Cost, Column("localisation", help="Of the present place.")] = None
+    cost_history: Annotated[Cost, Column("history", help="Measured places in place of true ones.")] = None
+    cost_association: Annotated[Cost, Column("association", help="Beyond perfect association.")] = None
+    cost_rest: Annotated[Cost, Column("rest", help="Of forecasts that no reference splits.")] = None
+    cost_below_threshold: Annotated[Cost, Column("below threshold", help="Forecasts of too low confidence.")] = None
+    cost_no_forecast: Annotated[Cost, Column("no forecast", help="Detected, but without a forecast.")] = None
+    cost_other_class: Annotated[Cost, Column("other class", help="Detected as another class.")] = None
+    cost_off_place: Annotated[Cost, Column("off place", help="Detected within two gates.")] = None
+    cost_undetected_new: Annotated[Cost, Column("never detected so far")] = None
+    cost_undetected_seen: Annotated[Cost, Column("not detected now", help="Detected earlier.")] = None
     plain_error: Annotated[ErrorPart, Column(help="Error with every forecast kept.")] = None
     fixed_error: Annotated[ErrorPart, Column(help="Per target, forecasts of confidence 0.5 or more.")] = None
     energy_score: ErrorPart = None

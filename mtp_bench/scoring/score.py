@@ -11,6 +11,7 @@ import numpy as np
 from ..cards import Card
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
+from .absence import absent_causes
 from .forecasts import (
     Candidates,
     ForecastErrors,
@@ -64,6 +65,7 @@ class SceneScore(ForecastErrors):
     moving: Bools  # [n]
     miss_error: Floats  # [n] m, c
     capped: Floats  # [n] m, min(min_ade, c), c where not covered; every forecast is kept
+    absent_cause: Ints  # [n] values of `AbsentCause`, whether it has a forecast or not
     own_ids: Bools  # [n] along the lineage of the best hypothesis
     own_lost: Bools  # [n]
     own_reacquired: Bools  # [n]
@@ -84,6 +86,11 @@ class SceneScore(ForecastErrors):
 
     def __len__(self) -> int:
         return len(self.frame)
+
+    @property
+    def centred(self) -> Floats:
+        """The error ``capped`` [n] with the present place of every forecast moved to the truth, m."""
+        return capped_error(self.centred_ade, self.miss_error)
 
     @property
     def own_frag(self) -> Bools:
@@ -143,6 +150,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         miss_error=of_targets,
         **vars(errors),
         capped=capped_error(errors.min_ade, of_targets),
+        absent_cause=absent_causes(scene, targets, card),
         own_ids=of_best.ids[targets.row, 0],
         own_lost=of_best.lost[targets.row, 0],
         own_reacquired=of_best.reacquired[targets.row, 0],

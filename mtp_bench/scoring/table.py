@@ -20,6 +20,10 @@ from .score import SceneScore
 from .weights import Reference
 
 
+_OF_TARGETS = ("class_id", "distance", "approach", "moving", "miss_error", "absent_cause")  # the same for all seeds
+_SUMMED = ("covered", "min_ade", "min_fde", "energy_score", "curve", "centred")
+
+
 @dataclass(frozen=True, eq=False)
 class AgentScores:
     """Scores of one agent in one setting: one run per seed, each with the same scenes."""
@@ -44,6 +48,7 @@ class RankingError:
 
     error: Floats
     missed: Floats  # the part from targets without a forecast
+    below_threshold: Floats  # of that, the part of targets with a forecast that is not sure enough
     by_score: Floats  # the error with the score of the nearest detection as the confidence
 
 
@@ -66,8 +71,11 @@ class AgentTable:
     min_fde: Floats  # [n] m, summed
     energy_score: Floats  # [n] m, summed
     curve: Floats  # [n, len(ks)] m, summed
+    plain: Floats  # [n] m, summed min(minADE, c)
+    centred: Floats  # [n] m, summed: the same with the present place moved to the truth
     hit: Floats  # [n] seeds with a final point within 2 m
     miss_error: Floats  # [n] m, c
+    absent_cause: Ints  # [n] values of `AbsentCause`
     capped: Floats  # [n] m, mean over seeds of min(minADE, c), c where not covered; every forecast is kept
     of_all: RankingError  # at the budgets of "all"
     of_subsets: RankingError  # at the budget of the subsets
@@ -133,8 +141,9 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
     budgets = run_budgets(first, reference)
     of_all, of_subsets = _ranking_errors(setting.seeds, budgets)
     columns: dict[str, Any] = {
-        **{name: _join(first, name) for name in ("class_id", "distance", "approach", "moving", "miss_error")},
-        **{name: _over_seeds(setting, name) for name in ("covered", "min_ade", "min_fde", "energy_score", "curve")},
+        **{name: _join(first, name) for name in _OF_TARGETS},
+        **{name: _over_seeds(setting, name) for name in _SUMMED},
+        "plain": _over_seeds(setting, "capped"),
     }
     return AgentTable(
         setting=setting,
@@ -179,11 +188,9 @@ def _ranking_errors(seeds: Sequence[Sequence[SceneScore]], budgets: Budgets) -> 
     allowed = [*budgets.all, budgets.subsets]
     own = [run_errors(run, allowed, budgets.false_known, "cuts") for run in seeds]
     score = [run_errors(run, allowed, budgets.false_known, "score_cuts") for run in seeds]
-    error, missed, by_score = (
-        np.mean(parts, axis=0)
-        for parts in ([run.error for run in own], [run.missed for run in own], [run.error for run in score])
-    )
-    parts = (error, missed, by_score)
+    unsure = [run.missed * _join(scores, "covered") for run, scores in zip(own, seeds, strict=True)]
+    runs = ([run.error for run in own], [run.missed for run in own], unsure, [run.error for run in score])
+    parts = [np.mean(of_seeds, axis=0) for of_seeds in runs]
     return RankingError(*(part[:-1].mean(axis=0) for part in parts)), RankingError(*(part[-1] for part in parts))
 
 

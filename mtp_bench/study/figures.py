@@ -7,16 +7,18 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ..scoring.parts import PARTS
 from ..tables import Table
 from ..viz.terminal.output import counted
-from .causes import CAUSES
 from .drawing import COLORS, SERIES, Drawing, draw
 from .findings import Findings
 from .panels import HATCHES, MARKERS, Panel, Series, draw_panels
 from .rows import column, subset_name, texts_of
 
 Tables = dict[str, Table]  # by name
-CAUSE_COLORS = ("grey", "yellow", "orange", "green", "sky", "vermillion", "purple")
+PART_COLORS = (
+    "green", "sky", "blue", "vermillion", "purple", "orange", "yellow", "purple", "orange", "grey", "grey",
+)  # fmt: skip
 EVENT_COLORS = {"ids": "vermillion", "lost": "orange", "reacquired": "sky", "frag": "blue"}
 FROM_ZERO = (0.0, None)
 
@@ -132,17 +134,17 @@ def _samples(findings: Findings, rows: Sequence[Any]) -> Sketch:
     return Sketch([Panel(series, "samples k (logarithmic)", "expected minADE, m", ticks, FROM_ZERO, log=True)])
 
 
-def _causes(findings: Findings, rows: Sequence[Any]) -> Sketch:
+def _parts(findings: Findings, rows: Sequence[Any]) -> Sketch:
     rows = _where(rows, targets_of="all")
     rows = [row for row in rows if row.H in (1, max(_pick(rows, "H")))][::-1]
     places = range(len(rows))
+    values = {name: [getattr(row, f"cost_{key}") or 0.0 for row in rows] for key, name in PARTS.items()}
     series = [
-        _series_of(rows, column(cause).title, color, places, cause, kind="bar")
-        for cause, color in zip(CAUSES, CAUSE_COLORS, strict=True)
+        Series(name, places, part, color, "bar") for (name, part), color in zip(values.items(), PART_COLORS, strict=True)
     ]
     mark = {"marker": "|", "markersize": 17, "markeredgewidth": 2}
     series.append(_series_of(rows, "bADE", "ink", places, "error", kind="dots", style=mark))
-    ends = [max(row.error, sum(max(getattr(row, cause), 0.0) for cause in CAUSES)) for row in rows]
+    ends = [max(row.error, sum(part[i] for part in values.values() if part[i] > 0)) for i, row in enumerate(rows)]
     texts = [f"{row.error:.2f}" for row in rows]
     series.append(Series("", places, ends, "ink", "dots", (), texts, {"marker": ""}))
     series.append(_level("", [0.0], "soft", linewidth=0.8))
@@ -236,6 +238,6 @@ FIGURES: dict[str, tuple[str, Callable[[Findings, Sequence[Any]], Sketch]]] = { 
     "ranked": ("errors", _ranked),
     "events": ("events", _events),
     "samples": ("samples", _samples),
-    "causes": ("causes", _causes),
+    "parts": ("parts", _parts),
     "since": ("since", _since),
 }

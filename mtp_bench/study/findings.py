@@ -17,7 +17,6 @@ from ..scoring.rows import Interval, PairedRow, Row
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..scoring.table import AgentTable
 from ..types import Bools, Floats, Ints
-from .causes import causes
 from .plan import StudiedAgent, StudyPlan, key_of
 from .runs import Bench, Measured
 
@@ -100,12 +99,6 @@ class Findings:
         """Mean of minADE over targets with a forecast, by their ``weight`` [n] and the seeds that cover them."""
         ade = np.divide(table.min_ade, table.covered, out=np.zeros(len(table.covered)), where=table.covered > 0)
         return self.mean(table, ade, weight * table.covered)
-
-    def causes(self, subject: StudiedAgent, setting: Setting, subset: Subset) -> Floats:
-        """Parts [len(CAUSES), n] of the ranking error on a subset, per target, m."""
-        table, measured = self.table(setting), self.of(setting)
-        from_truth, switched = self.table(subject.truth).capped, table.weight["ids"] > 0
-        return causes(measured.scores, measured.around, table.budgets, from_truth, switched, subset != "all")
 
     def since(self, kind: str) -> Ints:
         """Frames [n] since the last event of a kind of the subject with one hypothesis, first seed; -1 without any."""

@@ -13,11 +13,12 @@ import numpy as np
 
 from ..running.settings import Setting
 from ..scoring.definitions import Subset
+from ..scoring.parts import PARTS
 from ..scoring.statistics import ratio
 from ..tables import Column, Table
 from ..types import Bools
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
-from .causes import CAUSES, KINDS
+from .circumstances import KINDS
 from .findings import Findings
 from .plan import StudiedAgent, unique
 from .relations import relation_rows
@@ -49,10 +50,11 @@ def texts_of(kind: str, name: str, findings: Findings) -> tuple[str, str]:
 def column(key: str) -> Column:
     """The column of a key: "paper_" marks figures of the paper, "_interval" the 95 % interval of the column before."""
     name = key.removeprefix("paper_").removesuffix("_interval")
-    unit = _UNIT_OF.get(name, "")
+    part = name.removeprefix("cost_") if name.startswith("cost_") else ""
+    unit = "m" if part else _UNIT_OF.get(name, "")
     return Column(
         key=key,
-        heading=TEXTS["headings"].get(name, ""),
+        heading=PARTS[part] if part else TEXTS["headings"].get(name, ""),
         unit=unit,
         format=".1%" if unit == "share" else "",
         group=PAPER if key.startswith("paper_") else "",
@@ -168,26 +170,24 @@ def sample_rows(findings: Findings) -> Iterator[Row]:
                 )
 
 
-def cause_rows(findings: Findings) -> Iterator[Row]:
-    """The ranking error as a sum of its causes."""
+def part_rows(findings: Findings) -> Iterator[Row]:
+    """The parts of bADE, which add up to it."""
     rows: list[Row] = []
     for subset in SUBSETS[:1] + SUBSETS[3:]:
-        for subject, setting in settings_of_rows(findings):
-            weight = findings.table(setting).weight[subset]
-            if setting.budget != "equal" or not weight.sum():
-                continue
+        for _, setting in settings_of_rows(findings):
             row = findings.row(setting, subset)
-            parts = findings.causes(subject, setting, subset) @ weight / weight.sum()
-            cause = Row(
+            if setting.budget != "equal" or row.error is None:
+                continue
+            own = Row(
                 targets_of=subset_name(subset),
                 agent=row.agent,
                 H=row.hypotheses,
                 error=row.error,
-                **dict(zip(CAUSES, parts.tolist(), strict=True)),
+                **{f"cost_{part}": getattr(row, f"cost_{part}") for part in PARTS},
                 targets=row.targets,
                 objects=row.objects,
             )
-            rows += [] if cause in rows else [cause]  # a control stands beside every subject
+            rows += [] if own in rows else [own]  # a control stands beside every subject
     yield from rows
 
 
@@ -233,7 +233,7 @@ ROWS = {
     "errors": error_rows,
     "events": event_rows,
     "samples": sample_rows,
-    "causes": cause_rows,
+    "parts": part_rows,
     "since": since_rows,
     "relations": relation_rows,
 }

@@ -26,7 +26,7 @@ from ..scoring import SceneScore, score_scene
 from ..sources import open_source
 from ..types import Rollout, Scene
 from ..viz.terminal.paper import unchanged
-from .causes import Circumstances, circumstances
+from .circumstances import Circumstances, circumstances
 from .plan import key_of
 
 RUNS = "runs"  # folder of the stored runs

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.axes import Axes
 
 from mtp_bench.study.drawing import COLORS, GROUND, SERIES, draw
-from mtp_bench.study.figures import CAUSE_COLORS
+from mtp_bench.study.figures import PART_COLORS
 from mtp_bench.study.panels import Panel, Series, draw_panel
 from tests.support.colours import APART, TO_XYZ, VISION, distance, linear
 
@@ -19,8 +19,8 @@ def rgb(color: str) -> list[int]:
 
 
 @pytest.mark.parametrize("vision", VISION)
-def test_series_and_causes_are_told_apart(vision: str) -> None:
-    for a, b in combinations(sorted({*SERIES, *CAUSE_COLORS}), 2):
+def test_series_and_parts_are_told_apart(vision: str) -> None:
+    for a, b in combinations(sorted({*SERIES, *PART_COLORS}), 2):
         assert distance(rgb(COLORS[a]), rgb(COLORS[b]), vision) > APART, (a, b)
 
 

@@ -22,7 +22,7 @@ from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import open_run, run
 from mtp_bench.running.track_export import export_tracks
 from mtp_bench.study import Study, study
-from mtp_bench.study.causes import CAUSES
+from mtp_bench.scoring.parts import PARTS
 from mtp_bench.study.conduct import find
 from mtp_bench.study.figures import FIGURES, make_figures
 from mtp_bench.study.gallery import command_of, worst_events
@@ -74,11 +74,11 @@ def test_every_table_is_written_twice_with_units_and_a_sentence(made: Study) -> 
 
 
 def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
-    rows = rows_of(made, "causes")
+    rows = rows_of(made, "parts")
     agents = {(row["agent"], row["H"]) for row in rows if row["targets_of"] == "all"}
     assert {("truth_past", 1), ("stp", 1), ("stp_same_budget", 1), ("stp_hedged", 1), ("mtp", 20)} <= agents
     for row in rows:
-        assert sum(row[cause] for cause in CAUSES) == pytest.approx(row["error"], abs=1e-9), row["agent"]
+        assert sum(row[f"cost_{part}"] or 0.0 for part in PARTS) == pytest.approx(row["error"], abs=1e-9), row["agent"]
 
 
 def test_the_tables_equal_compare(made: Study, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
@@ -95,7 +95,7 @@ def test_the_tables_equal_compare(made: Study, cli: CommandLine, card: str, kitt
 
 def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     text = made.page.read_text()
-    for key in ("found", "cost", "often", "choose", "causes", "when", "gallery", "made"):
+    for key in ("found", "cost", "often", "choose", "parts", "when", "gallery", "made"):
         assert f'<section id="{key}">' in text
     assert all(f"tables/{name}.csv" in text for name in TABLES - {"relations"})
     assert text.count("<svg") == len(FIGURES) == len(list((made.folder / "figures").glob("*.png")))
@@ -144,8 +144,8 @@ def test_the_command_on_an_agent_of_ones_own(
     given = "--env", card, "--data", kitti, "--agent", mine, "-o", folder, "--quick", "--jobs", 1
     assert f"{folder / 'index.html'}" in cli.ok("study", *given).replace("\n", "")
     assert f"mtp-bench study --env {card}" in html.unescape((folder / "index.html").read_text())
-    agents = {name: {r["agent"] for r in rows_of(replace(made, folder=folder), name)} for name in ("errors", "causes")}
-    assert "mine" in agents["errors"] & agents["causes"]
+    agents = {name: {r["agent"] for r in rows_of(replace(made, folder=folder), name)} for name in ("errors", "parts")}
+    assert "mine" in agents["errors"] & agents["parts"]
     assert "mtp" not in agents["errors"]
     stored = next(path for path in (made.folder / "runs").iterdir() if path.name.startswith("mtp-H20"))
     assert "mtp" in cli.ok("score", stored, "--data", kitti)
