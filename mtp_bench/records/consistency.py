@@ -10,6 +10,7 @@ from typing import Any
 from ..errors import RecordError
 from ..files import read_bounded
 from ..scoring.definitions import SUBSETS
+from ..scoring.parts import PARTS
 from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
 from ..strict import parse_json
@@ -121,13 +122,13 @@ def _inconsistent_row(
 ) -> Iterator[str]:
     where, total = f"row {row.subset!r}", sum(weight)
     interval = bootstrap_interval(error, weight) or (None, None)
-    parts = (row.localisation, row.missed)
-    whole = row.error if None in parts else sum(part or 0.0 for part in parts)
+    sums = {"localisation + missed": ("localisation", "missed"), "the sum of cost_*": [f"cost_{p}" for p in PARTS]}
+    parts = {name: [v for field in fields if (v := getattr(row, field)) is not None] for name, fields in sums.items()}
     for name, stated, found in (
         ("error", row.error, ratio(sum(error), total)),
         ("effective_units", row.effective_units, effective_number(weight)),
         *zip(("interval from", "interval to"), row.interval or (None, None), interval, strict=True),
-        ("localisation + missed", row.error, whole),
+        *((name, sum(values), row.error) for name, values in parts.items() if values),
     ):
         if (stated is None) != (found is None) or not math.isclose(
             stated or 0.0, found or 0.0, rel_tol=_CLOSE, abs_tol=_CLOSE

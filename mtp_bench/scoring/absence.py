@@ -14,7 +14,7 @@ from .targets import Targets
 
 
 class AbsentCause(IntEnum):
-    """The first of these that holds for a target, whatever the agent answers."""
+    """The first cause that holds for a target; the detections decide, not the agent."""
 
     NO_FORECAST = 0  # a detection of its class lies inside the forecast gate
     OTHER_CLASS = 1  # one of another class does

@@ -199,7 +199,7 @@ def final_errors(found: Candidates, matching: IncrementalMatching) -> tuple[Fore
         centred = sample_errors(paths, future + away[:, None], floored(weight))[0].min(axis=1, initial=np.inf)
         table[part, :4] = np.stack([result.min_ade, result.min_fde, result.energy_score, centred], axis=1)
         table[part, 4:] = k_curve(result.ade, ks)
-    errors = ForecastErrors(covered, table[:, 0], table[:, 1], miss, *table[:, 2:4].T, table[:, 4:], ks)
+    errors = ForecastErrors(covered, table[:, 0], table[:, 1], miss, table[:, 2], table[:, 3], table[:, 4:], ks)
     return errors, object_of_truth
 
 

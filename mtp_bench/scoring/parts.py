@@ -7,14 +7,16 @@ error and in its share from targets without a forecast, so both are averaged ove
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from ..types import Floats
 from .absence import AbsentCause
 from .statistics import ratio
-from .table import AgentTable
+from .table import AgentScores, AgentTable, over_seeds
 
-PARTS = {  # key of `Row` without "cost_" -> printed name
+PARTS = {  # key of `Row` without "cost_" -> printed name; the first four are of references
     "ground_truth": "predictor",
     "localisation": "localisation",
     "history": "history",
@@ -27,39 +29,55 @@ PARTS = {  # key of `Row` without "cost_" -> printed name
     "undetected_new": "never detected so far",
     "undetected_seen": "not detected now",
 }
-_OF_REFERENCES = tuple(PARTS)[:4]
 
 
-def error_parts(
-    table: AgentTable, subset: str, associated: AgentTable | None, tracks: AgentTable | None
-) -> dict[str, Floats]:
+class ReferenceErrors(NamedTuple):
+    """Plain errors of the two references of an agent, mean over the seeds that cover a target; NaN without one, m."""
+
+    associated: Floats  # [n] perfect association of the same detections
+    centred: Floats  # [n] the same with the present place moved to the truth
+    tracks: Floats  # [n] ground-truth tracks
+
+
+def reference_errors(
+    associated: AgentScores | None, tracks: AgentScores | None, samples: int
+) -> ReferenceErrors | None:
+    """Errors of the references that split the error of an agent of so many ``samples``; None if one has others."""
+    if associated is None or tracks is None or {associated.samples, tracks.samples} != {samples}:
+        return None
+    return ReferenceErrors(
+        _covered_mean(associated, "capped"), _covered_mean(associated, "centred"), _covered_mean(tracks, "capped")
+    )
+
+
+def _covered_mean(scores: AgentScores, name: str) -> Floats:
+    seeds = over_seeds(scores, "covered")
+    mean: Floats = np.divide(over_seeds(scores, name), seeds, out=np.full(len(seeds), np.nan), where=seeds > 0)
+    return mean
+
+
+def error_parts(table: AgentTable, subset: str, references: ReferenceErrors | None) -> dict[str, Floats]:
     """Parts [n] of the ranking error on a subset, m, by the keys of `PARTS`; those that are unknown are left out.
 
-    ``associated``, ``tracks``: perfect association of the same detections and ground-truth tracks, with the agent's own
-    predictor and number of samples; of others, without one of them, or where one has no forecast, the error of a
-    forecast is its rest.
+    ``references``: with the agent's own predictor and as many samples. Without them, and where one of them has no
+    forecast, the error of a forecast is its rest.
     """
     ranked = table.ranking_error(subset)
-    covered = 1.0 - ranked.missed / table.miss_error
+    absent, rest = ranked.missed - ranked.below_threshold, ranked.error - ranked.missed
     parts: dict[str, Floats] = {}
-    rest = ranked.error - ranked.missed
-    samples = table.setting.samples
-    if associated and tracks and associated.setting.samples == tracks.setting.samples == samples:
-        known = (associated.covered > 0) & (tracks.covered > 0)
-        p, centred = (summed / np.maximum(associated.covered, 1) for summed in (associated.plain, associated.centred))
-        g = tracks.plain / np.maximum(tracks.covered, 1)
+    if references is not None:
+        known = np.isfinite(references.associated + references.tracks)
+        p, centred, g = (np.where(known, error, 0.0) for error in references)
+        covered = 1.0 - ranked.missed / table.miss_error  # share of budgets and seeds
         split = (covered * g, covered * (p - centred), covered * (centred - g), rest - covered * p)
-        parts = dict(zip(_OF_REFERENCES, (np.where(known, part, 0.0) for part in split), strict=True))
+        parts = {name: np.where(known, part, 0.0) for name, part in zip(PARTS, split, strict=False)}
         rest = np.where(known, 0.0, rest)
-    absent = ranked.missed - ranked.below_threshold
     causes = {cause.name.lower(): np.where(table.absent_cause == cause, absent, 0.0) for cause in AbsentCause}
     return {**parts, "rest": rest, "below_threshold": ranked.below_threshold, **causes}
 
 
-def mean_costs(
-    table: AgentTable, subset: str, associated: AgentTable | None, tracks: AgentTable | None
-) -> dict[str, float | None]:
-    """Fields ``cost_*`` of a `Row`: the parts of bADE, m; None for those that are unknown, and without a target."""
-    weight, parts = table.weight[subset], error_parts(table, subset, associated, tracks)
+def mean_costs(table: AgentTable, subset: str, references: ReferenceErrors | None) -> dict[str, Any]:
+    """Fields ``cost_*`` of a `Row`: means over the targets of a subset, m; of unknown parts they are missing."""
+    weight, parts = table.weight[subset], error_parts(table, subset, references)
     total = float(weight.sum())
     return {f"cost_{name}": ratio(float((part * weight).sum()), total) for name, part in parts.items()}

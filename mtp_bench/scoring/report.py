@@ -12,6 +12,7 @@ import numpy as np
 from ..cards import Card
 from .definitions import DEFINITIONS, SUBSETS, Subset
 from .details import details
+from .parts import ReferenceErrors, mean_costs, reference_errors
 from .rank import ALONE, Entrant, guard, ranks_among, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
 from .statistics import Gap, bootstrap_interval, effective_number, gap_closed, paired_difference, ratio
@@ -89,7 +90,11 @@ def summarise(
         for agent, runs in (references or {}).items()
     }
     others = [table for name in controls if (table := _with_equal_budget(tables, name)) is not None]
-    rows = [_row(table, subset, shared, own.get(table.setting.agent)) for table in tables for subset in SUBSETS]
+    rows = []
+    for table in tables:
+        runs = (references or {}).get(table.setting.agent) or References()
+        split = reference_errors(runs.associated, runs.tracks, table.setting.samples)
+        rows += [_row(table, subset, shared, own.get(table.setting.agent), split) for subset in SUBSETS]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
@@ -146,7 +151,7 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     )
 
 
-def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None) -> Row:
+def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None, split: ReferenceErrors | None) -> Row:
     setting, weight, ranked = table.setting, table.weight[subset], table.ranking_error(subset)
     total, some = float(weight.sum()), weight > 0
     covered = float((weight * table.covered).sum())
@@ -172,6 +177,7 @@ def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None) ->
         localisation=mean(ranked.error - ranked.missed),
         missed=mean(ranked.missed),
         error_by_score=mean(ranked.by_score),
+        **mean_costs(table, subset, split),
         plain_error=mean(table.capped),
         fixed_error=fixed if subset == "all" else None,
         energy_score=mean_covered(table.energy_score),

@@ -23,7 +23,7 @@ Metres = Annotated[float | None, Column(unit="m", better="lower")]
 Share = Annotated[float | None, Column(unit="share", better="higher")]
 ErrorPart = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 Difference = Annotated[float | None, Column(unit="m", better="lower", format="+.3f")]
-Cost = Annotated[float | None, Column(unit="m", better="lower", optional=True, group="parts of bADE")]
+Cost = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 IntervalColumn = Annotated[Interval | None, Column(interval=True, help="95 % interval.")]
 Score = Annotated[float | None, Column(better="higher")]
 PValue = Annotated[float | None, Column(format=".3f", help="Sign-flip test over units.")]
@@ -49,8 +49,8 @@ class Row(AgentSetting):
     minFDE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815
     error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the rank.")]
     interval: IntervalColumn
-    localisation: Annotated[ErrorPart, Column(help="Part of bADE from targets with a forecast.")] = None
-    missed: Annotated[ErrorPart, Column(help="Part of bADE from targets without a forecast.")] = None
+    localisation: Annotated[ErrorPart, Column("with forecast", help="Part of bADE from such targets.")] = None
+    missed: Annotated[ErrorPart, Column("without forecast", help="Part of bADE from such targets.")] = None
     error_by_score: Annotated[
         ErrorPart, Column(help="bADE with the score of the nearest detection as the confidence.")
     ] = None

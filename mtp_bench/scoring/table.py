@@ -19,9 +19,8 @@ from .rows import AgentSetting, Budget
 from .score import SceneScore
 from .weights import Reference
 
-
 _OF_TARGETS = ("class_id", "distance", "approach", "moving", "miss_error", "absent_cause")  # the same for all seeds
-_SUMMED = ("covered", "min_ade", "min_fde", "energy_score", "curve", "centred")
+_SUMMED = ("covered", "min_ade", "min_fde", "energy_score", "curve")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +70,6 @@ class AgentTable:
     min_fde: Floats  # [n] m, summed
     energy_score: Floats  # [n] m, summed
     curve: Floats  # [n, len(ks)] m, summed
-    plain: Floats  # [n] m, summed min(minADE, c)
-    centred: Floats  # [n] m, summed: the same with the present place moved to the truth
     hit: Floats  # [n] seeds with a final point within 2 m
     miss_error: Floats  # [n] m, c
     absent_cause: Ints  # [n] values of `AbsentCause`
@@ -142,8 +139,7 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
     of_all, of_subsets = _ranking_errors(setting.seeds, budgets)
     columns: dict[str, Any] = {
         **{name: _join(first, name) for name in _OF_TARGETS},
-        **{name: _over_seeds(setting, name) for name in _SUMMED},
-        "plain": _over_seeds(setting, "capped"),
+        **{name: over_seeds(setting, name) for name in _SUMMED},
     }
     return AgentTable(
         setting=setting,
@@ -208,8 +204,8 @@ def _join(run: Sequence[SceneScore], name: str) -> NDArray[Any]:
     return np.concatenate([getattr(score, name) for score in run])
 
 
-def _over_seeds(setting: AgentScores, name: str) -> Floats:
-    """Sum over the seeds that cover a target."""
+def over_seeds(setting: AgentScores, name: str) -> Floats:
+    """Array ``name`` [n, ...] of all scenes, summed over the seeds that cover a target."""
     total: Any = 0.0
     for run in setting.seeds:
         value = _join(run, name)

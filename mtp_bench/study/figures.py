@@ -140,7 +140,8 @@ def _parts(findings: Findings, rows: Sequence[Any]) -> Sketch:
     places = range(len(rows))
     values = {name: [getattr(row, f"cost_{key}") or 0.0 for row in rows] for key, name in PARTS.items()}
     series = [
-        Series(name, places, part, color, "bar") for (name, part), color in zip(values.items(), PART_COLORS, strict=True)
+        Series(name, places, part, color, "bar")
+        for (name, part), color in zip(values.items(), PART_COLORS, strict=True)
     ]
     mark = {"marker": "|", "markersize": 17, "markeredgewidth": 2}
     series.append(_series_of(rows, "bADE", "ink", places, "error", kind="dots", style=mark))

@@ -21,8 +21,8 @@ from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.stored import open_run, run
 from mtp_bench.running.track_export import export_tracks
-from mtp_bench.study import Study, study
 from mtp_bench.scoring.parts import PARTS
+from mtp_bench.study import Study, study
 from mtp_bench.study.conduct import find
 from mtp_bench.study.figures import FIGURES, make_figures
 from mtp_bench.study.gallery import command_of, worst_events

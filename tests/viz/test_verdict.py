@@ -17,6 +17,7 @@ from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.tables import Table
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, show, show_command, show_lines, show_table
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
+from mtp_bench.viz.terminal.parts import part_lines
 from mtp_bench.viz.terminal.tables import full_tables, main_table
 from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, notes, verdict
 from tests.support.command_line import TERMINAL
@@ -46,12 +47,42 @@ AGAINST: dict[str, tuple[dict[str, Any], str]] = {
 
 @pytest.mark.parametrize(("values", "text"), AGAINST.values(), ids=AGAINST)
 def test_an_agent_and_ground_truth_tracks_against_stp(values: dict[str, Any], text: str) -> None:
-    ideal = rows(TRUTH, error=2.6, plain_error=0.5, difference_to_stp=-0.4, **values)
-    mine = rows(MINE, error=2.6, difference_to_stp=-0.4, **values)
-    sentences = verdict(report([*ideal, *rows(STP, error=3.0, plain_error=1.0), *mine]), ["mine"])
-    assert f"2.600 m from ground-truth tracks and 3.000 m from the tracks of stp ({text})" in sentences[0]
-    assert sentences[0].endswith("0.500 m and 1.000 m.")
+    ideal, mine = rows(TRUTH, error=2.6, plain_error=0.5), rows(MINE, error=2.6, difference_to_stp=-0.4, **values)
+    paired = [pair(TRUTH, "stp", error=-0.4, interval=values["difference_interval"], p=values["p"])]
+    sentences = verdict(report([*ideal, *rows(STP, error=3.0, plain_error=1.0), *mine], paired), ["mine"])
+    assert "3.000 m from the tracks of stp and 2.600 m from ground-truth tracks. With every" in sentences[0]
+    assert sentences[0].endswith("1.000 m and 0.500 m.")
+    turned = (
+        text.replace("−0.400", "+0.400")
+        .replace("−0.600 to −0.200", "+0.200 to +0.600")
+        .replace("−0.600 to +0.200", "−0.200 to +0.600")
+    )
+    assert sentences[1] == f"Detection and tracking together cost over all targets {turned}."
     assert f"mine (H = 3) against stp over all targets: 2.600 m instead of 3.000 m ({text})." in sentences
+
+
+def test_what_association_costs_is_said_of_perfect_association_alone() -> None:
+    perfect = ("perfect_association_same_samples", 1, 20, "equal")
+    paired = [pair(TRUTH, "stp", subset, error=-0.4, interval=(-0.6, -0.2), p=0.01) for subset in ("all", "ids")]
+    paired += [pair(perfect, "stp_same_budget", "ids", error=-0.1, interval=(-0.3, 0.1), p=0.2)]
+    (sentence,) = verdict(report(rows(STP), paired), ["stp"])
+    together = "+0.400 m, 95 % +0.200 to +0.600, p = 0.010"
+    assert sentence == (
+        f"Detection and tracking together cost over all targets {together}; on ids {together}, of which association "
+        f"+0.100 m, 95 % −0.100 to +0.300, p = 0.200{CHANCE} (perfect association of the same detections). The cost of "
+        "association is a lower bound: duplicate detections still make switches."
+    )
+
+
+def test_parts_stand_in_one_line_for_each_agent() -> None:
+    parts = {"cost_association": 0.123, "cost_localisation": -0.3, "cost_rest": 0.004, "cost_undetected_new": 2.0}
+    lines = part_lines(report([*rows(STP, cost_rest=1.0), *rows(MTP, **parts), *rows(FREE, cost_rest=1.0)]))
+    assert lines == [
+        "Parts of bADE over all targets, m; rest: of forecasts, where no reference runs split it",
+        "stp: rest 1.00",
+        "mtp (H = 20): localisation −0.30, association 0.12, never detected so far 2.00",
+    ]
+    assert part_lines(report(rows(MTP))) == []
 
 
 def test_an_agent_against_as_many_samples_from_one_hypothesis() -> None:
@@ -87,7 +118,7 @@ def test_the_gap_between_both_reference_pairs_and_in_the_paper() -> None:
     (sentence,) = verdict(report(ends + rows(MINE, **closed)), ["mine"])[-1:]
     assert "; with its own predictor unknown" in sentence
     assert "paper" not in sentence
-    (sentence,) = verdict(report(ends + rows(MINE)), ["mine"])
+    sentence = verdict(report(ends + rows(MINE)), ["mine"])[-1]
     assert sentence.startswith("mine (H = 3): no gap to close")
 
 

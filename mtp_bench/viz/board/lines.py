@@ -17,6 +17,7 @@ from ...scoring.definitions import DEFINITIONS, SUBSETS
 from ...scoring.rows import Row
 from ...sources import about
 from ...tables import BLANK, Column, Table, columns_of
+from ..terminal.parts import parts_text
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
 from .drawings import bar_of, curve_chart, scale_of, scene_chart, zero_of
 from .entries import Entry, empty_error, simulated
@@ -24,6 +25,8 @@ from .overview import p_value
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
 _SIGNED = COLUMN["difference"]
+
+_PARTS = {"localisation": "with forecast", "missed": "without forecast"}
 
 Ids = Mapping[Entry, str]
 Line = dict[str, Any]
@@ -73,7 +76,8 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
         "all_links": _links(entry),
         "chart": curve_chart(entry, reference),
         "subsets": subset_table(entry),
-        "parts": [(name, value) for name in ("localisation", "missed") if (value := getattr(entry.row, name))],
+        "parts": [(*part, value) for part in _PARTS.items() if (value := getattr(entry.row, part[0]))],
+        "costs": parts_text(entry.row),
         "scenes": scene_chart(entry, reference),
     }
 
@@ -104,7 +108,7 @@ def subset_table(entry: Entry) -> Table:
         replace(COLUMN["gap"], read=lambda row: standing.gaps.get(row.subset)),
         replace(COLUMN["same_gap"], read=lambda row: entry.same_predictor_gap(row.subset)),
         Column("events / objects / scenes", "-", key="sizes", read=_sizes),
-        *further_columns([entry]),
+        *(column for column in further_columns([entry]) if not column.key.startswith("cost_")),
     ]
     rows = [entry.row_of(row.subset) for row in entry.record.rows]
     return Table("subsets", "Errors in metres", "", rows, columns)

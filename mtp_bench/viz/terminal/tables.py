@@ -9,13 +9,19 @@ from typing import Annotated, Any
 
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS, SUBSETS, Subset
+from ...scoring.parts import PARTS
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
 from .paper import PAPER_SUBSETS, Figures, paper_figures, shipped_env
 
 _EVENTS: tuple[Subset, ...] = ("ids", "reacquired", "lost", "frag")  # the first two may rank
-_MADE_OF = ("error", "localisation", "missed")
+_COSTS = [f"cost_{part}" for part in PARTS]
+_MADE_OF: dict[str, Sequence[str]] = {
+    "bADE of targets with and without a forecast": ("error", "localisation", "missed"),
+    "Parts of bADE of targets with a forecast": _COSTS[:5],
+    "Parts of bADE of targets without a forecast": _COSTS[5:],
+}
 _COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")
 _PAIRED = ("agent", "hypotheses", "other", "subset", "error", "interval", "p", "minADE")
 
@@ -100,9 +106,10 @@ def full_tables(report: Report) -> Iterator[Table]:
         shown.sort(key=lambda row: (row.other, SUBSETS.index(row.subset)))
         columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED]
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
-    parts = [_on(known[name], "all") for name in _MADE_OF]
-    yield _lines_table("What the error is made of (all targets, m)", lines, parts)
-    optional = [_on(column, "all") for column in known.values() if column.optional and column.key not in _MADE_OF]
+    for title, names in _MADE_OF.items():
+        yield _lines_table(f"{title} (all targets, m)", lines, [_on(known[name], "all") for name in names])
+    shown_already = {name for names in _MADE_OF.values() for name in names}
+    optional = [_on(column, "all") for column in known.values() if column.optional and column.key not in shown_already]
     yield _lines_table("Further metrics (all targets)", lines, optional)
     others = [_of(column, lambda line: line.details) for column in columns_of(Details)[len(columns_of(AgentSetting)) :]]
     title = "Other numbers (all targets; forecasts and false ones per live frame)"

@@ -7,15 +7,17 @@ from collections.abc import Callable, Iterator, Sequence
 from ...scoring import Report
 from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT, Subset
 from ...scoring.rank import NOT_CAUSAL
-from ...scoring.rows import Details, Interval, Row
+from ...scoring.rows import Details, Interval, PairedRow, Row
 from ...submission.loader import controls
 from ...tables import BLANK, Column, short
 from .output import counted
 from .paper import paper_figures, paper_gap, shipped_env
+from .parts import label_of
 from .tables import blocks_of
 
 SAW_TRUTH = "saw the truth"  # reason of `why_unranked`
 STP, TRUTH, CONTROL = (controls()[role] for role in ("single", "ground_truth", "same_samples"))
+ASSOCIATED = "perfect_association_same_samples"
 CONTROL_DRAWS = 20  # times k samples
 _NO_OWN_GAP = "with its own predictor unknown: no reference pair is stated, or it does not differ significantly"
 _SIGNED = Column(format="+.3f")
@@ -28,7 +30,7 @@ def verdict(report: Report, names: Sequence[str]) -> list[str]:
     Of a submission with several settings they state the one with the most hypotheses, at equal k.
     """
     rows = [row for name in names if name not in (STP, TRUTH) and (row := _main_row(report, name)) is not None]
-    sentences = [_cost(report)]
+    sentences = [_bounds(report), _costs(report)]
     for row in rows:
         sentences += [_against_stp(report, row), _against_control(report, row), _gap(report, row)]
     sentences += [_unranked(report), _unknown_false_forecasts(report)]
@@ -47,16 +49,43 @@ def _on_subset(report: Report, row: Row, subset: str) -> Row | None:
     return next((r for r in report.rows if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key), None)
 
 
-def _cost(report: Report) -> str | None:
+def _bounds(report: Report) -> str | None:
     real, ideal = _main_row(report, STP), _main_row(report, TRUTH)
-    if real is None or ideal is None or ideal.difference_to_stp is None:
+    if real is None or ideal is None:
         return None
     return (
-        f"bADE {WHERE['all']} is {_metres(ideal.error)} from ground-truth tracks and {_metres(real.error)} from the "
-        f"tracks of {STP} ({_difference(ideal.difference_to_stp, ideal.difference_interval, ideal.p)}): the cost of "
-        f"tracking errors. With every forecast kept (plain error): {_metres(ideal.plain_error)} and "
-        f"{_metres(real.plain_error)}."
+        f"bADE {WHERE['all']} is {_metres(real.error)} from the tracks of {STP} and {_metres(ideal.error)} from "
+        f"ground-truth tracks. With every forecast kept (plain error): {_metres(real.plain_error)} and "
+        f"{_metres(ideal.plain_error)}."
     )
+
+
+def _costs(report: Report) -> str | None:
+    """Costs of detection, tracking and association; only that of association is one of tracking errors alone."""
+    parts, known = [], False
+    for subset in ("all", "ids"):
+        both, own = _paired(report, TRUTH, STP, subset), _paired(report, ASSOCIATED, CONTROL, subset)
+        if both is None:
+            continue
+        known |= own is not None
+        association = f", of which association {_cost(own)} (perfect association of the same detections)" if own else ""
+        parts.append(f"{WHERE[subset]} {_cost(both)}{association}")
+    if not parts:
+        return None
+    least = " The cost of association is a lower bound: duplicate detections still make switches." if known else ""
+    return f"Detection and tracking together cost {'; '.join(parts)}.{least}"
+
+
+def _paired(report: Report, agent: str, other: str, subset: str) -> PairedRow | None:
+    """The difference of an agent to a control on a subset; None without both."""
+    rows = (r for r in report.paired if (r.agent, r.budget, r.other, r.subset) == (agent, "equal", other, subset))
+    return next((row for row in rows if row.error is not None), None)
+
+
+def _cost(pair: PairedRow) -> str:
+    """The error of the control less that of the agent."""
+    interval = None if pair.interval is None else (-pair.interval[1], -pair.interval[0])
+    return _difference(-(pair.error or 0.0), interval, pair.p)
 
 
 def _against_stp(report: Report, row: Row) -> str | None:
@@ -64,7 +93,7 @@ def _against_stp(report: Report, row: Row) -> str | None:
     if row.difference_to_stp is None or other is None:
         return None
     return (
-        f"{_label(row)} against {STP} {WHERE['all']}: {_metres(row.error)} instead of {_metres(other.error)} "
+        f"{label_of(row)} against {STP} {WHERE['all']}: {_metres(row.error)} instead of {_metres(other.error)} "
         f"({_difference(row.difference_to_stp, row.difference_interval, row.p)})."
     )
 
@@ -83,7 +112,7 @@ def _against_control(report: Report, row: Row) -> str | None:
     # with another predictor or number of samples the difference is not one of hypotheses alone
     alike = as_many and row.gap_closed is not None and row.gap_closed == row.gap_closed_same_predictor
     gain = f". This difference, not the one to {STP}, is the gain of hypotheses" if alike else ""
-    return f"{_label(row)} against {CONTROL}, {drawn}: {'; '.join(parts)}{gain}."
+    return f"{label_of(row)} against {CONTROL}, {drawn}: {'; '.join(parts)}{gain}."
 
 
 def _gap(report: Report, row: Row) -> str | None:
@@ -93,10 +122,10 @@ def _gap(report: Report, row: Row) -> str | None:
         return None
     closed = _shares(rows, lambda r: r.gap_closed, lambda r: r.gap_interval)
     if not closed:
-        return f"{_label(row)}: no gap to close, {STP} is not significantly worse than ground-truth tracks."
+        return f"{label_of(row)}: no gap to close, {STP} is not significantly worse than ground-truth tracks."
     own = _shares(rows, lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
     parts = [
-        f"{_label(row)} closes {closed} of the gap between {STP} and ground-truth tracks",
+        f"{label_of(row)} closes {closed} of the gap between {STP} and ground-truth tracks",
         f"between references with its own predictor and presence {own}" if own else _NO_OWN_GAP,
     ]
     if (paper := paper_gap(shipped_env(report), row)) is not None:
@@ -120,7 +149,7 @@ def _unranked(report: Report) -> str | None:
         reasons: dict[str, list[str]] = {}
         for row in rows:
             if row.unranked_because not in (None, SAW_TRUTH):
-                reasons.setdefault(str(row.unranked_because), []).append(_label(row))
+                reasons.setdefault(str(row.unranked_because), []).append(label_of(row))
         if any(row.rank is not None for row in rows):
             parts += [f"Not ranked {WHERE[subset]} ({why}): {', '.join(labels)}" for why, labels in reasons.items()]
         elif reasons:
@@ -198,10 +227,6 @@ def _of_agent(details: Details) -> Iterator[str]:
 def rejected_line(agent: str, rejected: int) -> str:
     """Note about rejected rows of an agent's actions."""
     return f"! {agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` explains the errors"
-
-
-def _label(row: Row) -> str:
-    return f"{row.agent} (H = {row.hypotheses})" if row.hypotheses > 1 else row.agent
 
 
 def _metres(value: float | None) -> str:
