@@ -44,15 +44,18 @@ class VerifyOptions:
     ] = None
     sign: Annotated[Path | None, typer.Option(help="Private SSH key: sign the level that is reached.")] = None
     signer: Annotated[str | None, typer.Option(help="Name of its owner, as in keys/allowed_signers.")] = None
+    looked_at: Annotated[
+        bool, typer.Option("--looked-at", help="Sign that you looked at it: it may be better than ground truth.")
+    ] = False
     base: BaseOption = None
     env: Annotated[str | None, typer.Option(help="Card of the record if it does not ship.")] = None
 
     def require_together(self) -> None:
         """Raise BadParameter for an option without the one that it needs."""
-        needs = {"submission": "rerun", "hidden": "rerun", "sign": "signer", "signer": "sign"}
+        needs = {"submission": "rerun", "hidden": "rerun", "sign": "signer", "signer": "sign", "looked_at": "sign"}
         for name, needed in needs.items():
             if getattr(self, name) and not getattr(self, needed):
-                raise typer.BadParameter(f"needs --{needed}", param_hint=f"--{name}")
+                raise typer.BadParameter(f"needs --{needed}", param_hint=f"--{name.replace('_', '-')}")
 
 
 @dataclass(frozen=True)
@@ -129,7 +132,7 @@ def _check_one(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Result
 
 def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
     asked, record = work.asked, checked_record(path)
-    done = work.round.reached(path, record, work.trust) if asked.sign is not None else None
+    done = work.round.reached(path, record, work.trust) if asked.sign is not None and not asked.looked_at else None
     if done is not None:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
         error = None if done.hidden is None else done.hidden.row.error
@@ -141,7 +144,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
         _show_differences(checked)
     show(_verdict(checked))
     if asked.sign is not None and checked.holds:
-        level = attest(checked, asked.sign, asked.signer or "", work.trust)
+        level = attest(checked, asked.sign, asked.signer or "", work.trust, asked.looked_at)
         show(f"{level}: {checked.level}, signed by {asked.signer}")
     differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
     return _Result(path, _as_json(checked), "" if checked.holds else differ)

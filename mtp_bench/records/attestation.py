@@ -44,6 +44,7 @@ class Statement(Section):
     isolation: SandboxBackend  # sandbox of the agent when it was run again; of stored rollouts that of the record
     date: Date
     hidden: HiddenPart | None = None
+    looked_at: bool = False  # by a maintainer, who found that it may be better than prediction from ground truth
 
 
 class Attestation(Section):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 
+from ..files import clean_text
 from ..gateway import Limits
 from ..scoring import DEFINITIONS, SUBSETS
 from ..scoring.rank import Entrant
@@ -18,6 +19,7 @@ from .shipped import Shipped, baseline_digest, shipped
 
 SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
+MOST_SETTINGS = 100  # characters of a reason that quotes settings
 Ships = Callable[[str], Shipped | None]
 
 
@@ -101,6 +103,7 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
     env = record.env
     if env.card_digest != known.card:
         yield f"card {env.card_digest}, the one that ships is {known.card}"
+    yield from _other_settings(record, known.samples)
     if record.reference.hash != known.weights:
         yield "other event weights than the frozen ones"
     if env.scenes != len(known.sums):
@@ -108,6 +111,16 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
     other = next((scene for scene in record.per_scene if not _has_weights_of(known, env.id, scene)), None)
     if other is not None:
         yield f"scene {other.scene!r} has other targets than its frozen event weights"
+
+
+def _other_settings(record: Record, samples: int) -> Iterator[str]:
+    """Settings of the env that are not the card's own, whose k is ``samples``."""
+    given = record.env.keywords.items()
+    other = [f"{name} {value!r}" for name, value in given if (name, value) != ("samples", samples)]
+    if other:
+        yield f"other settings of the env: {clean_text(', '.join(other), MOST_SETTINGS)}"
+    if record.samples != samples or any(row.budget != "equal" for row in record.rows):
+        yield f"{record.samples} samples per object, not the env's own k"
 
 
 def _has_weights_of(known: Shipped, env_id: str, scene: ScenePart) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import itemgetter
 
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
@@ -16,8 +17,9 @@ from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
+from .held_back import HELD_BACK, is_held_back
 from .record import HiddenPart, Record, SubmissionPart
-from .shipped import baseline_networks, network_references, shipped
+from .shipped import baseline_networks, learned_truths, network_references, shipped
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 OTHERS = "other data, scenes or hidden scenes than the ranked ones"
@@ -115,9 +117,12 @@ def _standings_of_env(
     entrants = [_entrant(record, levels.get(record.digest), taken.get(record.digest), ships) for record in records]
     ranked = [each for each in entrants if each.unranked is None]
     main = _main_conditions(ranked)
-    group = [each for each in ranked if conditions(each.sums) == main]
     peers = [each for each in entrants if each.not_comparable is None and conditions(each.sums) == main]
+    truths = _truths(peers)
+    alike = [each for each in ranked if conditions(each.sums) == main]
+    group = [each for each in alike if not is_held_back(each, truths)]
     places = {each.record.digest: _unranked(each.unranked or OTHERS) for each in entrants}
+    places |= {each.record.digest: _unranked(HELD_BACK) for each in alike if each not in group}
     if group:
         places |= {each.record.digest: place for each, place in zip(group, _places(group, peers), strict=True)}
     inside = {each.record.digest for each in group}
@@ -205,6 +210,14 @@ def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, Paired
         return {}
     by_subset = {subset: difference_of(entrant, stp, subset) for subset in SUBSETS}
     return {subset: difference for subset, difference in by_subset.items() if difference is not None}
+
+
+def _truths(peers: Sequence[_Entrant]) -> list[_Entrant]:
+    """Records of ground-truth tracks and of the best learned predictor on them; empty unless there are both."""
+    truth, *learned = (_best_named(name, peers) for name in (TRUTH, *learned_truths()))
+    errors = [(each.sums.row.error, each) for each in learned if each is not None and each.sums.row.error is not None]
+    best = min(errors, key=itemgetter(0), default=None)
+    return [] if truth is None or best is None else [truth, best[1]]
 
 
 def _best_named(name: str, entrants: Sequence[_Entrant]) -> _Entrant | None:

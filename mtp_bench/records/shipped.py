@@ -23,6 +23,7 @@ class Shipped:
 
     card: str  # digest
     simulated: bool  # hidden scenes rank
+    samples: int  # k, per object
     most: float  # m, the largest error of a target: that of a missed one
     weights: str  # hash of the frozen event weights
     sums: Mapping[str, Mapping[Subset, float]]  # `scene_key` -> weight of the targets of a scene on each subset
@@ -41,7 +42,7 @@ def shipped(env_id: str) -> Shipped | None:
     if frozen is None:
         return None
     most = max(card.per_class(card.task.miss_error))
-    return Shipped(card.digest, card.simulated, most, frozen.digest, _sums(frozen))
+    return Shipped(card.digest, card.simulated, card.task.samples, most, frozen.digest, _sums(frozen))
 
 
 def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str | None:
@@ -76,6 +77,13 @@ def network_references(network: str) -> tuple[str, str] | None:
     single = [user.name for user in users if _is_own_reference(user.compare.gap_references, user.parameters)]
     truth = [user.name for user in users if user.compare.observe == "truth"]
     return (single[0], truth[0]) if single and truth else None
+
+
+@cache
+def learned_truths() -> tuple[str, ...]:
+    """Names of the baselines that predict with a network from ground-truth tracks."""
+    loaded = (load_submission(name) for name in sorted(baseline_names()))
+    return tuple(each.name for each in loaded if each.networks and each.compare.observe == "truth")
 
 
 def _is_own_reference(references: object, parameters: Mapping[str, object]) -> bool:

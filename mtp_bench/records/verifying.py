@@ -147,10 +147,11 @@ def verify(
         return _run_again(path, record, plan, reference, sealed, ends or own)
 
 
-def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None) -> Path:
+def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None, looked_at: bool = False) -> Path:
     """Sign the level that a check reached and write it beside the record; the path of the file.
 
-    ``trust``: the trusted leaderboard; None: the one that ships. Raises RecordError if the record does not hold or has
+    ``trust``: the trusted leaderboard; None: the one that ships. ``looked_at``: a maintainer found that the record may
+    be better than ground truth; it stays so. Raises RecordError if the record does not hold or has
     a higher level, MtpBenchError if it cannot be signed.
     """
     record = checked.record
@@ -168,6 +169,7 @@ def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = 
         isolation=(checked.isolation or record.isolation).mechanism,
         date=today(),
         hidden=checked.hidden,
+        looked_at=looked_at or (known is not None and known.statement.looked_at),
     )
     return write_level(checked.path, statement, key, signer)
 

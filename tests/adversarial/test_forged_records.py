@@ -274,8 +274,12 @@ NOT_RANKED: dict[str, tuple[Content, str]] = {
     "weights that only say frozen": ({"reference": {"frozen": False}}, "other event weights than the frozen ones"),
     "a card of one's own": ({"env": {"card_digest": "00" * 8}}, "card 0000000000000000, the one that ships is"),
     "an env of one's own": ({"env": {"id": "MTP-Mine-v0"}}, "no env of that id ships"),
+    "a perfect detector": (
+        {"env": {"keywords": {"detector": "perfect"}}}, "other settings of the env: detector 'perfect'",
+    ),
+    "more samples": ({"env": {"keywords": {"samples": 200}}}, "other settings of the env: samples 200"),
     "an earlier scorer": ({"scorer": {"source_digest": "00" * 32}}, "another scorer than today's"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("what", NOT_RANKED)
@@ -453,7 +457,11 @@ def test_a_check_that_reached_less_does_not_replace_a_level(
     again = Verification(path, record, "re-run")
     with pytest.raises(RecordError, match=r"reached re-scored, and is re-run since .*: that is kept"):
         attest(replace(again, level="re-scored"), key, SIGNER, trusted(leaderboard))
-    attest(again, key, SIGNER, trusted(leaderboard))
+    for looked_at, stated in ((False, False), (True, True), (False, True)):
+        attest(again, key, SIGNER, trusted(leaderboard), looked_at)
+        signed, _ = read_level(path, record, trusted(leaderboard))
+        assert signed is not None
+        assert signed.statement.looked_at is stated
 
 
 def test_a_level_of_another_record_is_not_shown(

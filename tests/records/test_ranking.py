@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from mtp_bench.records import Record, standings
+from mtp_bench.records.attestation import SignedLevel
 from mtp_bench.records.evaluation import per_scene_of
 from mtp_bench.scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, summarise
 from mtp_bench.scoring.table import agent_table
@@ -72,17 +74,20 @@ def test_a_baseline_with_a_network_that_ships_has_the_gap_of_its_manifest() -> N
     assert found[other.digest].own_gaps == {}
 
 
+def two_subsets(name: str, error: float, on_events: float, **changed: Any) -> Record:
+    """A record with one error over all targets and another one on identity switches."""
+    scenes = [scene_part(str(i), 10, error + 0.1 * (i % 3)).model_dump() for i in range(8)]
+    for scene in scenes:
+        scene["weight"]["ids"], scene["error"]["ids"] = [10.0], [10 * on_events]
+    return make_record(name, [make_row(name, subset, scenes, objects=40) for subset in SUBSETS], scenes, **changed)
+
+
 def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
     """As in the comparison: a better predictor must not pay for forecasts that are made for the events alone."""
 
     def record(name: str, error: float, on_events: float, ends: str) -> Record:
-        scenes = [scene_part(str(i), 10, error + 0.1 * (i % 3)).model_dump() for i in range(8)]
-        for scene in scenes:
-            scene["weight"]["ids"], scene["error"]["ids"] = [10.0], [10 * on_events]
         own = {"modes-tracklets-MTP-X-v0.safetensors": "0" * 64} if name == "flood" else {}
-        said = {"ends": ends, "networks": own}
-        rows = [make_row(name, subset, scenes, objects=40) for subset in SUBSETS]
-        return make_record(name, rows, scenes, submission=said)
+        return two_subsets(name, error, on_events, submission={"ends": ends, "networks": own})
 
     records = [
         record("stp", 2.0, 3.0, "controls"),
@@ -109,6 +114,26 @@ def test_records_of_an_earlier_version_stand_apart() -> None:
     assert [found[record.digest].places["all"].rank for record in (*today, *earlier)] == [3, 2, 4, 1, 2, 1, 3, None]
     assert found[earlier[3].digest].places["all"].why == "version 0.2, without a signed level"
     assert [record.earlier_version for record in (today[0], earlier[0])] == ["", "0.2"]
+
+
+def test_who_is_better_than_ground_truth_is_held_back() -> None:
+    """Than with motion models and than with the better network, on a subset that ranks, until it was looked at."""
+    errors = {"truth_past": (2.0, 2.0), "truth_modes": (1.0, 1.5), "truth_ptp": (1.4, 0.1)}
+    truths = [two_subsets(name, *pair, env={"observe": "truth"}) for name, pair in errors.items()]
+    entries = {"stp": (3.0, 3.0), "table": (0.5, 3.0), "events": (3.0, 1.4), "network": (1.2, 1.9)}
+    stp, table, *others = (two_subsets(name, *pair) for name, pair in entries.items())
+
+    def why(records: list[Record], level: SignedLevel | None = None) -> list[str]:
+        found = standings(records, {table.digest: level} if level else {}, ships_of(*records))
+        return [found[record.digest].places["all"].why for record in records]
+
+    held, saw = "better than ground truth: not ranked until looked at", "saw the truth"
+    records = [stp, table, *others, *truths]
+    assert why(records) == ["", held, held, "", saw, saw, saw]
+    assert why([stp, table, truths[0]]) == ["", "", saw], "no learned predictor to compare with"
+    level = signed_level(table)
+    looked = replace(level, statement=level.statement.model_copy(update={"looked_at": True}))
+    assert why(records, looked) == ["", "", held, "", saw, saw, saw]
 
 
 def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:

@@ -227,8 +227,11 @@ def test_envs_are_ranked_apart() -> None:
     assert ranks(write_record(*times(2.0)), other) == [1, 1]
 
 
-@pytest.mark.parametrize("other", [{"env": {"data_manifest": "00" * 32}}, {"reference": {"hash": "00" * 32}}], ids=str)
-def test_other_data_or_weights_are_not_compared(other: dict[str, Any]) -> None:
+OTHERS = ({"env": {"data_manifest": "00" * 32}}, {"reference": {"hash": "00" * 32}}, {"samples": 40})
+
+
+@pytest.mark.parametrize("other", OTHERS, ids=str)
+def test_other_data_weights_or_samples_are_not_compared(other: dict[str, Any]) -> None:
     found = ranks(write_record(*EIGHT, name="stp"), write_record(*EIGHT, name="b"), write_record(*times(0.5), **other))
     assert found == [1, 1, None]
 

@@ -52,7 +52,10 @@ def made_up(
     weights = dict(list(every.items())[:scenes])
     parts = [] if error is None else _scenes(name, error, weights, spread, UNITS.get(env_id, MOST_UNITS))
     rows = [
-        make_row(name, subset, parts, hypotheses=hypotheses, samples=20, objects=OBJECTS[subset]) for subset in SUBSETS
+        make_row(
+            name, subset, parts, hypotheses=hypotheses, samples=known.samples if known else 20, objects=OBJECTS[subset]
+        )
+        for subset in SUBSETS
     ]
     content: Table = {
         "submission": {"authors": ["Ada Fiction", "Ben Example"], "description": "Made up for a picture."},

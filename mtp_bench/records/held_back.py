@@ -1,0 +1,38 @@
+"""Records on recorded scenes that are better than prediction from ground-truth tracks: held back from ranks.
+
+A table of the public scenes could make such a record. A maintainer who has looked at it states so in a signed level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..scoring.definitions import SIGNIFICANT, SUBSETS, Subset
+from ..scoring.rank import why_not_on
+from ..scoring.statistics import paired_difference
+from .attestation import Checked
+
+HELD_BACK = "better than ground truth: not ranked until looked at"
+
+
+def is_held_back(one: Checked, truths: Sequence[Checked]) -> bool:
+    """True if a record is significantly better than each of ``truths``, all on one subset that ranks.
+
+    ``truths``: prediction from ground-truth tracks on the same units, with motion models and with the best network. A
+    record on hidden scenes, or that was looked at, is never held back.
+    """
+    looked_at = one.signed is not None and one.signed.statement.looked_at
+    if one.on_hidden or looked_at or not truths:
+        return False
+    return any(all(_is_better(one, truth, subset) for truth in truths) for subset in SUBSETS if _ranks(one, subset))
+
+
+def _ranks(one: Checked, subset: Subset) -> bool:
+    row = one.sums.row_of(subset)
+    return why_not_on(subset, row.effective_objects, one.sums.unit_weight(subset)) is None
+
+
+def _is_better(one: Checked, truth: Checked, subset: Subset) -> bool:
+    sums = one.sums
+    difference = paired_difference(sums.unit_error(subset), truth.sums.unit_error(subset), sums.unit_weight(subset))
+    return difference is not None and difference.mean < 0 and difference.p < SIGNIFICANT
