@@ -1,4 +1,4 @@
-"""How much do ranked errors depend on the seeds of the event weights? Disjoint sets of runs of the reference tracker.
+"""How much does bADE depend on the seeds of the event weights? Disjoint sets of runs of the reference tracker.
 
     python benchmarks/event_weights.py [--envs MTP-Intersection-v0 ...] [--sets 4] [--runs 48] [--scenes N]
 

@@ -63,7 +63,7 @@ def measure(env_id: str, agent: str, options: RunOptions, reference: Reference) 
             (subset, table.weight[subset]),
             (f"{subset}{MOVING}", table.weight[subset] * table.moving),
         ):
-            found["E"][name] = table.per_unit(table.ranking_error(subset).error, weight)
+            found["E"][name] = table.per_unit(table.bade(subset).error, weight)
             found["plain"][name] = table.per_unit(table.capped, weight)
             found["weight"][name] = table.unit_weight(weight)
     return found

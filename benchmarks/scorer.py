@@ -151,7 +151,7 @@ def measure(frames: Frames, repeats: int) -> list[dict[str, Any]]:
 
 
 def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeats: int) -> None:
-    """Print the time of what ranks on rollouts of ``agent``."""
+    """Print the time of bADE on rollouts of ``agent``."""
     from rich.console import Console
     from rich.table import Table
 

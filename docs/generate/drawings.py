@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench.scoring import SceneScore, find_targets, live_frames, score_scene
+from mtp_bench.scoring.bade import budgets_of, errors_at
 from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
-from mtp_bench.scoring.ranking_error import budgets_of, errors_at
 from mtp_bench.scoring.statistics import gap_closed
 from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene, random_case
 

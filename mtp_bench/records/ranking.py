@@ -41,7 +41,7 @@ class Standing:
     compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings to rank
     gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between STP and ground-truth tracks
     own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between references of its predictor
-    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of the ranking error, to STP's
+    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of bADE, to STP's
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
 
 
 def difference_of(one: Checked, other: Checked, subset: Subset) -> PairedDifference | None:
-    """Ranking error of ``one`` minus that of ``other``, metres, paired by unit; both have the same `conditions`."""
+    """BADE of ``one`` minus that of ``other``, metres, paired by unit; both have the same `conditions`."""
     return paired_difference(one.sums.unit_error(subset), other.sums.unit_error(subset), one.sums.unit_weight(subset))
 
 
@@ -203,7 +203,7 @@ def _gaps(entrant: _Entrant, peers: Sequence[_Entrant], pair: tuple[str, str] | 
 
 
 def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, PairedDifference]:
-    """Ranking error of a record minus that of STP's record with the same k, on each subset."""
+    """BADE of a record minus that of STP's record with the same k, on each subset."""
     if stp is None or stp is entrant or stp.record.samples != entrant.record.samples:
         return {}
     if entrant.record.status != "finished":

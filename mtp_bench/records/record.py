@@ -277,7 +277,7 @@ class Record(Section):
         return [value for scene in self.per_scene for value in scene.weight[subset]]
 
     def unit_error(self, subset: Subset) -> list[float]:
-        """Weighted ranking error per unit [U], metres."""
+        """Weighted bADE per unit [U], metres."""
         return [value for scene in self.per_scene for value in scene.error[subset]]
 
 
@@ -306,7 +306,7 @@ class HiddenPart(Section):
         return self.weight.get(subset, [])
 
     def unit_error(self, subset: Subset) -> list[float]:
-        """Weighted ranking error per unit [U], metres."""
+        """Weighted bADE per unit [U], metres."""
         return self.error.get(subset, [])
 
 

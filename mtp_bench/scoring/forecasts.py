@@ -1,4 +1,4 @@
-"""Matching of forecasts to true objects, at every confidence threshold (docs/definitions, "The ranking error")."""
+"""Matching of forecasts to true objects, at every confidence threshold (docs/definitions, "bADE")."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..types import ABSENT_BELOW, Bools, Floats, Ints, Rollout, Scene, Truth, to_metres
+from .bade import Cuts
 from .definitions import CURVE_KS
 from .displacement import displacement, floored, k_curve, sample_errors
 from .incremental_matching import NEVER, Additions, add_in_order, final_match
 from .matching import Matched, columns_to_rows, match
 from .neutral import neutral_places
 from .pairs import Pairs, Rows, box_pairs
-from .ranking_error import Cuts
 from .targets import Targets
 
 _CHUNK = 1 << 19  # sample points held at a time

@@ -129,7 +129,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
 
 
 def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRow:
-    """Differences table - other: of the ranking error, and of minADE over targets that both cover."""
+    """Differences table - other: of bADE, and of minADE over targets that both cover."""
     setting, weight = table.setting, table.weight[subset]
     whole = table.unit_weight(weight)
     error = paired_difference(table.errors(subset), other.errors(subset), whole)
@@ -152,7 +152,7 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
 
 
 def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None, split: ReferenceErrors | None) -> Row:
-    setting, weight, ranked = table.setting, table.weight[subset], table.ranking_error(subset)
+    setting, weight, ranked = table.setting, table.weight[subset], table.bade(subset)
     total, some = float(weight.sum()), weight > 0
     covered = float((weight * table.covered).sum())
     unit_weight = table.unit_weight(weight)

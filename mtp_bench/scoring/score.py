@@ -12,6 +12,7 @@ from ..cards import Card
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .absence import absent_causes
+from .bade import Cuts, capped_error, fixed_error
 from .forecasts import (
     Candidates,
     ForecastErrors,
@@ -25,7 +26,6 @@ from .forecasts import (
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
-from .ranking_error import Cuts, capped_error, fixed_error
 from .stream import StreamCounts, stream_counts
 from .targets import Targets, find_targets, live_frames, recording_of, units
 

@@ -191,7 +191,7 @@ class Gap(NamedTuple):
 
 
 def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> Gap | None:
-    """Share (E_STP - E) / (E_STP - E_GT) from ranking errors summed over the targets of each unit [U].
+    """Share (E_STP - E) / (E_STP - E_GT) from bADE summed over the targets of each unit [U].
 
     ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on ground-truth tracks, all with the same k;
     ``weight`` [U] of the targets. None unless STP is significantly worse than ground-truth tracks: the interval of the

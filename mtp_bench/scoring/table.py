@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from ..errors import RolloutError
 from ..files import cache_root
 from ..types import Bools, Floats, Ints
+from .bade import BudgetErrors, Budgets, budgets_of, errors_at
 from .definitions import SUBSETS
-from .ranking_error import BudgetErrors, Budgets, budgets_of, errors_at
 from .rows import AgentSetting, Budget
 from .score import SceneScore
 from .weights import Reference
@@ -42,8 +42,8 @@ class AgentScores:
 
 
 @dataclass(frozen=True, eq=False)
-class RankingError:
-    """Ranking error per target [n], mean over seeds; m."""
+class Bade:
+    """bADE per target [n], mean over seeds; m."""
 
     error: Floats
     missed: Floats  # the part from targets without a forecast
@@ -74,13 +74,13 @@ class AgentTable:
     miss_error: Floats  # [n] m, c
     absent_cause: Ints  # [n] values of `AbsentCause`
     capped: Floats  # [n] m, mean over seeds of min(minADE, c), c where not covered; every forecast is kept
-    of_all: RankingError  # at the budgets of "all"
-    of_subsets: RankingError  # at the budget of the subsets
+    of_all: Bade  # at the budgets of "all"
+    of_subsets: Bade  # at the budget of the subsets
     weight: dict[str, Floats]  # [n] per subset
     events: dict[str, float | None]  # per subset: expected number in a run of the reference
 
-    def ranking_error(self, subset: str) -> RankingError:
-        """Ranking error on a subset."""
+    def bade(self, subset: str) -> Bade:
+        """BADE on a subset."""
         return self.of_all if subset == "all" else self.of_subsets
 
     @property
@@ -107,8 +107,8 @@ class AgentTable:
         return self.per_unit(np.ones(len(weight)), weight)
 
     def errors(self, subset: str) -> Floats:
-        """Weighted ranking error per unit [U], metres: sums over its targets."""
-        return self.per_unit(self.ranking_error(subset).error, self.weight[subset])
+        """Weighted bADE per unit [U], metres: sums over its targets."""
+        return self.per_unit(self.bade(subset).error, self.weight[subset])
 
 
 def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
@@ -136,7 +136,7 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
     scene = np.repeat(np.arange(len(first)), [len(score) for score in first])
     units_before = np.concatenate([[0], np.cumsum([score.units for score in first])])
     budgets = run_budgets(first, reference)
-    of_all, of_subsets = _ranking_errors(setting.seeds, budgets)
+    of_all, of_subsets = _bades(setting.seeds, budgets)
     columns: dict[str, Any] = {
         **{name: _join(first, name) for name in _OF_TARGETS},
         **{name: over_seeds(setting, name) for name in _SUMMED},
@@ -179,15 +179,15 @@ def run_errors(run: Sequence[SceneScore], budgets: Sequence[float] | Floats, kno
     return errors_at([getattr(score, which) for score in run], budgets, live)
 
 
-def _ranking_errors(seeds: Sequence[Sequence[SceneScore]], budgets: Budgets) -> tuple[RankingError, RankingError]:
-    """Ranking errors at the budgets of "all", and at that of the subsets."""
+def _bades(seeds: Sequence[Sequence[SceneScore]], budgets: Budgets) -> tuple[Bade, Bade]:
+    """BADE at the budgets of "all", and at that of the subsets."""
     allowed = [*budgets.all, budgets.subsets]
     own = [run_errors(run, allowed, budgets.false_known, "cuts") for run in seeds]
     score = [run_errors(run, allowed, budgets.false_known, "score_cuts") for run in seeds]
     unsure = [run.missed * _join(scores, "covered") for run, scores in zip(own, seeds, strict=True)]
     runs = ([run.error for run in own], [run.missed for run in own], unsure, [run.error for run in score])
     parts = [np.mean(of_seeds, axis=0) for of_seeds in runs]
-    return RankingError(*(part[:-1].mean(axis=0) for part in parts)), RankingError(*(part[-1] for part in parts))
+    return Bade(*(part[:-1].mean(axis=0) for part in parts)), Bade(*(part[-1] for part in parts))
 
 
 def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: str) -> None:

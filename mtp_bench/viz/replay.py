@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..env.live import LiveEpisode
 from ..errors import UnknownNameError
+from ..scoring.bade import capped_error
 from ..scoring.events import object_history
 from ..scoring.forecasts import RecordedForecasts, candidates, final_errors, match_by_confidence, match_neutral_last
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
-from ..scoring.ranking_error import capped_error
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets, live_frames
 from ..sources import CameraImage

@@ -120,7 +120,7 @@ def test_both_scorers_give_the_same_numbers(kind: str, seed: int) -> None:
         own = others[agent.agent] = scorer.score(card, scenes, seeds, table.budgets.subsets, subsets)
         assert [(t.scene, t.t, t.row) for t in own.targets] == targets_of(scenes, card)
         for subset in SUBSETS:
-            np.testing.assert_allclose(table.ranking_error(subset).error, own.errors[subset], rtol=1e-9, atol=1e-9)
+            np.testing.assert_allclose(table.bade(subset).error, own.errors[subset], rtol=1e-9, atol=1e-9)
             same(rows_of(report, agent.agent)[subset], own.rows[subset], SHARED)
             if len(seeds) == 1:  # over several seeds the product pools covered targets, the other averages the means
                 same(rows_of(report, agent.agent)[subset], own.rows[subset], ("minADE", "minFDE", "energy_score"))

@@ -15,9 +15,9 @@ from mtp_bench.records.evaluation import scorer_digest
 from mtp_bench.scoring import (
     AgentScores,
     Reference,
+    bade,
     find_targets,
     mean_plain_error,
-    ranking_error,
     score_scene,
     summarise,
 )
@@ -93,5 +93,5 @@ def test_the_golden_results_are_those_of_the_definitions() -> None:
 
 @pytest.mark.parametrize(("name", "value"), [("FALSE_FORECAST_SHARE", 0.5 + 1e-6), ("BUDGETS", 9)])
 def test_a_changed_number_is_seen(name: str, value: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ranking_error, name, value)
+    monkeypatch.setattr(bade, name, value)
     assert golden_digest() != GOLDEN

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from mtp_bench.scoring import AgentScores, References, SceneScore, score_scene, summarise
 from mtp_bench.scoring.absence import AbsentCause
+from mtp_bench.scoring.bade import at_budgets
 from mtp_bench.scoring.parts import PARTS, error_parts, reference_errors
-from mtp_bench.scoring.ranking_error import at_budgets
 from mtp_bench.scoring.rows import Row
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.targets import find_targets

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.errors import RolloutError
 from mtp_bench.scoring import AgentScores, SceneScore, live_frames, score_scene, summarise
-from mtp_bench.scoring.ranking_error import Cuts, budgets_of, errors_at
+from mtp_bench.scoring.bade import Cuts, budgets_of, errors_at
 from mtp_bench.scoring.score import Outcome
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.types import Rollout, Scene

@@ -108,7 +108,7 @@ class Entry(Found):
 
     @property
     def error(self) -> float | None:
-        """The ranking error over all targets, metres."""
+        """BADE over all targets, metres."""
         return self.row.error
 
     @property

@@ -1,4 +1,4 @@
-"""bADE and its relatives: errors of targets at confidence thresholds (docs/definitions, "The ranking error").
+"""Budgeted ADE (bADE) and its relatives: errors of targets at confidence thresholds (docs/definitions, "bADE").
 
 | number | forecasts that are kept |
 |---|---|
