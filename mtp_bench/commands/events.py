@@ -55,7 +55,7 @@ def events(
     write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
     listed = rows if kind or top else longest_only(rows)
     if listed:
-        show_table(event_table(listed), first_width=SCENE_WIDTH, wrapped=("object", "track"))
+        show_table(event_table(listed), first_width=SCENE_WIDTH, wrapped=("object", "track", "part"))
         show("")
         show_lines([CAPTION, LOOK])
         show_command(listed[0].view)

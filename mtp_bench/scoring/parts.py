@@ -31,6 +31,11 @@ PARTS = {  # key of `Row` without "cost_" -> printed name; the first four are of
 }
 
 
+def name_of(absent_cause: int) -> str:
+    """Printed name of the part that the error of one target is without references; -1 for a target with a forecast."""
+    return PARTS["rest" if absent_cause < 0 else AbsentCause(absent_cause).name.lower()]
+
+
 class ReferenceErrors(NamedTuple):
     """Plain errors of the two references of an agent, mean over the seeds that cover a target; NaN without one, m."""
 

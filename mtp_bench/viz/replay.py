@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..env.live import LiveEpisode
 from ..errors import UnknownNameError
+from ..scoring.absence import absent_causes
 from ..scoring.bade import capped_error
 from ..scoring.events import object_history
 from ..scoring.forecasts import RecordedForecasts, candidates, final_errors, match_by_confidence, match_neutral_last
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
+from ..scoring.parts import name_of
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets, live_frames
 from ..sources import CameraImage
@@ -46,6 +48,7 @@ class Incident:
     wrong: bool = False  # a loss whose old track is still output, but outside the gate
     minADE: float | None = None  # noqa: N815  (m, of the target's forecast then; None: not a target, or not covered)
     error: float | None = None  # m, min(minADE, c), c if not covered; None: not a target
+    part: str | None = None  # name of the part of bADE that this error is: its cause, or the rest; None: not a target
     error_before: float | None = None  # m, the same of the object a frame before
     confidence: float | None = None  # of the object's forecast then; of a run the highest; None: no forecast
 
@@ -75,6 +78,7 @@ class Replay:
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     truth_forecast: Ints  # [R] forecast object matched to each true box, every forecast kept, -1 without one
     worth: Floats  # [R, 3] minADE, error (m) and confidence of the forecast of each true box, NaN if missing
+    absent_cause: Ints  # [R] values of `AbsentCause` of targets without a forecast, -1 for other true boxes
     incidents: tuple[Incident, ...] = ()  # in the order of frames
     agent: str = ""  # name
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
@@ -96,6 +100,7 @@ class Replay:
             forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
             truth_forecast=truth,
             worth=np.full((len(truth), 3), np.nan),
+            absent_cause=np.full(len(truth), -1),
             first=first,
             judged=False,
         )
@@ -163,7 +168,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     )
     detection_pairs = gated_pairs(truth, detected.start, detected.box, detected.class_id, card)
     of_detection = match_neutral_last(detection_pairs, truth.neutral, len(detected.box))
-    worth, truth_forecast, forecast_false = _forecasts(scene, rollout, card)
+    worth, absent_cause, truth_forecast, forecast_false = _forecasts(scene, rollout, card)
     track_false = answers.shown.copy()
     track_false[chosen] = of_track.unmatched
     run = Replay(
@@ -176,6 +181,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         forecast_false=forecast_false & scene.truth_complete,
         truth_forecast=truth_forecast,
         worth=worth,
+        absent_cause=absent_cause,
     )
     return replace(run, incidents=_named([*_identity_incidents(run), *_runs(run)]))
 
@@ -185,8 +191,8 @@ def ego_boxes(ego: Floats) -> Floats:
     return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
 
 
-def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Bools]:
-    """Worth of the forecast of each true box [R, 3], its row [R], and the false forecasts [O].
+def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Ints, Bools]:
+    """Worth of the forecast of each true box [R, 3], why it has none [R], its row [R], and the false forecasts [O].
 
     Worth is minADE, error and confidence, with NaN for missing values: minADE and error of a box that is not a target,
     minADE of one that is not covered.
@@ -200,7 +206,9 @@ def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.f
     table[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
     table[targets.row, 1] = capped_error(errors.min_ade, worst)
     table[:, 2] = np.append(rollout.object_confidence, np.nan)[forecast]
-    return table, forecast, matching.false
+    absent = np.full(len(table), -1)
+    absent[targets.row] = np.where(errors.covered, -1, absent_causes(scene, targets, card))
+    return table, absent, forecast, matching.false
 
 
 def _identity_incidents(run: Replay) -> list[Incident]:
@@ -224,6 +232,7 @@ def _identity_incidents(run: Replay) -> list[Incident]:
             wrong=bool(events.wrong[row, 0]),
             minADE=known(worth[row, 0]),
             error=known(worth[row, 1]),
+            part=None if np.isnan(worth[row, 1]) else name_of(int(run.absent_cause[row])),
             error_before=known(error_before[row]),
             confidence=known(worth[row, 2]),
         )

@@ -14,8 +14,9 @@ ORDERS = ("time", "cost")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
 CAPTION = (
     "minADE: of the forecast made then, metres; – where the object is not a target, or was not forecast. error: "
-    "min(minADE, c), c where it was not forecast: the cost of the event. confidence: that of the forecast; of a run "
-    "of false forecasts (spurious) the highest. *: the old track is still output, outside the gate."
+    "min(minADE, c), c where it was not forecast: the cost of the event. part: the part of bADE that this cost is: "
+    "the cause where it was not forecast, else the rest, which one run alone cannot split. confidence: that of the "
+    "forecast; of a run of false forecasts (spurious) the highest. *: the old track is still output, outside the gate."
 )
 LOOK = (
     "To look at one, name its scene and event as for the first of them; with --png FILE.png it becomes a picture, "
@@ -139,7 +140,7 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
 
 def _record(row: EventRow) -> dict[str, Any]:
     event = row.incident
-    same = ("frame", "until", "kind", "wrong", "minADE", "error", "error_before", "confidence")
+    same = ("frame", "until", "kind", "wrong", "minADE", "error", "part", "error_before", "confidence")
     ids = {"object": event.object_id, "old_id": event.old_id, "new_id": event.new_id}
     return {
         "scene": row.scene,
@@ -175,5 +176,6 @@ _COLUMNS = (
     Column(key="track", read=_track),
     Column(key="minADE", format=".2f", read=lambda row: row.incident.minADE),
     Column(key="error", format=".2f", read=lambda row: row.incident.error),
+    Column(key="part", read=lambda row: row.incident.part),
     Column("confi-\ndence", key="confidence", format=".2f", read=lambda row: row.incident.confidence),
 )
