@@ -38,7 +38,7 @@ SUMMARIES = {
     "run": "Run an agent and store its rollouts.",
     "score": "Score stored rollouts.",
     "compare": "Compare agents on the same scenes.",
-    "study": "Measure what tracking errors cost on an environment: tables, figures and a page.",
+    "study": "Measure what detection and tracking cost on an environment: tables, figures and a page.",
     "view": "Show stored rollouts in rerun, or draw them.",
     "events": "List identity switches and other events with their cost.",
     "video": "Write a video of a scene.",

@@ -38,7 +38,7 @@ def study(
         int | None, typer.Option(min=1, max=1000, help=f"Random draws of ranked agents. Default: {SEEDS}.")
     ] = None,
 ) -> None:
-    """Write a page on the cost of tracking errors on an environment, with the paper's tables and figures and more."""
+    """Write a page on the cost of detection and tracking on an environment: the paper's tables, figures and more."""
     require_study_folder(output.absolute())
     options = on.options(workers, range(1 if quick else seeds or SEEDS))
     if quick and ((seeds or 1) > 1 or (options.scenes or 1) > QUICK_SCENES):

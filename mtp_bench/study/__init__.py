@@ -1,4 +1,4 @@
-"""Study of an env: the cost of tracking errors, where and how often they happen, and the gain of hypotheses.
+"""Study of an env: the cost of detection and tracking, where and how often identities err, and the gain of hypotheses.
 
 `plan` lists the runs, `runs` makes or reads them, `findings` holds their scores; `rows` makes the tables, `figures` the
 figures, `relations` compares with the paper, and `page` shows all of it.

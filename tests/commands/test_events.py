@@ -19,7 +19,9 @@ from mtp_bench.viz.replay import Incident
 from mtp_bench.viz.terminal.event_table import EventRow, in_order
 from tests.support.command_line import CommandLine, on_terminal, read_json
 
-ROW = re.compile(r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+)" + 2 * r" +([\d.–]+)" + r" +(.+?) +([\d.–]+) *")
+ROW = re.compile(
+    r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+)" + 2 * r" +([\d.–]+)" + r" +(.+?) +([\d.–]+) *"
+)
 
 
 def rows_of(printed: str) -> list[list[str]]:
