@@ -54,7 +54,7 @@ def apart(errors: np.ndarray, units: int, rng: np.random.Generator) -> float:
         unit = rng.integers(errors.shape[1], size=units)
         first = rng.integers(len(errors), size=units)
         second = (first + rng.integers(1, len(errors), size=units)) % len(errors)
-        count += sign_flip_test(errors[first, unit] - errors[second, unit]) < SIGNIFICANT
+        count += sign_flip_test(errors[first, unit] - errors[second, unit]).p < SIGNIFICANT
     return count / RESAMPLES
 
 

@@ -23,7 +23,7 @@ from .canonical import rounded
 from .record import MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
 # of a row: they depend on other records, or are measured
-_LEFT_OUT = ("rank", "unranked_because", "ms_per_frame")
+_LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame")
 
 
 @dataclass(frozen=True)

@@ -27,10 +27,11 @@ OTHERS = "other data, scenes or hidden scenes than the ranked ones"
 
 @dataclass(frozen=True)
 class Place:
-    """The rank of a record on one subset."""
+    """The place of a record on one subset, and the ranks that the tests leave open."""
 
-    rank: int | None = None
-    why: str = ""  # it has no rank
+    place: int | None = None
+    span: tuple[int, int] | None = None
+    why: str = ""  # it has no place
 
 
 @dataclass(frozen=True)
@@ -165,27 +166,31 @@ def _places(group: Sequence[_Entrant], peers: Sequence[_Entrant]) -> list[dict[S
     sums = [entrant.sums for entrant in group]
     limits = [_stp_errors(entrant, peers) for entrant in group]
     for subset in SUBSETS:
-        of_all = why_not_on(subset, sums[0].row_of(subset).effective_objects, sums[0].unit_weight(subset))
+        weight = sums[0].unit_weight(subset)
+        of_all = why_not_on(subset, sums[0].row_of(subset).effective_objects, weight)
         why = [
-            of_all or (None if subset == "all" else _guarded(each.row.error, *limit))
+            of_all or (None if subset == "all" else _guarded(each, *limit))
             for each, limit in zip(sums, limits, strict=True)
         ]
-        ranks = ranks_among([each.unit_error(subset) for each in sums], why)
+        ranks = ranks_among([each.unit_error(subset) for each in sums], weight, why)
         for place, rank, reason in zip(places, ranks, why, strict=True):
-            place[subset] = Place(rank, reason or "")
+            place[subset] = Place(why=reason or "") if rank is None else Place(rank.place, rank.span)
     return places
 
 
-def _guarded(error: float | None, stp: float | None, own: float | None) -> str | None:
+def _guarded(sums: Record | HiddenPart, stp: list[float] | None, own: list[float] | None) -> str | None:
     """Reason why a record is not ranked on event subsets."""
-    return "no record of stp beside it" if stp is None else guard(error, stp, own)
+    if stp is None:
+        return "no record of stp beside it"
+    return guard(sums.unit_error("all"), sums.unit_weight("all"), stp, own)
 
 
-def _stp_errors(entrant: _Entrant, peers: Sequence[_Entrant]) -> tuple[float | None, float | None]:
-    """Errors over all targets of STP, and of STP with the record's own predictor; None if unknown."""
+def _stp_errors(entrant: _Entrant, peers: Sequence[_Entrant]) -> tuple[list[float] | None, list[float] | None]:
+    """Errors over all targets, by unit, of STP and of STP with the record's own predictor; None if unknown."""
     pair = own_ends(entrant.record.submission)
     stp, own = _best_named(STP, peers), None if pair is None else _best_named(pair[0], peers)
-    return None if stp is None else stp.sums.row.error, None if own is None else own.sums.row.error
+    stp_errors, own_errors = (None if each is None else each.sums.unit_error("all") for each in (stp, own))
+    return stp_errors, own_errors
 
 
 def _gaps(entrant: _Entrant, peers: Sequence[_Entrant], pair: tuple[str, str] | None) -> dict[Subset, float]:

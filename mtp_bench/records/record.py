@@ -6,7 +6,7 @@ from functools import reduce
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 from typing_extensions import TypeAliasType  # pydantic brings it
 
 from .._version import __version__
@@ -58,6 +58,15 @@ _Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 _NotNegative = Annotated[float, Field(ge=0)]
 
 
+def _without_rank(rows: Any) -> Any:
+    """Rows without the key that those of definitions 2.0 have, always null."""
+    if not isinstance(rows, list):
+        return rows
+    return [
+        {k: v for k, v in row.items() if (k, v) != ("rank", None)} if isinstance(row, dict) else row for row in rows
+    ]
+
+
 def _one_per_subset(rows: list[Row]) -> list[Row]:
     subsets = tuple(row.subset for row in rows)
     if subsets != SUBSETS:
@@ -72,7 +81,9 @@ def _equally_long(sums: UnitSums) -> UnitSums:
 
 
 UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
-Rows = Annotated[list[Row], Field(max_length=MOST_NAMES), AfterValidator(_one_per_subset)]
+Rows = Annotated[
+    list[Row], Field(max_length=MOST_NAMES), BeforeValidator(_without_rank), AfterValidator(_one_per_subset)
+]
 _SceneSums = Annotated[UnitSums, AfterValidator(_equally_long)]
 
 

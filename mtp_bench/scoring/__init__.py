@@ -19,7 +19,7 @@ from .matching import match_sticky as match_sticky
 from .neutral import evaluated as evaluated
 from .neutral import unconfirmable as unconfirmable
 from .pairs import Pairs as Pairs
-from .rank import ranks_by_test as ranks_by_test
+from .rank import rank_by_error as rank_by_error
 from .report import References as References
 from .report import Report as Report
 from .report import summarise as summarise

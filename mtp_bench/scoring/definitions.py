@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Literal, get_args
 
-DEFINITIONS = "2.0"  # raised whenever a number of an unchanged rollout would change
-GOLDEN = "36c7ccb68c345965b09652b7141bbf11d5513d5c66423aafc17ebe2d8f88cc07"  # tests/scoring/test_golden_results.py
+DEFINITIONS = "3.0"  # raised whenever a number of an unchanged rollout would change
+GOLDEN = "360641a9df06288fbf5b14bf3475ade1af9099f6eda95a11e278d44dec574cfc"  # tests/scoring/test_golden_results.py
 
 MISS_RATE_GATE = 2.0  # m, a sample whose final point is farther away misses (MR, EPA)
 MOVING_SPEED = 0.5  # m/s, straight displacement over the future by its time; slower targets are "static"
@@ -28,6 +28,8 @@ RANKED_OBJECTS = 20  # effective number; a subset with fewer is shown, never ran
 RANKED_UNITS = 6  # effective number of units; with fewer no test can tell agents apart
 LARGEST_SHARE = 0.25  # of the weight of an event subset that one unit may have
 SIGNIFICANT = 0.05  # p of the sign-flip test
+GUARD_IF_SIGNIFICANT = 0.01  # excess over STP on all targets from which event subsets do not rank, if significant
+GUARD = 0.05  # the same, whatever p is
 CAMERA_HEIGHT = 1.65  # m above the ground on which an object is put to be seen in the image
 LEAST_IMAGE_HEIGHT = 25.0  # pixels; labels confirm nothing that is seen this small
 MOST_IN_REGION = 0.5  # share in one region where labels do not care; nothing of which more lies there is confirmed

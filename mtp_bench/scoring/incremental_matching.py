@@ -17,9 +17,8 @@ from .pairs import Pairs, Rows
 
 NEVER = np.iinfo(np.intp).max  # the step of a column that is not added
 _MICRO = 1e6  # costs are integers in micrometres, so that the order of a sum does not matter
-_SURE = 2.0**60  # steps of confidence: single precision values from 1e-11 on differ
-_CONFIDENCE_BITS, _TIE_BITS = 70, 40
-_UNMATCHED = 1 << 150  # outweighs every sum of costs
+_TIE_BITS = 40
+_UNMATCHED = 1 << 120  # outweighs every sum of costs
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +35,12 @@ class Additions:
 
 
 def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> Additions:
-    """Extend the matching of maximum cardinality, then least cost, by each column at its ``step`` [columns].
+    """Extend the matching by each column at its ``step`` [columns].
 
-    At equal cost the higher ``confidence`` [columns] is matched, then the larger ``tie`` [E] of the pairs, m. Steps are
-    distinct; a column with step NEVER is not added. Costs are rounded to micrometres.
+    It has maximum cardinality, then the surest columns, then least cost, then the larger ``tie`` [E] of the pairs, m.
+    Columns of equal ``confidence`` [columns] are one group, in which cost decides. Steps are distinct and come by
+    falling confidence, so a matched column gives way to one of its own group alone; a column with step NEVER is not
+    added. Costs are rounded to micrometres.
     """
     come = step[pairs.column] != NEVER
     pairs, tie = pairs.keep(come), tie[come]
@@ -49,9 +50,11 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
     single, contested = pairs.keep(alone), pairs.keep(~alone)
     changes: list[tuple[int, int, int]] = []
     if len(contested):
-        cost = _whole_costs(contested.cost, confidence[contested.column], tie[~alone])
+        cost = _whole_costs(contested.cost, tie[~alone])
+        # only the order matters: matched sets form a matroid, so any falling weights choose the same columns
+        group = np.unique(confidence, return_inverse=True)[1]
         for part in _components_by_step(contested, step):
-            _grow(contested, cost, part, step, changes, dropped)
+            _grow(contested, cost, part, step, group, changes, dropped)
     grown = np.array(changes, dtype=np.intp).reshape(-1, 3)
     at = np.concatenate([step[single.column], grown[:, 0]])
     order = np.argsort(at, kind="stable")
@@ -81,16 +84,15 @@ def last_of(values: Ints) -> NDArray[np.intp]:
     return len(values) - 1 - np.unique(values[::-1], return_index=True)[1]
 
 
-def _whole_costs(cost: Floats, confidence: Floats, tie: Floats) -> list[int]:
-    """One integer per pair that orders by cost, then confidence, then tie; sums are exact.
+def _whole_costs(cost: Floats, tie: Floats) -> list[int]:
+    """One integer per pair that orders by cost, then tie; sums are exact.
 
-    The three are packed into bits of one integer: exact for components of up to about 1 000 matched pairs, beyond
-    which a sum of confidences or ties may carry over into the bits above.
+    The two are packed into bits of one integer: exact for components of up to about 1 000 matched pairs, beyond which
+    a sum of ties may carry over into the bits above.
     """
     main = np.rint(cost * _MICRO).astype(np.int64).tolist()
-    sure = np.rint(confidence.astype(np.float64) * _SURE).astype(np.int64).tolist()
     far = np.rint(np.minimum(np.where(np.isfinite(tie), tie, 1e3), 1e3) * _MICRO).astype(np.int64).tolist()
-    return [(((m << _CONFIDENCE_BITS) - s) << _TIE_BITS) - f for m, s, f in zip(main, sure, far, strict=True)]
+    return [(m << _TIE_BITS) - f for m, f in zip(main, far, strict=True)]
 
 
 def _grow(
@@ -98,18 +100,20 @@ def _grow(
     cost: list[int],
     part: NDArray[np.intp],
     step: Rows,
+    group: Ints,
     changes: list[tuple[int, int, int]],
     dropped: Rows,
 ) -> None:
     """Add the columns of one component: append (step, row, column) to ``changes`` and fill in ``dropped``.
 
     The Hungarian method with one shortest path per column (Jonker and Volgenant 1987). Every column may also stay
-    unmatched, at a cost above all others. ``part``: indices of the component's pairs, sorted by step.
+    unmatched, at a cost above all others and the higher the surer it is. ``part``: indices of the component's pairs,
+    sorted by step; ``group`` [columns]: number of the confidence among all, the surest last.
     """
     edges: dict[int, list[tuple[int, int]]] = {}
     for place, row, column in zip(part.tolist(), pairs.row[part].tolist(), pairs.column[part].tolist(), strict=True):
         edges.setdefault(column, []).append((row, cost[place]))
-    state = _Matching(edges)
+    state = _Matching(edges, {column: _UNMATCHED * (1 + int(group[column])) for column in edges})
     for column in edges:
         path, left_out = state.add(column)
         changes += [(int(step[column]), row, taker) for row, taker in path]
@@ -120,8 +124,9 @@ def _grow(
 class _Matching:
     """The optimal matching of the columns added to one component, with the dual potentials."""
 
-    def __init__(self, edges: dict[int, list[tuple[int, int]]]) -> None:
+    def __init__(self, edges: dict[int, list[tuple[int, int]]], unmatched: dict[int, int]) -> None:
         self._edges = edges  # column -> rows inside the gate and their costs
+        self._unmatched = unmatched  # column -> cost of leaving it out
         self._row_of: dict[int, int] = {}
         self._column_of: dict[int, int] = {}
         self._of_column: dict[int, int] = {}  # potentials
@@ -153,7 +158,7 @@ class _Matching:
         before: dict[int, int] = {}
         done: dict[int, int] = {}
         waiting: list[tuple[int, int]] = []  # a heap of distances and rows; a row may be in it twice
-        column, base, left_out, least = new, 0, new, _UNMATCHED - self._of_column[new]
+        column, base, left_out, least = new, 0, new, self._unmatched[new] - self._of_column[new]
         while True:
             for row, cost in self._edges[column]:
                 far = base + cost - self._of_column[column] - self._of_row[row]
@@ -169,5 +174,6 @@ class _Matching:
             if nearest not in self._column_of:
                 return done, before, nearest, -1, base
             column = self._column_of[nearest]
-            if base + _UNMATCHED - self._of_column[column] < least:
-                left_out, least = column, base + _UNMATCHED - self._of_column[column]
+            out = base + self._unmatched[column] - self._of_column[column]
+            if out < least:
+                left_out, least = column, out

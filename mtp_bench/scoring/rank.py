@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import require_shape
-from .definitions import LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, SIGNIFICANT
+from .definitions import (
+    GUARD,
+    GUARD_IF_SIGNIFICANT,
+    LARGEST_SHARE,
+    RANKED_OBJECTS,
+    RANKED_SUBSETS,
+    RANKED_UNITS,
+)
 from .rows import Budget
-from .statistics import ROUNDING, beyond_rounding, effective_number, sign_flip_test
+from .statistics import beyond_rounding, effective_number, paired_difference
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 ALONE = "one agent alone is not ranked"
@@ -60,37 +69,63 @@ def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | Non
     return None
 
 
-def guard(error_of_all: float | None, stp: float | None, own: float | None = None) -> str | None:
+def guard(of_all: ArrayLike, weight: ArrayLike, stp: ArrayLike | None, own: ArrayLike | None = None) -> str | None:
     """Reason why an agent is not ranked on event subsets: over all targets it is worse than STP; None if it is not.
 
-    ``stp``: the error of STP over all targets; ``own``: of STP with the agent's own predictor; None if unknown.
+    ``of_all`` [U]: its errors over all targets, summed in each unit; ``stp`` [U]: those of STP, ``own`` [U]: of STP
+    with the agent's own predictor; None if unknown. ``weight`` [U]: number of targets. Worse: significantly and by
+    more than 1 %, or by more than 5 %.
     """
     for limit, whose in ((stp, "stp"), (own, "stp with its own predictor")):
-        if error_of_all is not None and limit is not None and error_of_all > limit * (1.0 + ROUNDING):
-            return f"over all targets its error is above that of {whose}"
+        difference = None if limit is None else paired_difference(of_all, limit, weight)
+        if limit is None or difference is None:
+            continue
+        excess = difference.mean * float(np.sum(weight)) / max(float(np.sum(limit)), 1e-300)
+        if excess > GUARD or (excess > GUARD_IF_SIGNIFICANT and difference.significant):
+            return f"over all targets its bADE is above that of {whose}"
     return None
 
 
-def ranks_by_test(sums: ArrayLike) -> list[int]:
-    """Rank of each agent: 1 + the number of agents that are significantly better.
+class Rank(NamedTuple):
+    """The position of an agent among the ranked ones."""
 
-    ``sums`` [A, U]: weighted errors of each agent, summed over the targets of each unit, which are the same for all.
-    Better: the sum of the differences is below 0 and the sign-flip test over units has p < .05.
+    place: int  # by bADE, from 1 on; agents of equal bADE share it
+    span: tuple[int, int]  # 1 + the number of agents that are significantly better; n - the number significantly worse
+
+
+def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Rank]:
+    """Places of agents by bADE, and the ranks that the paired tests leave open.
+
+    ``sums`` [A, U]: weighted errors of each agent, summed over the targets of each unit, which are the same for all;
+    ``weight`` [U] of these targets. Better: the sum of the differences is below 0 and p < 0.05.
     """
     errors = np.asarray(sums, dtype=np.float64)
     require_shape("sums", errors, (None, None))
-    ranks = [1] * len(errors)
-    for a in range(len(errors)):
-        for b in range(a):
-            difference = beyond_rounding(errors[a], errors[b])
-            if sign_flip_test(difference) < SIGNIFICANT:
-                ranks[a if difference.sum() > 0 else b] += 1
-    return ranks
+    smaller, better, worse = np.zeros((3, len(errors)), dtype=np.int64)
+    for a, b in itertools.combinations(range(len(errors)), 2):
+        total = beyond_rounding(errors[a].sum(keepdims=True), errors[b].sum(keepdims=True)).sum()
+        if total == 0:
+            continue
+        first, last = (a, b) if total < 0 else (b, a)
+        smaller[last] += 1
+        difference = paired_difference(errors[first], errors[last], weight)
+        if difference is not None and difference.significant:
+            better[last] += 1
+            worse[first] += 1
+    ends = zip((1 + better).tolist(), (len(errors) - worse).tolist(), strict=True)
+    return [Rank(1 + int(place), span) for place, span in zip(smaller, ends, strict=True)]
 
 
-def ranks_among(sums: Sequence[ArrayLike], why: Sequence[str | None]) -> list[int | None]:
-    """Ranks as of `ranks_by_test` among the agents without a reason in ``why``; None for the others."""
+def ranks_among(sums: Sequence[ArrayLike], weight: ArrayLike, why: Sequence[str | None]) -> list[Rank | None]:
+    """Ranks as of `rank_by_error` among the agents without a reason in ``why``; None for the others."""
     ranked = [i for i, reason in enumerate(why) if reason is None]
-    ranks = ranks_by_test(np.asarray([sums[i] for i in ranked])) if ranked else []
+    ranks = rank_by_error(np.asarray([sums[i] for i in ranked]), weight) if ranked else []
     rank = dict(zip(ranked, ranks, strict=True))
     return [rank.get(i) for i in range(len(why))]
+
+
+def rank_text(place: int | None, span: tuple[int, int] | None) -> str | None:
+    """A place with its range of ranks, "2 (1–3)"; the place alone where the range is that place."""
+    if place is None or span is None or span[0] == span[1]:
+        return None if place is None else str(place)
+    return f"{place} ({span[0]}–{span[1]})"

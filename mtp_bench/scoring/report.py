@@ -136,6 +136,7 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     both = weight * ((table.covered > 0) & (other.covered > 0))
     ade = table.per_unit(_mean_over_seeds(table) - _mean_over_seeds(other), both)
     shared = table.unit_weight(both)
+    of_ade = paired_difference(ade, np.zeros(len(ade)), shared)
     return PairedRow(
         **setting.key,
         other=other.setting.agent,
@@ -143,8 +144,8 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
         error=error and error.mean,
         interval=error and error.interval,
         p=error and error.p,
-        minADE=ratio(ade.sum(), shared.sum()),
-        minADE_interval=bootstrap_interval(ade, shared),
+        minADE=of_ade and of_ade.mean,
+        minADE_interval=of_ade and of_ade.interval,
         targets=int((weight > 0).sum()),
         shared=int((both > 0).sum()),
         scenes=len(np.unique(table.scene[weight > 0])),
@@ -189,7 +190,6 @@ def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None, sp
         gap_interval=gap and gap.interval,
         gap_closed_same_predictor=same and same.closed,
         gap_same_predictor_interval=same and same.interval,
-        rank=None,
         unranked_because=None,
         targets=int(some.sum()),
         effective_targets=effective_number(weight),
@@ -221,31 +221,27 @@ def _gap(table: AgentTable, subset: Subset, pair: _Pair | None) -> Gap | None:
 
 def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: _Pair, own: Mapping[str, _Pair]) -> list[Row]:
     """The rows, by agent and then by subset, with their ranks or the reason why they have none."""
-    total = [_mean_error(table) for table in tables]
     done = list(rows)
-    for place, subset in enumerate(SUBSETS):
+    for at, subset in enumerate(SUBSETS):
         why: list[str | None] = []
-        for table, of_all in zip(tables, total, strict=True):
+        weight = tables[0].unit_weight(tables[0].weight[subset]) if tables else np.zeros(0)
+        for table in tables:
             setting = table.setting
             entrant = Entrant(setting.budget, setting.samples, setting.ideal, stored_tracks=setting.stored_tracks)
-            reason = why_unranked(entrant)
-            weight = table.unit_weight(table.weight[subset])
-            reason = reason or why_not_on(subset, _effective_objects(table, subset), weight)
+            reason = why_unranked(entrant) or why_not_on(subset, _effective_objects(table, subset), weight)
             if subset != "all" and reason is None:
-                limits = [None if each is None else each.stp for each in (shared, own.get(setting.agent))]
-                reason = guard(of_all, *(None if limit is None else _mean_error(limit) for limit in limits))
+                pairs = shared, own.get(setting.agent)
+                limits = (None if each is None or each.stp is None else each.stp.errors("all") for each in pairs)
+                reason = guard(table.errors("all"), table.unit_weight(table.weight["all"]), *limits)
             # alone, even an agent that predicts nothing would be the first
             why.append(ALONE if reason is None and len(tables) == 1 else reason)
-        ranks = ranks_among([table.errors(subset) for table in tables], why)
+        ranks = ranks_among([table.errors(subset) for table in tables], weight, why)
         for i, (rank, because) in enumerate(zip(ranks, why, strict=True)):
-            at = i * len(SUBSETS) + place
-            done[at] = rows[at].model_copy(update={"rank": rank, "unranked_because": because})
+            row = i * len(SUBSETS) + at
+            place, span = rank or (None, None)
+            update = {"place": place, "rank_range": span, "unranked_because": because}
+            done[row] = rows[row].model_copy(update=update)
     return done
-
-
-def _mean_error(table: AgentTable) -> float | None:
-    """The error over all targets."""
-    return ratio(float(table.of_all.error.sum()), len(table.of_all.error))
 
 
 def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | None:

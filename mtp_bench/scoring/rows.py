@@ -76,7 +76,12 @@ class Row(AgentSetting):
     gap_interval: IntervalColumn
     gap_closed_same_predictor: Annotated[Share, Column(help="Between a reference pair with the agent's predictor.")]
     gap_same_predictor_interval: IntervalColumn
-    rank: Annotated[int | None, Column(better="lower", help="Missing: shown, not ranked.")]
+    place: Annotated[int | None, Column(better="lower", help="By bADE. Missing: shown, not ranked.")] = None
+    rank_range: Annotated[
+        tuple[int, int] | None,
+        Column("ranks", help="1 + the number of agents that are significantly better, to n - the number worse."),
+        Field(strict=False),
+    ] = None
     unranked_because: Annotated[str | None, Column()]
     targets: Annotated[Count, Column()]
     effective_targets: Annotated[float, Column(format=".1f", help="Effective sample size (Kish).")]

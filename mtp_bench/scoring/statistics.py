@@ -1,4 +1,4 @@
-"""Uncertainty: studentised intervals, sign-flip tests, gaps (docs/definitions, "Ranks").
+"""Uncertainty: studentised intervals, sign-flip tests and the intervals that invert them, gaps (docs/definitions).
 
 Units are recordings cut into blocks of at most 20 s. A weighted mean over targets is a ratio of sums over units:
 ``numerator`` [U] and ``denominator`` [U], the weight of the targets.
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ShapeError, require_finite, require_shape
 from ..types import Floats
+from .definitions import RANKED_UNITS, SIGNIFICANT
 
 RESAMPLES = 2000
 LEVEL = 0.95
@@ -31,6 +32,7 @@ def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[fl
     wide enough for few and unequal units; the percentile interval is not (Efron and Tibshirani 1993, ch. 12). Units
     without weight (denominator 0) are left out; None with fewer than three others, since resamples of two units do
     not estimate an error. The resamples depend on the number of units only, so agents are compared on the same ones.
+    If no sum is below 0, neither is the interval.
     """
     top, bottom = as_sums("numerator", numerator), as_sums("denominator", denominator)
     require_shape("numerator", top, bottom.shape)
@@ -52,7 +54,8 @@ def _interval(numerator: bytes, denominator: bytes) -> tuple[float, float] | Non
     t = (means[known] - mean[0]) / errors[known]
     most = _widest(len(bottom))
     low, high = np.clip(np.quantile(t, [(1 - LEVEL) / 2, (1 + LEVEL) / 2]), -most, most)
-    return float(mean[0] - high * error[0]), float(mean[0] - low * error[0])
+    least = 0.0 if top.min() >= 0 else -np.inf
+    return max(float(mean[0] - high * error[0]), least), float(mean[0] - low * error[0])
 
 
 @lru_cache(maxsize=64)
@@ -84,18 +87,24 @@ class PairedDifference(NamedTuple):
     """Difference of two means over the same targets, in the unit of their numerators."""
 
     mean: float
-    interval: tuple[float, float] | None  # 95 %, over resampled units; None with fewer than three
+    interval: tuple[float, float] | None  # 95 %, inverts the test: without 0 exactly if p < 0.05; None: unbounded
     p: float  # of the sign-flip test over units
+
+    @property
+    def significant(self) -> bool:
+        """True if p is below 0.05."""
+        return self.p < SIGNIFICANT
 
 
 def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> PairedDifference | None:
     """Difference a - b of two means: numerators [U], [U], denominator [U]; None where that is 0 in all units."""
-    gap = as_sums("a", a) - as_sums("b", b)
-    count = as_sums("denominator", denominator)
-    mean = ratio(gap.sum(), count.sum())
+    gap, weight = beyond_rounding(a, b), as_sums("denominator", denominator)
+    require_shape("denominator", weight, gap.shape)
+    mean = ratio(gap.sum(), weight.sum())
     if mean is None:
         return None
-    return PairedDifference(mean, bootstrap_interval(gap, count), sign_flip_test(beyond_rounding(a, b)))
+    test = sign_flip_test(gap, weight)
+    return PairedDifference(mean, test.interval, test.p)
 
 
 def beyond_rounding(a: ArrayLike, b: ArrayLike) -> Floats:
@@ -131,28 +140,59 @@ def share_interval(part: ArrayLike, whole: ArrayLike) -> tuple[float, float] | N
     return float(low), float(high)
 
 
-def sign_flip_test(difference: ArrayLike) -> float:
-    """Two-sided p of the summed difference [U] per unit, under random signs of the units.
+class SignFlipTest(NamedTuple):
+    """Two-sided test of a summed difference, and the interval of the mean difference that inverts it."""
 
-    All 2^U signs up to EXACT_UNITS units; else FLIPS random ones and the observed one. Units without a difference do
-    not matter. 1.0 without any other unit.
+    p: float
+    interval: tuple[float, float] | None  # 95 %; None where it is unbounded, as with fewer than six units
+
+
+def sign_flip_test(difference: ArrayLike, weight: ArrayLike | None = None) -> SignFlipTest:
+    """Test the sum of ``difference`` [U] per unit under random signs of the units.
+
+    All 2^U signs up to EXACT_UNITS units; else FLIPS random ones and the observed one. ``weight`` [U] of the units,
+    without it 1: the interval holds the means m for which the differences minus m times the weights have p >= 0.05.
+    Units without a difference and a weight do not matter. p is 1 without any other unit.
     """
     gap = as_sums("difference", difference)
-    return _p(gap[gap != 0].tobytes())
+    share = np.ones(len(gap)) if weight is None else as_sums("weight", weight)
+    counted = (gap != 0) | (share != 0)
+    return _flipped(gap[counted].tobytes(), share[counted].tobytes())
 
 
 @lru_cache(maxsize=8192)  # a leaderboard needs a pair of agents for ranks and for differences
-def _p(difference: bytes) -> float:
-    gap = np.frombuffer(difference)
-    count = len(gap)
-    if count == 0:
-        return 1.0
-    # a sum of the same terms in another order is as extreme
-    limit = abs(float(gap.sum())) - 1e-12 * float(np.abs(gap).sum())
-    if count <= EXACT_UNITS:
-        return float((np.abs(_all_signs(count) @ gap) >= limit).mean())
-    extreme = int((np.abs(_signs(count) @ gap) >= limit).sum())
-    return (1 + extreme) / (1 + FLIPS)
+def _flipped(difference: bytes, weight: bytes) -> SignFlipTest:
+    gap, share = np.frombuffer(difference), np.frombuffer(weight)
+    if not gap.any():
+        return SignFlipTest(1.0, (0.0, 0.0) if len(gap) >= RANKED_UNITS else None)
+    exact = len(gap) <= EXACT_UNITS
+    signs: Floats = _all_signs(len(gap)) if exact else _signs(len(gap)).astype(np.float64)
+    low, high = _ends(gap, share, signs @ np.stack([gap, share], axis=1))
+    flips, observed = len(low) + (not exact), int(not exact)
+    p = (int(((low <= 0) & (high >= 0)).sum()) + observed) / flips
+    # as many flips must hold a mean for its p to be 0.05 or more
+    least = int(np.ceil(SIGNIFICANT * flips - 1e-9)) - observed
+    interval = float(np.partition(low, least - 1)[least - 1]), float(np.partition(high, -least)[-least])
+    return SignFlipTest(p, interval if np.isfinite(interval).all() else None)
+
+
+def _ends(gap: Floats, share: Floats, flipped: Floats) -> tuple[Floats, Floats]:
+    """Means between which each flip is at least as extreme as what was observed: from [N], to [N].
+
+    ``flipped`` [N, 2]: sums of differences and weights after each flip. They are inside where
+    |A - m B| >= |D - m W|: between (D + A) / (W + B) and (D - A) / (W - B), which always include D / W.
+    """
+    total = np.array([gap.sum(), share.sum()])
+    slack = ROUNDING * np.abs(np.stack([gap, share])).sum(axis=1)  # the same terms may be summed in another order
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.stack([_end(total + flipped, slack), _end(total - flipped, slack)])
+    unbounded = np.isnan(ends).any(axis=0)  # the observed signs, or all turned
+    return np.where(unbounded, -np.inf, ends.min(axis=0)), np.where(unbounded, np.inf, ends.max(axis=0))
+
+
+def _end(sums: Floats, slack: Floats) -> Floats:
+    difference, weight = np.where(np.abs(sums) <= slack, 0.0, sums).T
+    return np.asarray(difference / weight)
 
 
 def as_sums(name: str, values: ArrayLike) -> Floats:
@@ -194,13 +234,11 @@ def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: Array
     """Share (E_STP - E) / (E_STP - E_GT) from bADE summed over the targets of each unit [U].
 
     ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on ground-truth tracks, all with the same k;
-    ``weight`` [U] of the targets. None unless STP is significantly worse than ground-truth tracks: the interval of the
-    difference lies above 0.
+    ``weight`` [U] of the targets. None unless STP is significantly worse than ground-truth tracks.
     """
-    high: Floats = as_sums("stp", stp)
-    low = as_sums("truth", truth)
-    interval = bootstrap_interval(high - low, weight)
-    if interval is None or interval[0] <= 0.0:
+    whole = paired_difference(stp, truth, weight)
+    if whole is None or whole.mean <= 0 or not whole.significant:
         return None
-    closed, whole = high - as_sums("error", error), high - low
-    return Gap(float(closed.sum() / whole.sum()), share_interval(closed, whole))
+    high = as_sums("stp", stp)
+    closed, gap = high - as_sums("error", error), high - as_sums("truth", truth)
+    return Gap(float(closed.sum() / gap.sum()), share_interval(closed, gap))

@@ -71,7 +71,7 @@ def why(record: Record, beside: Record | None = None, levels: Mapping[str, Signe
 def rank_of(name: str, records: list[Record], levels: Mapping[str, SignedLevel] | None = None) -> int | None:
     found = standings(records, levels)
     (record,) = [record for record in records if record.submission.name == name]
-    return found[record.digest].places["all"].rank
+    return found[record.digest].places["all"].place
 
 
 @pytest.fixture
@@ -171,16 +171,16 @@ def test_no_record_changes_the_rank_of_another(change: Change) -> None:
     change(content)
     content["digest"] = hex_of("odd")
     found = standings([Record.model_validate(content), *sound])
-    assert [found[record.digest].places["all"].rank for record in sound] == [3, 1, 2]
+    assert [found[record.digest].places["all"].place for record in sound] == [3, 1, 2]
     odd = found[hex_of("odd")]
-    assert (odd.compared, odd.places["all"].rank) == (False, None)
+    assert (odd.compared, odd.places["all"].place) == (False, None)
 
 
 def test_many_forged_records_do_not_become_the_main_ranking() -> None:
     crowd = [made_up(f"odd_{i}", 0.1 + 0.1 * i, env={"data_manifest": "00" * 32}) for i in range(5)]
     sound = [made_up("stp", 1.0), made_up("a", 0.8)]
     found = standings([*crowd, *sound])
-    assert [found[record.digest].places["all"].rank for record in (*crowd, *sound)] == [None] * 5 + [2, 1]
+    assert [found[record.digest].places["all"].place for record in (*crowd, *sound)] == [None] * 5 + [2, 1]
     assert why(crowd[0], sound[0]) == "other data, scenes or hidden scenes than the ranked ones"
 
 
@@ -192,7 +192,7 @@ def test_one_broken_record_stops_no_board(honest: tuple[Path, Record], cli: Comm
     content = path.parents[1] / "found.txt"
     said = " ".join(cli.ok("board", "--records", path.parents[1], "--json", content).split())
     assert "refused: " in said
-    assert [(row["submission"], row["rank"]) for row in json.loads(content.read_text())[MAIN]] == [
+    assert [(row["submission"], row["place"]) for row in json.loads(content.read_text())[MAIN]] == [
         ("honest", 1),
         ("stp", 2),
     ]
@@ -238,7 +238,7 @@ def test_an_agent_that_knows_the_public_scenes_ranks_by_hidden_ones() -> None:
     parts = {"knows": hidden_part(*[1.36 * s for s in scale]), "honest": hidden_part(*scale)}
     levels = {r.digest: signed_level(r, "hidden", parts[r.submission.name]) for r in (knows, honest)}
     found = standings([knows, honest], levels, ships)
-    assert [found[r.digest].places["all"].rank for r in (knows, honest)] == [2, 1]
+    assert [found[r.digest].places["all"].place for r in (knows, honest)] == [2, 1]
     alone = standings([knows, honest], {honest.digest: levels[honest.digest]}, ships)
     assert alone[knows.digest].places["all"].why == "not scored on hidden scenes yet"
 
@@ -251,7 +251,7 @@ def test_fewer_than_fifty_hidden_scenes_rank_nobody_and_another_seal_ranks_apart
     old = signed_level(one, "hidden", hidden_part(*[1.0] * 50, seal="old"), made="2029-01-01", retired="2029-06-01")
     new = signed_level(two, "hidden", hidden_part(*[2.0] * 50), made="2030-01-01")
     found = standings([one, two], {one.digest: old, two.digest: new}, ships)
-    assert found[two.digest].places["all"].rank == 1
+    assert found[two.digest].places["all"].place == 1
     assert found[one.digest].places["all"].why == "other data, scenes or hidden scenes than the ranked ones"
 
 
@@ -261,7 +261,7 @@ def test_a_seal_that_stp_is_not_on_yet_leads_no_ranking() -> None:
     new = signed_level(newcomer, "hidden", hidden_part(*[1.0] * 50), made="2030-01-01")
     ships = ships_of(stp, simulated=True)
     found = standings([stp, newcomer], {stp.digest: old, newcomer.digest: new}, ships)
-    assert found[stp.digest].places["all"].rank == 1
+    assert found[stp.digest].places["all"].place == 1
     assert found[newcomer.digest].places["all"].why == "other data, scenes or hidden scenes than the ranked ones"
 
 
@@ -321,7 +321,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "a narrow interval": (lambda c: c["rows"][0].update(interval=[0.9, 0.9]), "interval from is 0.9"),
     "parts that do not add up": (lambda c: c["rows"][0].update(localisation=0.0), r"localisation \+ missed"),
     "more than all covered": (lambda c: c["rows"][1].update(coverage=1.5), "coverage is 1.5, expected 0 to 1"),
-    "a rank": (lambda c: c["rows"][0].update(rank=1), "rank is 1, expected null"),
+    "a place": (lambda c: c["rows"][0].update(place=1), "place is 1, expected null"),
     "a gap": (lambda c: c["rows"][0].update(gap_closed=0.9), "gap_closed is 0.9, expected null"),
     "more targets": (lambda c: c["rows"][0].update(targets=99_999), "targets is 99999"),
     "more objects than targets": (lambda c: c["rows"][0].update(objects=99_999), "objects is 99999"),
@@ -412,7 +412,7 @@ def test_a_second_stp_is_no_stp() -> None:
     assert found[agent.digest].gaps == {}
     found = standings([fake, genuine, truth, agent])
     assert found[agent.digest].gaps["all"] == pytest.approx((1.0 - 1.2) / (1.0 - 0.4))
-    assert found[agent.digest].places["ids"].why == "over all targets its error is above that of stp"
+    assert found[agent.digest].places["ids"].why == "over all targets its bADE is above that of stp"
 
 
 def test_one_name_has_one_owner() -> None:

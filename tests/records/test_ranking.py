@@ -95,9 +95,9 @@ def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
         record("flood", 1.9, 0.5, "own"),
     ]
     places = [standings(records, ships=ships_of(*records))[each.digest].places["ids"] for each in records]
-    assert places[0].rank is not None
-    assert places[1].rank == 1
-    assert places[2].why == "over all targets its error is above that of stp with its own predictor"
+    assert places[0].place is not None
+    assert places[1].place == 1
+    assert places[2].why == "over all targets its bADE is above that of stp with its own predictor"
 
 
 def test_records_of_an_earlier_version_stand_apart() -> None:
@@ -111,7 +111,7 @@ def test_records_of_an_earlier_version_stand_apart() -> None:
     ]
     levels = {record.digest: signed_level(record) for record in earlier[:3]}
     found = standings([*today, *earlier], levels, ships_of(*today))
-    assert [found[record.digest].places["all"].rank for record in (*today, *earlier)] == [3, 2, 4, 1, 2, 1, 3, None]
+    assert [found[record.digest].places["all"].place for record in (*today, *earlier)] == [3, 2, 4, 1, 2, 1, 3, None]
     assert found[earlier[3].digest].places["all"].why == "version 0.2, without a signed level"
     assert [record.earlier_version for record in (today[0], earlier[0])] == ["", "0.2"]
 
@@ -150,15 +150,17 @@ def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
         records.append(make_record(agent.agent, rows, scenes, env={"observe": observe}))
     found = standings(records, ships=ships_of(*records))
     places = [
-        (found[record.digest].places[s].rank, found[record.digest].places[s].why) for record in records for s in SUBSETS
+        (found[record.digest].places[s].place, found[record.digest].places[s].why)
+        for record in records
+        for s in SUBSETS
     ]
-    assert places == [(row.rank, row.unranked_because or "") for row in report.rows]
+    assert places == [(row.place, row.unranked_because or "") for row in report.rows]
     gaps = [found[record.digest].gaps.get(subset) for record in records for subset in SUBSETS]
     expected = [row.gap_closed for row in report.rows]
     assert [gap is None for gap in gaps] == [gap is None for gap in expected]
     known = [np.array([gap for gap in side if gap is not None]) for side in (gaps, expected)]
     np.testing.assert_allclose(known[0], known[1], rtol=1e-9)  # records round their sums
-    ranks = {row.rank for row in report.rows}
+    ranks = {row.place for row in report.rows}
     assert {None, 1, 2, 3} <= ranks
-    assert "over all targets its error is above that of stp" in {why for _, why in places}
+    assert "over all targets its bADE is above that of stp" in {why for _, why in places}
     assert any(gap is not None for gap in gaps)

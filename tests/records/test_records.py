@@ -36,7 +36,7 @@ Content = dict[str, Any]
 
 def ranks(*records: Record, subset: Subset = "all") -> list[int | None]:
     found = standings(records, ships=ships_of(*records))
-    return [found[record.digest].places[subset].rank for record in records]
+    return [found[record.digest].places[subset].place for record in records]
 
 
 def reasons(*records: Record, subset: Subset = "all") -> list[str]:
@@ -174,11 +174,13 @@ def times(factor: float, *more: float) -> list[float]:
     return [factor * error + extra for error, extra in zip(EIGHT, more or [0.0] * 8, strict=True)]
 
 
-def test_who_is_not_significantly_better_shares_a_rank() -> None:
+def test_places_follow_the_error() -> None:
     best = write_record(*EIGHT, name="best")
     close = write_record(*times(1.0, 0.2, -0.1, 0.3, -0.2, 0.1, -0.1, 0.0, 0.1), name="close")
     far = write_record(*times(1.4), name="far")
-    assert ranks(far, close, best) == [3, 1, 1]
+    assert ranks(far, close, best) == [3, 2, 1]
+    found = standings([far, close, best], ships=ships_of(far, close, best))
+    assert [found[record.digest].places["all"].span for record in (far, close, best)] == [(3, 3), (1, 2), (1, 2)]
     for subset in ("ids", "lost", "paper_ids"):
         assert ranks(far, close, best, subset=subset) == [None] * 3
     assert reasons(far, subset="ids") == ["0.0 objects, fewer than 20"]
@@ -218,7 +220,7 @@ def test_who_is_worse_than_stp_over_all_targets_is_not_ranked_on_events() -> Non
     )
     assert ranks(stp, good, poor) == [2, 1, 3]
     assert ranks(stp, good, poor, subset="ids") == [2, 1, None]
-    assert reasons(stp, good, poor, subset="ids")[2] == "over all targets its error is above that of stp"
+    assert reasons(stp, good, poor, subset="ids")[2] == "over all targets its bADE is above that of stp"
     assert reasons(good, poor, subset="ids") == ["no record of stp beside it"] * 2  # nothing to compare with
 
 

@@ -22,7 +22,7 @@ KEYS = [
     "agent", "hypotheses", "samples", "budget", "subset", "minADE", "minFDE", "error", "interval", "localisation",
     "missed", "error_by_score", "plain_error", "fixed_error", "energy_score", "coverage", "difference_to_stp",
     "difference_interval", "p", "gap_closed", "gap_interval", "gap_closed_same_predictor",
-    "gap_same_predictor_interval", "rank", "unranked_because",
+    "gap_same_predictor_interval", "place", "rank_range", "unranked_because",
     "targets", "effective_targets", "events", "objects", "effective_objects", "scenes", "effective_units", "seeds",
     "ms_per_frame",
 ]  # fmt: skip

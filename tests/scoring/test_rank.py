@@ -2,58 +2,64 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.errors import ShapeError
-from mtp_bench.scoring import ranks_by_test
-from mtp_bench.scoring.rank import Entrant, guard, why_not_on, why_unranked
+from mtp_bench.scoring import rank_by_error
+from mtp_bench.scoring.rank import Entrant, Rank, guard, rank_text, why_not_on, why_unranked
 from mtp_bench.scoring.statistics import paired_difference
 
 
-def test_ranks_count_those_that_are_significantly_better() -> None:
+def test_places_follow_the_error_and_ranges_the_tests() -> None:
     rng = np.random.default_rng(5)
     unit = rng.normal(10, 3, 15)
     noise = rng.normal(0, 0.5, 15)
-    noise -= noise.mean()
+    noise -= noise.mean() - 0.001
     agents = [unit + 5.0 + noise, unit + noise, unit, unit + 5.0, unit + 9.0]
-    assert ranks_by_test(agents) == [3, 1, 1, 3, 5]
-    assert ranks_by_test(np.zeros((0, 4))) == []
+    ranks = rank_by_error(agents, np.ones(15))
+    assert ranks == [Rank(4, (3, 4)), Rank(2, (1, 2)), Rank(1, (1, 2)), Rank(3, (3, 4)), Rank(5, (5, 5))]
+    assert [rank_text(*rank) for rank in ranks] == ["4 (3–4)", "2 (1–2)", "1 (1–2)", "3 (3–4)", "5"]
+    assert rank_by_error(np.zeros((0, 4)), np.ones(4)) == []
+    assert rank_text(None, None) is None
 
 
-@pytest.mark.parametrize(("units", "ranks"), [(5, [1, 1]), (6, [1, 2])])
-def test_five_units_can_never_tell_agents_apart(units: int, ranks: list[int]) -> None:
-    assert ranks_by_test([np.zeros(units), np.ones(units)]) == ranks  # p is 2 / 2^units
+@pytest.mark.parametrize(("units", "least"), [(5, 1), (6, 2)])
+def test_five_units_can_never_tell_agents_apart(units: int, least: int) -> None:
+    ranks = rank_by_error([np.zeros(units), np.ones(units)], np.ones(units))  # p is 2 / 2^units
+    assert ranks == [Rank(1, (1, 3 - least)), Rank(2, (least, 2))]
 
 
 def test_rounding_is_no_difference() -> None:
     unit = np.linspace(1.0, 9.0, 8)
     above = np.nextafter(unit, np.inf)  # in every unit: without a tolerance p is 2 / 2^8
-    assert ranks_by_test([unit, above]) == [1, 1]
+    assert rank_by_error([unit, above], np.ones(8)) == [Rank(1, (1, 2))] * 2
     difference = paired_difference(above, unit, np.ones(8))
     assert difference is not None
     assert difference.p == 1.0
-    assert guard(float(above.sum()), float(unit.sum())) is None
+    assert guard(above, np.ones(8), unit) is None
 
 
 @settings(derandomize=True, deadline=None, max_examples=15)
 @given(st.integers(0, 10_000))
-def test_the_order_of_agents_does_not_matter_and_nobody_beats_the_better_of_two(seed: int) -> None:
+def test_the_order_of_agents_does_not_matter_and_places_fit_their_ranges(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    sums = rng.normal(10, 1, (5, 8)) + rng.uniform(0, 3, (5, 1))
-    ranks = np.array(ranks_by_test(sums))
+    sums, weight = rng.normal(10, 1, (5, 8)) + rng.uniform(0, 3, (5, 1)), rng.uniform(1, 2, 8)
+    ranks = rank_by_error(sums, weight)
     order = rng.permutation(5)
-    assert ranks_by_test(sums[order]) == ranks[order].tolist()
-    assert ranks[np.argmin(sums.sum(axis=1))] == 1
-    better = sums - 0.5  # everyone, in every unit: nothing changes
-    assert ranks_by_test(better) == ranks.tolist()
+    assert rank_by_error(sums[order], weight) == [ranks[i] for i in order]
+    assert [rank.place for rank in ranks] == (1 + np.argsort(np.argsort(sums.sum(axis=1)))).tolist()
+    assert all(low <= place <= high for place, (low, high) in ranks)
+    assert rank_by_error(sums - 0.5, weight) == ranks  # everyone, in every unit: nothing changes
 
 
 def test_agents_need_the_same_units() -> None:
     with pytest.raises(ShapeError, match="sums has shape"):
-        ranks_by_test([1.0, 2.0])
+        rank_by_error([1.0, 2.0], [1.0])
 
 
 ENTRANTS = {
@@ -97,17 +103,22 @@ def test_what_is_ranked(subset: str, objects: float, weight: list[float], why: s
     assert why_not_on(subset, objects, weight) == why
 
 
+STEADY, UNSTEADY = np.full(8, 0.02), np.array([0.4, -0.3, 0.2, -0.2, 0.1, -0.1, 0.1, -0.04])
+
+
 @pytest.mark.parametrize(
-    ("error", "limits", "ranked"),
+    ("gaps", "ranked"),
     [
-        (1.0, (1.0,), True),
-        (1.01, (1.0,), False),
-        (1.0, (2.0, 0.9), False),
-        (1.0, (None, 2.0), True),
-        (None, (1.0,), True),
+        ((STEADY,), False),  # 2 %, in every unit
+        ((STEADY / 4,), True),  # 0.5 %
+        ((UNSTEADY,), True),  # 2 % that no test finds
+        ((UNSTEADY + 0.1,), False),  # above 5 %, whatever the test finds
+        ((-STEADY, STEADY), False),  # worse than stp with its own predictor
+        ((-STEADY, None), True),
+        ((None, -STEADY), True),
     ],
 )
-def test_event_subsets_rank_only_who_is_no_worse_than_stp_over_all(
-    error: float | None, limits: tuple[float | None, ...], ranked: bool
-) -> None:
-    assert (guard(error, *limits) is None) == ranked
+def test_event_subsets_rank_only_agents_that_are_no_worse_than_stp_over_all(gaps: Any, ranked: bool) -> None:
+    error = np.ones(8)
+    limits = (None if gap is None else error / (1 + gap) for gap in gaps)
+    assert (guard(error, np.ones(8), *limits) is None) == ranked

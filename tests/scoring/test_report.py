@@ -176,13 +176,13 @@ RANKS = {
     # agent beside stp (1.0 m) and the truth: rank on all, reason; rank on ids, reason
     "better": (agent("a", run(0.6)), 1, None, 1, None),
     "as good": (agent("a", run(1.0)), 1, None, 1, None),
-    "worse": (agent("a", run(1.5)), 2, None, None, "over all targets its error is above that of stp"),
+    "worse": (agent("a", run(1.5)), 2, None, None, "over all targets its bADE is above that of stp"),
     "better on events, worse on all": (
         agent("a", run(0.9, false=2)),
         2,
         None,
         None,
-        "over all targets its error is above that of stp",
+        "over all targets its bADE is above that of stp",
     ),
     "more samples": (
         agent("a", run(0.6), samples=40, budget="free"),
@@ -199,24 +199,24 @@ def test_ranks(
     other: AgentScores, of_all: int | None, why: str | None, of_ids: int | None, why_ids: str | None
 ) -> None:
     report = comparison(other)
-    assert (row(report, agent=2).rank, row(report, agent=2).unranked_because) == (of_all, why)
-    assert (row(report, "ids", 2).rank, row(report, "ids", 2).unranked_because) == (of_ids, why_ids)
-    assert (row(report, agent=1).rank, row(report, agent=1).unranked_because) == (None, "saw the truth")
-    assert row(report).rank == (2 if other is RANKS["better"][0] else 1)
-    assert {row(report, name, 2).rank for name in ("lost", "frag", "paper_ids", "paper_frag")} == {None}
+    assert (row(report, agent=2).place, row(report, agent=2).unranked_because) == (of_all, why)
+    assert (row(report, "ids", 2).place, row(report, "ids", 2).unranked_because) == (of_ids, why_ids)
+    assert (row(report, agent=1).place, row(report, agent=1).unranked_because) == (None, "saw the truth")
+    assert row(report).place == (2 if other is RANKS["better"][0] else 1)
+    assert {row(report, name, 2).place for name in ("lost", "frag", "paper_ids", "paper_frag")} == {None}
 
 
 def test_the_guard_knows_the_agent_s_own_pipeline_too() -> None:
     ends = References(agent("learned stp", run(0.5)), agent("learned truth", run(0.2)))
     report = comparison(agent("a", run(0.6)), own={"a": ends})
-    assert (row(report, agent=2).rank, row(report, "ids", 2).rank) == (1, None)
+    assert (row(report, agent=2).place, row(report, "ids", 2).place) == (1, None)
 
 
 @pytest.mark.parametrize("seen", [True, False], ids=["sees the car", "says nothing"])
 def test_one_agent_alone_is_not_ranked(seen: bool) -> None:
     report = summarise([agent("a", run(0.6, seen=seen))], CARD, ALIKE)
     for subset in ("all", "ids", "reacquired"):
-        assert (row(report, subset).rank, row(report, subset).unranked_because) == (None, ALONE)
+        assert (row(report, subset).place, row(report, subset).unranked_because) == (None, ALONE)
     assert row(report, "lost").unranked_because == "shown only"
     truth = summarise([agent("truth_past", run(0.6, seen=seen))], CARD, ALIKE)
     assert row(truth).unranked_because == "saw the truth"

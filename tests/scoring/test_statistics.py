@@ -67,30 +67,51 @@ def test_fewer_than_three_units_have_no_interval(count: list[int]) -> None:
     assert bootstrap_interval(np.ones(len(count)), count) is None
 
 
+def extreme_share(difference: list[float], weight: list[float], mean: float) -> float:
+    """Share of all sign flips whose sum is as extreme as the observed one, after ``mean`` is taken off."""
+    rest = [d - mean * w for d, w in zip(difference, weight, strict=True)]
+    flips = (
+        sum(s * r for s, r in zip(signs, rest, strict=True)) for signs in itertools.product((-1, 1), repeat=len(rest))
+    )
+    return float(np.mean([abs(flip) >= abs(sum(rest)) - 1e-9 for flip in flips]))
+
+
 @steady
-@given(st.lists(st.integers(-5, 5), min_size=1, max_size=8))
-def test_sign_flips_equal_enumeration(difference: list[int]) -> None:
-    seen = abs(sum(difference))
-    flips = [abs(sum(s * d for s, d in zip(signs, difference, strict=True)))
-             for signs in itertools.product((-1, 1), repeat=len(difference))]  # fmt: skip
-    assert sign_flip_test(difference) == pytest.approx(np.mean([f >= seen for f in flips]))
+@given(st.lists(st.tuples(st.integers(-5, 5), st.integers(1, 3)), min_size=1, max_size=8))
+def test_sign_flips_and_their_interval_equal_enumeration(units: list[tuple[int, int]]) -> None:
+    difference, weight = map(list, zip(*units, strict=True))
+    found = sign_flip_test(difference, weight)
+    assert found.p == pytest.approx(extreme_share(difference, weight, 0.0))
+    assert (found.interval is None) == (len(units) < 6)
+    if found.interval is not None:
+        low, high = found.interval
+        assert low - 1e-12 <= sum(difference) / sum(weight) <= high + 1e-12
+        assert (found.p < 0.05) == (low > 0 or high < 0)
+        if any(difference):
+            assert min(extreme_share(difference, weight, end) for end in (low, high)) >= 0.05
+            assert max(extreme_share(difference, weight, end) for end in (low - 1e-6, high + 1e-6)) < 0.05
 
 
 def test_many_scenes_are_sampled_and_repeat() -> None:
     rng = np.random.default_rng(3)
     even, shifted = rng.normal(0, 1, 40), rng.normal(1, 1, 40)
-    assert sign_flip_test(shifted) < 1e-3
-    assert sign_flip_test(even) > 0.05
+    assert sign_flip_test(shifted).p < 1e-3
+    assert sign_flip_test(even).p > 0.05
     assert sign_flip_test(even) == sign_flip_test(even)
-    assert sign_flip_test(np.ones(40)) == 1 / 10_001  # never 0
+    assert sign_flip_test(np.ones(40)).p == 1 / 10_001  # never 0
+    for mean in np.linspace(-0.6, 0.6, 40):
+        found = sign_flip_test(even + mean)
+        assert found.interval is not None
+        assert (found.p < 0.05) == (found.interval[0] > 0 or found.interval[1] < 0)
 
 
 def test_sampled_and_exact_flips_agree() -> None:
     difference = np.random.default_rng(4).normal(0.3, 1, 14)
     exact = sign_flip_test(difference)
     # a scene that decides nothing takes the sampled path
-    sampled = sign_flip_test(np.append(difference, 1e-12))
-    assert sampled == pytest.approx(exact, abs=0.02)
+    sampled = sign_flip_test(np.append(difference, 1e-12), [1.0] * 14 + [0.0])
+    assert sampled.p == pytest.approx(exact.p, abs=0.02)
+    assert sampled.interval == pytest.approx(exact.interval, abs=0.05)
 
 
 def test_a_paired_difference() -> None:
@@ -98,8 +119,7 @@ def test_a_paired_difference() -> None:
     found = paired_difference(a, b, [1, 2, 1, 2])
     assert found is not None
     assert found.mean == pytest.approx(1.0)
-    assert found.interval == pytest.approx((1.0, 1.0))
-    assert found.p == 2 / 2**4
+    assert (found.interval, found.p, found.significant) == (None, 2 / 2**4, False)  # four units are too few
     assert paired_difference([0.0], [0.0], [0]) is None
 
 

@@ -112,11 +112,11 @@ def page(html: str) -> Page:
     return Page(html)
 
 
-def test_entries_stand_by_rank_and_the_unranked_below_by_error(entries: list[Entry]) -> None:
-    first = [(entry.name, entry.rank) for entry in entries if entry.env == MAIN]
+def test_entries_stand_by_error_and_the_unranked_below_by_error(entries: list[Entry]) -> None:
+    first = [(entry.name, entry.place) for entry in entries if entry.env == MAIN]
     assert first == [
         ("braided_paths", 1),
-        ("forest_of_maybe", 1),
+        ("forest_of_maybe", 2),
         ("calm_hedge", 3),
         ("late_decider", 4),
         ("stp", 5),
@@ -130,7 +130,7 @@ def test_entries_stand_by_rank_and_the_unranked_below_by_error(entries: list[Ent
 
 def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: list[Entry]) -> None:
     reason = "too few recordings to rank: 3.9 effective units, fewer than 6"
-    assert [entry.rank for entry in entries[:3]] == [None] * 3
+    assert [entry.place for entry in entries[:3]] == [None] * 3
     assert [entry.name for entry in entries[:3]] == ["braided_paths", "stp", "calm_hedge"]  # by error
     assert f"<span><b>{reason}</b></span>" in html
     assert f'class="why"><bdi>{reason}' not in html
@@ -149,7 +149,7 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
         for record in records
     ]
     entries = entries_of(found)
-    assert [(entry.name, entry.rank) for entry in entries] == [("honest", 1), ("knows", 2)]
+    assert [(entry.name, entry.place) for entry in entries] == [("honest", 1), ("knows", 2)]
     assert [entry.error for entry in entries] == pytest.approx([0.8, 1.2])
     assert [entry.public_error for entry in entries] == pytest.approx([0.6, 0.5])
     ((_, notes),) = board_tables(entries)
@@ -164,12 +164,12 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     assert row["level"] == "hidden"
     assert row["public"] == pytest.approx(0.6)
     (alone,) = entries_of([Found(records[0])])
-    assert (alone.rank, alone.why, alone.public_error) == (None, "not scored on hidden scenes yet", None)
+    assert (alone.place, alone.why, alone.public_error) == (None, "not scored on hidden scenes yet", None)
 
 
 def test_cells_hold_the_numbers_and_the_difference_to_stp_leads_them(page: Page, entries: list[Entry]) -> None:
     first, stp = page.entries[3], page.entries[7]
-    assert (first["rank"], first["error"], first["level"]) == ("1 =", "0.742", "re-run by tester")
+    assert (first["rank"], first["error"], first["level"]) == ("1  (1–2)", "0.742", "re-run by tester")
     assert (first["difference"], stp["difference"]) == ("−0.326", "–")
     assert float(first["paper_ids_minADE"]) == pytest.approx(1.5 * float(first["minADE"]), abs=0.01)
     difference = entries[3].difference()
@@ -191,8 +191,8 @@ def test_every_column_is_explained_and_states_what_is_better(page: Page) -> None
     assert all("scope" in th or "chart" in (th.get("class") or "") for th in page.all("th"))
 
 
-def test_a_shared_rank_a_level_and_the_reason_show(html: str, files: BoardFiles) -> None:
-    assert html.count("</b>=</td>") == 2
+def test_a_range_of_ranks_a_level_and_the_reason_show(html: str, files: BoardFiles) -> None:
+    assert html.count("</b> (1–2)</td>") == 2
     assert all(f"</svg>{level}<" in html for level in ("scored", "re-scored", "re-run"))
     assert "the process ended by signal 9" in html
     assert 'href="./records/0.json"' in pieces_of(files)[f"{MAIN}/braided_paths"]
@@ -299,7 +299,7 @@ def test_records_of_version_0_2_stand_apart_with_their_ranks() -> None:
     assert [(entry.board, entry.name) for entry in entries] == [
         (MAIN, "stp"), (f"{MAIN}@0.2", "good"), (f"{MAIN}@0.2", "stp"),
     ]  # fmt: skip
-    assert [entry.rank for entry in entries[1:]] == [1, 2]
+    assert [entry.place for entry in entries[1:]] == [1, 2]
     files = board_files(entries)
     assert files.page.count(">Version 0.2</h2>") == 1
     assert files.page.index(f'href="#{MAIN}/stp"') < files.page.index(">Version 0.2</h2>")
@@ -401,7 +401,7 @@ def test_the_command_prints_ranks_and_writes_a_page(
     assert "mine (added)" in out
     assert "4 records" in out
     rows: dict[str, list[dict[str, Any]]] = read_json(content)
-    assert [(r["submission"], r["rank"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]] == [
+    assert [(r["submission"], r["place"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]] == [
         ("good", 1, False),
         ("mine", 2, True),
         ("poor", 3, False),
@@ -420,7 +420,7 @@ def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
     row = next(line for line in printed if line.startswith("forest_of_maybe"))
     heading = next(line for line in printed if line.startswith("submission"))
     assert "* p<.05" in heading, "what the star means"
-    assert " ".join(row.split()) == "forest_of_maybe 1 0.744 0.690–0.797 −0.324* 1.16 1.35 47 % 22.9 scored"
+    assert " ".join(row.split()) == "forest_of_maybe 1–2 0.744 0.690–0.797 −0.324* 1.16 1.35 47 % 22.9 scored"
 
 
 def test_the_command_reads_and_shows_one_env_and_the_same_record_once(
@@ -444,7 +444,7 @@ def test_a_record_made_again_is_shown_in_the_place_of_the_earlier_one(
     content = tmp_path / "out.json"
     cli.ok("board", "--records", records, "--with", again, "--json", content)
     rows: dict[str, list[dict[str, Any]]] = read_json(content)
-    assert [(r["submission"], r["rank"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]] == [
+    assert [(r["submission"], r["place"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]] == [
         ("poor", 1, True),
         ("good", 2, False),
     ]

@@ -29,7 +29,7 @@ def test_an_environment_has_a_row_per_entry(entries: list[Entry]) -> None:
     headings, _, first, *_ = rows_of(text)
     assert headings[:4] == ["agent", "rank", "ranks (m) bADE ↓", "to stp (m) mean ↓"]
     assert first[0] == "`braided_paths`"
-    assert first[1] == "1"
+    assert first[1] == "1 (1–2)"
     assert first[2].startswith("0.742 [0.")
     assert [row[0] for row in rows_of(text)[2:]] == [f"`{entry.name}`" for entry in entries if entry.env == MAIN]
     assert filled(text, entries, "page.md") == text

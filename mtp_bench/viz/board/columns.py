@@ -108,7 +108,8 @@ COLUMN = {column.key: column for column in _NUMBERS}
 INTERVALS = {"error": "interval", "difference": "difference_interval"}  # key of a column -> that of its intervals
 _FIRST = (
     _text("version", lambda e: e.version or None),
-    _text("rank", lambda e: e.rank),
+    _text("place", lambda e: e.place),
+    Column(key="rank_range", interval=True, format="d", read=lambda e: e.standing.places["all"].span),
     _text("submission", lambda e: e.name),
     _text("not_ranked_because", lambda e: e.why or None),
     _text("trained_on_scored", lambda e: e.trained_on_scored or None),

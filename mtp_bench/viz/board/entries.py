@@ -12,6 +12,7 @@ from ...cards import load_card
 from ...records.attestation import Checked, Level
 from ...records.ranking import Standing, standings
 from ...scoring.definitions import SIGNIFICANT, Subset
+from ...scoring.rank import rank_text
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
 from ...submission.loader import ON_SCORED
@@ -62,13 +63,24 @@ class Entry(Found):
         return self.record.submission.name
 
     @property
-    def rank(self) -> int | None:
-        """Its rank over all targets; None: shown, not ranked."""
-        return self.standing.places["all"].rank
+    def place(self) -> int | None:
+        """Its place by bADE over all targets; None: shown, not ranked."""
+        return self.standing.places["all"].place
+
+    @property
+    def rank(self) -> str | None:
+        """Its place with the ranks that the tests leave open, "2 (1–3)"; None: shown, not ranked."""
+        return rank_text(self.place, self.standing.places["all"].span)
+
+    @property
+    def among_best(self) -> bool:
+        """True if it is ranked and not significantly worse than the best."""
+        span = self.standing.places["all"].span
+        return span is not None and span[0] == 1
 
     @property
     def why(self) -> str:
-        """Reason why it has no rank; empty where it has one."""
+        """Reason why it has no place; empty where it has one."""
         return self.standing.places["all"].why
 
     @property
@@ -155,7 +167,7 @@ def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
 
 
 def _order(entry: Entry) -> tuple[str, tuple[int, str], float, bool, float, str, str]:
-    rank = math.inf if entry.rank is None else entry.rank
+    rank = math.inf if entry.place is None else entry.place
     error = math.inf if entry.error is None else entry.error
     place = _env_place(entry.env)
     return entry.version, place, rank, not entry.compared, error, entry.name, entry.record.digest

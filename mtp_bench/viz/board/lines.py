@@ -39,7 +39,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
     first = next(iter(compared), entries[0])
     reference = next((entry for entry in compared if entry.name == STP), None)
     columns, scale = page_columns(entries), scale_of(entries)
-    ranks = [entry.rank for entry in entries if entry.rank is not None]
+    ranked = sum(entry.place is not None for entry in entries)
     board: dict[str, Any] = {
         "id": entries[0].board,
         "env": env_id,
@@ -49,11 +49,11 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
         "split": first.record.env.split,
         "total": len(entries),
-        "ranked": len(ranks),
-        "unranked_because": first.why if compared and not ranks else "",
+        "ranked": ranked,
+        "unranked_because": first.why if compared and not ranked else "",
         "sizes": {row.subset: first.row_of(row.subset) for row in first.record.rows},
         "empty_error": empty_error(entries),
-        "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].rank is None for each in entries)},
+        "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].place is None for each in entries)},
         "columns": columns,
         "groups": [(group, list(each)) for (group, _), each in groupby(columns, lambda c: (c.group, PAGE[c.key]))],
         "scale": scale,
@@ -61,8 +61,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "reference": reference,
     }
     best = {column.key: best_text(column, entries) for column in columns}
-    shared = {rank for rank in ranks if ranks.count(rank) > 1}
-    board["lines"] = [_line(entry, board, best, shared) | {"id": ids[entry]} for entry in entries]
+    board["lines"] = [_line(entry, board, best) | {"id": ids[entry]} for entry in entries]
     return board
 
 
@@ -96,7 +95,8 @@ def subset_table(entry: Entry) -> Table:
 
     columns = [
         row["subset"],
-        replace(row["rank"], read=lambda row: standing.places[row.subset].rank),
+        replace(row["place"], read=lambda row: standing.places[row.subset].place),
+        replace(row["rank_range"], read=lambda row: standing.places[row.subset].span),
         row["error"],
         row["interval"],
         replace(paired(COLUMN["difference"], "mean"), heading="to stp"),
@@ -132,7 +132,7 @@ def address_of(link: str | None) -> str | None:
     return None if link is None else "./" + quote(link.lstrip("/"), safe="/", errors="surrogateescape")
 
 
-def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None], shared: set[int]) -> Line:
+def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]) -> Line:
     """Content of the template for one entry: a line of the table ``board``."""
     record = entry.record
     authors = ", ".join(record.submission.authors)
@@ -146,7 +146,6 @@ def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
         "links": [(label, address) for label, address in _links(entry) if len(address) <= _SHORT],
         "trained": clean_text(entry.trained_on_scored, _SHORT),
         "why": "" if entry.compared else clean_text(entry.why.removeprefix(f"{record.status}: "), _SHORT),
-        "shared": entry.rank in shared,
         "cells": cells,
         "best": {key for key, text in cells.items() if entry.compared and text == best[key]},
         "level": LEVELS.index(entry.level),

@@ -44,19 +44,19 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
 
 
 def _place(entry: Entry | None) -> tuple[float, float]:
-    """Rank and error in one environment; a missing entry comes last."""
+    """Place and error in one environment; a missing entry comes last."""
     if entry is None:
         return math.inf, math.inf
     return (
-        math.inf if entry.rank is None else entry.rank,
+        math.inf if entry.place is None else entry.place,
         math.inf if entry.error is None or not entry.compared else entry.error,
     )
 
 
 def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, Any] | None:
     """Content of the head of the page: the leader of the first table; None where that has no ranks."""
-    ranked = [entry for entry in next(iter(by_board(entries).values()), []) if entry.rank is not None]
-    best = [entry for entry in ranked if entry.rank == 1]
+    ranked = [entry for entry in next(iter(by_board(entries).values()), []) if entry.place is not None]
+    best = [entry for entry in ranked if entry.among_best]
     if not best:
         return None
     leader, row = best[0], best[0].row

@@ -30,7 +30,10 @@ _HERE = Path(__file__).parent
 SUFFIX = ".parts"  # of the folder beside a page
 _MARK = "leaderboard.json"  # in every such folder
 _FURTHER = {
-    "rank": ("#", "1 + the number of entries that are significantly better: sign-flip test over units, p below .05."),
+    "rank": (
+        "#",
+        "The place by bADE; in brackets ranks from 1 + the number of significantly better entries to n - the worse.",
+    ),
     "name": ("submission", "Open it for its details. Below its name: authors, code and paper."),
     "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
 }  # columns of a table beside those of numbers

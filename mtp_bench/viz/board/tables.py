@@ -49,7 +49,7 @@ def _short_table(entries: Sequence[Entry]) -> Table:
     ]
     columns = [
         Column("submission", key="submission", read=_name),
-        Column("rank", key="rank", read=lambda entry: entry.rank),
+        Column("ranks", key="rank", read=_span),
         Column("bADE\n↓", key="error", read=lambda entry: entry.error),
         Column("95 %\ninterval", "m", key="interval", read=_interval),
         Column(f"to stp\n{_SIGNIFICANT}", "m", key="difference", read=_difference),
@@ -63,6 +63,11 @@ def _name(entry: Entry) -> str:
     return _printable(entry.name) + (" (added)" if entry.added else "")
 
 
+def _span(entry: Entry) -> str | None:
+    span = entry.standing.places["all"].span
+    return span and "–".join(map(str, dict.fromkeys(span)))
+
+
 def _interval(entry: Entry) -> str:
     return "–".join(map(short, entry.row.interval)) if entry.row.interval else BLANK
 
@@ -74,7 +79,7 @@ def _difference(entry: Entry) -> str:
 def _notes(entries: Sequence[Entry]) -> list[str]:
     names: dict[str, list[str]] = {}
     for entry in entries:
-        if entry.rank is None:
+        if entry.place is None:
             names.setdefault(f"not ranked ({_printable(entry.why)})", []).append(_printable(entry.name))
     for entry in entries:
         if entry.trained_on_scored:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS, SUBSETS, Subset
 from ...scoring.parts import PARTS
+from ...scoring.rank import rank_text
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
@@ -39,9 +40,9 @@ class MainRow:
     of_frag: Annotated[Displacements, Column("FRAG")]
     coverage: Annotated[float | None, Column("cov.", "share")] = None
     error: Annotated[float | None, Column("all", "m", group="bADE")] = None
-    rank: Annotated[int | None, Column("#", group="bADE")] = None
+    rank: Annotated[str | None, Column("#", group="bADE")] = None
     ids_error: Annotated[float | None, Column("ids", "m", group="bADE")] = None
-    ids_rank: Annotated[int | None, Column("#", group="bADE")] = None
+    ids_rank: Annotated[str | None, Column("#", group="bADE")] = None
 
     @property
     def is_from_paper(self) -> bool:
@@ -67,7 +68,8 @@ def main_table(report: Report) -> Table:
     for block in [each for each in blocks if each["all"].budget == "equal"] or blocks:
         first, ids = block["all"], block["ids"]
         of_all, of_ids, of_frag = (_displacements(block[subset]) for subset in PAPER_SUBSETS)
-        ranked = first.coverage, first.error, first.rank, ids.error, ids.rank
+        ranks = (rank_text(row.place, row.rank_range) for row in (first, ids))
+        ranked = first.coverage, first.error, next(ranks), ids.error, next(ranks)
         rows.append(MainRow(first.agent, first.hypotheses, of_all, of_ids, of_frag, *ranked))
         if figures := paper_figures(env, first):
             of_all, of_ids, of_frag = (_of_paper(figures, name) for name in PAPER_SUBSETS.values())

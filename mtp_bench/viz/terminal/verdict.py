@@ -150,7 +150,7 @@ def _unranked(report: Report) -> str | None:
         for row in rows:
             if row.unranked_because not in (None, SAW_TRUTH):
                 reasons.setdefault(str(row.unranked_because), []).append(label_of(row))
-        if any(row.rank is not None for row in rows):
+        if any(row.place is not None for row in rows):
             parts += [f"Not ranked {WHERE[subset]} ({why}): {', '.join(labels)}" for why, labels in reasons.items()]
         elif reasons:
             parts.append(f"No agent is ranked {WHERE[subset]} ({'; '.join(reasons)})")
