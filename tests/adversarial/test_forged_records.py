@@ -320,6 +320,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "a better row": (lambda c: c["rows"][0].update(error=0.01), "error is 0.01, the sums of its units give"),
     "a narrow interval": (lambda c: c["rows"][0].update(interval=[0.9, 0.9]), "interval from is 0.9"),
     "parts that do not add up": (lambda c: c["rows"][0].update(localisation=0.0), r"localisation \+ missed"),
+    "costs that do not": (lambda c: c["rows"][0].update(cost_rest=9.9), r"the sum of cost_\* is"),
     "more than all covered": (lambda c: c["rows"][1].update(coverage=1.5), "coverage is 1.5, expected 0 to 1"),
     "a place": (lambda c: c["rows"][0].update(place=1), "place is 1, expected null"),
     "a gap": (lambda c: c["rows"][0].update(gap_closed=0.9), "gap_closed is 0.9, expected null"),

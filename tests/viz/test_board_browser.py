@@ -111,7 +111,7 @@ def test_details_are_loaded_when_they_are_opened(opened: Browser) -> None:
     expanded = f"return document.querySelector('{button}').getAttribute('aria-expanded')"
     assert not opened.script(f"return document.querySelector('{FIRST} .detail')")
     opened.click(button)
-    assert "localisation" in detail(opened)
+    assert "without forecast" in detail(opened)
     assert opened.script(expanded) == "true"
     assert hash_of(opened) == f"#{MAIN}/braided_paths"
     opened.type(button, ENTER)
