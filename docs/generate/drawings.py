@@ -13,11 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
-from mtp_bench.scoring import SceneScore, find_targets, live_frames, score_scene
+from mtp_bench.scoring import AgentScores, SceneScore, find_targets, live_frames, score_scene
 from mtp_bench.scoring.bade import budgets_of, errors_at
+from mtp_bench.scoring.forecasts import RecordedForecasts, candidates, match_by_confidence
+from mtp_bench.scoring.incremental_matching import final_match
 from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
+from mtp_bench.scoring.parts import PARTS, error_parts, reference_errors
 from mtp_bench.scoring.statistics import gap_closed
-from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene, random_case
+from mtp_bench.scoring.table import agent_table
+from mtp_bench.types import Ints, Rollout, Scene
+from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene, random_case, with_detections
 
 from .svg import BLACK, BLUE, GREEN, GREY, LIGHT, ORANGE, PURPLE, VERMILLION, Point, box, circle, drawing, line, text
 
@@ -72,26 +77,37 @@ def events() -> str:
     return drawing(_column(10), 184, lines)
 
 
-def coverage() -> str:
-    """Which targets a forecast covers, and which forecasts are false, by the place that they state now."""
-    true = [(4.0, 4.0), (16.0, 4.0), (28.0, 4.0)]
-    said = [(5.2, 4.8), (18.4, 4.9), (36.0, 4.0)]
-    score = _one_frame(true, [_forecast(i, place, place, 0.9 - 0.1 * i) for i, place in enumerate(said)])
-
-    def px(place: Point) -> Point:
-        return 16 * place[0] + 20, 150 - 16 * place[1]
-
-    gate = 16 * CARD.task.forecast_gate["car"]
+def matching() -> str:
+    """The matching at two cuts of the confidence: as many as possible, then the surest, then the nearest."""
+    true = [(4.0, 0.0), (16.0, 0.0), (19.0, 0.0), (31.0, 0.0)]
+    said = [((5.4, 0.0), 0.9), ((4.2, -0.3), 0.1), ((17.2, 0.3), 0.8), ((15.6, -0.8), 0.3), ((37.0, 0.0), 0.2)]
+    gate = CARD.task.forecast_gate["car"]
     lines = []
-    for place, covered in zip(true, score.covered, strict=True):
-        lines += [box(px(place), (64, 32), GREEN), circle(px(place), gate, stroke=GREY, dashed=True)]
-        lines.append(text((px(place)[0], 150), "covered" if covered else "uncovered", BLACK, "middle", bold=True))
-    for place, false in zip(said, score.cuts.false, strict=True):
-        color = VERMILLION if false else PURPLE
-        lines += [circle(px(place), 4, color), box(px(place), (64, 32), "none", color)]
-        lines.append(text((px(place)[0], 36), "false" if false else "right", color, "middle"))
-    lines.append(text((20, 182), f"A forecast belongs to a true object if it begins within {gate / 16:g} m of it."))
-    return drawing(680, 196, lines)
+    for panel, least in enumerate((0.5, 0.0)):
+        kept = [(place, sure) for place, sure in said if sure >= least]
+        scene, rollout = _now(true, [_forecast(i, place, place, sure) for i, (place, sure) in enumerate(kept)])
+        matched = _matched(scene, rollout)
+        top = 30 + 150 * panel
+
+        def px(place: Point, top: float = top) -> Point:
+            return 17 * place[0] + 20, top + 62 - 17 * place[1]
+
+        covered, false = int((matched >= 0).sum()), len(kept) - int((matched >= 0).sum())
+        which = f"confidence {least:g} or more" if least else "every forecast"
+        lines.append(text((16, top), f"{which}: {covered} of {len(true)} targets covered, {false} false", bold=True))
+        for place, forecast in zip(true, matched.tolist(), strict=True):
+            lines += [circle(px(place), 17 * gate, stroke=GREY, dashed=True), circle(px(place), 7, GREEN)]
+            if forecast >= 0:
+                lines.append(line([px(place), px(kept[forecast][0])], PURPLE, 3))
+        for i, (place, sure) in enumerate(kept):
+            color = PURPLE if i in matched else VERMILLION
+            x, y = px(place)
+            lines += [circle((x, y), 5, color), text((x + 6, y + (20 if place[1] < 0 else -7)), f"{sure:g}", color)]
+    x = 400.0
+    for i, (color, words) in enumerate(((GREEN, "true object, its gate"), (PURPLE, "matched"), (VERMILLION, "false"))):
+        lines += [circle((x, 322), 5, color), text((x + 10, 327), words)]
+        x += (165.0, 90.0, 0.0)[i]
+    return drawing(700, 340, lines)
 
 
 def miss_error() -> str:
@@ -148,7 +164,7 @@ def budgets() -> str:
     lines.append(line([px(x, y) for x, y in zip(grid.tolist(), curve.tolist(), strict=True)], BLUE, 2.5))
     lines += [circle(px(x, y), 5, VERMILLION) for x, y in zip(allowed.all.tolist(), at_budgets.tolist(), strict=True)]
     lines.append(line([px(allowed.all[0], mean), px(allowed.all[-1], mean)], VERMILLION, 1.5, dashed=True))
-    lines.append(text((px(allowed.all[-1], mean)[0] + 10, px(0, mean)[1] + 5), f"mean {mean:.1f} m ranks", VERMILLION))
+    lines.append(text((px(allowed.all[-1], mean)[0] + 10, px(0, mean)[1] + 5), f"bADE: {mean:.1f} m", VERMILLION))
     empty = float(score.miss_error.mean())
     lines.append(line([px(0, empty), px(10, empty)], GREY, 1.5, dashed=True))
     lines.append(text((px(10, empty)[0], px(0, empty)[1] - 6), f"nothing predicted: {empty:.1f} m", GREY, "end"))
@@ -156,10 +172,11 @@ def budgets() -> str:
 
 
 def gap() -> str:
-    """The share of the gap from STP to ground-truth tracks that an agent closes."""
+    """The share of the gap from one hypothesis to perfect association that an agent closes."""
     away = np.linspace(-0.1, 0.1, 8)  # eight units, one target each
-    errors = {"GT tracks": 0.6 + away, "agent": 1.1 + 0.5 * away, "STP": 1.6 + away}
-    found = gap_closed(errors["agent"], errors["STP"], errors["GT tracks"], np.ones(8))
+    best, single = "perfect association", "same samples"
+    errors = {best: 0.6 + away, "agent": 1.1 + 0.5 * away, single: 1.6 + away}
+    found = gap_closed(errors["agent"], errors[single], errors[best], np.ones(8))
     assert found is not None
 
     def px(error: float) -> float:
@@ -170,15 +187,61 @@ def gap() -> str:
         error = float(values.mean())
         lines += [circle((px(error), 90), 8, color), text((px(error), 66), name, color, "middle", bold=True)]
         lines.append(text((px(error), 120), f"{error:.1f} m", BLACK, "middle"))
-    high, own = (float(errors[name].mean()) for name in ("STP", "agent"))
+    high, own = (float(errors[name].mean()) for name in (single, "agent"))
     lines += [line([(px(own), 140), (px(high), 140)], ORANGE, 5)]
-    lines.append(text((px((own + high) / 2), 164), f"{100 * found.closed:.0f} % of the gap closed", BLACK, "middle"))
-    lines.append(text((px(0), 30), "error, m: less is better", GREY))
+    lines.append(
+        text((px((own + high) / 2), 164), f"{100 * found.closed:.0f} % of the association gap closed", BLACK, "middle")
+    )
+    lines.append(text((px(0), 30), "bADE, m: less is better", GREY))
     return drawing(680, 180, lines)
 
 
+def parts() -> str:
+    """The cost of targets and its parts: one target with a forecast, and one for each cause of having none."""
+    causes = ("below_threshold", "no_forecast", "other_class", "off_place", "undetected_new", "undetected_seen")
+    true = [(30.0 * i, 0.0) for i in range(1 + len(causes))]
+    seen: list[list[Thing]] = [[], []]
+    for i, (x, y) in enumerate(true):
+        cause = causes[i - 1] if i else ""
+        if cause != "undetected_new":
+            seen[0].append(at(i, (x, y)))
+        if cause not in ("undetected_new", "undetected_seen"):
+            off = (0.0, 1.5 * CARD.task.forecast_gate["car"])[cause == "off_place"]
+            seen[1].append(at(i, (x, y + off), class_id=int(cause == "other_class")))
+
+    def ahead(i: int, off: float, confidence: float = 0.9, now: float = 0.0) -> Thing:
+        return _forecast(i, (true[i][0] + now, 0.0), [[(true[i][0] + off, 0.0)] * CARD.task.future] * 4, confidence)
+
+    false = [_forecast(50 + i, (15.0 + 30 * i, 9.0), (0.0, 0.0), 0.5) for i in range(9)]
+    said = {
+        "agent": [ahead(0, 7.6), ahead(1, 0.5, 0.1), *false],
+        "perfect association": [ahead(0, 5.4, now=1.9)],
+        "ground-truth tracks": [ahead(0, 2.0)],
+    }
+    runs = {}
+    for name, things in said.items():
+        scene, rollout = _now(true, things)
+        detected = with_detections(scene, [*seen, *[[] for _ in range(scene.frames - len(seen))]])
+        runs[name] = AgentScores(name, 1, 4, "equal", ((score_scene(detected, rollout, CARD),),))
+    references = reference_errors(runs["perfect association"], runs["ground-truth tracks"], 4)
+    found = error_parts(agent_table(runs["agent"], None), "all", references)
+    colors = dict(zip(found, (GREEN, ORANGE, BLUE, PURPLE, GREY), strict=False))
+    lines, scale = [], 46.0
+    for i in range(len(true)):
+        y, x = 24.0 + 34 * i, 160.0
+        lines.append(text((16, y + 5), "with a forecast" if i == 0 else "without a forecast"))
+        for name, part in found.items():
+            if part[i]:
+                color, width = colors.get(name, LIGHT), scale * float(part[i])
+                lines.append(box((x + width / 2, y), (width, 22), color))
+                lines.append(text((x + 4, y + 5), PARTS[name], "white" if color != LIGHT else BLACK))
+                x += width
+        lines.append(text((x + 8, y + 5), f"{sum(float(part[i]) for part in found.values()):.1f} m", BLACK, bold=True))
+    return drawing(700, 34 * len(true) + 16, lines)
+
+
 DRAWINGS: dict[str, Callable[[], str]] = {
-    drawn.__name__: drawn for drawn in (targets, events, coverage, miss_error, budgets, gap)
+    drawn.__name__: drawn for drawn in (targets, events, matching, miss_error, budgets, parts, gap)
 }
 
 
@@ -192,12 +255,25 @@ def _forecast(i: int, place: Point, paths: object, confidence: float) -> Thing:
     return at(i, place, forecast=futures, confidence=confidence)
 
 
-def _one_frame(true: list[Point], said: list[Thing], speed: float = 0.0) -> SceneScore:
-    """The score of a scene with a single live frame; its objects move along x, m per frame."""
+def _now(true: list[Point], said: list[Thing], speed: float = 0.0) -> tuple[Scene, Rollout]:
+    """A scene with a single live frame, and what is said in it; its objects move along x, m per frame."""
     now = CARD.task.past - 1
     frames = [[at(i, (x + speed * (t - now), y)) for i, (x, y) in enumerate(true)] for t in range(now + 4)]
     answers = [said if t == now else [] for t in range(len(frames))]
-    return score_scene(make_scene(frames), make_rollout([[] for _ in frames], answers, samples=4), CARD)
+    return make_scene(frames), make_rollout([[] for _ in frames], answers, samples=4)
+
+
+def _one_frame(true: list[Point], said: list[Thing], speed: float = 0.0) -> SceneScore:
+    """The score of such a scene."""
+    return score_scene(*_now(true, said, speed), CARD)
+
+
+def _matched(scene: Scene, rollout: Rollout) -> Ints:
+    """The forecast of each target in the only live frame, -1 for none."""
+    found, forecasts = find_targets(scene, CARD), RecordedForecasts.of(rollout)
+    near = candidates(scene, found, forecasts, live_frames(scene, CARD), CARD)
+    matched = final_match(match_by_confidence(near, forecasts.confidence).additions, len(scene.truth.box))
+    return matched[found.row]
 
 
 def main() -> None:
