@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..cards import Card
 from ..env.environment import MTPEnv
@@ -24,9 +24,12 @@ from .options import DEFAULTS, RunOptions
 from .reading import total_skipped
 from .reference import ranked_scenes, reference_for
 from .run import Job, jobs_of, run_jobs
-from .settings import Setting, all_settings, require_list
+from .settings import Setting, all_settings, references_of, require_list
 
-CONTROLS: tuple[Role, ...] = ("ground_truth", "single", "same_samples", "hedged")  # docs/definitions, "Controls"
+# docs/definitions, "Controls"
+CONTROLS: tuple[Role, ...] = (
+    "ground_truth", "single", "same_samples", "hedged", "associated", "associated_same_samples",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -53,22 +56,21 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     scenes, role = options.chosen(ranked), controls()
     settings = all_settings([*control_names(), *names], card)
     options.require_tracks_used([setting.submission for setting in settings])
-    pairs = {
-        setting.label: setting.gap_references
-        for setting in settings
-        if setting.budget == "equal" and setting.gap_references is not None
-    }
-    references: list[Setting] = []
-    for each in itertools.chain(*pairs.values()):
-        if each not in references:  # settings of a sweep share them
-            references.append(each)
+    # of several numbers of hypotheses under one label, the references of the last
+    stated = {setting.label: references_of(setting, card) for setting in settings if setting.budget == "equal"}
+    runs, known = list(settings), [replace(setting, label="") for setting in settings]
+    for each in itertools.chain(*(references.values() for references in stated.values())):
+        if (run := replace(each, label="")) not in known:
+            runs.append(each)
+            known.append(run)
             # they run last: errors show before anything runs
             each.submission.require_parameters(**each.parameters)
-    agents = score_settings([*settings, *references], env_id, card, scenes, options)
-    scores = agents[len(settings) :]
+    agents = score_settings(runs, env_id, card, scenes, options)
     own = {
-        label: References(*(scores[references.index(each)] for each in pair)) if pair else None
-        for label, pair in pairs.items()
+        label: References(**{name: agents[known.index(replace(each, label=""))] for name, each in references.items()})
+        if references
+        else None
+        for label, references in stated.items()
     }
     reference = reference_for(card, scenes, options)
     report = summarise(
@@ -112,6 +114,7 @@ def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: 
         budget=setting.budget,
         seeds=tuple(seeds),
         ideal=setting.ideal,
+        associated=setting.observe == "associated",
         stored_tracks=setting.observe == "tracks",
     )
 

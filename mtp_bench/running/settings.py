@@ -12,8 +12,10 @@ from typing import Any
 from ..cards import Card
 from ..errors import MtpBenchError, SubmissionError
 from ..scoring.rows import Budget
-from ..submission.loader import Submission, load_submission
-from ..submission.manifest import MANIFEST
+from ..submission.loader import Submission, controls, load_submission
+from ..submission.manifest import MANIFEST, Role
+
+_REFERENCES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples", "associated")
 
 
 @dataclass(frozen=True)
@@ -35,13 +37,19 @@ class Setting:
         Empty: the controls are the pair. None: the manifest does not state it.
         """
         stated = self.submission.compare.gap_references
-        if stated is None or self.ideal:
-            return None
         if stated == "controls":
             return ()
+        if stated is None or self.ideal:
+            return None
         label = f"{self.submission.name} (reference of its gap)"
-        single = replace(self, label=label, parameters={**self.parameters, **stated}, hypotheses=1)
+        parameters, observe = {**self.parameters, **stated}, self.observe.replace("associated", "detections")
+        single = replace(self, label=label, parameters=parameters, hypotheses=1, observe=observe)
         return single, replace(single, observe="truth")
+
+    @property
+    def drawn(self) -> int:
+        """How often k samples are drawn of an object."""
+        return (self.hypotheses or 1) * (_count(self.submission, self.parameters, self.submission.compare.draws) or 1)
 
     @property
     def ideal(self) -> bool:
@@ -66,18 +74,53 @@ def setting_of(
     chosen = chosen or {}
     parameters = {**submission.parameters, **chosen}
     names = submission.compare
-    hypotheses = _count(submission, parameters, names.hypotheses)
-    drawn = (hypotheses or 1) * (_count(submission, parameters, names.draws) or 1)
     shown = [f"{k}={v}" for k, v in chosen.items() if k != names.hypotheses and v != submission.parameters.get(k)]
-    return Setting(
+    setting = Setting(
         label=" ".join([submission.name, *shown]),
         submission=submission,
         parameters=parameters,
         budget=budget,
-        hypotheses=hypotheses,
-        samples=card.task.samples * (drawn if budget == "free" else 1),
+        hypotheses=_count(submission, parameters, names.hypotheses),
+        samples=card.task.samples,
         observe=names.observe,
     )
+    drawn = setting.drawn  # raises for a wrong count
+    return replace(setting, samples=card.task.samples * drawn) if budget == "free" else setting
+
+
+def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
+    """Settings beside which an agent is measured, by the fields of `References`; empty if its manifest states none."""
+    pair = setting.gap_references
+    if not pair:
+        return {} if pair is None else _kinematic_references(setting, card)
+    single, truth = pair
+    every = single
+    draws = setting.submission.compare.draws
+    if draws is not None and setting.drawn > single.drawn:
+        every = replace(single, parameters={**single.parameters, draws: setting.drawn})
+    references = {"single": single, "ground_truth": truth, "same_samples": every}
+    if single.observe == "detections":
+        alike = every if setting.drawn > 1 else single
+        for name, of in (("associated_same_samples", every), ("associated", alike)):
+            references[name] = replace(of, observe="associated")
+        references["tracks"] = replace(alike, observe="truth")
+    return references
+
+
+def _kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
+    """References with the kinematic predictor: controls, with one draw or with as many as their same samples."""
+    name_of = controls()
+
+    def control(role: Role, draws: int | None = None) -> Setting:
+        submission = load_submission(name_of[role])
+        return setting_of(submission, card, {} if draws is None else {str(submission.compare.draws): draws})
+
+    references: dict[str, Setting] = {role: control(role) for role in _REFERENCES}
+    references["tracks"] = references["ground_truth"]
+    if setting.drawn > 1:
+        references["associated"] = references["associated_same_samples"]
+        references["tracks"] = control("ground_truth", references["same_samples"].drawn)
+    return references
 
 
 def expand(submission: Submission, card: Card) -> list[Setting]:

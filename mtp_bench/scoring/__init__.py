@@ -14,13 +14,13 @@ from .displacement import k_curve as k_curve
 from .events import Events as Events
 from .events import find_events as find_events
 from .events import history as history
+from .gaps import References as References
 from .matching import match as match
 from .matching import match_sticky as match_sticky
 from .neutral import evaluated as evaluated
 from .neutral import unconfirmable as unconfirmable
 from .pairs import Pairs as Pairs
 from .rank import rank_by_error as rank_by_error
-from .report import References as References
 from .report import Report as Report
 from .report import summarise as summarise
 from .score import SceneScore as SceneScore

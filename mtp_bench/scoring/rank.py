@@ -23,6 +23,7 @@ from .rows import Budget
 from .statistics import beyond_rounding, effective_number, paired_difference
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
+ASSOCIATED = "saw which detections are of one object"
 ALONE = "one agent alone is not ranked"
 _DIGITS = 1e-9  # share of a weight or a number of objects by which the digits in a record may differ from it
 
@@ -35,6 +36,7 @@ class Entrant:
     samples: int  # per object
     saw_truth: bool
     unfinished: str = ""  # short reason why not all of it was run; empty if all was
+    associated: bool = False  # its detections had the ids of true objects
     stored_tracks: bool = False  # its tracks are from a program that may have seen the future
 
 
@@ -44,6 +46,8 @@ def why_unranked(entrant: Entrant) -> str | None:
         return entrant.unfinished
     if entrant.saw_truth:
         return "saw the truth"
+    if entrant.associated:
+        return ASSOCIATED
     if entrant.stored_tracks:
         return NOT_CAUSAL
     if entrant.budget != "equal":

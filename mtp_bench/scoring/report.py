@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..cards import Card
 from .definitions import DEFINITIONS, SUBSETS, Subset
 from .details import details
+from .gaps import Pair, Pairs, References, gap_columns, pairs_of
 from .parts import ReferenceErrors, mean_costs, reference_errors
 from .rank import ALONE, Entrant, guard, ranks_among, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
-from .statistics import Gap, bootstrap_interval, effective_number, gap_closed, paired_difference, ratio
+from .statistics import bootstrap_interval, effective_number, paired_difference, ratio
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
 from .weights import Reference
 
@@ -41,24 +42,6 @@ class Report:
         return content
 
 
-class References(NamedTuple):
-    """Runs with an agent's own predictor and presence model beside which it is measured; None: there is none."""
-
-    single: AgentScores | None = None  # one hypothesis
-    ground_truth: AgentScores | None = None  # the same on ground-truth tracks
-    same_samples: AgentScores | None = None  # one hypothesis, all samples that several draw, reduced to k
-    associated_same_samples: AgentScores | None = None  # the same with perfect association of the detections
-    associated: AgentScores | None = None  # perfect association, with as many samples as the agent draws
-    tracks: AgentScores | None = None  # ground-truth tracks, with as many samples as the agent draws
-
-
-class _Pair(NamedTuple):
-    """The tables between which a gap is closed; None if the agent is absent."""
-
-    stp: AgentTable | None
-    truth: AgentTable | None
-
-
 def summarise(
     agents: Sequence[AgentScores],
     card: Card,
@@ -73,32 +56,32 @@ def summarise(
     ``reference``: event weights, and the false forecasts of STP that set budgets; without it only "all" has targets.
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
     given; all of them with equal k, and left out if absent. ``references``: by agent, the runs with its own
-    predictor and presence model; None if its gap is between ``stp`` and ``truth``, missing if unknown.
+    predictor and presence model; None if its manifest does not state them, missing if they were not run.
     One agent alone has no rank. Raises RolloutError if agents differ in scenes or targets.
     """
     tables = [agent_table(setting, reference) for setting in agents]
     for setting in agents[1:]:
         who = f"agents {agents[0].agent!r} and {setting.agent!r}"
         require_same_targets(agents[0].seeds[0], setting.seeds[0], who)
+    beside = {id(table.setting): table for table in tables}
     for agent, runs in (references or {}).items():
         for each in filter(None, runs or ()):
-            who = f"{agents[0].agent!r} and a reference of {agent!r}"
-            require_same_targets(agents[0].seeds[0], each.seeds[0], who)
-    shared = _Pair(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
-    own = {
-        agent: _Pair(*(None if each is None else agent_table(each, reference) for each in runs[:2])) if runs else shared
-        for agent, runs in (references or {}).items()
-    }
+            if id(each) not in beside:
+                who = f"{agents[0].agent!r} and a reference of {agent!r}"
+                require_same_targets(agents[0].seeds[0], each.seeds[0], who)
+                beside[id(each)] = agent_table(each, reference)
+    shared = Pair(_with_equal_budget(tables, stp), _with_equal_budget(tables, truth))
+    pairs = [pairs_of(table, shared, references or {}, beside) for table in tables]
     others = [table for name in controls if (table := _with_equal_budget(tables, name)) is not None]
     rows = []
-    for table in tables:
+    for table, gaps in zip(tables, pairs, strict=True):
         runs = (references or {}).get(table.setting.agent) or References()
         split = reference_errors(runs.associated, runs.tracks, table.setting.samples)
-        rows += [_row(table, subset, shared, own.get(table.setting.agent), split) for subset in SUBSETS]
+        rows += [_row(table, subset, shared, gaps, split) for subset in SUBSETS]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
-        rows=_with_ranks(rows, tables, shared, own),
+        rows=_with_ranks(rows, tables, shared, pairs),
         paired=[
             paired_row(table, other, subset)
             for other in others
@@ -152,12 +135,11 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     )
 
 
-def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None, split: ReferenceErrors | None) -> Row:
+def _row(table: AgentTable, subset: Subset, shared: Pair, pairs: Pairs, split: ReferenceErrors | None) -> Row:
     setting, weight, ranked = table.setting, table.weight[subset], table.bade(subset)
     total, some = float(weight.sum()), weight > 0
     covered = float((weight * table.covered).sum())
     unit_weight = table.unit_weight(weight)
-    gap, same = _gap(table, subset, shared), _gap(table, subset, own)
     fixed = ratio(sum(score.fixed_error for score in table.scores) / len(setting.seeds), len(table.unit))
     beside = shared.stp if shared.stp is not None and shared.stp.setting.samples == setting.samples else None
     stp = paired_difference(table.errors(subset), beside.errors(subset), unit_weight) if beside else None
@@ -186,10 +168,7 @@ def _row(table: AgentTable, subset: Subset, shared: _Pair, own: _Pair | None, sp
         difference_to_stp=stp and stp.mean,
         difference_interval=stp and stp.interval,
         p=stp and stp.p,
-        gap_closed=gap and gap.closed,
-        gap_interval=gap and gap.interval,
-        gap_closed_same_predictor=same and same.closed,
-        gap_same_predictor_interval=same and same.interval,
+        **gap_columns(table, subset, pairs),
         unranked_because=None,
         targets=int(some.sum()),
         effective_targets=effective_number(weight),
@@ -210,28 +189,20 @@ def _effective_objects(table: AgentTable, subset: Subset) -> float:
     return effective_number(np.bincount(table.person, weights=table.weight[subset]))
 
 
-def _gap(table: AgentTable, subset: Subset, pair: _Pair | None) -> Gap | None:
-    """Share of the gap that an agent closes; None without a reference pair of its k."""
-    stp, truth = pair or (None, None)
-    if stp is None or truth is None or len({each.setting.samples for each in (table, stp, truth)}) > 1:
-        return None
-    error, high, low = (each.errors(subset) for each in (table, stp, truth))
-    return gap_closed(error, high, low, table.unit_weight(table.weight[subset]))
-
-
-def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: _Pair, own: Mapping[str, _Pair]) -> list[Row]:
+def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pairs: Sequence[Pairs]) -> list[Row]:
     """The rows, by agent and then by subset, with their ranks or the reason why they have none."""
     done = list(rows)
     for at, subset in enumerate(SUBSETS):
         why: list[str | None] = []
         weight = tables[0].unit_weight(tables[0].weight[subset]) if tables else np.zeros(0)
-        for table in tables:
+        for table, gaps in zip(tables, pairs, strict=True):
             setting = table.setting
-            entrant = Entrant(setting.budget, setting.samples, setting.ideal, stored_tracks=setting.stored_tracks)
+            seen = setting.ideal, "", setting.associated, setting.stored_tracks
+            entrant = Entrant(setting.budget, setting.samples, *seen)
             reason = why_unranked(entrant) or why_not_on(subset, _effective_objects(table, subset), weight)
             if subset != "all" and reason is None:
-                pairs = shared, own.get(setting.agent)
-                limits = (None if each is None or each.stp is None else each.stp.errors("all") for each in pairs)
+                ends = shared, gaps.own
+                limits = (None if each is None or each.stp is None else each.stp.errors("all") for each in ends)
                 reason = guard(table.errors("all"), table.unit_weight(table.weight["all"]), *limits)
             # alone, even an agent that predicts nothing would be the first
             why.append(ALONE if reason is None and len(tables) == 1 else reason)

@@ -76,6 +76,12 @@ class Row(AgentSetting):
     gap_interval: IntervalColumn
     gap_closed_same_predictor: Annotated[Share, Column(help="Between a reference pair with the agent's predictor.")]
     gap_same_predictor_interval: IntervalColumn
+    association_gap_closed: Annotated[
+        Share, Column(help="Between equal samples, without and with perfect association.")
+    ] = None
+    association_gap_interval: IntervalColumn = None
+    gap_blank_because: Annotated[str | None, Column(help="Reason of a missing gap_closed.")] = None
+    association_gap_blank_because: Annotated[str | None, Column(help="Reason of a missing association gap.")] = None
     place: Annotated[int | None, Column(better="lower", help="By bADE. Missing: shown, not ranked.")] = None
     rank_range: Annotated[
         tuple[int, int] | None,

@@ -33,6 +33,7 @@ class AgentScores:
     budget: Budget  # "free": another number of samples than the task's k, never ranked
     seeds: tuple[tuple[SceneScore, ...], ...]
     ideal: bool = False  # saw the truth: shown, never ranked
+    associated: bool = False  # saw which detections are of one object: shown, never ranked
     stored_tracks: bool = False  # was given tracks that may have seen the future: shown, never ranked
 
     @property
