@@ -25,7 +25,8 @@ MOST_UNITS = 2_000  # of a record: blocks of 20 s
 _CLOSE = 1e-6  # relative tolerance of a number that follows from others: machines sum in other orders
 _NOT_KNOWN_ALONE = (  # they depend on other records, or are measured
     "place", "rank_range", "unranked_because", "gap_closed", "gap_interval", "gap_closed_same_predictor",
-    "gap_same_predictor_interval", "ms_per_frame",
+    "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
+    "association_gap_blank_because", "ms_per_frame",
 )  # fmt: skip
 # m, at most that of a missed target
 _ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")

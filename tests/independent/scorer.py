@@ -145,7 +145,7 @@ def compare(
 
 
 def _beside(paired: Paired, name: str, ends: Ends, own: Ends | None) -> Row:
-    gap, interval = paired.gap(name, ends)
+    gap, interval = (None, None) if own not in (None, ends) else paired.gap(name, ends)  # another predictor
     return {
         "difference_to_stp": paired.difference(name, ends.stp),
         "difference_interval": paired.interval(paired.less(name, ends.stp)),

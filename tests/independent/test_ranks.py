@@ -118,7 +118,7 @@ def test_both_scorers_rank_alike(seed: int) -> None:
         weights = {subset: weight for subset, weight in table.weight.items() if subset != "all"}
         others[name] = scorer.score(card, scenes, runs, table.budgets.subsets, weights)
     own = ("good's stp", "good's gt")
-    ends = {"good": References(*(product[name] for name in own)), "alike": None}
+    ends = {"good": References(*(product[name] for name in own)), "alike": References(product["stp"], product["gt"])}
     rows = [agent for name, agent in product.items() if name not in own]
     report = summarise(rows, card, reference, stp="stp", truth="gt", references=ends)
     compared = scorer.compare(

@@ -20,9 +20,12 @@ from tests.support.command_line import CommandLine, read_json, write_submission
 
 KEYS = [
     "agent", "hypotheses", "samples", "budget", "subset", "minADE", "minFDE", "error", "interval", "localisation",
-    "missed", "error_by_score", "plain_error", "fixed_error", "energy_score", "coverage", "difference_to_stp",
+    "missed", "error_by_score", "cost_ground_truth", "cost_localisation", "cost_history", "cost_association",
+    "cost_rest", "cost_below_threshold", "cost_no_forecast", "cost_other_class", "cost_off_place",
+    "cost_undetected_new", "cost_undetected_seen", "plain_error", "fixed_error", "energy_score", "coverage", "difference_to_stp",
     "difference_interval", "p", "gap_closed", "gap_interval", "gap_closed_same_predictor",
-    "gap_same_predictor_interval", "place", "rank_range", "unranked_because",
+    "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
+    "association_gap_blank_because", "place", "rank_range", "unranked_because",
     "targets", "effective_targets", "events", "objects", "effective_objects", "scenes", "effective_units", "seeds",
     "ms_per_frame",
 ]  # fmt: skip
@@ -32,6 +35,8 @@ CONTROLS = [
     ("stp", 1, 4, "equal"),
     ("stp_same_budget", 1, 4, "equal"),
     ("stp_hedged", 1, 4, "equal"),
+    ("perfect_association", 1, 4, "equal"),
+    ("perfect_association_same_samples", 1, 4, "equal"),
 ]
 MTP = [("mtp", h, 4, "equal") for h in (5, 10, 20)] + [("mtp", h, 4 * h, "free") for h in (5, 10, 20)]
 

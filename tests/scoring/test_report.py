@@ -146,11 +146,22 @@ def test_gap_closed_is_undefined_at_another_k_and_where_there_is_no_gap() -> Non
     assert row(summarise([agent("half", run(0.6))], CARD)).gap_closed is None
 
 
-def test_the_same_predictor_at_both_ends() -> None:
-    ends = References(agent("learned stp", run(0.7)), agent("learned truth", run(0.3)))
-    report = comparison(agent("half", run(0.6)), own={"half": ends, "stp": None})
-    assert row(report, agent=2).gap_closed == pytest.approx(0.5)
-    assert [row(report, agent=i).gap_closed_same_predictor for i in range(3)] == [0, None, pytest.approx(0.25)]
+def test_the_gaps_with_an_agent_s_own_predictor_and_why_others_are_blank() -> None:
+    runs = (agent("r", run(error)) for error in (0.7, 0.3, 0.65, 0.6, 0.6, 0.3))
+    kinematic = References(agent("stp", run(1.0)), agent("truth_past", run(0.2)), *[agent("r", run(0.5))] * 2)
+    own: dict[str, References | None] = {"half": References(*runs), "stp": kinematic, "unknown": None}
+    report = comparison(agent("half", run(0.62)), agent("unknown", run(0.6)), own=own)
+    unstated = "its manifest does not state gap_references"
+    for place, gaps, reasons in (
+        (0, (0.0, 0.0, None), (None, "the gap is not significantly above 0")),
+        (1, (1.0, None, None), (None, "its references were not run")),
+        (2, (None, 0.2, 0.6), ("its predictor is not that of stp", None)),
+        (3, (None, None, None), (unstated, unstated)),
+    ):
+        got = row(report, agent=place)
+        found = got.gap_closed, got.gap_closed_same_predictor, got.association_gap_closed
+        assert found == tuple(None if gap is None else pytest.approx(gap) for gap in gaps)
+        assert (got.gap_blank_because, got.association_gap_blank_because) == reasons
 
 
 def test_differences_to_the_controls() -> None:
