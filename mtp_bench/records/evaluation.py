@@ -23,7 +23,8 @@ from .canonical import rounded
 from .record import MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
 # of a row: they depend on other records, or are measured
-_LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame")
+_BLANK = ("gap_blank_because", "association_gap_blank_because")
+_LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame", *_BLANK)
 
 
 @dataclass(frozen=True)
