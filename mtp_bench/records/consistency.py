@@ -123,12 +123,13 @@ def _inconsistent_row(
 ) -> Iterator[str]:
     where, total = f"row {row.subset!r}", sum(weight)
     interval = bootstrap_interval(error, weight) or (None, None)
+    stated_interval = (max(row.interval[0], 0.0), row.interval[1]) if row.interval else (None, None)  # 2.0 went below 0
     sums = {"localisation + missed": ("localisation", "missed"), "the sum of cost_*": [f"cost_{p}" for p in PARTS]}
     parts = {name: [v for field in fields if (v := getattr(row, field)) is not None] for name, fields in sums.items()}
     for name, stated, found in (
         ("error", row.error, ratio(sum(error), total)),
         ("effective_units", row.effective_units, effective_number(weight)),
-        *zip(("interval from", "interval to"), row.interval or (None, None), interval, strict=True),
+        *zip(("interval from", "interval to"), stated_interval, interval, strict=True),
         *((name, sum(values), row.error) for name, values in parts.items() if values),
     ):
         if (stated is None) != (found is None) or not math.isclose(

@@ -40,10 +40,11 @@ def why_not_comparable(record: Record, level: SignedLevel | None = None, ships: 
 def why_not_genuine(record: Record) -> str | None:
     """Reason why a record that names a baseline is of another submission; None for the baseline itself and other names.
 
-    Digests of earlier versions are not known: for their records the signed level vouches, see `why_not_comparable`.
+    Digests of that time are not known: for records of earlier definitions the signed level vouches, see
+    `why_not_comparable`.
     """
     known = baseline_digest(record.submission.name, record.submission.networks)
-    if known in (None, record.submission.digest) or record.earlier_version:
+    if known in (None, record.submission.digest) or record.earlier:
         return None
     return f"{record.submission.name!r} is the name of a baseline, and this is another submission"
 
@@ -68,9 +69,9 @@ def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) ->
 
 def _reasons(record: Record, level: SignedLevel | None, ships: Ships) -> Iterator[str]:
     env, known = record.env, ships(record.env.id)
-    if record.earlier_version:
+    if record.earlier:
         if level is None:
-            yield f"version {record.earlier_version}, without a signed level"
+            yield f"definitions {record.earlier}, without a signed level"
     else:
         yield from _unlike_shipped(record, known)
     if not record.reference.frozen:

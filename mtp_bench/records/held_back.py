@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..scoring.definitions import SIGNIFICANT, SUBSETS, Subset
+from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.rank import why_not_on
 from ..scoring.statistics import paired_difference
 from .attestation import Checked
@@ -35,4 +35,4 @@ def _ranks(one: Checked, subset: Subset) -> bool:
 def _is_better(one: Checked, truth: Checked, subset: Subset) -> bool:
     sums = one.sums
     difference = paired_difference(sums.unit_error(subset), truth.sums.unit_error(subset), sums.unit_weight(subset))
-    return difference is not None and difference.mean < 0 and difference.p < SIGNIFICANT
+    return difference is not None and difference.mean < 0 and difference.significant

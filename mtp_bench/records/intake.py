@@ -160,8 +160,8 @@ def _acceptable(path: Path, name: Path, names: Mapping[str, str], owner: str) ->
     ships = shipped(env.id)
     if name.parts[1:] != (stated, f"{env.id}.json"):
         raise RecordError(f"{name}: holds {stated!r} on {env.id}, expected it at {stated}/{env.id}.json")
-    if record.earlier_version:
-        raise RecordError(f"{name}: made by version {record.earlier_version}: make it again with `mtp-bench submit`")
+    if record.earlier:
+        raise RecordError(f"{name}: scored by definitions {record.earlier}: make it again with `mtp-bench submit`")
     if record.measured.made > today(1):
         raise RecordError(f"{name}: made on {record.measured.made}, expected a day up to {today()}: set the clock")
     if ships is None or ships.card != env.card_digest:

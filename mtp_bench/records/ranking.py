@@ -71,13 +71,13 @@ def standings(
     Only records of what ships, of one data and the same units are ranked against each other; on simulated envs those
     of one seal. The main ranking of an env is that of the newest seal with a record of STP, then that of the
     record with the highest level, STP's before others: never the largest group as such. A better record moves others
-    down; apart from that, a record changes no group, guard or gap but its own. Records of an earlier version are ranked
-    among themselves, if they have a signed level; they are not compared with what ships.
+    down; apart from that, a record changes no group, guard or gap but its own. Records of earlier definitions are
+    ranked among themselves, if they have a signed level; they are not compared with what ships.
     """
     levels = levels or {}
     groups: dict[tuple[str, str], list[Record]] = {}
     for record in records:
-        groups.setdefault((record.env.id, record.earlier_version), []).append(record)
+        groups.setdefault((record.env.id, record.earlier), []).append(record)
     standing: dict[str, Standing] = {}
     for group in groups.values():
         standing |= _standings_of_env(group, levels, ships)

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 from typing_extensions import TypeAliasType  # pydantic brings it
 
-from .._version import __version__
 from ..files import unseen
 from ..gateway.limits import SandboxBackend
 from ..running.options import MOST_SEED
-from ..scoring.definitions import SUBSETS, Subset
+from ..scoring.definitions import DEFINITIONS, SUBSETS, Subset
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
 from ..strict import Section
@@ -22,7 +21,7 @@ from .canonical import Date, Sha256
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
 Observed = Literal["detections", "truth"]
-EARLIER, EARLIER_VERSIONS = "0.2", ("0.1.", "0.2.")  # label of what these versions of the package made
+EARLIER = ("2.0",)  # versions of the definitions whose records are shown apart from today's
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record
 _LARGEST = 1 << 53  # larger whole numbers are not the same in every reader of JSON
@@ -265,10 +264,10 @@ class Record(Section):
         return next(row for row in self.rows if row.subset == subset)
 
     @property
-    def earlier_version(self) -> str:
-        """Version that made the record where its digests are not comparable with today's, "0.2"; else empty."""
-        made_by = self.versions.get("mtp-bench", __version__)
-        return EARLIER if made_by.startswith(EARLIER_VERSIONS) else ""
+    def earlier(self) -> str:
+        """Earlier version of the definitions that scored it, "2.0": shown apart; empty for any other."""
+        definitions = self.scorer.definitions
+        return definitions if definitions in EARLIER and definitions != DEFINITIONS else ""
 
     @property
     def runs(self) -> int:

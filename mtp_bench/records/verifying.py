@@ -114,17 +114,17 @@ def verify(
         sealed: Run it on hidden scenes too ("hidden").
         ends: Deletes the hidden scenes when it is closed, shared by several checks; None: at the end of this check.
 
-    A record of an earlier version is checked in itself alone. Raises RecordError if the record is missing, was changed,
-    has no stored rollouts or too many seeds, or would run a stranger's code unsandboxed; DataError for missing data.
+    One of earlier definitions is checked in itself alone. Raises RecordError if the record is missing, was changed, has
+    no stored rollouts or too many seeds, or would run a stranger's code unsandboxed; DataError for missing data.
     """
     path = Path(path)
     record = checked_record(path)
     again = rerun or sealed is not None
-    if record.earlier_version:  # its digests are not comparable with today's
-        made_by = f"made by version {record.earlier_version}"
+    if record.earlier:  # its digests are not comparable with today's
+        stated = f"scored by definitions {record.earlier}, today's are {DEFINITIONS}"
         if again:
-            raise RecordError(f"{path}: {made_by}, which cannot be run again: make it again with `mtp-bench submit`")
-        return Verification(path, record, "scored", notes=(f"{made_by}: its rollouts are not scored again",))
+            raise RecordError(f"{path}: {stated}, so it cannot be run again: make it again with `mtp-bench submit`")
+        return Verification(path, record, "scored", notes=(f"{stated}: its rollouts are not scored again",))
     options = replace(options, split=None, scenes=None)
     card = options.card(env_id or record.env.id)
     stale = _card_differences(record, card)

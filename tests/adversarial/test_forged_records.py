@@ -797,7 +797,7 @@ def with_nan(proposal: Path, _: Path) -> None:
 
 NEWCOMER = Path("records", "newcomer", f"{MAIN}.json")
 OWNED = '[owners]\nnewcomer = "ada"\n'
-OLD: Content = {"versions": {"mtp-bench": "0.2.0"}}
+OLD: Content = {"scorer": {"definitions": "2.0"}}
 PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a level": (
         writes(f"records/newcomer/{MAIN}.level.json", "{}"),
@@ -854,7 +854,7 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
         without_a_rivals_level, f"records/theirs/{MAIN}.level.json: is removed; only maintainers remove files",
     ),
     "another card": (adds("newcomer", env={"card_digest": "00" * 8}), "with card 0000000000000000 does not ship"),
-    "a record of version 0.2": (adds("newcomer", **OLD), "made by version 0.2: make it again"),
+    "a record of definitions 2.0": (adds("newcomer", **OLD), "scored by definitions 2.0: make it again"),
     "a key twice": (with_a_key_twice, "key 'division' comes twice"),
     "NaN": (with_nan, "NaN is not allowed in JSON"),
 }  # fmt: skip

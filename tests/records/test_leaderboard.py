@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import itertools
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.records import Record, record_paths
+from mtp_bench.commands.board import read_board
+from mtp_bench.parallel import NO_PROGRESS
+from mtp_bench.records import Record, record_paths, trusted
+from mtp_bench.records.eligibility import why_not_comparable
+from mtp_bench.records.evaluation import scorer_digest
+from mtp_bench.records.record import ScorerPart
 from mtp_bench.records.shipped import baseline_digest
 from mtp_bench.records.storage import read_as
-from mtp_bench.scoring import DEFINITIONS
+from mtp_bench.scoring import DEFINITIONS, SUBSETS
+from mtp_bench.scoring.definitions import SIGNIFICANT
+from mtp_bench.viz.board.entries import by_board
 from tests.support.command_line import CommandLine
+
+LEAST = 20  # records of today's definitions
 
 
 @pytest.fixture(scope="module")
@@ -27,10 +38,39 @@ def test_records_fit_their_environments(records: dict[Path, Record]) -> None:
         assert record.status == "finished"
         assert record.env.scenes == record.env.scenes_of_split
         assert (record.missed.malformed, record.missed.crashed_scenes) == (0, 0)
-        if not record.earlier_version:  # what ships today made it
-            assert record.env.card_digest == load_card(record.env.id).digest
-            assert record.scorer.definitions == DEFINITIONS
-            assert record.submission.digest == baseline_digest(record.submission.name, record.submission.networks)
+    todays = [record for record in records.values() if not record.earlier]  # what ships today made them
+    if not todays:
+        pytest.skip(f"no record of definitions {DEFINITIONS} yet")
+    assert len(todays) >= LEAST
+    for record in todays:
+        assert record.env.card_digest == load_card(record.env.id).digest
+        assert record.scorer == ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest())
+        assert record.submission.digest == baseline_digest(record.submission.name, record.submission.networks)
+        assert why_not_comparable(record) in (None, "not scored on hidden scenes yet")
+
+
+def test_no_place_contradicts_its_number_and_no_interval_its_test(repository: Path) -> None:
+    """Over all records, those of earlier definitions included."""
+    folder = repository / "leaderboard"
+    boards = by_board(read_board(folder / "records", (), None, None, trusted(folder), NO_PROGRESS).entries)
+    placed = 0
+    for entries, subset in itertools.product(boards.values(), SUBSETS):
+        places = [(each.standing.places[subset], each.row_of(subset).error or 0.0) for each in entries]
+        errors = np.array([error for place, error in places if place.place is not None])
+        for place, error in places:
+            if place.place is not None and place.span is not None:
+                placed += 1
+                assert place.place == 1 + int((errors < error * (1 - 1e-9)).sum())
+                assert place.span[0] <= place.place <= place.span[1]
+        for entry in entries:
+            difference = entry.difference(subset)
+            for interval, p in (
+                (difference and difference.interval, difference and difference.p),
+                *((row.difference_interval, row.p) for row in (*entry.record.rows, *entry.sums.rows)),
+            ):
+                apart = interval is not None and not interval[0] <= 0 <= interval[1]
+                assert apart == (p is not None and p < SIGNIFICANT)
+    assert placed > LEAST
 
 
 def test_the_pages_are_made_of_the_records(repository: Path, tmp_path: Path, cli: CommandLine) -> None:

@@ -100,10 +100,10 @@ def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
     assert places[2].why == "over all targets its bADE is above that of stp with its own predictor"
 
 
-def test_records_of_an_earlier_version_stand_apart() -> None:
+def test_records_of_earlier_definitions_stand_apart() -> None:
     """They are ranked among themselves, whatever ships today, and only where a trusted key signed what they are."""
     names = ("stp", "good", "bad", "unsigned")
-    old: dict[str, Any] = {"env": {"card_digest": "ab" * 8}, "versions": {"mtp-bench": "0.1.0"}}
+    old: dict[str, Any] = {"env": {"card_digest": "ab" * 8}, "scorer": {"definitions": "2.0"}}
     errors = (2.0, 1.0, 3.0, 0.1)
     today = [write_record(*(e + 0.1 * (i % 3) for i in range(8)), name=n) for n, e in zip(names, errors, strict=True)]
     earlier = [
@@ -112,8 +112,8 @@ def test_records_of_an_earlier_version_stand_apart() -> None:
     levels = {record.digest: signed_level(record) for record in earlier[:3]}
     found = standings([*today, *earlier], levels, ships_of(*today))
     assert [found[record.digest].places["all"].place for record in (*today, *earlier)] == [3, 2, 4, 1, 2, 1, 3, None]
-    assert found[earlier[3].digest].places["all"].why == "version 0.2, without a signed level"
-    assert [record.earlier_version for record in (today[0], earlier[0])] == ["", "0.2"]
+    assert found[earlier[3].digest].places["all"].why == "definitions 2.0, without a signed level"
+    assert [record.earlier for record in (today[0], earlier[0])] == ["", "2.0"]
 
 
 def test_who_is_better_than_ground_truth_is_held_back() -> None:

@@ -242,11 +242,11 @@ def test_a_changed_scorer_is_noted(part: str, key: str, what: str, path: Path, c
     assert note.startswith(f"changed since it was made: the {what};")
 
 
-def test_a_record_of_an_earlier_version_is_checked_in_itself(path: Path, card: str, kitti: str) -> None:
-    resign(path, lambda content: content["versions"].update({"mtp-bench": "0.1.0"}))
+def test_a_record_of_earlier_definitions_is_checked_in_itself(path: Path, card: str, kitti: str) -> None:
+    resign(path, lambda content: content["scorer"].update({"definitions": "2.0"}))
     checked = verify(path, RunOptions(kitti), card)
-    assert (checked.level, checked.holds, checked.notes[0][:19]) == ("scored", True, "made by version 0.2")
-    with pytest.raises(RecordError, match=r"made by version 0\.2, which cannot be run again"):
+    assert (checked.level, checked.holds, checked.notes[0][:25]) == ("scored", True, "scored by definitions 2.0")
+    with pytest.raises(RecordError, match=r"scored by definitions 2\.0, .* so it cannot be run again"):
         verify(path, RunOptions(kitti), card, rerun=True)
     content = json.loads(path.read_text())
     content["rows"][0]["error"] = 0.1

@@ -291,21 +291,21 @@ def test_parts_are_replaced_as_a_whole_and_nothing_else_ever_is(tmp_path: Path) 
     assert (theirs / "precious.txt").exists()
 
 
-def test_records_of_version_0_2_stand_apart_with_their_ranks() -> None:
-    old = {"mtp-bench": "0.2.5"}
-    earlier = [made_up("stp", 1.0, versions=old), made_up("good", 0.5, versions=old)]
+def test_records_of_definitions_2_0_stand_apart_with_their_ranks() -> None:
+    old = {"definitions": "2.0"}
+    earlier = [made_up("stp", 1.0, scorer=old), made_up("good", 0.5, scorer=old)]
     signed: dict[str, Level] = {"stp": "re-run", "good": "re-run"}
     entries = board_of(made_up("stp", 0.9), *earlier, levels=signed)
     assert [(entry.board, entry.name) for entry in entries] == [
-        (MAIN, "stp"), (f"{MAIN}@0.2", "good"), (f"{MAIN}@0.2", "stp"),
+        (MAIN, "stp"), (f"{MAIN}@2.0", "good"), (f"{MAIN}@2.0", "stp"),
     ]  # fmt: skip
     assert [entry.place for entry in entries[1:]] == [1, 2]
     files = board_files(entries)
-    assert files.page.count(">Version 0.2</h2>") == 1
-    assert files.page.index(f'href="#{MAIN}/stp"') < files.page.index(">Version 0.2</h2>")
-    assert pieces_of(files).keys() == {f"{MAIN}/stp", f"{MAIN}@0.2/good", f"{MAIN}@0.2/stp"}
-    assert [row["version"] for row in board_json(entries)[MAIN]] == [None, "0.2", "0.2"]
-    assert [str(table.title).split(":")[0] for table, _ in board_tables(entries)] == [MAIN, f"{MAIN} (version 0.2)"]
+    assert files.page.count(">Definitions 2.0</h2>") == 1
+    assert files.page.index(f'href="#{MAIN}/stp"') < files.page.index(">Definitions 2.0</h2>")
+    assert pieces_of(files).keys() == {f"{MAIN}/stp", f"{MAIN}@2.0/good", f"{MAIN}@2.0/stp"}
+    assert [row["definitions"] for row in board_json(entries)[MAIN]] == ["3.0", "2.0", "2.0"]
+    assert [str(table.title).split(":")[0] for table, _ in board_tables(entries)] == [MAIN, f"{MAIN} (definitions 2.0)"]
 
 
 HOSTILE_TEXTS = [HOSTILE, "<!--", "\u2028", '" onmouseover="window.hacked=1', "{{ 7 * 7 }}", "'><svg/onload=hacked()>"]

@@ -43,8 +43,11 @@ def test_agents_stand_side_by_side_on_the_environments_that_all_of_them_have(ent
     assert only[0] == MAIN
 
 
-def test_records_of_an_earlier_version_fill_a_table_that_has_no_others() -> None:
-    old = made_up("old", 0.5, versions={"mtp-bench": "0.2.0"})
-    assert "`old`" in filled(marked(f"env {MAIN}"), board_of(old), "page.md")
+def test_records_of_earlier_definitions_fill_a_table_that_has_no_others() -> None:
+    old = made_up("old", 0.5, scorer={"definitions": "2.0"})
+    headings, _, only = rows_of(filled(marked(f"env {MAIN}"), board_of(old), "page.md"))
+    assert (headings[0], only[0]) == ("agent (definitions 2.0)", "`old`")
+    across = rows_of(filled(marked("all of old"), board_of(old), "page.md"))
+    assert across[2][0] == f"{MAIN} (definitions 2.0)"
     new = filled(marked(f"env {MAIN}"), board_of(old, made_up("new")), "page.md")
     assert [row[0] for row in rows_of(new)[2:]] == ["`new`"]

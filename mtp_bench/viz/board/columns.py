@@ -107,7 +107,7 @@ _NUMBERS: Sequence[Column] = (
 COLUMN = {column.key: column for column in _NUMBERS}
 INTERVALS = {"error": "interval", "difference": "difference_interval"}  # key of a column -> that of its intervals
 _FIRST = (
-    _text("version", lambda e: e.version or None),
+    _text("definitions", lambda e: e.record.scorer.definitions),
     _text("place", lambda e: e.place),
     Column(key="rank_range", interval=True, format="d", read=lambda e: e.standing.places["all"].span),
     _text("submission", lambda e: e.name),

@@ -48,14 +48,14 @@ class Entry(Found):
         return self.record.env.id
 
     @property
-    def version(self) -> str:
-        """Earlier version of the package that made it, "0.2"; empty for one whose numbers compare with today's."""
-        return self.record.earlier_version
+    def earlier(self) -> str:
+        """Earlier version of the definitions that scored it, "2.0"; empty for one that is not shown apart."""
+        return self.record.earlier
 
     @property
     def board(self) -> str:
-        """Id of its table: that of the environment, with the version where that is an earlier one."""
-        return f"{self.env}@{self.version}" if self.version else self.env
+        """Id of its table: that of the environment, with the definitions where those are earlier ones."""
+        return f"{self.env}@{self.earlier}" if self.earlier else self.env
 
     @property
     def name(self) -> str:
@@ -146,7 +146,7 @@ class Entry(Found):
 
 
 def entries_of(found: Sequence[Found]) -> list[Entry]:
-    """The entries in the order of the leaderboard: by version, environment, rank, error and name."""
+    """The entries in the order of the leaderboard: by definitions, environment, rank, error and name."""
     levels = {each.record.digest: each.signed for each in found if each.signed is not None}
     places = standings([each.record for each in found], levels)
     entries = (Entry(**vars(each), standing=places[each.record.digest]) for each in found)
@@ -170,7 +170,7 @@ def _order(entry: Entry) -> tuple[str, tuple[int, str], float, bool, float, str,
     rank = math.inf if entry.place is None else entry.place
     error = math.inf if entry.error is None else entry.error
     place = _env_place(entry.env)
-    return entry.version, place, rank, not entry.compared, error, entry.name, entry.record.digest
+    return entry.earlier, place, rank, not entry.compared, error, entry.name, entry.record.digest
 
 
 @cache

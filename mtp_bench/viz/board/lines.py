@@ -43,7 +43,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
     board: dict[str, Any] = {
         "id": entries[0].board,
         "env": env_id,
-        "version": entries[0].version,
+        "earlier": entries[0].earlier,
         "about": _about(env_id),
         "simulated": simulated(env_id),
         "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),

@@ -16,9 +16,9 @@ _NAMED = 3  # leaders
 
 @dataclass(frozen=True)
 class Overview:
-    """Agents by environments, of one version."""
+    """Agents by environments, of one version of the definitions."""
 
-    version: str
+    earlier: str  # that version, where it is not today's
     heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
     rows: list[tuple[str, list[Entry | None]]]  # name of an agent, its entry per environment
 
@@ -31,7 +31,7 @@ class Overview:
 
 
 def overview_of(entries: Sequence[Entry]) -> Overview:
-    """The overview of ``entries`` of one version (from `entries_of`), the best of the first environment first."""
+    """The overview of ``entries`` (`entries_of`) of one version of the definitions, the best of the first env first."""
     boards = by_board(entries)
     agents: dict[str, dict[str, Entry]] = {}
     for entry in entries:
@@ -40,7 +40,7 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     rows = [(name, [agents[name].get(board) for board in boards]) for name in names]
     envs = {board: listed[0].env for board, listed in boards.items()}
     heads = [(board, short_name(env), simulated(env)) for board, env in envs.items()]
-    return Overview(entries[0].version if entries else "", heads, rows)
+    return Overview(entries[0].earlier if entries else "", heads, rows)
 
 
 def _place(entry: Entry | None) -> tuple[float, float]:
@@ -64,7 +64,7 @@ def leader_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, A
     return {
         "board": leader.board,
         "name": short_name(leader.env),
-        "version": leader.version,
+        "earlier": leader.earlier,
         "first": [(entry, ids[entry]) for entry in best[:_NAMED]],
         "more": len(best[_NAMED:]),
         "error": f"{leader.error:.3f}",

@@ -48,7 +48,7 @@ class BoardFiles:
 
 
 def board_files(entries: Sequence[Entry], folder: str = "index.parts", guide: str | None = None) -> BoardFiles:
-    """The page of ``entries`` (from `entries_of`): an overview, then a table per environment; earlier versions last.
+    """The page of ``entries`` (from `entries_of`): an overview, then a table per environment; earlier definitions last.
 
     ``folder``: name of the folder of the parts, beside the page. ``guide``: relative address of the guide to
     submitting. No date, path or random id is added.
@@ -56,9 +56,9 @@ def board_files(entries: Sequence[Entry], folder: str = "index.parts", guide: st
     ids = _ids(entries)
     boards = [board_of(listed, ids) for listed in by_board(entries).values()]
     versions = [
-        (overview_of([entry for entry in entries if entry.version == version]),
-         [board for board in boards if board["version"] == version])
-        for version in dict.fromkeys(entry.version for entry in entries)
+        (overview_of([entry for entry in entries if entry.earlier == version]),
+         [board for board in boards if board["earlier"] == version])
+        for version in dict.fromkeys(entry.earlier for entry in entries)
     ]  # fmt: skip
     known = {
         "parts": quote(folder), "boards": boards, "versions": versions, "ids": ids, "levels": LEVELS,

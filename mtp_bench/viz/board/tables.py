@@ -42,8 +42,7 @@ def style_of(entry: Entry) -> str:
 def _short_table(entries: Sequence[Entry]) -> Table:
     empty = empty_error(entries)
     empty_text = "" if empty is None else f"; {empty:.3f} if nothing is predicted"
-    version = f" (version {entries[0].version})" if entries[0].version else ""
-    title = f"{entries[0].env}{version}: bADE (m){empty_text}"
+    title = f"{entries[0].env}{_earlier(entries[0])}: bADE (m){empty_text}"
     numbers = [
         replace(COLUMN[key], heading=f"{text}\n{COLUMN[key].arrow}", group="") for key, text in _HEADINGS.items()
     ]
@@ -57,6 +56,11 @@ def _short_table(entries: Sequence[Entry]) -> Table:
         Column("verified", key="level", read=lambda entry: entry.level),
     ]
     return Table(entries[0].board, title, "", entries, columns)
+
+
+def _earlier(entry: Entry) -> str:
+    """The definitions of an entry behind a name, where they are earlier ones."""
+    return f" (definitions {entry.earlier})" if entry.earlier else ""
 
 
 def _name(entry: Entry) -> str:
@@ -133,12 +137,12 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
 
 
 def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
-    """A row per entry of an environment; entries of an earlier version if the current one has none."""
+    """A row per entry of an environment; those of earlier definitions if there are no others."""
     listed = next((each for each in by_board(entries).values() if each[0].env == env_id), None)
     if listed is None:
         raise UnknownNameError("environment", env_id, sorted({entry.env for entry in entries}))
     names = [
-        Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"),
+        Column(f"agent{_earlier(listed[0])}", key="agent", read=lambda entry: f"`{entry.name}`"),
         Column("rank", key="rank", read=lambda entry: entry.rank),
     ]
     keys = [key for page_key in PAGE for key in (page_key, INTERVALS.get(page_key, "")) if key]
@@ -156,7 +160,7 @@ def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]
         known = {entry.name: entry for entry in reversed(listed)}
         if all(agent in known for agent in agents):
             rows.setdefault(listed[0].env, known)
-    columns = [Column("environment", key="env", read=lambda row: row[agents[0]].env)]
+    columns = [Column("environment", key="env", read=lambda row: row[agents[0]].env + _earlier(row[agents[0]]))]
     for agent in agents:
         columns.append(Column(f"`{agent}`", "m", "lower", key=agent, read=_value(subset, agent, "error")))
         columns.append(Column(interval=True, key=f"{agent}_interval", read=_value(subset, agent, "interval")))
