@@ -94,16 +94,20 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
     if not pair:
         return {} if pair is None else _kinematic_references(setting, card)
     single, truth = pair
-    every = single
-    draws = setting.submission.compare.draws
-    if draws is not None and setting.drawn > single.drawn:
-        every = replace(single, parameters={**single.parameters, draws: setting.drawn})
-    references = {"single": single, "ground_truth": truth, "same_samples": every}
+    compare = setting.submission.compare
+    tracked = single
+    if compare.association_references is not None:
+        tracked = replace(single, parameters={**setting.parameters, **compare.association_references})
+
+    def same_samples(one: Setting) -> Setting:
+        if compare.draws is None or setting.drawn <= one.drawn:
+            return one
+        return replace(one, parameters={**one.parameters, compare.draws: setting.drawn})
+
+    references = {"single": single, "ground_truth": truth, "same_samples": same_samples(tracked)}
     if single.observe == "detections":
-        alike = every if setting.drawn > 1 else single
-        for name, of in (("associated_same_samples", every), ("associated", alike)):
-            references[name] = replace(of, observe="associated")
-        references["tracks"] = replace(alike, observe="truth")
+        references["associated_same_samples"] = replace(same_samples(tracked), observe="associated")
+        references |= {"associated": references["associated_same_samples"], "tracks": same_samples(truth)}
     return references
 
 

@@ -68,6 +68,8 @@ class CompareSection(Section):
     # Parameters of the reference pair of its gap: a single-hypothesis pipeline, which takes ground-truth tracks if the
     # env observes the truth; "controls": the baselines with these roles have its predictor; None: not known
     gap_references: Literal["controls"] | dict[str, Value] | None = None
+    # the same of its association gap, if they are others: its own predictor with and without perfect association
+    association_references: dict[str, Value] | None = None
     role: Role | None = None  # of a baseline that others are compared with
 
 

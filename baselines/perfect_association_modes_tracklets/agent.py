@@ -1,0 +1,11 @@
+"""Reference: futures of a network trained on tracklets, from perfect association of the same detections."""
+
+from mtp_bench import Agent, Pipeline, Task
+from mtp_bench.prediction import GreedySampler, LearnedPredictor, LearnedPresence
+from mtp_bench.tracking import HypothesisTracker, TruthTracker
+
+
+def build(task: Task, network: str = "modes", on: str = "tracklets", weights: str | None = None) -> Agent:
+    """``network`` and what it was trained ``on``; ``weights``: your own file in place of the env's."""
+    tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker(1)
+    return Pipeline(tracker, LearnedPredictor(network, on, weights), GreedySampler(), presence=LearnedPresence())
