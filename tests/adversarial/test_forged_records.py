@@ -192,10 +192,8 @@ def test_one_broken_record_stops_no_board(honest: tuple[Path, Record], cli: Comm
     content = path.parents[1] / "found.txt"
     said = " ".join(cli.ok("board", "--records", path.parents[1], "--json", content).split())
     assert "refused: " in said
-    assert [(row["submission"], row["place"]) for row in json.loads(content.read_text())[MAIN]] == [
-        ("honest", 1),
-        ("stp", 2),
-    ]
+    shown = [(row["submission"], row["place"]) for row in json.loads(content.read_text())[MAIN]]
+    assert shown == [("honest", 1), ("stp", 2)]
     assert cli("board", "--records", path.parents[1], "--strict").status == 1
 
 
@@ -310,12 +308,10 @@ def test_other_targets_than_the_frozen_ones_do_not_rank() -> None:
 
 IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "negative errors": (
-        lambda c: c["per_scene"][0]["error"]["all"].__setitem__(0, -50.0),
-        "got -50.0: Input should be greater than or equal to 0",
+        lambda c: c["per_scene"][0]["error"]["all"].__setitem__(0, -50.0), "got -50.0: Input should be greater than",
     ),
     "more than a miss costs": (
-        lambda c: c["per_scene"][0]["error"]["lost"].__setitem__(0, 1e4),
-        "has error 10000, expected 0 to 4 x weight",
+        lambda c: c["per_scene"][0]["error"]["lost"].__setitem__(0, 1e4), "has error 10000, expected 0 to 4 x weight",
     ),
     "a better row": (lambda c: c["rows"][0].update(error=0.01), "error is 0.01, the sums of its units give"),
     "a narrow interval": (lambda c: c["rows"][0].update(interval=[0.9, 0.9]), "interval from is 0.9"),
@@ -329,10 +325,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "another agent in a row": (lambda c: c["rows"][3].update(agent="stp"), "agent is 'stp', the record has 'odd'"),
     "silence that costs too much": (lambda c: c.update(silence=1e3), "silence is 1000.0, expected 0 to 4 m"),
     "no scene lost, one reason": (lambda c: c["missed"].update(reasons={"x|0": "y"}), "crashed_scenes is 0"),
-    "finished all the same": (
-        lambda c: c["env"].update(scenes_of_split=9),
-        "status is 'finished' .*, its runs give 'part",
-    ),
+    "finished all the same": (lambda c: c["env"].update(scenes_of_split=9), "status is 'finished' .*, its runs give"),
     "more scenes than there are": (lambda c: c["env"].update(scenes_of_split=2), "scenes is 4, the split has 2"),
     "giant details": (lambda c: c.update(details={str(i): "x" * 1999 for i in range(600)}), "details take 12"),
     "a long reason": (lambda c: c["details"].update(why="x" * 3000), "at most 2000 characters"),
@@ -340,7 +333,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "half a character": (lambda c: c["submission"]["parameters"].update(a=["\ud800"]), r"surrogate"),
     "nested a thousand times": (lambda c: c["details"].update(a=nested(900)), "nested deeper"),
     "a number of a thousand digits": (lambda c: c["details"].update(a=10**1000), "digits"),
-}
+}  # fmt: skip
 
 
 def nested(depth: int) -> Any:
@@ -385,9 +378,7 @@ def test_one_rule_of_names_holds_for_manifests_records_and_owners(
         assert f"{key}: got {name!r}: expected at most 64 lower-case" in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "date", ["9999-99-99", "2026-02-30", "2026-1-1", "0000-01-01", "\u0662\u0660\u0662\u0666-01-01"]
-)
+@pytest.mark.parametrize("date", ["9999-99-99", "2026-02-30", "2026-1-1", "0000-01-01", "\u0662026-01-01"])
 def test_what_is_not_a_day_is_not_a_date(date: str, honest: tuple[Path, Record]) -> None:
     path, _ = honest
     content = json.loads(path.read_text())

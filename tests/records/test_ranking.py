@@ -41,13 +41,13 @@ def weights_of(scores: tuple[SceneScore, ...]) -> Reference:
     return Reference(CARD.id, CARD.digest, "2.0", "stp", 48, {}, scenes)
 
 
+def record(name: str, error: float, networks: Sequence[str] = (), ends: str | None = None, **env: str) -> Record:
+    said = {"ends": ends, "networks": {f"{network}-MTP-X-v0.safetensors": "0" * 64 for network in networks}}
+    return write_record(*(error + 0.1 * (i % 3) for i in range(8)), name=name, submission=said, env=env)
+
+
 def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     """0: one hypothesis with the network; 1: true pasts with it. Of one with another network there is none."""
-
-    def record(name: str, error: float, networks: Sequence[str] = (), ends: str | None = None, **env: str) -> Record:
-        said = {"ends": ends, "networks": {f"{network}-MTP-X-v0.safetensors": "0" * 64 for network in networks}}
-        return write_record(*(error + 0.1 * (i % 3) for i in range(8)), name=name, submission=said, env=env)
-
     ends = [record("stp_modes", 4.0, ends="own"), record("truth_modes", 2.0, observe="truth")]
     mine, other = record("mine", 3.5, ["modes-tracklets"], "own"), record("other", 3.5, ["affinity-tracklets"], "own")
     records = [record("stp", 5.0, ends="controls"), record("truth_past", 1.0, observe="truth"), *ends, mine, other]
@@ -61,14 +61,9 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
 
 def test_a_baseline_with_a_network_that_ships_has_the_gap_of_its_manifest() -> None:
     """Weights that ship are in no list of a record, and what says nothing of networks is no baseline."""
-
-    def record(name: str, error: float, ends: str | None = "own", **env: str) -> Record:
-        said: dict[str, Any] = {"ends": ends, "networks": {}}
-        return write_record(*(error + 0.1 * (i % 3) for i in range(8)), name=name, submission=said, env=env)
-
-    ends = [record("stp_modes", 4.0), record("truth_modes", 2.0, None, observe="truth")]
-    mine, other = record("mtp_modes", 3.5), record("other", 3.5)
-    records = [record("stp", 5.0, "controls"), record("truth_past", 1.0, None, observe="truth"), *ends, mine, other]
+    ends = [record("stp_modes", 4.0, ends="own"), record("truth_modes", 2.0, observe="truth")]
+    mine, other = record("mtp_modes", 3.5, ends="own"), record("other", 3.5, ends="own")
+    records = [record("stp", 5.0, ends="controls"), record("truth_past", 1.0, observe="truth"), *ends, mine, other]
     found = standings(records, ships=ships_of(*records))
     assert found[mine.digest].own_gaps["all"] == pytest.approx(0.25)
     assert found[other.digest].own_gaps == {}
@@ -84,15 +79,11 @@ def two_subsets(name: str, error: float, on_events: float, **changed: Any) -> Re
 
 def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
     """As in the comparison: a better predictor must not pay for forecasts that are made for the events alone."""
-
-    def record(name: str, error: float, on_events: float, ends: str) -> Record:
-        own = {"modes-tracklets-MTP-X-v0.safetensors": "0" * 64} if name == "flood" else {}
-        return two_subsets(name, error, on_events, submission={"ends": ends, "networks": own})
-
+    network = {"modes-tracklets-MTP-X-v0.safetensors": "0" * 64}
     records = [
-        record("stp", 2.0, 3.0, "controls"),
-        record("stp_modes", 1.0, 2.0, "own"),
-        record("flood", 1.9, 0.5, "own"),
+        two_subsets("stp", 2.0, 3.0),
+        two_subsets("stp_modes", 1.0, 2.0, submission={"ends": "own"}),
+        two_subsets("flood", 1.9, 0.5, submission={"ends": "own", "networks": network}),
     ]
     places = [standings(records, ships=ships_of(*records))[each.digest].places["ids"] for each in records]
     assert places[0].place is not None

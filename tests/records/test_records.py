@@ -13,13 +13,7 @@ import pytest
 
 from mtp_bench.errors import RecordError
 from mtp_bench.gateway import SceneRun
-from mtp_bench.records import (
-    checked_record,
-    load_record,
-    record_paths,
-    standings,
-    why_unranked,
-)
+from mtp_bench.records import checked_record, load_record, record_paths, standings, why_unranked
 from mtp_bench.records.evaluation import status_of
 from mtp_bench.records.record import MissedPart, Record
 from mtp_bench.records.rerun import require_answered, worse_when_moved
@@ -141,9 +135,6 @@ def test_other_files_are_refused(what: str, tmp_path: Path) -> None:
         checked_record(tmp_path / "a.json")
     with pytest.raises(RecordError, match=r"a\.json: "):
         load_record(tmp_path / "a.json")
-
-
-def test_a_missing_record(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=r"none\.json: no such record; `mtp-bench submit` makes one"):
         load_record(tmp_path / "none.json")
 

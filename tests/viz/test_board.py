@@ -29,13 +29,7 @@ from mtp_bench.viz.board import (
     parts_folder,
     write_board,
 )
-from mtp_bench.viz.board.drawings import (
-    MOST_TICKS,
-    PAD,
-    WIDTH,
-    bar_of,
-    scale_of,
-)
+from mtp_bench.viz.board.drawings import MOST_TICKS, PAD, WIDTH, bar_of, scale_of
 from mtp_bench.viz.board.overview import overview_of
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, on_terminal, read_json
@@ -114,18 +108,9 @@ def page(html: str) -> Page:
 
 def test_entries_stand_by_error_and_the_unranked_below_by_error(entries: list[Entry]) -> None:
     first = [(entry.name, entry.place) for entry in entries if entry.env == MAIN]
-    assert first == [
-        ("braided_paths", 1),
-        ("forest_of_maybe", 2),
-        ("calm_hedge", 3),
-        ("late_decider", 4),
-        ("stp", 5),
-        ("straight_on", 6),
-        ("truth_past", None),
-        ("pooled_many", None),
-        ("short_of_breath", None),
-        ("sleeper", None),
-    ]
+    ranked = ("braided_paths", "forest_of_maybe", "calm_hedge", "late_decider", "stp", "straight_on")
+    others = ("truth_past", "pooled_many", "short_of_breath", "sleeper")
+    assert first == [*((name, 1 + i) for i, name in enumerate(ranked)), *((name, None) for name in others)]
 
 
 def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: list[Entry]) -> None:
@@ -138,17 +123,11 @@ def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: li
 
 def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -> None:
     records = [made_up("knows", 0.5, "MTP-Merge-v0"), made_up("honest", 0.6, "MTP-Merge-v0")]
-    errors = {"knows": 1.2, "honest": 0.8}
-    found = [
-        Found(
-            record,
-            signed=signed_level(
-                record, "hidden", hidden_part(*[errors[record.submission.name]] * 50), retired="2030-03-03"
-            ),
-        )
-        for record in records
+    parts = [hidden_part(*[error] * 50) for error in (1.2, 0.8)]
+    levels = [
+        signed_level(record, "hidden", part, retired="2030-03-03") for record, part in zip(records, parts, strict=True)
     ]
-    entries = entries_of(found)
+    entries = entries_of([Found(*pair) for pair in zip(records, levels, strict=True)])
     assert [(entry.name, entry.place) for entry in entries] == [("honest", 1), ("knows", 2)]
     assert [entry.error for entry in entries] == pytest.approx([0.8, 1.2])
     assert [entry.public_error for entry in entries] == pytest.approx([0.6, 0.5])
@@ -296,14 +275,13 @@ def test_records_of_definitions_2_0_stand_apart_with_their_ranks() -> None:
     earlier = [made_up("stp", 1.0, scorer=old), made_up("good", 0.5, scorer=old)]
     signed: dict[str, Level] = {"stp": "re-run", "good": "re-run"}
     entries = board_of(made_up("stp", 0.9), *earlier, levels=signed)
-    assert [(entry.board, entry.name) for entry in entries] == [
-        (MAIN, "stp"), (f"{MAIN}@2.0", "good"), (f"{MAIN}@2.0", "stp"),
-    ]  # fmt: skip
+    boards = [f"{entry.board}/{entry.name}" for entry in entries]
+    assert boards == [f"{MAIN}/stp", f"{MAIN}@2.0/good", f"{MAIN}@2.0/stp"]
     assert [entry.place for entry in entries[1:]] == [1, 2]
     files = board_files(entries)
     assert files.page.count(">Definitions 2.0</h2>") == 1
     assert files.page.index(f'href="#{MAIN}/stp"') < files.page.index(">Definitions 2.0</h2>")
-    assert pieces_of(files).keys() == {f"{MAIN}/stp", f"{MAIN}@2.0/good", f"{MAIN}@2.0/stp"}
+    assert pieces_of(files).keys() == set(boards)
     assert [row["definitions"] for row in board_json(entries)[MAIN]] == ["3.0", "2.0", "2.0"]
     assert [str(table.title).split(":")[0] for table, _ in board_tables(entries)] == [MAIN, f"{MAIN} (definitions 2.0)"]
 
@@ -315,19 +293,11 @@ HOSTILE_TEXTS = [HOSTILE, "<!--", "\u2028", '" onmouseover="window.hacked=1', "{
 def test_what_people_write_is_text(text: str) -> None:
     sums = {subset: [3.0] for subset in SUBSETS}
     hostile = made_up(
-        "hostile",
-        submission={"authors": [text], "description": text},
-        training_data=[text],
-        status="partial",
-        status_reason=text,
-        missed={"reasons": {text: text}},
-        env={"split": text},
-        reference={"origin": text},
-        scorer={"definitions": text},
-        measured={"hardware": {"cpu": text, "gpu": text}},
-        details={text: text},
-        per_scene=[{"scene": text, "weight": sums, "error": sums}],
-    )
+        "hostile", submission={"authors": [text], "description": text}, training_data=[text], status="partial",
+        status_reason=text, missed={"reasons": {text: text}}, env={"split": text, "keywords": {text: text}},
+        reference={"origin": text}, scorer={"definitions": text}, measured={"hardware": {"cpu": text, "gpu": text}},
+        details={text: text}, per_scene=[{"scene": text, "weight": sums, "error": sums}],
+    )  # fmt: skip
     harmless = board_files(board_of(made_up("a", status="partial", status_reason="b")))
     files = board_files(board_of(hostile, made_up("b"), links=[text, None]))
     assert len(Page(files.page).all("script")) == 1
@@ -382,12 +352,8 @@ def write_records(folder: Path, *records: Record) -> list[Path]:
 @pytest.fixture
 def folders(tmp_path: Path) -> tuple[Path, Path]:
     """A folder of records, and a record elsewhere."""
-    write_records(
-        tmp_path / "records",
-        made_up("good", 0.5),
-        made_up("poor", 1.5),
-        made_up("other", env_id="MTP-nuScenes-mini-v0"),
-    )
+    records = made_up("good", 0.5), made_up("poor", 1.5), made_up("other", env_id="MTP-nuScenes-mini-v0")
+    write_records(tmp_path / "records", *records)
     (mine,) = write_records(tmp_path / "my own", made_up("mine", 0.9))
     return tmp_path / "records", mine
 
@@ -401,11 +367,8 @@ def test_the_command_prints_ranks_and_writes_a_page(
     assert "mine (added)" in out
     assert "4 records" in out
     rows: dict[str, list[dict[str, Any]]] = read_json(content)
-    assert [(r["submission"], r["place"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]] == [
-        ("good", 1, False),
-        ("mine", 2, True),
-        ("poor", 3, False),
-    ]
+    shown = [(r["submission"], r["place"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]]
+    assert shown == [("good", 1, False), ("mine", 2, True), ("poor", 3, False)]
     details = (tmp_path / "out.parts" / f"{MAIN}.js").read_text()
     assert "./my%20own/mine/MTP-WILDTRACK-k10-v0.json" in details
     assert "./records/good/MTP-WILDTRACK-k10-v0.json" in details
@@ -444,10 +407,8 @@ def test_a_record_made_again_is_shown_in_the_place_of_the_earlier_one(
     content = tmp_path / "out.json"
     cli.ok("board", "--records", records, "--with", again, "--json", content)
     rows: dict[str, list[dict[str, Any]]] = read_json(content)
-    assert [(r["submission"], r["place"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]] == [
-        ("poor", 1, True),
-        ("good", 2, False),
-    ]
+    shown = [(r["submission"], r["place"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]]
+    assert shown == [("poor", 1, True), ("good", 2, False)]
 
 
 def test_the_command_names_a_missing_folder_and_a_broken_record(
