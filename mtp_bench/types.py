@@ -110,6 +110,18 @@ def starts_of_sorted(frame: Ints, frames: int) -> Ints:
     return np.searchsorted(frame, np.arange(frames + 1))
 
 
+LONGEST_STEP = 1.5  # frame periods of the task; a longer step between two frames is a hole in time
+_ROUNDING = 1e-6  # s, of steps
+
+
+def pieces_of(time: Floats, period: float) -> Ints:
+    """Piece of time [F] that each frame lies in: a hole ends a piece, and no past, future or velocity crosses it.
+
+    ``time`` [F] s; ``period``: nominal time between two frames, s.
+    """
+    return np.cumsum(np.diff(time, prepend=time[:1]) > LONGEST_STEP * period + _ROUNDING)
+
+
 @dataclass(frozen=True, eq=False)
 class Truth(Ragged):
     """True boxes of a scene, in its frame of reference."""
@@ -215,6 +227,10 @@ class Task:
     motion_noise: str = ""  # e.g. "KITTI": where objects move like here; agents choose their motion model by it
     weights_of: str = ""  # the env whose network weights serve here too; empty: none
     tracker: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by class; empty: those of the detector
+
+    def after_hole(self, observation: Observation) -> bool:
+        """True if the frame follows a hole in time: no track history should cross it (docs/definitions, "Targets")."""
+        return float(observation.get("dt", self.dt)) > LONGEST_STEP * self.dt + _ROUNDING
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,6 +56,8 @@ class Pipeline:
 
     def act(self, observation: Observation) -> Action:
         """Answer one frame."""
+        if self._task.after_hole(observation):
+            self._seen.clear()
         # Copies, since the env may use its arrays again.
         self._seen.append({name: np.copy(value) for name, value in observation.items()})
         action = self._action(self._tracker.step(observation))

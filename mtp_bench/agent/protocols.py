@@ -32,7 +32,10 @@ class Tracker(Protocol):
         """Begin a new scene."""
 
     def step(self, observation: Observation) -> Tracks:
-        """Tracks to output after this frame."""
+        """Tracks to output after this frame.
+
+        No track should cross a hole in time: `Task.after_hole` says if the frame follows one.
+        """
         ...
 
 
@@ -42,7 +45,8 @@ class Frame:
 
     number: int  # frames before this one in the scene
     tracks: Tracks  # N distinct tracks, with all that the tracker states of them
-    seen: tuple[Observation, ...]  # of the last P frames at most, oldest first; the last one is of this frame
+    # of the last P frames at most, without a hole in time, oldest first; the last one is of this frame
+    seen: tuple[Observation, ...]
 
 
 @dataclass(frozen=True, eq=False)

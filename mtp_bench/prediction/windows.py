@@ -20,7 +20,7 @@ class Surroundings(Ragged):
     velocity: Floats  # [R, 2] m/s, 0 where it is not measured
     class_id: Ints  # [R]
     score: Floats  # [R]
-    before: Ints  # [m] frames of the same scene that stand before each frame
+    before: Ints  # [m] frames of the same scene that stand before each frame, without a hole in time
 
 
 def surroundings_of(seen: Sequence[Observation]) -> Surroundings:

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ..cards import Card
+from ..scoring.holes import HOLES, LOST_TARGETS
+from ..scoring.targets import left_out
 from ..sources import DataStatus, describe, open_source
 
 
@@ -19,12 +21,19 @@ def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
 
 
 def skipped_line(skipped: Mapping[str, int]) -> str | None:
-    """One sentence for the user; None if no row was skipped."""
-    if not skipped:
-        return None
-    count = sum(skipped.values())
-    reasons = ", ".join(f"{reason} ({number})" for reason, number in skipped.items())
-    return f"{count} {'row' if count == 1 else 'rows'} of the data skipped or completed: {reasons}"
+    """One or two sentences for the user; None if no row was skipped and no target lies across a hole in time."""
+    sentences = []
+    if rows := {reason: number for reason, number in skipped.items() if reason not in (HOLES, LOST_TARGETS)}:
+        reasons = ", ".join(f"{reason} ({number})" for reason, number in rows.items())
+        sentences.append(f"{_counted(sum(rows.values()), 'row')} of the data skipped or completed: {reasons}")
+    if holes := skipped.get(HOLES, 0):
+        left = f"{_counted(skipped[LOST_TARGETS], 'target')} across {'it' if holes == 1 else 'them'} left out"
+        sentences.append(f"{_counted(holes, 'hole')} in time, steps of more than 1.5 frame periods: {left}")
+    return "; ".join(sentences) or None
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
@@ -36,7 +45,7 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
     for name in source.names:
         with status.noted():
             scene = source.load(name)
-            skipped.append(scene.skipped)
+            skipped.append(scene.skipped | left_out(scene, card))
             rows = {"true boxes": len(scene.truth.box), "detections": len(scene.detections.box)}
             status.counts.update({"scenes": 1, "frames": scene.frames, **rows})
     line = skipped_line(total_skipped(skipped))

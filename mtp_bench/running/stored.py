@@ -15,6 +15,7 @@ from ..errors import RolloutError, UnknownNameError
 from ..files import require_folder
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.definitions import DEFINITIONS
+from ..scoring.targets import left_out
 from ..sources import CameraImage, SceneSource, camera_images, open_source, with_map, with_tracks
 from ..types import Rollout, Scene
 from .options import CHANGES, DEFAULTS, RunOptions
@@ -195,7 +196,7 @@ def open_run(folder: Path, data: str | None = None, env: str | Card | None = Non
 
 
 def _with_skipped(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str, int]]:
-    return rollout, scene.skipped
+    return rollout, scene.skipped | left_out(scene, card)
 
 
 def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:

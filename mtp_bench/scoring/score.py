@@ -23,11 +23,12 @@ from .forecasts import (
     final_errors,
     match_by_confidence,
 )
+from .holes import separated_tracks, separated_truth
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
 from .stream import StreamCounts, stream_counts
-from .targets import Targets, find_targets, live_frames, recording_of, units
+from .targets import Targets, find_targets, left_out, live_frames, recording_of, units
 
 _MOST = np.finfo(np.float64).max
 KINDS = ("ids", "lost", "wrong", "reacquired")
@@ -81,7 +82,7 @@ class SceneScore(ForecastErrors):
     counts: StreamCounts
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
-    skipped: dict[str, int]  # rows of the scene that could not be read, by reason
+    skipped: dict[str, int]  # rows of the scene that could not be read, by reason; holes in time and their targets
     seconds: float  # per frame, mean without the first frame, in which code is loaded
 
     def __len__(self) -> int:
@@ -115,7 +116,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     """
     check_rollout(scene, rollout, card)
     scene = evaluated(scene)
-    truth, targets, live = scene.truth, find_targets(scene, card), live_frames(scene, card)
+    truth, targets, live = separated_truth(scene, card), find_targets(scene, card), live_frames(scene, card)
     forecasts = RecordedForecasts.of(rollout)
     found = candidates(scene, targets, forecasts, live, card)
     matching = match_by_confidence(found, forecasts.confidence)
@@ -127,7 +128,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     lineage = hypotheses(rollout, card)
     events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
     of_best = events.of(lineage.best[truth.frame_of_rows])
-    unit = units(scene)
+    unit = units(scene, card)
     outcome, final_error = _outcomes(found, matching, object_of_truth, errors)
     return SceneScore(
         scene=scene.name,
@@ -163,10 +164,10 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         outcome=outcome,
         final_error=final_error,
         fixed_error=fixed_error(by_confidence, rollout.malformed * live[:, None], miss_error, scene.truth_complete),
-        counts=stream_counts(truth, rollout, lineage, card),
+        counts=stream_counts(truth, separated_tracks(rollout, scene, card), lineage, card),
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
-        skipped=scene.skipped,
+        skipped=scene.skipped | left_out(scene, card),
         seconds=_mean_seconds(rollout.seconds),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Ragged, Scene
 from .definitions import BLOCK_SECONDS, MOVING_SPEED
 from .events import history
+from .holes import HOLES, LOST_TARGETS, pieces, separated
 from .neutral import evaluated
 
 _EXCESS = 0.05  # of BLOCK_SECONDS, by which the blocks of a scene may exceed it together, for 41 frames at 2 Hz
@@ -38,8 +39,9 @@ class Targets(Ragged):
 def find_targets(scene: Scene, card: Card) -> Targets:
     """Targets of ``scene``: eligible, not neutral, with P past frames (the current one included) and T future ones.
 
-    Objects that no label of an image could confirm are neutral. The P + T frames are consecutive, and the object may
-    be neutral in all but the current one. Targets of an official list need the T future frames only.
+    Objects that no label of an image could confirm are neutral. The P + T frames are consecutive, without a hole in
+    time, and the object may be neutral in all but the current one. Targets of an official list need the T future
+    frames only.
     ``moving`` is measured in the world also where every frame has its own frame of reference.
     Raises DataError where an object occurs twice in a frame.
     """
@@ -47,7 +49,7 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     past = 1 if scene.listed_targets else card.task.past
     frame = truth.frame_of_rows
     try:
-        objects = history(frame, truth.object_id)
+        objects = history(frame, separated(truth.object_id, pieces(scene, card)[frame]))
     except ShapeError as error:
         raise DataError(f"scene {scene.name!r}: {error}") from None
     window = past + future
@@ -79,9 +81,22 @@ def find_targets(scene: Scene, card: Card) -> Targets:
 
 def live_frames(scene: Scene, card: Card) -> Bools:
     """The frames [F] in which a target can exist: only there false forecasts count (docs/definitions, "Targets")."""
-    first = 0 if scene.listed_targets else card.task.past - 1
-    t = np.arange(scene.frames)
-    return (t >= first) & (t < scene.frames - card.task.future)
+    past, future = 0 if scene.listed_targets else card.task.past - 1, card.task.future
+    t, piece = np.arange(scene.frames), pieces(scene, card)
+    whole = piece[np.maximum(t - past, 0)] == piece[np.minimum(t + future, scene.frames - 1)]
+    return np.asarray((t >= past) & (t < scene.frames - future) & whole)
+
+
+def left_out(scene: Scene, card: Card) -> dict[str, int]:
+    """Counts of the holes in time of a scene, and of the targets that it would have without them; none without holes.
+
+    They stand beside `Scene.skipped`.
+    """
+    holes = int(pieces(scene, card).max(initial=0))
+    if not holes:
+        return {}
+    even = replace(scene, time=np.arange(scene.frames) / card.task.rate)
+    return {HOLES: holes, LOST_TARGETS: len(find_targets(even, card)) - len(find_targets(scene, card))}
 
 
 def _in_world(scene: Scene, xy: Floats, frame: Ints) -> Floats:
@@ -98,15 +113,17 @@ def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
     return np.flatnonzero(whole)
 
 
-def units(scene: Scene) -> Ints:
+def units(scene: Scene, card: Card) -> Ints:
     """Index of the block [F] of each frame of ``scene``: blocks of at most 20 s are the units of uncertainty.
 
     The blocks have equal numbers of frames, up to one, and are as few as possible. The frames must be about equally
-    spaced in time.
+    spaced in time; a hole counts as one period.
     """
     if scene.frames < 2:
         return np.zeros(scene.frames, dtype=np.int64)
-    seconds = float(scene.time[-1] - scene.time[0]) * scene.frames / (scene.frames - 1)
+    hole = np.diff(pieces(scene, card)) > 0
+    missing = (np.diff(scene.time) - 1.0 / card.task.rate)[hole].sum()
+    seconds = float(scene.time[-1] - scene.time[0] - missing) * scene.frames / (scene.frames - 1)
     # times are sums of rounded periods
     count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))
     return np.arange(scene.frames) * count // scene.frames

@@ -19,6 +19,7 @@ from ..cards import Card
 from ..errors import DataError, UnknownNameError
 from ..types import Bools, Rollout, Scene
 from .definitions import SUBSETS
+from .holes import separated_truth
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .neutral import evaluated
 
@@ -131,7 +132,7 @@ def tracking_events(scene: Scene, rollout: Rollout, card: Card) -> Bools:
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(scene.truth, rollout, lineage.member, card)
     best = lineage.best[scene.truth.frame_of_rows]
-    events = lineage_events(scene.truth, rollout, lineage, matched).of(best)
+    events = lineage_events(separated_truth(scene, card), rollout, lineage, matched).of(best)
     return np.concatenate([getattr(events, kind) for kind in EVENTS], axis=1)
 
 

@@ -6,28 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..types import Bools, Detections, Floats, Ints, Truth, starts_of_sorted
+from ..types import Bools, Detections, Floats, Ints, Truth, pieces_of, starts_of_sorted
 
 PERSON = 0.6, 0.6, 1.75  # m, length, width, height: nominal, the same for every person
 
 
-def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floats) -> Floats:
-    """Velocities ``[R, 2]`` m/s since the object's position in the frame before; NaN if it was absent.
+def backward_velocity(frame: Ints, object_id: Ints, position: Floats, time: Floats, period: float) -> Floats:
+    """Velocities ``[R, 2]`` m/s since the object's position in the frame before; NaN if it was absent, or after a hole.
 
-    ``frame`` and ``object_id`` ``[R]``, ``position`` ``[R, 2]`` m, ``time`` ``[F]`` s.
+    ``frame`` and ``object_id`` ``[R]``, ``position`` ``[R, 2]`` m, ``time`` ``[F]`` s; ``period``: nominal, s.
     """
     velocity = np.full(position.shape, np.nan)
     order = np.lexsort((frame, object_id))
     before, now = order[:-1], order[1:]
-    follows = (object_id[before] == object_id[now]) & (frame[now] - frame[before] == 1)
+    step = np.diff(frame[order]) + np.diff(pieces_of(time, period)[frame[order]])
+    follows = (object_id[before] == object_id[now]) & (step == 1)
     before, now = before[follows], now[follows]
     velocity[now] = (position[now] - position[before]) / (time[frame[now]] - time[frame[before]])[:, None]
     return velocity
 
 
-def looking_back(truth: Truth, time: Floats) -> Truth:
-    """``truth`` with backward velocities: which an agent may see. ``time`` ``[F]`` s."""
-    velocity = backward_velocity(truth.frame_of_rows, truth.object_id, truth.box[:, :2], time)
+def looking_back(truth: Truth, time: Floats, period: float) -> Truth:
+    """``truth`` with backward velocities: which an agent may see. ``time`` ``[F]`` s; ``period``: nominal, s."""
+    velocity = backward_velocity(truth.frame_of_rows, truth.object_id, truth.box[:, :2], time, period)
     return replace(truth, velocity=velocity)
 
 
@@ -54,17 +55,20 @@ def person_boxes(place: Floats) -> Floats:
     return box
 
 
-def people_truth(frame: Ints, place: Floats, person: Ints, time: Floats, neutral: Bools | None = None) -> Truth:
+def people_truth(
+    frame: Ints, place: Floats, person: Ints, time: Floats, period: float, neutral: Bools | None = None
+) -> Truth:
     """Truth of people; velocities are backward differences.
 
-    ``frame`` ``[R]`` sorted, ``place`` ``[R, 2]`` m, ``person`` ``[R]``, ``time`` ``[F]`` s, ``neutral`` ``[R]``.
+    ``frame`` ``[R]`` sorted, ``place`` ``[R, 2]`` m, ``person`` ``[R]``, ``time`` ``[F]`` s, ``neutral`` ``[R]``;
+    ``period``: nominal time between two frames, s.
     """
     box = person_boxes(place)
     neutral = np.zeros(len(box), dtype=bool) if neutral is None else neutral
     return Truth(
         start=starts_of_sorted(frame, len(time)),
         box=box,
-        velocity=backward_velocity(frame, person, box[:, :2], time),
+        velocity=backward_velocity(frame, person, box[:, :2], time, period),
         class_id=np.zeros(len(box), dtype=np.int64),
         object_id=person,
         eligible=~neutral,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..cards import Card
 from ..geometry import rotate, transform_boxes
-from ..types import Detections, Floats, Scene, Truth
+from ..types import Detections, Floats, Scene, Truth, pieces_of
 from .motion import as_places, extent, looking_back
 
 RowsT = TypeVar("RowsT", Truth, Detections)
@@ -35,12 +35,12 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         area = extent(scene.truth.box)
     sensor = Sensor(section.reach, float(np.deg2rad(section.field_of_view)), area)
     visible = scene.visible if scene.visible is not None else visible_fractions(scene.truth, scene.ego)
-    truth = scene.truth
+    truth, period = scene.truth, 1.0 / card.task.rate
     if card.velocity and card.source.traits.velocity_ahead:
-        truth = looking_back(truth, scene.time)
+        truth = looking_back(truth, scene.time, period)
     world = in_world(replace(scene, truth=truth))
     if card.velocity:
-        moving = world.truth if scene.world is None else looking_back(world.truth, scene.time)
+        moving = world.truth if scene.world is None else looking_back(world.truth, scene.time, period)
         world = replace(world, truth=replace(moving, velocity=np.nan_to_num(moving.velocity)))
     detections = simulate(
         world.truth,
@@ -49,11 +49,11 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         profile,
         sensor,
         _noise_seed(section.seed, scene.name) if seed is None else seed,
-        dt=1.0 / card.task.rate,
+        dt=period,
         visibility=visibility_of(world.truth, world.ego, sensor, visible),
     )
     if scene.world is not None:
-        detections = in_frames(detections, scene.world, scene.time)
+        detections = in_frames(detections, scene.world, scene.time, period)
     if card.source.traits.places_only:
         detections = as_places(detections)
     label = f"{profile.name}, simulated detections"
@@ -78,14 +78,16 @@ def in_world(scene: Scene) -> Scene:
     return replace(scene, ego=scene.world, world=None, truth=truth, detections=detections)
 
 
-def in_frames(seen: Detections, world: Floats, time: Floats) -> Detections:
+def in_frames(seen: Detections, world: Floats, time: Floats, period: float) -> Detections:
     """Detections of the world in the frames ``world`` ``[F, 4]`` x y z yaw, which are at the times ``time`` ``[F]`` s.
 
-    Velocities are those in the frames: an object that stands in the world moves against a frame that drives.
+    Velocities are those in the frames: an object that stands in the world moves against a frame that drives. In the
+    first frame, and after a hole in time by the nominal ``period``, s, they are those in the world.
     """
     frame = seen.frame_of_rows
-    before = np.maximum(frame - 1, 0)
-    passed = np.where(frame > 0, time[frame] - time[before], 1.0)[:, None]
+    first = np.diff(pieces_of(time, period), prepend=-1)[frame] > 0
+    before = np.where(first, frame, frame - 1)
+    passed = np.where(first, 1.0, time[frame] - time[before])[:, None]
     box = _placed(seen.box, world[frame])
     back = np.concatenate([seen.box[:, :2] - passed * seen.velocity, seen.box[:, 2:]], axis=1)
     velocity = (box[:, :2] - _placed(back, world[before])[:, :2]) / passed

@@ -129,10 +129,12 @@ class GivenTracker:
                 f'GivenTracker needs an env made with observe="tracks", got observe={task.observe!r}; '
                 "name the stored tracks with --tracks"
             )
-        self._histories = Histories(task.past)
+        self._task, self._histories = task, Histories(task.past)
 
     def step(self, observation: Observation) -> Tracks:
-        """The stored tracks of this frame with their pasts."""
+        """The stored tracks of this frame with their pasts, which a hole in time ends."""
+        if self._task.after_hole(observation):
+            self._histories = Histories(self._task.past)
         rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
         ids, class_id = (np.asarray(observation[f"detection_{name}"]).tolist() for name in ("id", "class"))
         box = np.asarray(observation["detection_box"], dtype=np.float64)
@@ -148,10 +150,13 @@ class TruthTracker:
         """Forget everything."""
         if task.observe != "truth":
             raise SubmissionError(f'TruthTracker needs an env made with observe="truth", got observe={task.observe!r}')
+        self._task = task
         self._frames: deque[tuple[Ints, Floats]] = deque(maxlen=task.past)
 
     def step(self, observation: Observation) -> Tracks:
-        """The true objects of this frame with their true pasts."""
+        """The true objects of this frame with their true pasts, which a hole in time ends."""
+        if self._task.after_hole(observation):
+            self._frames.clear()
         valid = np.asarray(observation["detection_valid"]).astype(bool)
         box = np.asarray(observation["detection_box"], dtype=np.float64)[valid]
         ids = np.asarray(observation["detection_id"], dtype=np.int64)[valid]

@@ -81,8 +81,9 @@ Make = Callable[[Task], _Updated | Update]
 class OnlineTracker:
     """An ordinary online tracker as a `Tracker` of one hypothesis.
 
-    ``make``: is called with the task when a scene begins and gives the tracker: an object with ``update(detections)``,
-    or a function. It is called once per frame with `OnlineDetections` and answers with a row for each of its tracks::
+    ``make``: is called with the task when a scene begins, and after a hole in time, and gives the tracker: an object
+    with ``update(detections)``, or a function. It is called once per frame with `OnlineDetections` and answers with a
+    row for each of its tracks::
 
         (id, box, score)                  the detection that it took is found by place
         (id, box, score, detection)       it says so: a row of the detections, -1 for none
@@ -110,15 +111,22 @@ class OnlineTracker:
     def reset(self, task: Task) -> None:
         """Forget everything, and make new trackers."""
         self._groups: list[int | None] = list(range(len(task.classes))) if self._per_class else [None]
-        self._updates = [_update_of(self._make(task)) for _ in self._groups]
-        self._histories = Histories(task.past)
-        self._frame = -1
+        self._frame, self._piece, self._task = -1, 0, task
         self._number: dict[tuple[Hashable, int], int] = {}  # identity of an id (and its tracker) in a class
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin a scene, or what follows a hole in time, with new trackers."""
+        self._updates = [_update_of(self._make(self._task)) for _ in self._groups]
+        self._histories = Histories(self._task.past)
         self._last: dict[Hashable, tuple[int, Floats]] = {}  # class and box of an id
 
     def step(self, observation: Observation) -> Tracks:
         """Tracks after this frame: those that the tracker names."""
         self._frame += 1
+        if self._task.after_hole(observation):
+            self._piece += 1
+            self._begin()
         rows = np.flatnonzero(np.asarray(observation["detection_valid"]))
         seen = self._seen(observation, rows)
         reports: list[TrackReport] = []
@@ -146,7 +154,7 @@ class OnlineTracker:
         """Rows of one tracker with their classes; ``row`` [D]: its detections in the observation."""
         reports = []
         for track, taken in zip(answer, self._taken(answer, seen, group).tolist(), strict=True):
-            key = (group, track.id)
+            key = (self._piece, group, track.id)
             if taken >= 0:
                 class_id, measured = int(seen.class_id[taken]), seen.box[taken]
                 box = track.box if len(track.box) == 7 else measured
@@ -171,7 +179,7 @@ class OnlineTracker:
             return taken
         centre = np.array([self._centre(answer[i].box) for i in unstated])
         distance = np.linalg.norm(centre[:, None] - seen.box[None, free, :2], axis=-1)
-        known = [self._last.get((group, answer[i].id), (-1,))[0] for i in unstated]
+        known = [self._last.get((self._piece, group, answer[i].id), (-1,))[0] for i in unstated]
         other_class = np.array([[k not in (-1, c) for c in seen.class_id[free].tolist()] for k in known])
         cost = distance + self._gate * other_class - 3 * self._gate  # its own class first
         column = k_best(np.where(distance <= self._gate, cost, np.inf), 1)[1][0]

@@ -65,7 +65,6 @@ class HypothesisTracker:
         """Forget everything."""
         if task.observe == "associated" and self._hypotheses > 1:
             raise ShapeError(f'observe="associated" works with 1 hypothesis, got {self._hypotheses}')
-        self._identities = GivenIdentities() if task.observe == "associated" else None
         self._parameters = self._given or recommended_parameters(task)
         if self._assignment == "greedy":
             self._parameters = tuple(replace(rule, assignment="greedy") for rule in self._parameters)
@@ -75,21 +74,28 @@ class HypothesisTracker:
         self._min_hits = np.array([p.min_hits for p in self._parameters])
         self._max_age = np.array([p.max_age for p in self._parameters])
         self._least = _per_class(self._min_detection_score, task)
-        self._velocity, self._dt = task.velocity, task.dt
+        self._task = task
+        self._begin(0)
+
+    def _begin(self, next_id: int) -> None:
+        """Begin a scene, or what follows a hole in time: without tracks."""
         self._frame = 0
-        self._tree = HypothesisTree(task.past)
+        self._tree = HypothesisTree(self._task.past, next_id)
+        self._identities = GivenIdentities() if self._task.observe == "associated" else None
         self._cost = np.zeros(1)  # [H]
 
     def step(self, observation: Observation) -> Tracks:
-        """Tracks to output after this frame: hit often enough, and not unseen for too long."""
+        """Tracks to output after this frame: hit often enough, and not unseen for too long; a hole in time ends all."""
+        if self._task.after_hole(observation):
+            self._begin(self._tree.next_id)
         rows = _rows(observation, self._least)
-        seen = _seen(observation, rows, self._velocity)
+        seen = _seen(observation, rows, self._task.velocity)
         if self._identities is not None:
             self._identities.observe(observation["detection_id"][rows])
         self._frame += 1
         self._tree.predict()
         cost, column, parent = self._associate(seen)
-        self._tree.grow(column, parent, seen, self._max_age[self._tree.class_id], self._dt)
+        self._tree.grow(column, parent, seen, self._max_age[self._tree.class_id], self._task.dt)
         if self._identities is not None:
             self._identities.grow(self._tree.before, self._tree.detection)
         kept = self._tree.merge_equal()

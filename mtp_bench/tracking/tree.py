@@ -32,8 +32,8 @@ class HypothesisTree:
     Public arrays belong to the tree and change with the next frame.
     """
 
-    def __init__(self, past: int) -> None:
-        """An empty tree with one hypothesis, which holds nothing."""
+    def __init__(self, past: int, next_id: int = 0) -> None:
+        """An empty tree with one hypothesis, which holds nothing; ``next_id``: the identity of the first track."""
         self.state: Floats = np.zeros((0, STATE))  # the box first, see motion_kernels
         self.memory: Ints = np.zeros((4, 0), dtype=np.int64)  # class, identity, hits and age, see tree_kernels
         self.score = np.zeros(0)  # [N] sum of the scores of the detections taken
@@ -43,7 +43,7 @@ class HypothesisTree:
         self.before: Ints = np.zeros(0, dtype=np.int64)  # [N] the leaf of the frame before, -1 at birth
         self.member = np.ones((1, 0), dtype=np.bool_)  # [H, N]
         self._name: Ints = np.zeros(1, dtype=np.int64)  # [H] equal for hypotheses that hold the same leaves
-        self._next_id = 0
+        self.next_id = next_id
         self._last, self._filled = -1, 0  # place of the last layer in the rings, and layers in them
         self._measured = np.zeros((past, 0, 7))
         self._detections = np.zeros((past, 0), dtype=np.int64)
@@ -86,8 +86,8 @@ class HypothesisTree:
         n, layer = len(leaf), self._new_layer(len(leaf))
         state, memory, score = np.empty((n, STATE)), np.empty((4, n), dtype=np.int64), np.empty(n)
         update_pairs(self.state, leaf, detection, seen.box, seen.velocity, dt, state)
-        self._next_id = descend(
-            leaf, detection, self.memory, self.score, seen.class_id, seen.score, self._next_id, memory, score
+        self.next_id = descend(
+            leaf, detection, self.memory, self.score, seen.class_id, seen.score, self.next_id, memory, score
         )
         write_boxes(detection, seen.box, state, self._measured[layer])
         self._remember(leaf, detection, seen.score)

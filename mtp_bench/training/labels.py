@@ -9,6 +9,7 @@ import numpy as np
 from ..cards import Card
 from ..env.observation import Feed, LocalFrame
 from ..prediction.windows import TrackWindows
+from ..scoring.holes import pieces
 from ..scoring.neutral import evaluated, neutral_places
 from ..scoring.targets import find_targets
 from ..types import Bools, Floats, Ints, Scene
@@ -40,6 +41,7 @@ class SceneLabels:
         # The last row is of no object.
         self._place = np.full((len(self._ids) + 1, scene.frames + self._future, 2), np.nan)
         self._place[self._object, truth.frame_of_rows] = self._box[:, :2]
+        self._piece = np.append(pieces(scene, card), np.full(self._future, -1))  # [F + T] of time
         targets = find_targets(scene, card)
         self._target = np.zeros(self._place.shape[:2], dtype=bool)
         self._target[self._object[targets.row], targets.frame] = True
@@ -74,7 +76,7 @@ class SceneLabels:
         known = follows >= 0
         row = np.where(known, follows, -1)  # the last row is of no object
         place = self._place[row, t : t + self._future + 1]
-        future = place[:, 1:]
+        future = np.where((self._piece[t + 1 : t + self._future + 1] == self._piece[t])[:, None], place[:, 1:], np.nan)
         return TrackLabels(
             object_id=np.where(known, np.append(self._ids, 0)[row], follows),
             present=np.nan_to_num(place[:, 0]),

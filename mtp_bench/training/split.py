@@ -59,6 +59,7 @@ def observations(scene: Scene, observe: str = "detections") -> Iterator[Observat
             "detection_score": shown.score[rows],
             "detection_velocity": np.nan_to_num(shown.velocity[rows]),
             "detection_valid": np.ones(len(shown.box[rows]), dtype=bool),
+            "dt": np.asarray(scene.time[t] - scene.time[max(t - 1, 0)]),
         }
         yield seen if ids is None else {**seen, "detection_id": ids[rows]}
 

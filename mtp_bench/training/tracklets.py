@@ -20,6 +20,7 @@ from ..errors import MtpBenchError, UnknownNameError
 from ..parallel import parallel_map
 from ..prediction.windows import Surroundings, TrackWindows, windows_of
 from ..running.options import DEFAULTS, Fold, RunOptions, held_out
+from ..scoring.holes import pieces
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
 from ..tracks import Tracks
@@ -169,7 +170,9 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
     tracker.reset(task)
     parts, seen = [_no_windows(task)], deque[Observation](maxlen=task.past)
     for t in range(scene.frames):
-        seen.append(feed.observe(t))
+        if task.after_hole(observation := feed.observe(t)):
+            seen.clear()
+        seen.append(observation)
         tracks = tracker.step(seen[-1])
         if not np.isfinite(tracks.box).all():
             raise MtpBenchError(f"scene {scene.name!r}, frame {t}: the tracker gave a box that is not finite")
@@ -177,7 +180,9 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
         parts.append(_labelled(frame_windows, labels.of(t, frame_windows), t))
     rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     box, velocity, score = (_single_precision(values) for values in (feed.box, feed.velocity, feed.score))
-    around = Surroundings(feed.start, box, velocity, feed.class_id, score, np.arange(scene.frames))
+    piece = pieces(scene, card)
+    before = np.arange(scene.frames) - np.searchsorted(piece, piece)
+    around = Surroundings(feed.start, box, velocity, feed.class_id, score, before)
     scene_number, names = np.zeros(len(rows["frame"]), dtype=np.int64), (scene.name,)
     return Windows(
         **rows, scene=scene_number, moment=rows["frame"], names=names, own_names=names, seen=around, task=task,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..scoring.displacement import floored
 from ..scoring.forecasts import sample_weights
+from ..scoring.holes import pieces
 from ..types import Bools, Floats, Ints, to_metres
 from .replay import Incident, Replay
 
@@ -88,6 +89,14 @@ class Focus:
         own = (truth.object_id == self.at.object_id) & ~truth.neutral & (self.at.object_id >= 0)
         return self._by_frame(own, truth.frame_of_rows)
 
+    def _until_gap(self, rows: Ints, first: int, last: int) -> Ints:
+        """The ``rows`` [F] of the frames from ``first`` until a gap (-1), a hole in time or ``last``, or backwards."""
+        step = 1 if last >= first else -1
+        frames, piece = np.arange(first, last + step, step), pieces(self.replay.scene, self.replay.card)
+        frames = frames[(frames >= 0) & (frames < len(rows))]
+        gap = np.flatnonzero((rows[frames] < 0) | (piece[frames] != piece[frames[:1]]))
+        return rows[frames[: gap[0]]] if len(gap) else rows[frames]
+
     def _by_frame(self, own: Bools, frame: Ints) -> Ints:
         """Row [F] in each frame of those in the mask ``own``, -1 without one."""
         rows = np.full(self.replay.frames, -1, dtype=np.int64)
@@ -105,7 +114,7 @@ class Focus:
 
     def path(self, first: int, last: int) -> Floats:
         """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
-        rows = _until_gap(self.rows, first, last)
+        rows = self._until_gap(self.rows, first, last)
         return np.asarray(self.replay.scene.truth.box[rows, :2], dtype=np.float64)
 
     def future(self, t: int) -> Floats:
@@ -160,11 +169,11 @@ class Focus:
 
     def followed(self, track_id: int, t: int) -> Ints:
         """True boxes [n] that a track followed just before ``t``, until a gap, the newest first; -1 for none."""
-        return self.truth_of_track[_until_gap(self.track_rows(track_id), t, 0)[1:]]
+        return self.truth_of_track[self._until_gap(self.track_rows(track_id), t, 0)[1:]]
 
     def trail(self, track_id: int, t: int, frames: int) -> Floats:
         """Places [n, 2] of a track in the last ``frames`` frames until ``t``, now last; empty if it is not output."""
-        rows = _until_gap(self.track_rows(track_id), t, t - frames + 1)[::-1]
+        rows = self._until_gap(self.track_rows(track_id), t, t - frames + 1)[::-1]
         return self.replay.rollout.track_box[rows, :2].astype(np.float64)
 
     # ---- detections and forecasts
@@ -214,12 +223,3 @@ class Focus:
             del frames["before"]
         forecasts = ((role, self.forecast(frame)) for role, frame in frames.items())
         return [(role, forecast) for role, forecast in forecasts if forecast is not None]
-
-
-def _until_gap(rows: Ints, first: int, last: int) -> Ints:
-    """The ``rows`` [F] of the frames from ``first`` until a gap (-1) or ``last``, forwards or backwards."""
-    step = 1 if last >= first else -1
-    frames = np.arange(first, last + step, step)
-    part = rows[frames[(frames >= 0) & (frames < len(rows))]]
-    gap = np.flatnonzero(part < 0)
-    return part[: gap[0]] if len(gap) else part

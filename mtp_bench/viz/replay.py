@@ -16,6 +16,7 @@ from ..scoring.absence import absent_causes
 from ..scoring.bade import capped_error
 from ..scoring.events import object_history
 from ..scoring.forecasts import RecordedForecasts, candidates, final_errors, match_by_confidence, match_neutral_last
+from ..scoring.holes import pieces, separated_truth
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
@@ -214,10 +215,10 @@ def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.f
 def _identity_incidents(run: Replay) -> list[Incident]:
     """Switches, losses and re-acquisitions."""
     truth, rollout, hypotheses, worth = run.scene.truth, run.rollout, run.answers.hypotheses, run.worth
-    frame = truth.frame_of_rows
-    events = lineage_events(truth, rollout, hypotheses, run.matched).of(hypotheses.best[frame])
+    frame, separate = truth.frame_of_rows, separated_truth(run.scene, run.card)
+    events = lineage_events(separate, rollout, hypotheses, run.matched).of(hypotheses.best[frame])
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
-    error_before = np.append(worth[:, 1], np.nan)[object_history(truth).previous()]
+    error_before = np.append(worth[:, 1], np.nan)[object_history(separate).previous()]
     return [
         Incident(
             kind=kind,
@@ -248,7 +249,8 @@ def _runs(run: Replay) -> list[Incident]:
     row = np.flatnonzero(run.forecast_false)
     row = row[np.lexsort((frame[row], track_id[row], rollout.object_class[row]))]
     classes, tracks, frames = rollout.object_class[row], track_id[row], frame[row]
-    continues = (np.diff(classes) == 0) & (np.diff(tracks) == 0) & (np.diff(frames) == 1) & (tracks[1:] >= 0)
+    step = np.diff(frames) + np.diff(pieces(run.scene, run.card)[frames])  # over a hole in time more than 1
+    continues = (np.diff(classes) == 0) & (np.diff(tracks) == 0) & (step == 1) & (tracks[1:] >= 0)
     first = np.flatnonzero(np.append(True, ~continues)[: len(row)])
     last = np.append(first[1:], len(row))[: len(first)] - 1
     return [

@@ -34,8 +34,8 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
     (ignore it), 1 (it begins a track) or 2 + i (it continues the i-th nearest of the tracks of its class that are
     expected less than ``near`` metres away). If two detections choose the same track, the nearer one continues it and
     the other one is ignored. Choices of absent tracks or detections, and new tracks beyond 64, are ignored without an
-    error. A track ends after more than two frames in a row without a detection. Forecasts end at the 327 m that the env
-    allows.
+    error. A track ends after more than two frames in a row without a detection, and at a hole in time. Forecasts end at
+    the 327 m that the env allows.
 
     The observation is one vector of numbers from -1 to 1. `table` cuts it into a row for each of the M detections:
 
@@ -107,6 +107,8 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         self._slots.choose(*self._resolved(choice))
         whole = self._agent.act(self._seen)
         self._seen, reward, terminated, truncated, info = self._env.step(whole)
+        if self._task.after_hole(self._seen):
+            self._slots.begin(self._task)
         return self._shown(), reward, terminated, truncated, info
 
     def table(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -22,6 +22,11 @@ class Slots:
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
+        self._next = 0
+        self.begin(task)
+
+    def begin(self, task: Task) -> None:
+        """Begin a scene, or what follows a hole in time: without tracks."""
         n, past = self._slots, task.past
         self.identity = np.full(n, FREE)  # [N]
         self.class_id = np.zeros(n, dtype=np.int64)  # [N]
@@ -30,7 +35,6 @@ class Slots:
         self._score, self._last_score = np.zeros(n), np.zeros(n)  # [N] sum, and that of the last one
         # the last row is the last frame
         self._past, self._taken = np.zeros((n, past, 7)), np.full((n, past), UNBORN)
-        self._next = 0
         self.choose(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
     @property

@@ -19,6 +19,7 @@ from tests.independent.scorer import BESIDE, Draws, Scored
 from tests.independent.statistics import blocks_of
 from tests.independent.test_agreement import RUNS, agent_scores, drawn, reference_of, rows_of, said, same
 from tests.support.scoring_scenes import make_card, take_objects
+from tests.support.source_files import with_task
 
 # A scene is a unit; beyond 14 units the flips are drawn. The last has 10 scenes as case 3, of which one weighs most.
 CASES, SCENES = (0, 3, 4, 8), (4, 7, 8, 10, 15)
@@ -92,7 +93,8 @@ def unlike(reference: Reference, seed: int) -> Reference:
 def test_both_cut_scenes_into_the_same_blocks(rate: float) -> None:
     empty = drawn("complete", 0, 0)
     for frames in range(2, 1000):
-        found = units(replace(empty, time=1000.0 + np.arange(frames) / rate))
+        time = 1000.0 + np.arange(frames) / rate
+        found = units(replace(empty, time=time), with_task(make_card(), rate=rate))
         assert found.tolist() == [t * blocks_of(frames, rate) // frames for t in range(frames)]
 
 

@@ -10,8 +10,10 @@ import pytest
 from mtp_bench.cards import load_card
 from mtp_bench.scoring.targets import recording_of, units
 from mtp_bench.sources import open_source
-from tests.support.scoring_scenes import make_scene
+from tests.support.scoring_scenes import make_card, make_scene
+from tests.support.source_files import with_task
 
+CARD = make_card()
 BLOCKS = {
     # frames, rate: frames of each block
     "nothing": (0, 2.0, []),
@@ -29,14 +31,21 @@ BLOCKS = {
 @pytest.mark.parametrize(("frames", "rate", "want"), BLOCKS.values(), ids=BLOCKS.keys())
 def test_blocks_are_few_equal_and_at_most_20_s(frames: int, rate: float, want: list[int]) -> None:
     scene = replace(make_scene([[]] * frames), time=np.arange(frames) / rate)
-    block = units(scene)
+    block = units(scene, with_task(CARD, rate=rate))
     assert np.bincount(block, minlength=len(want)).tolist() == want
     assert (np.diff(block) >= 0).all()
 
 
 def test_time_that_jitters_makes_no_block() -> None:
     time = np.cumsum(0.5 + 0.1 * np.sin(np.arange(41)))
-    assert not units(replace(make_scene([[]] * 41), time=time)).any()
+    assert not units(replace(make_scene([[]] * 41), time=time), with_task(CARD, rate=2.0)).any()
+
+
+@pytest.mark.parametrize(("frames", "blocks"), [(41, 1), (44, 2)])
+def test_a_hole_counts_as_one_period(frames: int, blocks: int) -> None:
+    time = np.arange(frames) / 2 + 30.0 * (np.arange(frames) > 20)
+    block = units(replace(make_scene([[]] * frames), time=time), with_task(CARD, rate=2.0))
+    assert block.max() + 1 == blocks
 
 
 def test_a_scene_is_its_own_recording_unless_it_is_cut() -> None:
@@ -47,8 +56,8 @@ def test_a_scene_is_its_own_recording_unless_it_is_cut() -> None:
 
 @pytest.mark.parametrize("env", ["MTP-Highway-v0", "MTP-Intersection-v0", "MTP-Merge-v0", "MTP-Roundabout-v0"])
 def test_a_simulated_scene_is_one_unit(env: str) -> None:
-    source = open_source(load_card(env))
-    assert not units(source.load(source.names[0])).any()
+    source = open_source(card := load_card(env))
+    assert not units(source.load(source.names[0]), card).any()
 
 
 # scenes, units
@@ -64,6 +73,6 @@ RECORDED = {
 @pytest.mark.data
 @pytest.mark.parametrize(("env", "want"), RECORDED.items(), ids=RECORDED.keys())
 def test_units_of_recorded_scenes(data_root: object, env: str, want: tuple[int, int]) -> None:
-    source = open_source(load_card(env))
-    blocks = [int(units(source.load(name)).max()) + 1 for name in source.names]
+    source = open_source(card := load_card(env))
+    blocks = [int(units(source.load(name), card).max()) + 1 for name in source.names]
     assert (len(blocks), sum(blocks)) == want

@@ -413,16 +413,6 @@ def test_lists_of_scenes_in_memory(base: Card) -> None:
     assert not len(next(load_scenes(with_scenes(base, [unseen]))).detections.box), "detected, and no box found"
 
 
-def test_two_clips_are_no_scene(tmp_path: Path, base: Card) -> None:
-    times = ["0", "0.1", "0.2", "0.3", "60.3"]
-    ego = [EGO[0], *(f"{t},{time},0,0,0,0" for t, time in enumerate(times))]
-    said = r"frame 4 is 60 s after the one before, expected at most 1\.05 s; make a scene of each side"
-    with pytest.raises(DataError, match=said):
-        only(base, write_tables(tmp_path, ego=ego))
-    ego[-1] = "4,0.6,0,0,0,0"  # two frames are lacking
-    assert only(base, write_tables(tmp_path / "short", ego=ego)).frames == 5
-
-
 @pytest.mark.parametrize(
     ("last", "said"),
     [

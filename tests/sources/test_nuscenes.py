@@ -57,8 +57,9 @@ def test_velocity_is_that_since_the_frame_before(data: Path) -> None:
 def test_velocity_in_any_order_of_rows() -> None:
     frame, object_id = np.array([2, 0, 1, 0, 2]), np.array([7, 7, 7, 3, 3])
     position = np.array([[4.0, 0], [0, 0], [1, 0], [9, 9], [0, 0]])
-    velocity = backward_velocity(frame, object_id, position, np.array([0.0, 0.5, 1.5]))
-    np.testing.assert_array_equal(velocity, [[3, 0], [NAN, NAN], [2, 0], [NAN, NAN], [NAN, NAN]])
+    for period, last in ((1.0, [3, 0]), (0.5, [NAN, NAN])):  # the second step is a hole if it is two periods
+        velocity = backward_velocity(frame, object_id, position, np.array([0.0, 0.5, 1.5]), period)
+        np.testing.assert_array_equal(velocity, [last, [NAN, NAN], [2, 0], [NAN, NAN], [NAN, NAN]])
 
 
 def test_targets_only(data: Path) -> None:

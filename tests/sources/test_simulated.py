@@ -89,7 +89,7 @@ def test_what_stands_moves_against_a_frame_that_drives_true_or_not() -> None:
     pose = world[standing.frame_of_rows]
     box = transform_boxes(standing.box, -pose[:, 3], -rotate(pose[:, :3], -pose[:, 3]))
     time = steps / CARD.task.rate
-    own = looking_back(replace(standing, box=box, class_id=np.zeros(len(box), dtype=int)), time)
+    own = looking_back(replace(standing, box=box, class_id=np.zeros(len(box), dtype=int)), time, 1 / CARD.task.rate)
     card = with_detector(load_card("MTP-KITTI-noego-v0"), "nuscenes_megvii_raw")
     seen = detected(Scene("a", time, np.zeros((40, 4)), own, no_detections(40), world=world), card, seed=0).detections
 

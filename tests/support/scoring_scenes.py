@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mtp_bench.cards import Card, parse_card
 from mtp_bench.geometry import transform_boxes
-from mtp_bench.types import Detections, Rollout, Scene, Truth, starts_of
+from mtp_bench.types import Detections, Rollout, Scene, Truth, joined, starts_of
 
 CAR, WALKER = 0, 1
 Array = NDArray[Any]
@@ -221,6 +221,30 @@ def take_objects(rollout: Rollout, rows: Array) -> Rollout:
         forecast=rollout.forecast[rows],
         forecast_log_weight=rollout.forecast_log_weight[rows],
     )
+
+
+def end_to_end(scenes: Sequence[Scene], step: float) -> Scene:
+    """One scene of several: the first frame of each comes ``step`` s after the last of the one before."""
+    first, *others = scenes
+    time = first.time
+    for scene in others:
+        time = np.concatenate([time, time[-1] + step + scene.time - scene.time[0]])
+    truth, detections = (_rows_of_all([getattr(scene, name) for scene in scenes]) for name in ("truth", "detections"))
+    ego = np.concatenate([scene.ego for scene in scenes])
+    return replace(first, time=time, ego=ego, truth=truth, detections=detections)
+
+
+def answers_end_to_end(rollouts: Sequence[Rollout]) -> Rollout:
+    """The rollout of scenes that stand end to end."""
+    names = [column.name for column in fields(Rollout) if column.name != "scene"]
+    whole = {name: np.concatenate([getattr(rollout, name) for rollout in rollouts]) for name in names}
+    for name in ("track", "object"):
+        whole[f"{name}_start"] = starts_of(np.concatenate([np.diff(getattr(r, f"{name}_start")) for r in rollouts]))
+    return replace(rollouts[0], **whole)
+
+
+def _rows_of_all(tables: Sequence[Any]) -> Any:
+    return replace(joined(tables), start=starts_of(np.concatenate([table.counts for table in tables])))
 
 
 def _boxes(things: Iterable[Thing]) -> Array:

@@ -14,7 +14,6 @@ from ..text import LIMIT, RADIANS, SMALLEST, TURN, RowTable, refuse, refuse_shar
 MOST_FRAMES = 1_000_000
 FARTHEST = 1e5  # m, x and y: rollouts keep boxes in single precision, which is coarser than centimetres farther away
 TOLERANCE = 0.2  # share by which the frame period of a scene may differ from the task's
-GAP = 10.5  # periods: a larger step between two frames means two scenes
 _NEAR = (
     f"expected -{FARTHEST:g} to {FARTHEST:g} m: boxes are kept in single precision, so subtract a fixed origin from "
     "all coordinates, such as the first position of the ego"
@@ -69,7 +68,7 @@ def frame_index(table: RowTable, number: Ints) -> Ints:
 def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
     """Raise DataError unless there are frames with rising times, the task's period and possible poses of the ego.
 
-    Some frames may be missing. Tracks and forecasts do not bridge a longer gap: two clips are two scenes.
+    Frames may be missing: no track or forecast crosses such a hole in time.
     """
     if not len(time):
         raise DataError(f"{where}: no frames, expected at least one")
@@ -89,8 +88,6 @@ def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
             f"{where}: frames are {median:g} s apart, but {card.id} has {card.task.rate:g} frames per second: keep "
             "frames of that rate alone, or take a card with the rate of the scene"
         )
-    longest = f"expected at most {GAP * period:g} s; make a scene of each side"
-    refuse(step > GAP * period, lambda t: f"{where}: frame {t + 1} is {step[t]:g} s after the one before, {longest}")
 
 
 def check_boxes(table: RowTable, frame: Ints, frames: int, true: bool) -> None:

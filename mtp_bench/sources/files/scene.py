@@ -115,7 +115,7 @@ def _truth(
     number = ids_of(table)
     check_objects(table, frame, number, card.task.classes)
     box, given = boxes_of(table)[row], velocities_of(table)
-    backward = backward_velocity(frame[row], number[row], box[:, :2], time)
+    backward = backward_velocity(frame[row], number[row], box[:, :2], time, 1 / card.task.rate)
     truth = Truth(
         start=starts_of_sorted(frame[row], len(time)),
         box=box,

@@ -59,7 +59,7 @@ class OwnScenes:
         """Read one scene; DataError names the file, line and column that is wrong."""
         scene = self._read[name]()
         if self.card.velocity and self.section.traits.velocity_ahead:  # agents must not see future positions
-            return replace(scene, truth=looking_back(scene.truth, scene.time))
+            return replace(scene, truth=looking_back(scene.truth, scene.time, 1 / self.card.task.rate))
         return scene
 
 

@@ -101,7 +101,9 @@ class Mot3d:
         time = (kept - 1) / self._info.rate
         row, frame = _select(people, kept)
         neutral = people.confidence[row] == 0
-        truth = people_truth(frame, people.ground[row, :2], people.object_id[row], time, neutral)
+        truth = people_truth(
+            frame, people.ground[row, :2], people.object_id[row], time, 1 / self._info.rate * section.stride, neutral
+        )
         return Scene(
             name=name,
             time=time,

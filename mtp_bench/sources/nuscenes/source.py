@@ -109,7 +109,7 @@ def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bo
     return Truth(
         start=starts_of_sorted(frame, len(time)),
         box=box,
-        velocity=backward_velocity(frame, object_id, box[:, :2], time),
+        velocity=backward_velocity(frame, object_id, box[:, :2], time, 1 / RATE),
         class_id=class_id[row],
         object_id=object_id,
         eligible=eligible[row],

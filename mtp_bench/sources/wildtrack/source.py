@@ -97,7 +97,7 @@ def _truth(folder: Path, numbers: Ints) -> Truth:
     frames = [read_annotations(folder / f"{number:08d}.json") for number in numbers]
     rows = Ragged.of_counts([len(person) for person, _ in frames])
     person, place = (np.concatenate(parts) for parts in zip(*frames, strict=True))
-    return people_truth(rows.frame_of_rows, place, person, np.arange(len(frames)) / RATE)
+    return people_truth(rows.frame_of_rows, place, person, np.arange(len(frames)) / RATE, 1 / RATE)
 
 
 def _detections(path: Path) -> Detections:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...scoring.events import history
+from ...scoring.holes import separated_truth
 from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
 from ..palette import FALSE, Color
 from ..replay import Replay, ego_boxes
@@ -113,13 +114,16 @@ def log_scene(log: Log, run: Replay) -> None:
     if len(truth.box):
         colors, ids = _either(truth.neutral, NEUTRAL, TRUTH), truth.object_id.astype(str).tolist()
         log.boxes("world/gt", truth.start, truth.box, colors, ids, radius=2 * EDGE)
-        start, point = true_futures(truth, run.card.task.future)
+        start, point = true_futures(separated_truth(scene, run.card), run.card.task.future)
         log.strips("world/gt_future", start, point, _all(TRUTH, len(point)), FUTURE)
     log.boxes("world/det", detections.start, detections.box, _either(run.detection_false, FALSE, DETECTION))
 
 
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
-    """Start [F + 1] and points [R, future + 1, 3] of the evaluated objects' ways within the horizon, up to a gap."""
+    """Start [F + 1] and points [R, future + 1, 3] of the evaluated objects' ways within the horizon, up to a gap.
+
+    ``truth``: objects have another identity after a hole in time.
+    """
     before = history(truth.frame_of_rows, truth.object_id).previous()
     after = np.arange(len(before))  # a row without a successor follows itself
     after[before[before >= 0]] = np.flatnonzero(before >= 0)
