@@ -9,6 +9,7 @@ import numpy as np
 from ..cards import Card
 from ..types import Bools, Ints, Scene
 from .events import history
+from .holes import separated_truth
 from .pairs import near_pairs
 from .targets import Targets
 
@@ -24,8 +25,11 @@ class AbsentCause(IntEnum):
 
 
 def absent_causes(scene: Scene, targets: Targets, card: Card) -> Ints:
-    """Values of `AbsentCause` [n] of the ``targets``; frames in which an object is neutral are frames of it too."""
-    truth, seen = scene.truth, scene.detections
+    """Values of `AbsentCause` [n] of the ``targets``; frames in which an object is neutral are frames of it too.
+
+    After a hole in time an object is another one.
+    """
+    truth, seen = separated_truth(scene, card), scene.detections
     gate = np.asarray(card.per_class(card.task.forecast_gate), dtype=np.float64)
     at = truth.frame_of_rows, truth.box[:, :2]
     row, column, distance = near_pairs(*at, seen.frame_of_rows, seen.box[:, :2], 2 * float(gate.max()))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..scoring.events import object_history
+from ..scoring.holes import separated_tracks, separated_truth
 from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.targets import find_targets
@@ -32,7 +33,7 @@ class Circumstances:
 def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
     """Circumstances of the targets of ``scene``; the rollout is one that `score_scene` takes."""
     scene = evaluated(scene)
-    truth, targets = scene.truth, find_targets(scene, card)
+    truth, targets = separated_truth(scene, card), find_targets(scene, card)
     lineage = hypotheses(rollout, card)
     matched = match_hypotheses(truth, rollout, lineage.member, card)
     events = lineage_events(truth, rollout, lineage, matched)
@@ -40,11 +41,11 @@ def circumstances(scene: Scene, rollout: Rollout, card: Card) -> Circumstances:
     own = {kind: getattr(events.of(best), kind)[:, 0] for kind in KINDS}
     track = np.take_along_axis(matched, best[:, None], axis=1)[:, 0]
     return Circumstances(
-        age=_ages(rollout, track)[targets.row],
+        age=_ages(separated_tracks(rollout, scene, card), track)[targets.row],
         since={kind: _since(truth, rows)[targets.row] for kind, rows in own.items()},
         own={kind: int(rows.sum()) for kind, rows in own.items()},
         shared={kind: int(in_all(truth, lineage, events, kind).sum()) for kind in KINDS},
-        objects=len(np.unique(truth.object_id[~truth.neutral])),
+        objects=len(np.unique(scene.truth.object_id[~truth.neutral])),
         frames=scene.frames,
     )
 

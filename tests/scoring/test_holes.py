@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,12 +51,22 @@ def test_no_past_or_future_crosses_a_hole(present: str, targets: list[int], list
     assert left_out(scene, CARD) == ({HOLES: holes, LOST_TARGETS: lost} if holes else {})
 
 
-def summed(scores: list[SceneScore]) -> dict[str, object]:
+def summed(scores: list[SceneScore]) -> dict[str, Any]:
     """What scores of several scenes hold together, and how many of which outcome and error at some cuts."""
-    total: dict[str, object] = {}
+    total: dict[str, Any] = {}
     for name in ("live", "fixed_error", "forecasts", "false_forecasts"):
         total[name] = sum(getattr(score, name) for score in scores)
-    for name in ("object_id", "min_ade", "covered", "distance", "own_ids", "own_frag", "all_h_ids", "all_h_frag"):
+    for name in (
+        "object_id",
+        "min_ade",
+        "covered",
+        "distance",
+        "absent_cause",
+        "own_ids",
+        "own_frag",
+        "all_h_ids",
+        "all_h_frag",
+    ):
         total[name] = np.concatenate([getattr(score, name) for score in scores])
     counts = [vars(score.counts) | vars(score.counts.identity) for score in scores]
     total |= {name: sum(count[name] for count in counts) for name in counts[0] if name != "identity"}
@@ -71,7 +82,7 @@ def test_each_side_of_a_hole_counts_as_a_scene(seed: int) -> None:
     whole = score_scene(scene, rollout, CARD)
     want = summed([score_scene(*clip, CARD) for clip in zip(scenes, rollouts, strict=True)])
     for name, value in summed([whole]).items():
-        np.testing.assert_allclose(value, want[name], atol=1e-9, err_msg=name)  # type: ignore[arg-type]
+        np.testing.assert_allclose(value, want[name], atol=1e-9, err_msg=name)
     assert whole.skipped == left_out(scene, CARD)
     assert whole.skipped[HOLES] == 2
     crossing = score_scene(end_to_end(scenes, 0.1), rollout, CARD)
