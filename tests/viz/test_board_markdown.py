@@ -43,6 +43,14 @@ def test_agents_stand_side_by_side_on_the_environments_that_all_of_them_have(ent
     assert only[0] == MAIN
 
 
+def test_costs_are_differences_of_controls_and_references() -> None:
+    agents = {"stp": 1.2, "truth_past": 0.5, "stp_same_budget": 1.1, "perfect_association_same_samples": 0.9}
+    entries = board_of(*(made_up(name, error) for name, error in agents.items()))
+    rows = rows_of(filled(marked("costs"), entries, "page.md"))[2:]
+    assert [row[1] for row in rows] == ["all", "ids", "reacquired"]
+    assert (rows[0][2][:6], rows[0][4][:6]) == ("+0.700", "+0.200")
+
+
 def test_records_of_earlier_definitions_fill_a_table_that_has_no_others() -> None:
     old = made_up("old", 0.5, scorer={"definitions": "2.0"})
     headings, _, only = rows_of(filled(marked(f"env {MAIN}"), board_of(old), "page.md"))

@@ -1,7 +1,8 @@
 """Tables of a leaderboard: short ones for the terminal and files, and those of Markdown pages.
 
 The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
-entry of an environment, and ``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment.
+entry of an environment, ``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, and ``costs``,
+those of detection and tracking together and of association alone.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from pathlib import Path
 
 from ...errors import MtpBenchError, UnknownNameError
 from ...files import clean_text, read_bounded, write_text
-from ...scoring.definitions import SIGNIFICANT, SUBSETS, Subset
+from ...records.ranking import conditions, difference_of
+from ...scoring.definitions import RANKED_SUBSETS, SIGNIFICANT, SUBSETS, Subset
 from ...tables import BLANK, Column, Table, Value, short, to_markdown
 from .columns import COLUMN, INTERVALS, PAGE
 from .entries import Entry, by_board, empty_error
@@ -131,9 +133,11 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
     first, *further = name.split()
     if first == "env" and len(further) == 1:
         return env_table(further[0], entries)
+    if name == "costs":
+        return costs_table(entries)
     if first in SUBSETS and further[:1] == ["of"] and further[1:]:
         return across_table(next(subset for subset in SUBSETS if subset == first), further[1:], entries)
-    raise MtpBenchError(f"{where}: table {name!r}, expected `env ID` or `SUBSET of AGENT AGENT ...`")
+    raise MtpBenchError(f"{where}: table {name!r}, expected `env ID`, `SUBSET of AGENT AGENT ...` or `costs`")
 
 
 def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
@@ -155,11 +159,7 @@ def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]
     for agent in agents:
         if agent not in names:
             raise UnknownNameError("agent", agent, names)
-    rows: dict[str, dict[str, Entry]] = {}
-    for listed in by_board(entries).values():
-        known = {entry.name: entry for entry in reversed(listed)}
-        if all(agent in known for agent in agents):
-            rows.setdefault(listed[0].env, known)
+    rows = _by_name(agents, entries)
     columns = [Column("environment", key="env", read=lambda row: row[agents[0]].env + _earlier(row[agents[0]]))]
     for agent in agents:
         columns.append(Column(f"`{agent}`", "m", "lower", key=agent, read=_value(subset, agent, "error")))
@@ -167,7 +167,46 @@ def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]
     for what in ("objects", "units"):
         read = _value(subset, agents[0], f"effective_{what}")
         columns.append(Column(f"effective {what}", format=".1f", key=what, read=read))
-    return Table(subset, f"bADE on {subset}", "", list(rows.values()), columns)
+    return Table(subset, f"bADE on {subset}", "", rows, columns)
+
+
+def costs_table(entries: Sequence[Entry]) -> Table:
+    """What detection and tracking cost together, and association alone: a row per environment and subset that ranks."""
+    both, alone = ("stp", "truth_past"), ("stp_same_budget", "perfect_association_same_samples")
+    subsets: tuple[Subset, ...] = ("all", *RANKED_SUBSETS)
+    rows = [(subset, known) for known in _by_name((*both, *alone), entries) for subset in subsets]
+    columns = [
+        Column("environment", key="env", read=lambda row: row[1]["stp"].env + _earlier(row[1]["stp"])),
+        Column("subset", key="subset", read=lambda row: row[0]),
+    ]
+    for heading, (worse, better) in (("detection and tracking together", both), ("of which association", alone)):
+        columns += [
+            Column(heading, "m", key=better, format="+.3f", read=_cost(worse, better, "mean")),
+            Column(interval=True, key=f"{better}_interval", read=_cost(worse, better, "interval")),
+            Column("p", key=f"{better}_p", format=".3f", read=_cost(worse, better, "p")),
+        ]
+    return Table("costs", "Costs of detection and tracking", "", rows, columns)
+
+
+def _cost(worse: str, better: str, what: str) -> Callable[[tuple[Subset, dict[str, Entry]]], Value]:
+    """A field of the difference between two agents; None where there is no target, or the data differ."""
+
+    def read(row: tuple[Subset, dict[str, Entry]]) -> Value:
+        one, other = row[1][worse], row[1][better]
+        alike = conditions(one.sums) == conditions(other.sums)
+        return getattr(difference_of(one, other, row[0]) if alike else None, what, None)
+
+    return read
+
+
+def _by_name(agents: Sequence[str], entries: Sequence[Entry]) -> list[dict[str, Entry]]:
+    """Entries by name, for each environment in which all of the agents have one; earlier ones without others."""
+    rows: dict[str, dict[str, Entry]] = {}
+    for listed in by_board(entries).values():
+        known = {entry.name: entry for entry in reversed(listed)}
+        if all(agent in known for agent in agents):
+            rows.setdefault(listed[0].env, known)
+    return list(rows.values())
 
 
 def _value(subset: Subset, agent: str, name: str) -> Callable[[dict[str, Entry]], Value]:
