@@ -15,7 +15,7 @@ from pathlib import Path
 from ...errors import MtpBenchError, UnknownNameError
 from ...files import clean_text, read_bounded, write_text
 from ...records.ranking import conditions, difference_of
-from ...scoring.definitions import RANKED_SUBSETS, SIGNIFICANT, SUBSETS, Subset
+from ...scoring.definitions import SIGNIFICANT, SUBSETS, Subset
 from ...tables import BLANK, Column, Table, Value, short, to_markdown
 from .columns import COLUMN, INTERVALS, PAGE
 from .entries import Entry, by_board, empty_error
@@ -173,7 +173,7 @@ def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]
 def costs_table(entries: Sequence[Entry]) -> Table:
     """What detection and tracking cost together, and association alone: a row per environment and subset that ranks."""
     both, alone = ("stp", "truth_past"), ("stp_same_budget", "perfect_association_same_samples")
-    subsets: tuple[Subset, ...] = ("all", *RANKED_SUBSETS)
+    subsets: tuple[Subset, ...] = ("all", "ids", "reacquired")
     rows = [(subset, known) for known in _by_name((*both, *alone), entries) for subset in subsets]
     columns = [
         Column("environment", key="env", read=lambda row: row[1]["stp"].env + _earlier(row[1]["stp"])),
