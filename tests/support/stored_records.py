@@ -147,7 +147,8 @@ def ships_of(*records: Record, simulated: bool = False) -> Ships:
             scene_key(record.env.id, scene.scene): {subset: sum(scene.weight[subset]) for subset in SUBSETS}
             for scene in record.per_scene
         }
-        ships = Shipped(record.env.card_digest, simulated, 4, float("inf"), record.reference.hash, sums)
+        of_card = record.env.card_digest, simulated, record.samples
+        ships = Shipped(*of_card, float("inf"), record.reference.hash, sums)
         known.setdefault(record.env.id, ships)
     return known.get
 
