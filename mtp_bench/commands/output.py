@@ -85,10 +85,10 @@ def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool,
     ``file``: where they are written too, in the format of its suffix.
     """
     from ..running.reading import skipped_line
+    from ..viz.terminal.notes import notes
     from ..viz.terminal.output import show, show_lines, show_table
     from ..viz.terminal.parts import part_lines
     from ..viz.terminal.tables import data_table, full_tables, main_table
-    from ..viz.terminal.verdict import notes
 
     condition = report.condition
     main, further = main_table(report), list(full_tables(report)) if full else []

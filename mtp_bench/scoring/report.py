@@ -76,7 +76,8 @@ def summarise(
     rows = []
     for table, gaps in zip(tables, pairs, strict=True):
         runs = (references or {}).get(table.setting.agent) or References()
-        split = reference_errors(runs.associated, runs.tracks, table.setting.samples)
+        associated = None if table.setting.ideal else runs.associated  # the truth has no detections to associate
+        split = reference_errors(associated, runs.tracks, table.setting.samples)
         rows += [_row(table, subset, shared, gaps, split) for subset in SUBSETS]
     return Report(
         env=card.id,

@@ -15,11 +15,12 @@ from mtp_bench import load_submission
 from mtp_bench.scoring import SUBSETS, Report
 from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.tables import Table
+from mtp_bench.viz.terminal.notes import notes
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, show, show_command, show_lines, show_table
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
 from mtp_bench.viz.terminal.parts import part_lines
 from mtp_bench.viz.terminal.tables import full_tables, main_table
-from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, notes, verdict
+from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, verdict
 from tests.support.command_line import TERMINAL
 from tests.support.report_rows import detail, pair, row, rows
 
@@ -57,7 +58,7 @@ def test_an_agent_and_ground_truth_tracks_against_stp(values: dict[str, Any], te
         .replace("−0.600 to −0.200", "+0.200 to +0.600")
         .replace("−0.600 to +0.200", "−0.200 to +0.600")
     )
-    assert sentences[1] == f"Detection and tracking together cost over all targets {turned}."
+    assert sentences[1] == f"Over all targets detection and tracking together cost {turned.replace(' m, ', ' m (')})."
     assert f"mine (H = 3) against stp over all targets: 2.600 m instead of 3.000 m ({text})." in sentences
 
 
@@ -66,17 +67,19 @@ def test_what_association_costs_is_said_of_perfect_association_alone() -> None:
     paired = [pair(TRUTH, "stp", subset, error=-0.4, interval=(-0.6, -0.2), p=0.01) for subset in ("all", "ids")]
     paired += [pair(perfect, "stp_same_budget", "ids", error=-0.1, interval=(-0.3, 0.1), p=0.2)]
     (sentence,) = verdict(report(rows(STP), paired), ["stp"])
-    together = "+0.400 m, 95 % +0.200 to +0.600, p = 0.010"
+    together = "detection and tracking together cost +0.400 m (95 % +0.200 to +0.600, p = 0.010)"
     assert sentence == (
-        f"Detection and tracking together cost over all targets {together}; on ids {together}, of which association "
-        f"+0.100 m, 95 % −0.100 to +0.300, p = 0.200{CHANCE} (perfect association of the same detections). The cost of "
-        "association is a lower bound: duplicate detections still make switches."
+        f"Over all targets {together}. On ids {together}, of which association +0.100 m (perfect association of the "
+        f"same detections: 95 % −0.100 to +0.300, p = 0.200{CHANCE}). The cost of association is a lower bound: "
+        "duplicate detections still make switches."
     )
 
 
 def test_parts_stand_in_one_line_for_each_agent() -> None:
     parts = {"cost_association": 0.123, "cost_localisation": -0.3, "cost_rest": 0.004, "cost_undetected_new": 2.0}
-    lines = part_lines(report([*rows(STP, cost_rest=1.0), *rows(MTP, **parts), *rows(FREE, cost_rest=1.0)]))
+    few, ideal = ("mtp", 5, 20, "equal"), rows(TRUTH, unranked_because="saw the truth", **parts)
+    table = [*ideal, *rows(STP, cost_rest=1.0), *rows(few, MTP, **parts), *rows(FREE, cost_rest=1.0)]
+    lines = part_lines(report(table))
     assert lines == [
         "Parts of bADE over all targets, m; rest: of forecasts, where no reference runs split it",
         "stp: rest 1.00",
@@ -112,20 +115,25 @@ def test_the_gap_between_both_reference_pairs_and_in_the_paper() -> None:
     (sentence,) = verdict(report(ends + rows(MTP, **closed, gap_closed_same_predictor=0.2)), ["mtp"])[-1:]
     shares = "34.5 % (95 % 10.1 to 40.4 %) over all targets and 34.5 % (95 % 10.1 to 40.4 %) on ids"
     assert sentence == (
-        f"mtp (H = 20) closes {shares} of the gap between stp and ground-truth tracks; between references with its "
-        "own predictor and presence 20.0 % over all targets and 20.0 % on ids; in the paper, by minADE on IDS, 76.2 %."
+        f"mtp (H = 20) closes {shares} of the gap between stp and ground-truth tracks; 20.0 % over all targets and "
+        "20.0 % on ids of the same gap with its own predictor and presence; in the paper, by minADE on IDS, 76.2 %."
     )
-    (sentence,) = verdict(report(ends + rows(MINE, **closed)), ["mine"])[-1:]
-    assert "; with its own predictor unknown" in sentence
-    assert "paper" not in sentence
-    sentence = verdict(report(ends + rows(MINE)), ["mine"])[-1]
-    assert sentence.startswith("mine (H = 3): no gap to close")
+    more = {"gap_closed_same_predictor": 0.345, "gap_same_predictor_interval": (0.101, 0.404)}
+    sentence = verdict(report(ends + rows(MINE, **closed, **more, association_gap_closed=-0.1)), ["mine"])[-1]
+    assert sentence == (
+        f"mine (H = 3) closes {shares} of the gap between stp and ground-truth tracks; -10.0 % over all targets and "
+        "-10.0 % on ids of the association gap."
+    )
+    blank = {"gap_blank_because": "no gap", "association_gap_blank_because": "not run"}
+    assert verdict(report(ends + rows(MINE, **blank)), ["mine"])[-1] == (
+        "mine (H = 3) closes no share of the gap between stp and ground-truth tracks: no gap; association gap: not run."
+    )
 
 
 LARGE = [
     *rows(TRUTH, minADE=0.100, minFDE=0.171),
-    *rows(STP, rank=2, gap_closed=0.0),
-    *rows(MTP, rank=10, error=12.345, interval=(11.25, 13.75)),
+    *rows(STP, place=2, gap_closed=0.0),
+    *rows(MTP, place=10, error=12.345, interval=(11.25, 13.75)),
     *rows(FREE, minADE=None, minFDE=None, error=None, interval=None, coverage=None),
     *rows(("a_submission_with_quite_a_long_name noise=0.5", 100, 20, "equal"), minADE=98.765, minFDE=123.456),
 ]

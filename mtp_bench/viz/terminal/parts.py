@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from ...scoring import Report
 from ...scoring.parts import PARTS
+from ...scoring.rank import ASSOCIATED
 from ...scoring.rows import Row
 from ...tables import Column
 
+REFERENCES = ("saw the truth", ASSOCIATED)  # reasons of `why_unranked`
 _LEAST = 0.005  # m: smaller parts are left out of a line
 _METRES = Column(format=".2f")
 
@@ -23,8 +25,10 @@ def parts_text(row: Row) -> str:
 
 
 def part_lines(report: Report) -> list[str]:
-    """The parts of bADE of each agent with k samples, over all targets; empty without a target."""
+    """The parts of bADE of each agent with k samples and the most hypotheses, over all targets, but of references."""
     rows = [row for row in report.rows if row.subset == "all" and row.budget == "equal"]
+    most = {row.agent: row for row in sorted(rows, key=lambda row: row.hypotheses)}
+    rows = [row for row in rows if row is most[row.agent] and row.unranked_because not in REFERENCES]
     lines = [f"{label_of(row)}: {text}" for row in rows if (text := parts_text(row))]
     rest = "; rest: of forecasts, where no reference runs split it" if any(row.cost_rest for row in rows) else ""
     return [f"Parts of bADE over all targets, m{rest}", *lines] if lines else []

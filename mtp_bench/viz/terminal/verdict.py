@@ -1,25 +1,27 @@
-"""Sentences about a report: the verdict of a comparison, and the notes below its table."""
+"""The verdict of a comparison in sentences."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 
 from ...scoring import Report
-from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT, Subset
-from ...scoring.rank import NOT_CAUSAL
-from ...scoring.rows import Details, Interval, PairedRow, Row
+from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT
+from ...scoring.rows import Interval, PairedRow, Row
 from ...submission.loader import controls
-from ...tables import BLANK, Column, short
-from .output import counted
-from .paper import paper_figures, paper_gap, shipped_env
-from .parts import label_of
-from .tables import blocks_of
+from ...submission.manifest import Role
+from ...tables import Column
+from .paper import paper_gap, shipped_env
+from .parts import REFERENCES, label_of
 
-SAW_TRUTH = "saw the truth"  # reason of `why_unranked`
-STP, TRUTH, CONTROL = (controls()[role] for role in ("single", "ground_truth", "same_samples"))
-ASSOCIATED = "perfect_association_same_samples"
+_ROLES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples")
+STP, TRUTH, CONTROL, ASSOCIATED = (controls()[role] for role in _ROLES)
 CONTROL_DRAWS = 20  # times k samples
-_NO_OWN_GAP = "with its own predictor unknown: no reference pair is stated, or it does not differ significantly"
+_SAME = "gap_closed_same_predictor"
+_GAPS = {  # field of a share -> the beginning of the other fields of its gap, and its name
+    "gap_closed": ("gap", f"gap between {STP} and ground-truth tracks"),
+    _SAME: ("gap_same_predictor", "same gap with its own predictor and presence"),
+    "association_gap_closed": ("association_gap", "association gap"),
+}
 _SIGNED = Column(format="+.3f")
 WHERE = {"all": "over all targets", "ids": "on ids", "reacquired": "on reacquired"}
 
@@ -29,7 +31,8 @@ def verdict(report: Report, names: Sequence[str]) -> list[str]:
 
     Of a submission with several settings they state the one with the most hypotheses, at equal k.
     """
-    rows = [row for name in names if name not in (STP, TRUTH) and (row := _main_row(report, name)) is not None]
+    studied = [name for name in names if name not in (STP, TRUTH, ASSOCIATED)]
+    rows = [row for name in studied if (row := _main_row(report, name)) is not None]
     sentences = [_bounds(report), _costs(report)]
     for row in rows:
         sentences += [_against_stp(report, row), _against_control(report, row), _gap(report, row)]
@@ -62,18 +65,18 @@ def _bounds(report: Report) -> str | None:
 
 def _costs(report: Report) -> str | None:
     """Costs of detection, tracking and association; only that of association is one of tracking errors alone."""
-    parts, known = [], False
+    sentences, known = [], False
     for subset in ("all", "ids"):
         both, own = _paired(report, TRUTH, STP, subset), _paired(report, ASSOCIATED, CONTROL, subset)
-        if both is None:
-            continue
-        known |= own is not None
-        association = f", of which association {_cost(own)} (perfect association of the same detections)" if own else ""
-        parts.append(f"{WHERE[subset]} {_cost(both)}{association}")
-    if not parts:
-        return None
-    least = " The cost of association is a lower bound: duplicate detections still make switches." if known else ""
-    return f"Detection and tracking together cost {'; '.join(parts)}.{least}"
+        if both is not None:
+            of_what = "" if known else "perfect association of the same detections: "
+            association = f", of which association {_cost(own, of_what)}" if own else ""
+            where = WHERE[subset].capitalize()
+            sentences.append(f"{where} detection and tracking together cost {_cost(both)}{association}")
+            known |= own is not None
+    if known:
+        sentences.append("The cost of association is a lower bound: duplicate detections still make switches")
+    return ". ".join(sentences) + "." if sentences else None
 
 
 def _paired(report: Report, agent: str, other: str, subset: str) -> PairedRow | None:
@@ -82,10 +85,10 @@ def _paired(report: Report, agent: str, other: str, subset: str) -> PairedRow | 
     return next((row for row in rows if row.error is not None), None)
 
 
-def _cost(pair: PairedRow) -> str:
-    """The error of the control less that of the agent."""
+def _cost(pair: PairedRow, of_what: str = "") -> str:
+    """The error of the control less that of the agent; ``of_what`` is said before the interval."""
     interval = None if pair.interval is None else (-pair.interval[1], -pair.interval[0])
-    return _difference(-(pair.error or 0.0), interval, pair.p)
+    return f"{_SIGNED.text(-(pair.error or 0.0))} m ({of_what}{_chance(interval, pair.p)})"
 
 
 def _against_stp(report: Report, row: Row) -> str | None:
@@ -116,29 +119,28 @@ def _against_control(report: Report, row: Row) -> str | None:
 
 
 def _gap(report: Report, row: Row) -> str | None:
-    """The share of the gap that is closed: between both reference pairs, by the plain error, and in the paper."""
+    """Shares of the gaps that an agent closes, with that in the paper, and reasons of those that are blank."""
     rows = [each for each in (row, _on_subset(report, row, "ids")) if each is not None]
-    if _main_row(report, STP) is None or _main_row(report, TRUTH) is None:
-        return None
-    closed = _shares(rows, lambda r: r.gap_closed, lambda r: r.gap_interval)
-    if not closed:
-        return f"{label_of(row)}: no gap to close, {STP} is not significantly worse than ground-truth tracks."
-    own = _shares(rows, lambda r: r.gap_closed_same_predictor, lambda r: r.gap_same_predictor_interval)
-    parts = [
-        f"{label_of(row)} closes {closed} of the gap between {STP} and ground-truth tracks",
-        f"between references with its own predictor and presence {own}" if own else _NO_OWN_GAP,
-    ]
-    if (paper := paper_gap(shipped_env(report), row)) is not None:
-        parts.append(f"in the paper, by minADE on IDS, {_percent(paper)}")
-    return "; ".join(parts) + "."
+    closed, blank = [], []
+    for key, (gap, name) in _GAPS.items():
+        shares = _shares(rows, key, f"{gap}_interval")
+        if shares and not (key == _SAME and shares == _shares(rows, "gap_closed", "gap_interval")):
+            closed.append(f"{shares} of the {name}")
+        elif not shares and (why := getattr(row, f"{gap}_blank_because", None)):
+            blank.append(f"{name}: {why}")
+    paper = paper_gap(shipped_env(report), row)
+    in_paper = "" if paper is None else f"; in the paper, by minADE on IDS, {_percent(paper)}"
+    sentences = [f"{label_of(row)} closes {'; '.join(closed)}{in_paper}"] if closed else []
+    sentences += [f"{label_of(row)} closes no share of the {'; '.join(blank)}"] if blank else []
+    return ". ".join(sentences) + "." if sentences else None
 
 
-def _shares(
-    rows: Sequence[Row], share: Callable[[Row], float | None], interval: Callable[[Row], Interval | None]
-) -> str:
+def _shares(rows: Sequence[Row], share: str, interval: str) -> str:
     """Shares on the subsets of the rows, with intervals; empty where none is known."""
-    known = [(row, value) for row in rows if (value := share(row)) is not None]
-    return " and ".join(f"{_percent(value)}{_percents(interval(row))} {WHERE[row.subset]}" for row, value in known)
+    known = [(row, value) for row in rows if (value := getattr(row, share)) is not None]
+    return " and ".join(
+        f"{_percent(value)}{_percents(getattr(row, interval))} {WHERE[row.subset]}" for row, value in known
+    )
 
 
 def _unranked(report: Report) -> str | None:
@@ -148,13 +150,13 @@ def _unranked(report: Report) -> str | None:
         rows = [row for row in report.rows if row.subset == subset and row.budget == "equal"]
         reasons: dict[str, list[str]] = {}
         for row in rows:
-            if row.unranked_because not in (None, SAW_TRUTH):
+            if row.unranked_because not in (None, *REFERENCES):
                 reasons.setdefault(str(row.unranked_because), []).append(label_of(row))
         if any(row.place is not None for row in rows):
             parts += [f"Not ranked {WHERE[subset]} ({why}): {', '.join(labels)}" for why, labels in reasons.items()]
         elif reasons:
             parts.append(f"No agent is ranked {WHERE[subset]} ({'; '.join(reasons)})")
-    ideal = dict.fromkeys(row.agent for row in report.rows if row.unranked_because == SAW_TRUTH)
+    ideal = dict.fromkeys(row.agent for row in report.rows if row.unranked_because in REFERENCES)
     parts += [f"Never ranked, as they saw the truth: {', '.join(ideal)}"] if ideal else []
     return ". ".join(parts) + "." if parts else None
 
@@ -170,76 +172,22 @@ def _unknown_false_forecasts(report: Report) -> str | None:
     )
 
 
-def notes(report: Report) -> list[str]:
-    """The meaning of the columns of the main table, its numbers of targets, and warnings."""
-    return [_about(report), *_sizes(report), *_warnings(report)]
-
-
-def _about(report: Report) -> str:
-    allowed = "averaged over allowed numbers of false forecasts, up to one per target or as many as STP makes"
-    if report.condition.get("truth", "complete") != "complete":
-        allowed = "averaged over budgets of forecasts per live frame"
-    empty = next((details.silence for details in report.details), None)
-    nothing = "" if empty is None else f" If nothing is predicted: {short(empty)}."
-    env = shipped_env(report)
-    paper = " Dim: the paper's numbers." if any(paper_figures(env, row) for row in report.rows) else ""
-    return (
-        f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} bADE "
-        f"(budgeted ADE): {allowed}; on ids as many as STP makes.{nothing} #: rank, {BLANK} shown only. "
-        f"Definitions {report.definitions}."
-    )
-
-
-def _sizes(report: Report) -> Iterator[str]:
-    names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "ids"}
-    for rows in blocks_of(report)[:1]:
-        for subset, name in names.items():
-            row = rows[subset]
-            few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
-            on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
-            yield f"{name}: {on} in {counted(row.scenes, 'scene')}"
-
-
-def _warnings(report: Report) -> Iterator[str]:
-    honest = [row for row in report.rows if row.subset == "all" and row.unranked_because != SAW_TRUTH]
-    agents = {row.agent for row in honest}
-    details = [each for each in report.details if each.agent in agents]
-    if report.rows and not report.rows[0].targets:
-        yield "! there is no target: no object that may be one is present in all past and future frames"
-    elif report.rows and not any(row.coverage for row in honest) and any(d.forecasts_per_frame for d in details):
-        yield "! no forecast is near a target: are detections and truth in one frame of reference, in metres?"
-    for agent in dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL):
-        yield f"{agent}: never ranked, {NOT_CAUSAL}"
-    if dropped := max((each.dropped_detections for each in details), default=0):
-        yield f"! {counted(dropped, 'detection')} not shown to agents: beyond the range or the number of the task"
-    for each in report.details:
-        yield from _of_agent(each)
-
-
-def _of_agent(details: Details) -> Iterator[str]:
-    if details.guessed_parents:
-        share = f"{100 * details.guessed_parents:.0f} %"
-        yield f"* {details.agent} states no parents: the lineage of own events is guessed in {share} of frames"
-    if rejected := sum(details.invalid.values()):
-        yield rejected_line(details.agent, rejected)
-
-
-def rejected_line(agent: str, rejected: int) -> str:
-    """Note about rejected rows of an agent's actions."""
-    return f"! {agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` explains the errors"
-
-
 def _metres(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.3f} m"
 
 
 def _difference(mean: float, interval: Interval | None, p: float | None) -> str:
-    """A difference with its interval and p, in words where it could be chance."""
+    """A difference with its interval and p."""
+    return f"{_SIGNED.text(mean)} m, {_chance(interval, p)}"
+
+
+def _chance(interval: Interval | None, p: float | None) -> str:
+    """An interval and p, in words where it could be chance."""
     if interval is None or p is None:
-        return f"{_SIGNED.text(mean)} m, too few recordings for an interval"
+        return "too few recordings for an interval"
     chance = ", could be chance" if p >= SIGNIFICANT else ""
     probability = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
-    return f"{_SIGNED.text(mean)} m, 95 % {_SIGNED.text(interval)}, {probability}{chance}"
+    return f"95 % {_SIGNED.text(interval)}, {probability}{chance}"
 
 
 def _percent(share: float) -> str:

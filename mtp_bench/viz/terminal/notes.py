@@ -1,0 +1,74 @@
+"""Notes below the table of a report: what its columns mean, its numbers of targets, and warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ...scoring import Report
+from ...scoring.definitions import Subset
+from ...scoring.rank import NOT_CAUSAL
+from ...scoring.rows import Details
+from ...tables import BLANK, short
+from .output import counted
+from .paper import paper_figures, shipped_env
+from .parts import REFERENCES
+from .tables import blocks_of
+
+
+def notes(report: Report) -> list[str]:
+    """The meaning of the columns of the main table, its numbers of targets, and warnings."""
+    return [_about(report), *_sizes(report), *_warnings(report)]
+
+
+def _about(report: Report) -> str:
+    allowed = "averaged over allowed numbers of false forecasts, up to one per target or as many as STP makes"
+    if report.condition.get("truth", "complete") != "complete":
+        allowed = "averaged over budgets of forecasts per live frame"
+    empty = next((details.silence for details in report.details), None)
+    nothing = "" if empty is None else f" If nothing is predicted: {short(empty)}."
+    env = shipped_env(report)
+    paper = " Dim: the paper's numbers." if any(paper_figures(env, row) for row in report.rows) else ""
+    return (
+        f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} bADE "
+        f"(budgeted ADE): {allowed}; on ids as many as STP makes.{nothing} #: rank, {BLANK} shown only. "
+        f"Definitions {report.definitions}."
+    )
+
+
+def _sizes(report: Report) -> Iterator[str]:
+    names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "ids"}
+    for rows in blocks_of(report)[:1]:
+        for subset, name in names.items():
+            row = rows[subset]
+            few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
+            on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
+            yield f"{name}: {on} in {counted(row.scenes, 'scene')}"
+
+
+def _warnings(report: Report) -> Iterator[str]:
+    honest = [row for row in report.rows if row.subset == "all" and row.unranked_because not in REFERENCES]
+    agents = {row.agent for row in honest}
+    details = [each for each in report.details if each.agent in agents]
+    if report.rows and not report.rows[0].targets:
+        yield "! there is no target: no object that may be one is present in all past and future frames"
+    elif report.rows and not any(row.coverage for row in honest) and any(d.forecasts_per_frame for d in details):
+        yield "! no forecast is near a target: are detections and truth in one frame of reference, in metres?"
+    for agent in dict.fromkeys(row.agent for row in report.rows if row.unranked_because == NOT_CAUSAL):
+        yield f"{agent}: never ranked, {NOT_CAUSAL}"
+    if dropped := max((each.dropped_detections for each in details), default=0):
+        yield f"! {counted(dropped, 'detection')} not shown to agents: beyond the range or the number of the task"
+    for each in report.details:
+        yield from _of_agent(each)
+
+
+def _of_agent(details: Details) -> Iterator[str]:
+    if details.guessed_parents:
+        share = f"{100 * details.guessed_parents:.0f} %"
+        yield f"* {details.agent} states no parents: the lineage of own events is guessed in {share} of frames"
+    if rejected := sum(details.invalid.values()):
+        yield rejected_line(details.agent, rejected)
+
+
+def rejected_line(agent: str, rejected: int) -> str:
+    """Note about rejected rows of an agent's actions."""
+    return f"! {agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` explains the errors"
