@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from mtp_bench.agent import Observation
+from mtp_bench.agent import Observation, Tracker
 from mtp_bench.errors import ShapeError, UnknownNameError
-from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker, score_thresholds
+from mtp_bench.tracking import (
+    ClassParameters,
+    GivenTracker,
+    HypothesisTracker,
+    OnlineTracker,
+    TruthTracker,
+    score_thresholds,
+)
 from mtp_bench.tracking.parameters import read_detector
+from mtp_bench.tracks import Tracks
 from tests.support.tracking_scenes import (
     CAR,
     CYCLIST,
@@ -138,6 +146,37 @@ def test_the_truth_tracker_follows_true_ids() -> None:
     assert tracks.track_id.tolist() == [9, 4]
     assert tracks.past_valid.tolist() == [[True, True, True], [True, False, True]]
     assert tracks.past[:, :, 0].tolist() == [[10.0, 11.0, 12.0], [5.0, 0.0, 7.0]]
+
+
+TRACKERS: dict[str, tuple[Tracker, str]] = {
+    "one hypothesis": (HypothesisTracker(), "detections"),
+    "several hypotheses": (HypothesisTracker(5), "detections"),
+    "given identities": (HypothesisTracker(), "associated"),
+    "ground-truth tracks": (TruthTracker(), "truth"),
+    "stored tracks": (GivenTracker(), "tracks"),
+    "another library": (OnlineTracker(lambda task: lambda seen: [(i, box, 1) for i, box in enumerate(seen.box)]), ""),
+}
+
+
+@pytest.mark.parametrize(("tracker", "observe"), TRACKERS.values(), ids=TRACKERS)
+def test_after_a_hole_a_tracker_begins_as_in_a_new_scene(tracker: Tracker, observe: str) -> None:
+    task, frames = kitti_task(observe=observe or "detections"), random_frames(np.random.default_rng(1), 30)
+
+    def played(first: int) -> list[Tracks]:
+        tracker.reset(task)
+        tracks = []
+        for t in range(first, 30):
+            step = {"time": np.array(0.1 * t), "dt": np.array(2.0 if t == 15 > first else 0.1)}
+            step["detection_id"] = np.arange(len(frames[t][1]))
+            tracks.append(tracker.step(observation(frames[t]) | step))
+        return tracks
+
+    before, after, fresh = (played(0)[:15], played(0)[15:], played(15))
+    for one, other in zip(after, fresh, strict=True):
+        for name in {column.name for column in fields(Tracks)} - {"track_id", "affinity"}:
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    first, second = ({i for tracks in part for i in tracks.track_id.tolist()} for part in (before, after))
+    assert observe in ("truth", "tracks") or (first and second and not first & second)
 
 
 def test_weak_detections_are_ignored() -> None:

@@ -15,8 +15,9 @@ from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
 from mtp_bench.training.labels import UNKNOWN
-from mtp_bench.training.tracklets import Windows, concatenate, windows, windows_of_scene
+from mtp_bench.training.tracklets import BY_WINDOW, Windows, concatenate, windows, windows_of_scene
 from mtp_bench.types import ImageField, Scene
+from tests.support.scoring_scenes import end_to_end
 from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
 
@@ -124,6 +125,17 @@ def test_a_scene_without_objects_has_no_windows(tmp_path: Path) -> None:
     assert found.seen.frames == 3 + 8
     np.testing.assert_array_equal(found.moment, found.frame + 3)
     np.testing.assert_array_equal(found.seen.before, [0, 1, 2, *range(8)])
+
+
+@pytest.mark.parametrize("truth", [False, True])
+def test_windows_do_not_cross_a_hole_in_time(truth: bool, tmp_path: Path) -> None:
+    clip = replace(make_scene(empty=(6,)), ego=np.zeros((8, 4)))
+    whole, apart = (
+        windows_of_scenes(tmp_path, *scenes, truth=truth) for scenes in ([end_to_end([clip, clip], 0.2)], [clip, clip])
+    )
+    for name in set(BY_WINDOW) - {"scene", "frame"}:
+        np.testing.assert_array_equal(getattr(whole, name), getattr(apart, name), err_msg=name)
+    np.testing.assert_array_equal(whole.seen.before, apart.seen.before)
 
 
 def test_folds_are_whole_scenes(tmp_path: Path) -> None:
