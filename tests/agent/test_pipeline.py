@@ -182,6 +182,11 @@ def test_a_predictor_gets_the_tracks_that_stand_for_objects_once_per_frame() -> 
             np.testing.assert_array_equal(tracks.past[took, -back], box)
     assert [f.number for f in recorder.frames] == list(range(len(CROWD)))
     assert [len(f.seen) for f in recorder.frames[:12]] == [*range(1, 11), 10, 10]
+    agent = Pipeline(HypothesisTracker(), recorder, KMeansSampler())
+    agent.reset(SMALL)
+    for t, seen in enumerate(CROWD[:9]):  # a hole in time before frame 5
+        agent.act(observation(seen) | {"dt": np.array(2.0 if t == 5 else SMALL.dt)})
+    assert [len(f.seen) for f in recorder.frames] == [1, 2, 3, 4, 5, 1, 2, 3, 4]
 
 
 def test_forecasts_may_move_an_object_state_its_presence_and_leave_it_out() -> None:
