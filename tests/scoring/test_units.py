@@ -36,14 +36,9 @@ def test_blocks_are_few_equal_and_at_most_20_s(frames: int, rate: float, want: l
     assert (np.diff(block) >= 0).all()
 
 
-def test_time_that_jitters_makes_no_block() -> None:
-    time = np.cumsum(0.5 + 0.1 * np.sin(np.arange(41)))
-    assert not units(replace(make_scene([[]] * 41), time=time), with_task(CARD, rate=2.0)).any()
-
-
 @pytest.mark.parametrize(("frames", "blocks"), [(41, 1), (44, 2)])
 def test_a_hole_counts_as_one_period(frames: int, blocks: int) -> None:
-    time = np.arange(frames) / 2 + 30.0 * (np.arange(frames) > 20)
+    time = np.cumsum(0.5 + 0.1 * np.sin(np.arange(frames))) + 30.0 * (np.arange(frames) > 20)  # it jitters too
     block = units(replace(make_scene([[]] * frames), time=time), with_task(CARD, rate=2.0))
     assert block.max() + 1 == blocks
 
