@@ -223,7 +223,7 @@ class Task:
     observe: str = "detections"
     ego_motion: bool = True  # False: every frame is given in its own ego frame, the world moves
     velocity: bool = False  # detections carry a measured velocity
-    seed: int = 0  # for the agent's own random draws
+    seed: int = 0  # for the agent's own random draws; a hash of the run's seed and the scene
     motion_noise: str = ""  # e.g. "KITTI": where objects move like here; agents choose their motion model by it
     weights_of: str = ""  # the env whose network weights serve here too; empty: none
     tracker: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by class; empty: those of the detector
