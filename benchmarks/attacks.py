@@ -87,15 +87,19 @@ def centimetres(path: NDArray[np.float64]) -> NDArray[np.int16]:
     return np.rint(np.clip(path, -32000, 32000)).astype(np.int16)
 
 
-def faint(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
-    """Every second sample is three times as far out, at 1.05 % of the uniform weight: just above the floor."""
-    k = rollout.forecast.shape[1]
-    path, weight = rollout.forecast.copy(), np.full(k, 1.0 / k)
-    path[:, 1::2] = spread(rollout.forecast, 3.0)[:, 1::2]
-    weight[1::2] *= 1.05 * SAMPLE_FLOOR
-    weight[::2] += (1.0 - weight.sum()) / len(weight[::2])
-    logs = np.broadcast_to(np.log(weight), rollout.forecast_log_weight.shape)
-    return replace(rollout, forecast=path, forecast_log_weight=logs.astype(np.float32))
+def two_widths(faint: float) -> Change:
+    """Every second sample is three times as far out, at a share of the uniform weight."""
+
+    def change(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
+        k = rollout.forecast.shape[1]
+        path, weight = rollout.forecast.copy(), np.full(k, 1.0 / k)
+        path[:, 1::2] = spread(rollout.forecast, 3.0)[:, 1::2]
+        weight[1::2] *= faint
+        weight[::2] += (1.0 - weight.sum()) / len(weight[::2])
+        logs = np.broadcast_to(np.log(weight), rollout.forecast_log_weight.shape)
+        return replace(rollout, forecast=path, forecast_log_weight=logs.astype(np.float32))
+
+    return change
 
 
 def far_pair(scene: Scene, rollout: Rollout, card: Card) -> Rollout:
@@ -216,7 +220,8 @@ CHANGES: dict[str, Change] = {
     "every class, others half as sure": every_class(0.5),
     "samples x1.5": widened(1.5),
     "samples x3": widened(3.0),
-    "faint samples x3": faint,
+    "honest: two widths": two_widths(1.0),
+    "two widths, one faint": two_widths(1.05 * SAMPLE_FLOOR),
     "far pair": far_pair,
     "duplicates": doubled(np.zeros((1, 2)), lambda c: c),
     "duplicates, half as sure": doubled(np.zeros((1, 2)), lambda c: 0.5 * c),

@@ -38,7 +38,7 @@ from mtp_bench.types import Rollout, Task
 
 HONEST: dict[str, tuple[str, dict[str, Any]]] = {
     "GT tracks, same samples": ("truth_past", {"draws": 20}),
-    # "perfect association, same samples": ("perfect_association_same_samples", {}),
+    "perfect association, same samples": ("perfect_association_same_samples", {}),
     "mtp": ("mtp", {}),
     "same samples": ("stp_same_budget", {}),
     "stp": ("stp", {}),
@@ -161,8 +161,8 @@ def ideal(label: str) -> bool:
 
 
 def honest_of(label: str) -> str:
-    """The agent that a row is compared with."""
-    return "mtp" if label.startswith("mtp: ") else "stp"
+    """The agent that a row is compared with; for faint samples the same samples at equal weights."""
+    return "mtp" if label.startswith("mtp: ") else "honest: two widths" if label == "two widths, one faint" else "stp"
 
 
 def differences(report: Report, label: str, other: str) -> list[dict[str, Any]]:
@@ -181,7 +181,8 @@ def significant(row: dict[str, Any]) -> bool:
 
 def verdicts(report: Report, rows: list[dict[str, Any]]) -> list[str]:
     """What gains, whether silence is last, and the order of honest agents on ids."""
-    gains = [row for row in rows if row["row"] not in HONEST and significant(row) and row["difference"] < 0]
+    dishonest = [row for row in rows if row["row"] not in HONEST and not row["row"].startswith("honest: ")]
+    gains = [row for row in dishonest if significant(row) and row["difference"] < 0]
     lines = [f"gains: {row['row']} on {row['subset']}: {cell(row)}" for row in gains] or ["gains: none"]
     for subset in RANKED:
         errors = {row.agent: row.error for row in report.rows if row.subset == subset and row.error is not None}
