@@ -4,7 +4,7 @@
 |---|---|
 | plain error | all |
 | fixed error | those of a confidence of at least 0.5; false ones cost c / 2 |
-| bADE, which ranks | as many as a budget of false forecasts allows, averaged over budgets |
+| bADE | as many as a budget of false forecasts allows, averaged over budgets |
 
 A cut is a confidence threshold: it keeps the forecasts of at least that confidence. The error at a budget is that of
 the last cut within it; the rest of the budget counts as a share of the next cut.

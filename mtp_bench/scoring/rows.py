@@ -47,7 +47,7 @@ class Row(AgentSetting):
     subset: Annotated[Subset, Column()]
     minADE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815  (a fixed name of the files)
     minFDE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815
-    error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the rank.")]
+    error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the place.")]
     interval: IntervalColumn
     localisation: Annotated[ErrorPart, Column("with forecast", help="Part of bADE from such targets.")] = None
     missed: Annotated[ErrorPart, Column("without forecast", help="Part of bADE from such targets.")] = None

@@ -64,7 +64,7 @@ def _difference_interval(entry: Entry) -> Value:
 
 _ERROR = (
     "Budgeted ADE over all targets: averaged over allowed numbers of false forecasts; where it is not known which are "
-    "false, as on nuScenes, over forecasts per frame. Metres. It decides the rank."
+    "false, as on nuScenes, over forecasts per frame. Metres. It decides the place."
 )
 _DIFFERENCE = (
     "bADE minus that of the single-hypothesis pipeline (stp) on the same targets, metres, with the 95 % interval of "
@@ -79,7 +79,7 @@ _MS = "Mean time of one frame on the machine that made the record, milliseconds.
 _P95 = "Time within which 95 % of the frames are answered, milliseconds."
 
 _NUMBERS: Sequence[Column] = (
-    _of_row("error", format=".3f", group="ranks (m)", help=_ERROR),
+    _of_row("error", heading="all targets", format=".3f", group="bADE (m)", help=_ERROR),
     _of_row("interval"),
     _of("difference", "mean", _mean_difference, unit="m", better="lower", format="+.3f",
         group="to stp (m)", help=_DIFFERENCE),
