@@ -15,7 +15,7 @@ from ..scoring.weights import scene_key
 from .attestation import SignedLevel
 from .evaluation import scorer_digest
 from .record import LimitsPart, Record, ScenePart
-from .shipped import Shipped, baseline_digest, shipped
+from .shipped import FOR_BASELINES, Shipped, baseline_digest, shipped
 
 SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
@@ -28,7 +28,8 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
 
     ``level``: its signed level; ``ships``: the shipped env of an id.
     """
-    entrant = Entrant(record.row.budget, record.samples, record.env.observe == "truth", record.unfinished)
+    seen = record.env.observe
+    entrant = Entrant(record.row.budget, record.samples, seen == "truth", record.unfinished, seen == "associated")
     return why_entrant_unranked(entrant) or why_not_comparable(record, level, ships)
 
 
@@ -47,6 +48,12 @@ def why_not_genuine(record: Record) -> str | None:
     if known in (None, record.submission.digest) or record.earlier:
         return None
     return f"{record.submission.name!r} is the name of a baseline, and this is another submission"
+
+
+def may_observe(record: Record) -> bool:
+    """False if the record is not of a baseline, and its agent saw the true objects of detections."""
+    known = baseline_digest(record.submission.name, record.submission.networks)
+    return record.env.observe != "associated" or known == record.submission.digest
 
 
 def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) -> dict[str, str]:
@@ -94,6 +101,8 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
     other_submission = why_not_genuine(record)
     if other_submission is not None:
         yield other_submission
+    if not may_observe(record):
+        yield FOR_BASELINES
     if record.scorer.definitions != DEFINITIONS:
         yield f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}"
     if record.scorer.source_digest != scorer_digest():

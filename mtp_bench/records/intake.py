@@ -13,9 +13,9 @@ from ..errors import MtpBenchError, RecordError
 from ..files import file_kind
 from .canonical import today
 from .consistency import checked_record
-from .eligibility import why_unranked
+from .eligibility import may_observe, why_unranked
 from .record import Record
-from .shipped import shipped
+from .shipped import FOR_BASELINES, shipped
 from .storage import LEVEL_SUFFIX, ROLLOUTS
 from .trust import OWNERS, Trust, read_owners
 
@@ -166,6 +166,8 @@ def _acceptable(path: Path, name: Path, names: Mapping[str, str], owner: str) ->
         raise RecordError(f"{name}: made on {record.measured.made}, expected a day up to {today()}: set the clock")
     if ships is None or ships.card != env.card_digest:
         raise RecordError(f"{name}: {env.id} with card {env.card_digest} does not ship")
+    if not may_observe(record):
+        raise RecordError(f"{name}: {FOR_BASELINES}")
     if stated in baseline_names():
         raise RecordError(f"{name}: {stated!r} is a baseline, only maintainers make its records")
     if stated not in names:

@@ -9,9 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
+from typing import Any
 
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
+from ..scoring.gaps import NO_GAP, NOT_KINEMATIC, SAW_TRUTH, UNSTATED
 from ..scoring.rank import guard, ranks_among, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
 from ..submission.loader import controls
@@ -19,9 +21,10 @@ from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
 from .held_back import HELD_BACK, is_held_back
 from .record import HiddenPart, Record, SubmissionPart
-from .shipped import baseline_networks, learned_truths, network_references, shipped
+from .shipped import baseline_networks, learned_truths, network_association, network_references, shipped
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
+ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
 OTHERS = "other data, scenes or hidden scenes than the ranked ones"
 
 
@@ -42,6 +45,9 @@ class Standing:
     compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings to rank
     gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between STP and ground-truth tracks
     own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between references of its predictor
+    association_gaps: Mapping[Subset, float] = field(default_factory=dict)
+    gap_blank: str = UNSTATED  # why one of the ``gaps`` is missing
+    association_gap_blank: str = UNSTATED
     differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of bADE, to STP's
 
 
@@ -111,6 +117,15 @@ def own_ends(submission: SubmissionPart) -> tuple[str, str] | None:
     return next((pair for pair in pairs if pair is not None), None)
 
 
+def association_ends(submission: SubmissionPart) -> tuple[str, str] | None:
+    """Names of the records that bound the association gap for the submission's predictor; None if unknown."""
+    if submission.ends == "controls":
+        return ASSOCIATION
+    names = () if submission.ends is None else submission.networks or baseline_networks(submission.name)
+    pairs = map(network_association, sorted({"-".join(name.split("-")[:2]) for name in names}))
+    return next((pair for pair in pairs if pair is not None), None)
+
+
 def _standings_of_env(
     records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships
 ) -> dict[str, Standing]:
@@ -130,10 +145,10 @@ def _standings_of_env(
     standing = {digest: Standing(place, digest in inside) for digest, place in places.items()}
     stp = _best_named(STP, peers)
     for each in peers:
-        gaps, own = _gaps(each, peers, (STP, TRUTH)), own_ends(each.record.submission)
-        own_gaps = gaps if own == (STP, TRUTH) else _gaps(each, peers, own)
         digest = each.record.digest
-        standing[digest] = Standing(places[digest], digest in inside, gaps, own_gaps, _differences(each, stp))
+        standing[digest] = Standing(
+            places[digest], digest in inside, **_all_gaps(each, peers), differences=_differences(each, stp)
+        )
     return standing
 
 
@@ -193,18 +208,42 @@ def _stp_errors(entrant: _Entrant, peers: Sequence[_Entrant]) -> tuple[list[floa
     return stp_errors, own_errors
 
 
-def _gaps(entrant: _Entrant, peers: Sequence[_Entrant], pair: tuple[str, str] | None) -> dict[Subset, float]:
-    """gap_closed of a record on each subset, between two records of ``peers`` with the same k."""
-    stp, truth = (None, None) if pair is None else (_best_named(name, peers) for name in pair)
-    if stp is None or truth is None or len({each.record.samples for each in (entrant, stp, truth)}) > 1:
-        return {}
+def _all_gaps(entrant: _Entrant, peers: Sequence[_Entrant]) -> dict[str, Any]:
+    """Fields of a `Standing`: gaps that a record closes, and reasons of missing ones."""
+    submission = entrant.record.submission
+    kinematic, other = submission.ends == "controls", submission.ends == "own"
+    unstated = "no reference with its predictor ships" if other else UNSTATED
+    own, why = _gaps(entrant, peers, own_ends(submission), unstated)
+    association, why_association = dict[Subset, float](), SAW_TRUTH
+    if entrant.record.env.observe != "truth":
+        association, why_association = _gaps(entrant, peers, association_ends(submission), unstated)
+    return {
+        "gaps": own if kinematic else {},
+        "gap_blank": NOT_KINEMATIC if other else why,
+        "own_gaps": own,
+        "association_gaps": association,
+        "association_gap_blank": why_association,
+    }
+
+
+def _gaps(
+    entrant: _Entrant, peers: Sequence[_Entrant], pair: tuple[str, str] | None, unstated: str
+) -> tuple[dict[Subset, float], str]:
+    """Gap that a record closes between two of ``peers`` on each subset, and why it is missing on others."""
+    if pair is None:
+        return {}, unstated
+    stp, truth = (_best_named(name, peers) for name in pair)
+    if stp is None or truth is None:
+        return {}, f"no record of {pair[0] if stp is None else pair[1]} beside it"
+    if len({each.record.samples for each in (entrant, stp, truth)}) > 1:
+        return {}, f"{entrant.record.samples} samples per object, its references have {stp.record.samples}"
     closed: dict[Subset, float] = {}
     for subset in SUBSETS if entrant.record.status == "finished" else ():
         error, high, low = (each.sums.unit_error(subset) for each in (entrant, stp, truth))
         gap = gap_closed(error, high, low, stp.sums.unit_weight(subset))
         if gap is not None:
             closed[subset] = gap.closed
-    return closed
+    return closed, NO_GAP
 
 
 def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, PairedDifference]:

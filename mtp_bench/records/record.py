@@ -20,7 +20,7 @@ from ..submission.manifest import SubmissionName
 from .canonical import Date, Sha256
 
 Status = Literal["finished", "partial", "crashed", "rejected"]
-Observed = Literal["detections", "truth"]
+Observed = Literal["detections", "truth", "associated"]
 EARLIER = ("2.0",)  # versions of the definitions whose records are shown apart from today's
 MOST_NAME, MOST_TEXT = 100, 2000  # characters of a name, and of a description or a reason
 MOST_NAMES, MOST_SCENES = 50, 10_000  # in a list; of a record

@@ -30,6 +30,7 @@ from .canonical import digest_of
 from .evaluation import Evaluation, evaluate
 from .parts import Parts
 from .record import HardwarePart, HashesPart, IsolationPart, LatencyPart, MissedPart, key_of
+from .shipped import FOR_BASELINES, baseline_digest
 
 MOST_REASON = 1000  # characters of why a scene was not finished
 Runs = Mapping[int, Sequence[SceneRun]]  # seed -> scenes
@@ -79,6 +80,8 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     del keywords["observe"]  # the record has it in a field of its own
     names = ranked_scenes(env.card, env.scene_names)
     image = image_of(submission, env.card.id, env.card.weights_of)
+    if submission.compare.observe == "associated" and image.digest != baseline_digest(submission.name, image.weights):
+        raise MtpBenchError(f"{submission.name}: {FOR_BASELINES}; compare it with `mtp-bench compare`")
     return Plan(submission, env_id, env.card, options.chosen(names), len(names), keywords, options, image)
 
 

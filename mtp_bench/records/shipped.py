@@ -14,7 +14,9 @@ from ..running.reference import frozen_reference
 from ..scoring import Reference
 from ..scoring.definitions import SUBSETS, Subset
 from ..submission.contents import digest_of, files_of
-from ..submission.loader import load_submission
+from ..submission.loader import Submission, load_submission
+
+FOR_BASELINES = 'observe = "associated" labels detections with true objects, and records of it are of baselines alone'
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ def network_references(network: str) -> tuple[str, str] | None:
     users = [
         load_submission(name) for name in sorted(baseline_names()) if f"{network}-truth" in baseline_networks(name)
     ]
-    single = [user.name for user in users if _is_own_reference(user.compare.gap_references, user.parameters)]
+    single = [user.name for user in users if _is_single(user, user.compare.gap_references)]
     truth = [user.name for user in users if user.compare.observe == "truth"]
     return (single[0], truth[0]) if single and truth else None
 
@@ -86,8 +88,24 @@ def learned_truths() -> tuple[str, ...]:
     return tuple(each.name for each in loaded if each.networks and each.compare.observe == "truth")
 
 
-def _is_own_reference(references: object, parameters: Mapping[str, object]) -> bool:
-    return isinstance(references, dict) and all(parameters.get(name) == value for name, value in references.items())
+@cache
+def network_association(network: str) -> tuple[str, str] | None:
+    """The pair of the association gap of predictors with a trained network, such as modes-tracklets; None without one.
+
+    One hypothesis, and the same with perfect association of the detections.
+    """
+    users = [load_submission(name) for name in sorted(baseline_names()) if network in baseline_networks(name)]
+    own = {user.name: user.compare.association_references or user.compare.gap_references for user in users}
+    single = [user.name for user in users if _is_single(user, own[user.name])]
+    associated = [user.name for user in users if user.compare.observe == "associated"]
+    return (single[0], associated[0]) if single and associated else None
+
+
+def _is_single(user: Submission, references: object) -> bool:
+    """True if a submission observes detections, with the parameters of its own references."""
+    if user.compare.observe != "detections" or not isinstance(references, dict):
+        return False
+    return all(user.parameters.get(name) == value for name, value in references.items())
 
 
 def _sums(reference: Reference) -> dict[str, dict[Subset, float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, RecordError, SubmissionError
@@ -24,7 +24,7 @@ from .consistency import checked_text
 from .eligibility import SEEDS
 from .evaluation import Evaluation
 from .parts import count_parts, open_parts, require_new
-from .record import EnvPart, LimitsPart, MeasuredPart, Record, SubmissionPart
+from .record import EnvPart, LimitsPart, MeasuredPart, Observed, Record, SubmissionPart
 from .running import (
     Plan,
     Runs,
@@ -249,7 +249,7 @@ def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, A
             data_manifest=evaluation.data_manifest,
             scenes=len(plan.scenes),
             scenes_of_split=plan.scenes_of_split,
-            observe="truth" if plan.setting.ideal else "detections",
+            observe=cast("Observed", plan.submission.compare.observe),
             truth_complete=evaluation.truth_complete,
             keywords=plan.keywords,
         ),

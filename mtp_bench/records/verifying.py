@@ -21,13 +21,13 @@ from ..types import Rollout
 from .attestation import LEVELS, Level, SignedLevel, Statement, read_level, write_level
 from .canonical import Difference, differences, today
 from .consistency import checked_record
-from .eligibility import SEEDS
+from .eligibility import SEEDS, may_observe
 from .evaluation import evaluate, scorer_digest
 from .record import HiddenPart, IsolationPart, LimitsPart, Record
 from .rerun import rows_under_random_pose, run_again, run_hidden, why_unsandboxed, worse_when_moved
 from .running import Plan, Runs, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed
-from .shipped import baseline_digest
+from .shipped import FOR_BASELINES, baseline_digest
 from .storage import stored_rollouts
 from .submitting import declared_data, submission_part
 from .trust import Trust, trusted
@@ -119,6 +119,8 @@ def verify(
     """
     path = Path(path)
     record = checked_record(path)
+    if not may_observe(record):
+        raise RecordError(f"{path}: {FOR_BASELINES}, not of {record.submission.name!r} with another digest")
     again = rerun or sealed is not None
     if record.earlier:  # its digests are not comparable with today's
         stated = f"scored by definitions {record.earlier}, today's are {DEFINITIONS}"

@@ -396,7 +396,8 @@ def test_a_file_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
 
 def test_a_second_stp_is_no_stp() -> None:
     """It would lift the guard of the event subsets and be the end of every gap."""
-    truth, agent = made_up("truth_past", 0.4, env={"observe": "truth"}), made_up("agent", 1.2)
+    truth = made_up("truth_past", 0.4, env={"observe": "truth"})
+    agent = made_up("agent", 1.2, submission={"ends": "controls"})
     fake, genuine = made_up("stp", 3.0, submission={"digest": hex_of("mine")}), made_up("stp", 1.0)
     assert genuine.submission.digest == baseline_digest("stp")
     found = standings([fake, truth, agent])

@@ -17,7 +17,8 @@ _ROW = {column.key: column for column in columns_of(Row)}
 PAGE = {
     "error": "error", "difference": "difference", "public": "wide", "ids": "mid", "reacquired": "mid",
     "minADE": "wide", "minFDE": "wide", "paper_ids_minADE": "wide", "paper_ids_minFDE": "wide",
-    "paper_frag_minADE": "wide", "paper_frag_minFDE": "wide", "same_gap": "mid", "coverage": "mid", "ms": "wide",
+    "paper_frag_minADE": "wide", "paper_frag_minFDE": "wide", "same_gap": "mid", "association_gap": "wide",
+    "coverage": "mid", "ms": "wide",
 }  # fmt: skip
 
 
@@ -75,6 +76,10 @@ _SAME_GAP = (
     "Share of the way from the single-hypothesis pipeline (0 %) to prediction on ground-truth tracks (100 %), both "
     "with the predictor of the entry itself."
 )
+_ASSOCIATION = (
+    "Share of the way from one hypothesis with as many samples as 20 (0 %) to perfect association of the same "
+    "detections (100 %), both with the predictor of the entry itself."
+)
 _MS = "Mean time of one frame on the machine that made the record, milliseconds."
 _P95 = "Time within which 95 % of the frames are answered, milliseconds."
 
@@ -93,6 +98,8 @@ _NUMBERS: Sequence[Column] = (
     *_paper("paper_frag", "FRAG", "targets with a fragmentation of stp, the paper's subset,"),
     _of("same_gap", "same predictor", lambda e: e.same_predictor_gap("all"), unit="share", better="higher",
         group="gap closed", help=_SAME_GAP),
+    _of("association_gap", "association", lambda e: e.standing.association_gaps.get("all"), unit="share",
+        better="higher", group="gap closed", help=_ASSOCIATION),
     _of_row("coverage", heading="covered", help="Share of the targets that have a forecast."),
     _of("ms", "ms", lambda e: e.record.measured.ms_per_frame, unit="ms", better="lower", format=".1f", help=_MS),
     _of("gap", "gap closed", lambda e: e.standing.gaps.get("all"), unit="share", better="higher", help=_GAP),
@@ -117,6 +124,8 @@ _FIRST = (
 )
 _LAST = (
     Column(key="p", format=".3f", read=lambda e: d.p if (d := e.difference()) else None),
+    _text("gap_blank_because", lambda e: None if e.standing.gaps.get("all") is not None else e.standing.gap_blank),
+    _text("association_gap_blank_because", lambda e: e.association_blank("all")),
     _text("status", lambda e: e.record.status),
     _text("digest", lambda e: e.record.digest),
     _text("level", lambda e: e.level),

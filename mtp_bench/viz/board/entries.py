@@ -144,6 +144,10 @@ class Entry(Found):
         """Share that it closes of the gap between references with its own predictor, where that is known."""
         return self.standing.own_gaps.get(subset, self.row_of(subset).gap_closed_same_predictor)
 
+    def association_blank(self, subset: Subset) -> str | None:
+        """Reason why its association gap is missing on a subset; None where it is not."""
+        return None if subset in self.standing.association_gaps else self.standing.association_gap_blank
+
 
 def entries_of(found: Sequence[Found]) -> list[Entry]:
     """The entries in the order of the leaderboard: by definitions, environment, rank, error and name."""

@@ -107,6 +107,8 @@ def subset_table(entry: Entry) -> Table:
         row["coverage"],
         replace(COLUMN["gap"], read=lambda row: standing.gaps.get(row.subset)),
         replace(COLUMN["same_gap"], read=lambda row: entry.same_predictor_gap(row.subset)),
+        replace(COLUMN["association_gap"], read=lambda row: standing.association_gaps.get(row.subset)),
+        Column("no association gap because", "-", key="why", read=lambda row: entry.association_blank(row.subset)),
         Column("events / objects / scenes", "-", key="sizes", read=_sizes),
         *(column for column in further_columns([entry]) if not column.key.startswith("cost_")),
     ]
