@@ -60,14 +60,15 @@ class Findings:
 
     @cached_property
     def report(self) -> Report:
-        """The report over all settings, with the reference pair of every subject."""
+        """The report over all settings, with the references of every subject."""
         own = {
             self.of(subject.equal[count]).setting.label: References(
-                self._scores(subject.reference), self._scores(subject.truth)
+                **{name: self._scores(setting) for name, setting in references.items()}
             )
+            if references
+            else None
             for subject in self.plan.subjects
-            if subject.states_references
-            for count in subject.equal
+            for count, references in subject.references.items()
         }
         settings = [*self.plan.equal, *self.plan.free]
         return summarise([self._scores(s) for s in settings], self.bench.card, self.reference, references=own)

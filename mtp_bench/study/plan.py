@@ -9,7 +9,7 @@ from ..cards import Card
 from ..errors import MtpBenchError
 from ..records.canonical import digest_of
 from ..running.compare import control_names
-from ..running.settings import Setting, all_settings, setting_of
+from ..running.settings import Setting, all_settings, references_of, setting_of
 from ..scoring.rows import Budget
 from ..submission.loader import Submission, controls, load_submission
 
@@ -27,6 +27,7 @@ class StudiedAgent:
     equal: dict[int, Setting]  # by hypotheses, with the k samples of the env; 1 is ``single``
     free: dict[int, Setting] = field(default_factory=dict)  # by hypotheses, with the samples of all of them
     states_references: bool = True  # False: the manifest states no reference pair, and STP stands for it
+    references: dict[int, dict[str, Setting]] = field(default_factory=dict)  # by hypotheses, see `references_of`
 
     @property
     def most(self) -> Setting:
@@ -57,6 +58,7 @@ class StudyPlan:
         settings = [*self.controls]
         for subject in self.subjects:
             settings += [subject.single, subject.reference, subject.truth, *subject.equal.values()]
+            settings += [setting for references in subject.references.values() for setting in references.values()]
         return unique(settings)
 
     @property
@@ -90,7 +92,10 @@ def make_plan(
     if not names:
         raise MtpBenchError("a study needs an agent: name at least one")
     all_settings(names, card)  # checks the names and manifests
-    subjects = tuple(subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
+    subjects = tuple(
+        _with_references(subject_of(load_submission(name), card, hypotheses, free), card)
+        for name in dict.fromkeys(names)
+    )
     return StudyPlan(subjects, tuple(all_settings(control_names(), card)))
 
 
@@ -122,6 +127,18 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
         free={count: with_hypotheses(count, "free") for count in counts if count > 1 and count in {*free, most}},
         states_references=stated,
     )
+
+
+def _with_references(subject: StudiedAgent, card: Card) -> StudiedAgent:
+    """The subject with the runs of its association gap and of the parts of its error, under names of their own."""
+
+    def named(name: str, setting: Setting) -> Setting:
+        own = setting.submission.name == subject.name
+        return replace(setting, label=f"{subject.name}, {name.replace('_', ' ')}") if own else setting
+
+    found = {count: references_of(setting, card) for count, setting in subject.equal.items()}
+    references = {count: {name: named(name, each) for name, each in of.items()} for count, of in found.items()}
+    return replace(subject, references=references)
 
 
 def _most_hypotheses(setting: Setting) -> int:

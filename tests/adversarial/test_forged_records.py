@@ -833,6 +833,7 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a date to come": (
         adds("newcomer", measured={"made": "2999-12-31"}), f"{NEWCOMER}: made on 2999-12-31, expected a day up to",
     ),
+    "labelled detections": (adds("newcomer", env={"observe": "associated"}), "records of it are of baselines alone"),
     "a record of a baseline": (adds("stp"), "'stp' is a baseline, only maintainers make its records"),
     "a name that is taken over": (
         lambda _, base: (base / "owners.toml").write_text('[owners]\nnewcomer = "bob"\n'),

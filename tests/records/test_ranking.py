@@ -50,14 +50,14 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     """0: one hypothesis with the network; 1: true pasts with it. Of one with another network there is none."""
     ends = [record("stp_modes", 4.0, ends="own"), record("truth_modes", 2.0, observe="truth")]
     mine, other = record("mine", 3.5, ["modes-tracklets"], "own"), record("other", 3.5, ["affinity-tracklets"], "own")
-    tracks = record("stp_modes_tracklets", 3.7), record("perfect_association_modes_tracklets", 3.3, observe="associated")
+    perfect = record("perfect_association_modes_tracklets", 3.3, observe="associated")
     records = [record("stp", 5.0, ends="controls"), record("truth_past", 1.0, observe="truth"), *ends, mine, other]
-    records += tracks
+    records += [record("stp_modes_tracklets", 3.7), perfect]
     found = standings(records, ships=ships_of(*records))
     assert found[mine.digest].own_gaps["all"] == pytest.approx(0.25)
     assert (found[mine.digest].gaps, found[mine.digest].gap_blank) == ({}, "its predictor is not that of stp")
     assert found[mine.digest].association_gaps["all"] == pytest.approx(0.5)
-    assert found[tracks[1].digest].places["all"].why == "saw which detections are of one object"
+    assert found[perfect.digest].places["all"].why == "saw which detections are of one object"
     assert found[other.digest].association_gap_blank == "no reference with its predictor ships"
     assert found[records[0].digest].association_gap_blank == "no record of stp_same_budget beside it"
     assert found[records[1].digest].association_gap_blank == "saw the truth"
@@ -145,7 +145,8 @@ def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
         rows = [row.model_dump(mode="json") for row in report.rows[i * len(SUBSETS) : (i + 1) * len(SUBSETS)]]
         scenes = [part.model_dump() for part in per_scene_of(agent_table(agent, reference))]
         observe = "truth" if agent.ideal else "detections"
-        records.append(make_record(agent.agent, rows, scenes, submission={"ends": "controls"}, env={"observe": observe}))
+        said: dict[str, Any] = {"submission": {"ends": "controls"}, "env": {"observe": observe}}
+        records.append(make_record(agent.agent, rows, scenes, **said))
     found = standings(records, ships=ships_of(*records))
     places = [
         (found[record.digest].places[s].place, found[record.digest].places[s].why)

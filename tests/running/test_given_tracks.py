@@ -23,7 +23,7 @@ from mtp_bench.running.stored import open_run
 from mtp_bench.running.track_export import TrackRows, export_tracks, write_tracks
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.tracking import HypothesisTracker, detector_parameters
-from tests.support.command_line import CommandLine
+from tests.support.command_line import CommandLine, write_submission
 from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD_ID
 
@@ -135,6 +135,9 @@ def test_stored_tracks_have_no_record(card: str, kitti: str, tracks: str, tmp_pa
     for name, message in (("given_tracks", "it has no record"), ("stp", "stp do not observe them")):
         with pytest.raises(MtpBenchError, match=message):
             submit(name, card, options, tmp_path)
+    labels = write_submission(tmp_path / "echo", tables='[compare]\nobserve = "associated"\n')
+    with pytest.raises(MtpBenchError, match=r"echo: observe = .* records of it are of baselines alone"):
+        submit(labels, card, RunOptions(kitti, seeds=(0,)), tmp_path)
 
 
 # ---- STP's own tracks, there and back
