@@ -1,12 +1,12 @@
 """The gain from cheating: dishonest answers beside those of the honest agent that they come from, under bADE.
 
-    python benchmarks/gaming.py --env MTP-nuScenes-mini-v0 [--scenes N] [--data ROOT] [--jobs N] [--json FILE]
+    python benchmarks/gaming.py --env MTP-nuScenes-mini-v0 [--scenes N] [--data ROOT] [--noises 4]
 
 A dishonest row is what an honest agent answered, STP if no other is named, changed afterwards (`attacks.py`). Twins
 are a second forecast beside each, with the samples of stp_hedged or of another seed. "blurred" and "dropping" rows are
-STP that was shown worse detections, the mean of four draws of the noise. Differences are to the honest agent, with the
-interval that inverts the sign-flip test. At the end: what gains outside of its interval, whether silence is last, and
-which steps of the order of honest agents on ids are significant.
+STP that was shown worse detections, the mean of some draws of the noise; without draws they are left out. Differences
+are to the honest agent, with the interval that inverts the sign-flip test. At the end: what gains outside of its
+interval, whether silence is last, and which steps of the order of honest agents on ids are significant.
 """
 
 from __future__ import annotations
@@ -47,7 +47,6 @@ HONEST: dict[str, tuple[str, dict[str, Any]]] = {
 }
 ORDER = tuple(label for label in HONEST if label not in ("stp_hedged", "truth_past"))  # on ids, from the best
 RANKED: tuple[Subset, ...] = ("all", "ids", "reacquired")
-NOISES = 4
 EYES = {"blurred by 25 cm": (0.25, 0.0), "dropping 5 %": (0.0, 0.05)}
 UNSURE = 0.07  # of twins and leaves
 
@@ -105,7 +104,7 @@ class WorseEyes:
         return self._agent.act({**shown, **{name: shown[name][order] for name in rows}})
 
 
-def play(env_id: str, options: RunOptions, scene: str) -> dict[str, list[SceneScore]]:
+def play(env_id: str, options: RunOptions, noises: int, scene: str) -> dict[str, list[SceneScore]]:
     """Scores of every row on one scene, one per seed of the noise."""
     env = MTPEnv(env_id, **options.env_keywords, evaluation=True)
     said: dict[str, Rollout] = {}
@@ -115,8 +114,9 @@ def play(env_id: str, options: RunOptions, scene: str) -> dict[str, list[SceneSc
         said[label] = run_scene(submission.build(agent_task(seen, 0), **parameters), seen, scene, 0)
     agent = load_submission("stp").build(agent_task(env, 0))
     worse = {
-        label: [run_scene(WorseEyes(agent, *how, seed), env, scene, 0) for seed in range(NOISES)]
+        label: [run_scene(WorseEyes(agent, *how, seed), env, scene, 0) for seed in range(noises)]
         for label, how in EYES.items()
+        if noises
     }
     said |= {label: change(env.scene, said["stp"], env.card) for label, change in CHANGES.items()}
     seed, hedged = run_scene(agent, env, scene, 1), said["stp_hedged"]  # the same tracks with other samples
@@ -130,16 +130,16 @@ def play(env_id: str, options: RunOptions, scene: str) -> dict[str, list[SceneSc
     for label, (honest, other) in beside.items():
         said[f"{label}, unsure"] = joined(said[honest], other, lambda c: np.full_like(c, UNSURE))
         said[f"{label}, half as sure"] = joined(said[honest], other, lambda c: 0.5 * c)
-    scores = {label: [score_scene(env.scene, one, env.card)] * NOISES for label, one in said.items()}
+    scores = {label: [score_scene(env.scene, one, env.card)] * max(1, noises) for label, one in said.items()}
     return scores | {label: [score_scene(env.scene, one, env.card) for one in rows] for label, rows in worse.items()}
 
 
-def report_of(env_id: str, options: RunOptions) -> Report:
+def report_of(env_id: str, options: RunOptions, noises: int) -> Report:
     card = options.card(env_id)
     scenes = MTPEnv(env_id, **options.env_keywords).scene_names[: options.scenes]
     reference = reference_for(card, scenes, options)
     done = iter(range(1, len(scenes) + 1))
-    calls = [(env_id, options, scene) for scene in scenes]
+    calls = [(env_id, options, noises, scene) for scene in scenes]
     played = parallel_map(play, calls, options.workers, lambda place: print(next(done), "of", len(scenes), flush=True))
     agents = [
         AgentScores(
@@ -229,10 +229,11 @@ def main() -> None:
     parser.add_argument("--scenes", type=int)
     parser.add_argument("--data")
     parser.add_argument("--jobs", type=int, default=cores())
+    parser.add_argument("--noises", type=int, default=4)
     parser.add_argument("--json", type=Path)
     given = parser.parse_args()
     start = time.perf_counter()
-    report = report_of(given.env, RunOptions(given.data, given.scenes, workers=Workers(given.jobs)))
+    report = report_of(given.env, RunOptions(given.data, given.scenes, workers=Workers(given.jobs)), given.noises)
     labels = dict.fromkeys(row.agent for row in report.rows)
     rows = [row for label in labels for row in differences(report, label, honest_of(label))]
     show(report, rows)
