@@ -1,4 +1,4 @@
-"""How much does bADE depend on the seeds of the event weights? Disjoint sets of runs of the reference tracker.
+"""Dependence of bADE on the seeds of the event weights: disjoint sets of runs of the reference tracker.
 
     python benchmarks/event_weights.py [--envs MTP-Intersection-v0 ...] [--sets 4] [--runs 48] [--scenes N]
 

@@ -113,14 +113,14 @@ def play(env_id: str, options: RunOptions, noises: int, scene: str) -> dict[str,
         seen = MTPEnv(env_id, **options.env_keywords, observe=submission.compare.observe, evaluation=True)
         said[label] = run_scene(submission.build(agent_task(seen, 0), **parameters), seen, scene, 0)
     agent = load_submission("stp").build(agent_task(env, 0))
+    seed, hedged = run_scene(agent, env, scene, 1), said["stp_hedged"]  # the same tracks with other samples
+    leaves = run_scene(Leaves(), env, scene, 0)
     worse = {
         label: [run_scene(WorseEyes(agent, *how, seed), env, scene, 0) for seed in range(noises)]
         for label, how in EYES.items()
         if noises
     }
     said |= {label: change(env.scene, said["stp"], env.card) for label, change in CHANGES.items()}
-    seed, hedged = run_scene(agent, env, scene, 1), said["stp_hedged"]  # the same tracks with other samples
-    leaves = run_scene(Leaves(), env, scene, 0)
     beside = {
         "twins": ("stp", hedged),
         "twins of another seed": ("stp", seed),
@@ -180,7 +180,7 @@ def significant(row: dict[str, Any]) -> bool:
 
 
 def verdicts(report: Report, rows: list[dict[str, Any]]) -> list[str]:
-    """What gains, whether silence is last, and the order of honest agents on ids."""
+    """Gains of dishonest rows, the place of silence, and the order of honest agents on ids."""
     dishonest = [row for row in rows if row["row"] not in HONEST and not row["row"].startswith("honest: ")]
     gains = [row for row in dishonest if significant(row) and row["difference"] < 0]
     lines = [f"gains: {row['row']} on {row['subset']}: {cell(row)}" for row in gains] or ["gains: none"]

@@ -171,7 +171,7 @@ def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]
 
 
 def costs_table(entries: Sequence[Entry]) -> Table:
-    """What detection and tracking cost together, and association alone: a row per environment and subset that ranks."""
+    """Costs of detection and tracking together, and of association alone: a row per environment and ranked subset."""
     both, alone = ("stp", "truth_past"), ("stp_same_budget", "perfect_association_same_samples")
     subsets: tuple[Subset, ...] = ("all", "ids", "reacquired")
     rows = [(subset, known) for known in _by_name((*both, *alone), entries) for subset in subsets]
