@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from mtp_bench.geometry import bev_corners
-from mtp_bench.sources.highway.behaviour import DriverBehaviour, OrnsteinUhlenbeck, PedestrianBehaviour
+from mtp_bench.sources.highway.behaviour import DriverBehaviour, OrnsteinUhlenbeck
 from mtp_bench.sources.highway.driving import Leaders, RoadState, observe
 from mtp_bench.sources.highway.lanes import route_table
 from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.simulate import overlapping, simulate_world
 from mtp_bench.sources.highway.vehicles import Driver, draw_parked_boxes, draw_traits
-from mtp_bench.sources.highway.walking import Footway, SidewalkUse, keep_off_road, remaining_way
 from mtp_bench.sources.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
 from mtp_bench.types import Floats, Ints
 
@@ -112,46 +111,5 @@ def test_who_is_late_brakes_when_it_is_needed(gap: float, waits: bool, hardest: 
     assert -hardest <= min(gas) < -3.2  # late, or suddenly for nothing
 
 
-def test_companions_stop_together_and_nobody_stops_on_a_crossing() -> None:
-    moods = PedestrianBehaviour(DT, rng(3))
-    numbers, groups = np.arange(40), np.arange(40) // 2
-    crossing = np.zeros(40, dtype=bool)
-    crossing[:10] = True
-    stood = 0
-    for _ in range(600):
-        moods.step(groups)
-        pace = moods.pace(np.full(40, 1.3), numbers, groups, crossing)
-        stands = pace == 0
-        assert (stands[10::2] == stands[11::2]).all()
-        assert (pace[:10] > 0.25).all()
-        stood += int(stands.sum())
-    assert stood > 100
-
-
 def test_nobody_on_foot_stands_right_in_front_of_the_sensor(busy: World) -> None:
     assert min(np.hypot(*(box[:, :2] - busy.ego[0, :2]).T).min() for _, box in people(busy)) > 3.5
-
-
-def _footway(direction: float, arm: int, around: bool) -> tuple[Footway, Floats]:
-    road_map = build_map("intersection", 5.0)
-    assert road_map.pavement is not None
-    crossing = road_map.crossings[arm]
-    way = Footway(
-        crossing, road_map.pavement, direction, 0.3, SidewalkUse(around, 65.0, 1.2), SidewalkUse(around, 64.0, 3.0)
-    )
-    return way, np.array([crossing.direction, (-crossing.direction[1], crossing.direction[0])])
-
-
-@pytest.mark.parametrize("around", [False, True])
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-@pytest.mark.parametrize("arm", [0, 3])
-def test_ways_on_foot_lead_along_the_sidewalks(arm: int, direction: float, around: bool) -> None:
-    way, axes = _footway(direction, arm, around)
-    for k in range(4):
-        for points, end in ((way.arrival(k), 65.0), (way.departure(k)[::-1], 64.0)):
-            passed = np.array([remaining_way(points, share)[0] for share in np.linspace(1.0, 0.0, 60)])
-            xy = np.array(way.crossing.origin) + passed @ axes
-            assert np.abs(xy[0]).max() == pytest.approx(end + 0.95 * (k // 2))
-            outside = np.maximum(way.pavement.corner - np.abs(xy), 0.0)
-            assert np.hypot(*outside.T).max() < way.pavement.radius - 0.4  # of the kerb's bend: never on the road
-            np.testing.assert_allclose(keep_off_road(xy, way.pavement, np.ones(60, dtype=bool)), xy)

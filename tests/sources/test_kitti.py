@@ -283,16 +283,6 @@ def test_a_velocity_that_is_shown_tells_nothing_of_the_next_frame(
     np.testing.assert_allclose(velocity, np.array([0, 1, 2]) / FRAME_PERIOD, rtol=1e-5)
 
 
-def test_truth_is_as_it_was_where_no_velocity_is_shown(root: Path) -> None:
-    rows = [label(t, 7, "Car", 0, 1.65, 10 + t * t, -QUARTER) for t in range(SIX)]
-    write(root / LABELS, *rows)
-    stored, simulated = (
-        open_source(card, root).load("0000").truth
-        for card in (kitti_card(), with_detector(kitti_card(), "kitti_pointrcnn"))
-    )
-    np.testing.assert_array_equal(simulated.velocity, stored.velocity)
-
-
 @pytest.mark.parametrize(
     ("size", "z", "reason"),
     [

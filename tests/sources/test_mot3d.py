@@ -85,25 +85,6 @@ def test_the_reference_point_is_the_same_in_all_scenes(root: Path) -> None:
             np.testing.assert_array_equal(source.load(name).ego, np.tile([2.0, -2.0, 0, 0], (4, 1)))
 
 
-def test_velocity_looks_back_within_the_scene(root: Path) -> None:
-    velocity, object_id = load(root, "0005").truth.velocity, load(root, "0005").truth.object_id
-    np.testing.assert_allclose(velocity[object_id == 7][1:], np.tile([0.2 * RATE, 0], (3, 1)))
-    np.testing.assert_allclose(velocity[object_id == 3][1:], 0)
-    assert np.isnan(velocity[object_id == 7][0]).all()  # the first frame of the scene
-    assert np.isnan(velocity[object_id == 3][0]).all()  # the first frame of the person
-    write(root / GT, *[row(t, 7, 0.2 * t, 1.0) for t in (5, 6, 8)])  # not there in frame 7
-    np.testing.assert_array_equal(np.isnan(load(root, "0005").truth.velocity[:, 0]), [True, False, True])
-
-
-def test_velocity_does_not_know_the_next_frame(root: Path) -> None:
-    before = load(root, "0005").truth.velocity
-    lines = (root / GT).read_text(encoding="utf-8").splitlines()
-    write(root / GT, *[line.replace(",1.6,", ",9.9,") if line.startswith("8,7,") else line for line in lines])
-    after = load(root, "0005").truth
-    np.testing.assert_array_equal(after.velocity[:-2], before[:-2])
-    assert after.velocity[-2, 0] > 10
-
-
 def test_rows_that_are_not_to_be_evaluated_are_neutral(root: Path) -> None:
     write(root / GT, row(5, 7, 0, 0), row(5, 8, 1, 0, confidence=0), row(6, 7, 0, 0, confidence=0))
     truth = load(root, "0005").truth

@@ -105,13 +105,6 @@ def test_as_places_keeps_places_and_scores_alone() -> None:
     assert (places.start is start, places.score is score) == (True, True)
 
 
-def test_detections_are_sorted_by_frame(root: Path) -> None:
-    write(root / DETECTIONS, "1995 8 4", "", "1800 4 0", "1805 12 0", "1800 0 0")
-    detections = load(root).detections
-    np.testing.assert_allclose((detections.box[:, 0] + 3) / 0.025, [4, 0, 12, 8])
-    np.testing.assert_array_equal(detections.start, [0, 2, *[3] * 38, 4])
-
-
 def test_truth_is_complete_and_everyone_counts(root: Path) -> None:
     write_people(root, LAST, person(9, 5), person(2, 70))
     scene = load(root)
