@@ -48,7 +48,7 @@ class Setting:
 
     @property
     def drawn(self) -> int:
-        """How often k samples are drawn of an object."""
+        """Number of times that k samples are drawn of an object."""
         return (self.hypotheses or 1) * (_count(self.submission, self.parameters, self.submission.compare.draws) or 1)
 
     @property
@@ -92,7 +92,7 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
     """Settings beside which an agent is measured, by the fields of `References`; empty if its manifest states none."""
     pair = setting.gap_references
     if not pair:
-        return {} if pair is None else _kinematic_references(setting, card)
+        return {} if pair is None else kinematic_references(setting, card)
     single, truth = pair
     compare = setting.submission.compare
     tracked = single
@@ -111,19 +111,14 @@ def references_of(setting: Setting, card: Card) -> dict[str, Setting]:
     return references
 
 
-def _kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
+def kinematic_references(setting: Setting, card: Card) -> dict[str, Setting]:
     """References with the kinematic predictor: controls, with one draw or with as many as their same samples."""
-    name_of = controls()
-
-    def control(role: Role, draws: int | None = None) -> Setting:
-        submission = load_submission(name_of[role])
-        return setting_of(submission, card, {} if draws is None else {str(submission.compare.draws): draws})
-
-    references: dict[str, Setting] = {role: control(role) for role in _REFERENCES}
-    references["tracks"] = references["ground_truth"]
+    references: dict[str, Setting] = {role: setting_of(load_submission(controls()[role]), card) for role in _REFERENCES}
+    truth = references["tracks"] = references["ground_truth"]
     if setting.drawn > 1:
         references["associated"] = references["associated_same_samples"]
-        references["tracks"] = control("ground_truth", references["same_samples"].drawn)
+        draws = {str(truth.submission.compare.draws): references["same_samples"].drawn}
+        references["tracks"] = setting_of(truth.submission, card, draws)
     return references
 
 

@@ -18,7 +18,7 @@ SAW_TRUTH = "saw the truth"
 
 
 class References(NamedTuple):
-    """Runs with an agent's own predictor and presence model beside which it is measured; None: there is none."""
+    """Runs with an agent's own predictor and presence model beside which it is measured; None: not run."""
 
     single: AgentScores | None = None  # one hypothesis
     ground_truth: AgentScores | None = None  # the same on ground-truth tracks
@@ -35,7 +35,7 @@ class Pair(NamedTuple):
     truth: AgentTable | None  # of association: the same with perfect association
 
 
-class Pairs(NamedTuple):
+class GapPairs(NamedTuple):
     """The pairs between which an agent's gaps are closed, and reasons why one is missing."""
 
     kinematic: Pair | None  # stp and truth_past; None if the agent has another predictor
@@ -47,22 +47,22 @@ class Pairs(NamedTuple):
 
 def pairs_of(
     table: AgentTable, shared: Pair, references: Mapping[str, References | None], tables: Mapping[int, AgentTable]
-) -> Pairs:
+) -> GapPairs:
     """Pairs of an agent; ``shared``: stp and truth_past, ``tables``: of all references, by the id of their scores."""
     agent = table.setting.agent
     if agent not in references:
-        return Pairs(shared, None, None)
+        return GapPairs(shared, None, None)
     runs = references[agent]
     if runs is None:
-        return Pairs(None, None, None, UNSTATED, UNSTATED)
+        return GapPairs(None, None, None, UNSTATED, UNSTATED)
     of = [None if each is None else tables[id(each)] for each in runs]
     kinematic = runs.single is not None and shared.stp is not None and runs.single.agent == shared.stp.setting.agent
     own, association = Pair(*of[:2]), None if table.setting.ideal else Pair(*of[2:4])
     why = SAW_TRUTH if table.setting.ideal else NOT_RUN
-    return Pairs(shared if kinematic else None, own, association, NOT_RUN if kinematic else NOT_KINEMATIC, why)
+    return GapPairs(shared if kinematic else None, own, association, NOT_RUN if kinematic else NOT_KINEMATIC, why)
 
 
-def gap_columns(table: AgentTable, subset: Subset, pairs: Pairs) -> dict[str, Any]:
+def gap_columns(table: AgentTable, subset: Subset, pairs: GapPairs) -> dict[str, Any]:
     """Fields of a `Row`: shares of the gaps with intervals, and reasons of blank ones."""
     gap, why = _closed(table, subset, pairs.kinematic, pairs.why)
     same, _ = _closed(table, subset, pairs.own, NOT_RUN)

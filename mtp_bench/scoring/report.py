@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card
 from .definitions import DEFINITIONS, SUBSETS, Subset
 from .details import details
-from .gaps import Pair, Pairs, References, gap_columns, pairs_of
+from .gaps import GapPairs, Pair, References, gap_columns, pairs_of
 from .parts import ReferenceErrors, mean_costs, reference_errors
 from .rank import ALONE, Entrant, guard, ranks_among, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
@@ -136,7 +136,7 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     )
 
 
-def _row(table: AgentTable, subset: Subset, shared: Pair, pairs: Pairs, split: ReferenceErrors | None) -> Row:
+def _row(table: AgentTable, subset: Subset, shared: Pair, pairs: GapPairs, split: ReferenceErrors | None) -> Row:
     setting, weight, ranked = table.setting, table.weight[subset], table.bade(subset)
     total, some = float(weight.sum()), weight > 0
     covered = float((weight * table.covered).sum())
@@ -190,7 +190,7 @@ def _effective_objects(table: AgentTable, subset: Subset) -> float:
     return effective_number(np.bincount(table.person, weights=table.weight[subset]))
 
 
-def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pairs: Sequence[Pairs]) -> list[Row]:
+def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pairs: Sequence[GapPairs]) -> list[Row]:
     """The rows, by agent and then by subset, with their ranks or the reason why they have none."""
     done = list(rows)
     for at, subset in enumerate(SUBSETS):

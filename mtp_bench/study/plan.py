@@ -9,9 +9,9 @@ from ..cards import Card
 from ..errors import MtpBenchError
 from ..records.canonical import digest_of
 from ..running.compare import control_names
-from ..running.settings import Setting, all_settings, references_of, setting_of
+from ..running.settings import Setting, all_settings, kinematic_references, references_of, setting_of
 from ..scoring.rows import Budget
-from ..submission.loader import Submission, controls, load_submission
+from ..submission.loader import Submission, load_submission
 
 HYPOTHESES = (1, 2, 5, 10, 20)
 
@@ -26,7 +26,6 @@ class StudiedAgent:
     truth: Setting  # ``reference`` on ground-truth tracks
     equal: dict[int, Setting]  # by hypotheses, with the k samples of the env; 1 is ``single``
     free: dict[int, Setting] = field(default_factory=dict)  # by hypotheses, with the samples of all of them
-    states_references: bool = True  # False: the manifest states no reference pair, and STP stands for it
     references: dict[int, dict[str, Setting]] = field(default_factory=dict)  # by hypotheses, see `references_of`
 
     @property
@@ -92,11 +91,10 @@ def make_plan(
     if not names:
         raise MtpBenchError("a study needs an agent: name at least one")
     all_settings(names, card)  # checks the names and manifests
-    subjects = tuple(
-        _with_references(subject_of(load_submission(name), card, hypotheses, free), card)
-        for name in dict.fromkeys(names)
+    subjects = (subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
+    return StudyPlan(
+        tuple(_with_references(subject, card) for subject in subjects), tuple(all_settings(control_names(), card))
     )
-    return StudyPlan(subjects, tuple(all_settings(control_names(), card)))
 
 
 def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> StudiedAgent:
@@ -107,9 +105,7 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
     parameter, most = submission.compare.hypotheses, _most_hypotheses(whole)
     starts_at_control = most == 1 and not whole.gap_references and reference is not whole
     if parameter is None or submission.compare.observe == "truth" or starts_at_control:
-        return StudiedAgent(
-            submission.name, reference, reference, truth, {whole.hypotheses or 1: whole}, states_references=stated
-        )
+        return StudiedAgent(submission.name, reference, reference, truth, {whole.hypotheses or 1: whole})
 
     def with_hypotheses(count: int, budget: Budget = "equal") -> Setting:
         return setting_of(submission, card, {parameter: count}, budget)
@@ -125,7 +121,6 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
         truth=truth,
         equal={count: single if count == 1 and stated else with_hypotheses(count) for count in counts},
         free={count: with_hypotheses(count, "free") for count in counts if count > 1 and count in {*free, most}},
-        states_references=stated,
     )
 
 
@@ -151,9 +146,8 @@ def _most_hypotheses(setting: Setting) -> int:
 def _reference_pair(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:
     """One hypothesis, and ground-truth tracks, with the setting's own predictor; False if the manifest states none."""
     if not setting.gap_references:
-        name_of = controls()
-        stp, truth = (setting_of(load_submission(name_of[role]), card) for role in ("single", "ground_truth"))
-        return stp, truth, setting.gap_references == ()
+        found = kinematic_references(setting, card)
+        return found["single"], found["ground_truth"], setting.gap_references == ()
     single, truth = setting.gap_references
     counted = setting.submission.compare.hypotheses
     changed = [f"{k} = {v}" for k, v in single.parameters.items() if k != counted and setting.parameters.get(k) != v]

@@ -181,7 +181,7 @@ def test_settings_of_an_agent(name: str) -> None:
     assert own == ("modes" in name)
     assert subject.truth.observe == "truth"
     if name == "stp_cut":  # its gap begins at a control
-        assert (subject.equal[1].label, subject.states_references) == ("stp_cut", True)
+        assert subject.equal[1].label == "stp_cut"
     else:
         assert subject.equal[1] == subject.single
     if name == "mtp_modes_tracklets":

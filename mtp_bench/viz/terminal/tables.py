@@ -23,6 +23,8 @@ _MADE_OF: dict[str, Sequence[str]] = {
     "Parts of bADE of targets with a forecast": _COSTS[:5],
     "Parts of bADE of targets without a forecast": _COSTS[5:],
 }
+_GAPS = ("gap_closed", "gap_interval", "association_gap_closed", "association_gap_interval")
+_BLANK = ("gap_blank_because", "association_gap_blank_because")
 _COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")
 _PAIRED = ("agent", "hypotheses", "other", "subset", "error", "interval", "p", "minADE")
 
@@ -108,6 +110,9 @@ def full_tables(report: Report) -> Iterator[Table]:
         shown.sort(key=lambda row: (row.other, SUBSETS.index(row.subset)))
         columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED]
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
+    gaps = [_on(known[name], subset) for subset in ("all", "ids") for name in _GAPS]
+    yield _lines_table("Shares of gaps closed (all targets, then ids; below: 95 % interval)", lines, gaps)
+    yield _lines_table("Reasons of missing shares (all targets)", lines, [_on(known[name], "all") for name in _BLANK])
     for title, names in _MADE_OF.items():
         yield _lines_table(f"{title} (all targets, m)", lines, [_on(known[name], "all") for name in names])
     shown_already = {name for names in _MADE_OF.values() for name in names}
