@@ -87,14 +87,12 @@ def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool,
     from ..running.reading import skipped_line
     from ..viz.terminal.notes import notes
     from ..viz.terminal.output import show, show_lines, show_table
-    from ..viz.terminal.parts import part_lines
     from ..viz.terminal.tables import data_table, full_tables, main_table
 
     condition = report.condition
     main, further = main_table(report), list(full_tables(report)) if full else []
     write_table(file, [main, *further], data_table(report))
     show_table(main, style=lambda row: "dim" if row.is_from_paper else "")
-    show_lines(part_lines(report))
     show_lines(notes(report))
     own = "own scenes, settings of the environment; " if condition["source"] == "files" else ""
     data = f"{own}split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"

@@ -7,7 +7,7 @@ error and in its share from targets without a forecast, so both are averaged ove
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -29,19 +29,14 @@ PARTS = {  # key of `Row` without "cost_" -> printed name; the first four are of
     "undetected_new": "never detected so far",
     "undetected_seen": "not detected now",
 }
+# Plain errors [n] m of perfect association, of the same with the present place moved to the truth, and of ground-truth
+# tracks: means over the seeds that cover a target, NaN without one
+ReferenceErrors = tuple[Floats, Floats, Floats]
 
 
 def name_of(absent_cause: int) -> str:
     """Printed name of the part that the error of one target is without references; -1 for a target with a forecast."""
     return PARTS["rest" if absent_cause < 0 else AbsentCause(absent_cause).name.lower()]
-
-
-class ReferenceErrors(NamedTuple):
-    """Plain errors of the two references of an agent, mean over the seeds that cover a target; NaN without one, m."""
-
-    associated: Floats  # [n] perfect association of the same detections
-    centred: Floats  # [n] the same with the present place moved to the truth
-    tracks: Floats  # [n] ground-truth tracks
 
 
 def reference_errors(
@@ -50,9 +45,8 @@ def reference_errors(
     """Errors of the references that split the error of an agent of so many ``samples``; None if one has others."""
     if associated is None or tracks is None or {associated.samples, tracks.samples} != {samples}:
         return None
-    return ReferenceErrors(
-        _covered_mean(associated, "capped"), _covered_mean(associated, "centred"), _covered_mean(tracks, "capped")
-    )
+    p, centred = (_covered_mean(associated, name) for name in ("capped", "centred"))
+    return p, centred, _covered_mean(tracks, "capped")
 
 
 def _covered_mean(scores: AgentScores, name: str) -> Floats:
@@ -71,7 +65,7 @@ def error_parts(table: AgentTable, subset: str, references: ReferenceErrors | No
     absent, rest = ranked.missed - ranked.below_threshold, ranked.error - ranked.missed
     parts: dict[str, Floats] = {}
     if references is not None:
-        known = np.isfinite(references.associated + references.tracks)
+        known = np.isfinite(sum(references))
         p, centred, g = (np.where(known, error, 0.0) for error in references)
         covered = 1.0 - ranked.missed / table.miss_error  # share of budgets and seeds
         split = (covered * g, covered * (p - centred), covered * (centred - g), rest - covered * p)

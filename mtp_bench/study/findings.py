@@ -16,7 +16,7 @@ from ..scoring.report import paired_row
 from ..scoring.rows import Interval, PairedRow, Row
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..scoring.table import AgentTable
-from ..types import Bools, Floats, Ints
+from ..types import Bools, Floats
 from .plan import StudiedAgent, StudyPlan, key_of
 from .runs import Bench, Measured
 
@@ -100,7 +100,3 @@ class Findings:
         """Mean of minADE over targets with a forecast, by their ``weight`` [n] and the seeds that cover them."""
         ade = np.divide(table.min_ade, table.covered, out=np.zeros(len(table.covered)), where=table.covered > 0)
         return self.mean(table, ade, weight * table.covered)
-
-    def since(self, kind: str) -> Ints:
-        """Frames [n] since the last event of a kind of the subject with one hypothesis, first seed; -1 without any."""
-        return np.concatenate([scene.since[kind] for scene in self.of(self.subject.single).around[0]])

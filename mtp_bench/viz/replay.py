@@ -78,8 +78,7 @@ class Replay:
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     truth_forecast: Ints  # [R] forecast object matched to each true box, every forecast kept, -1 without one
-    worth: Floats  # [R, 3] minADE, error (m) and confidence of the forecast of each true box, NaN if missing
-    absent_cause: Ints  # [R] values of `AbsentCause` of targets without a forecast, -1 for other true boxes
+    worth: Floats  # [R, 4] minADE, error (m), confidence and absent cause of the forecast of each true box, or NaN
     incidents: tuple[Incident, ...] = ()  # in the order of frames
     agent: str = ""  # name
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
@@ -100,8 +99,7 @@ class Replay:
             detection_false=np.zeros(len(scene.detections.box), dtype=bool),
             forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
             truth_forecast=truth,
-            worth=np.full((len(truth), 3), np.nan),
-            absent_cause=np.full(len(truth), -1),
+            worth=np.full((len(truth), 4), np.nan),
             first=first,
             judged=False,
         )
@@ -169,7 +167,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     )
     detection_pairs = gated_pairs(truth, detected.start, detected.box, detected.class_id, card)
     of_detection = match_neutral_last(detection_pairs, truth.neutral, len(detected.box))
-    worth, absent_cause, truth_forecast, forecast_false = _forecasts(scene, rollout, card)
+    worth, truth_forecast, forecast_false = _forecasts(scene, rollout, card)
     track_false = answers.shown.copy()
     track_false[chosen] = of_track.unmatched
     run = Replay(
@@ -182,7 +180,6 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         forecast_false=forecast_false & scene.truth_complete,
         truth_forecast=truth_forecast,
         worth=worth,
-        absent_cause=absent_cause,
     )
     return replace(run, incidents=_named([*_identity_incidents(run), *_runs(run)]))
 
@@ -192,24 +189,23 @@ def ego_boxes(ego: Floats) -> Floats:
     return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
 
 
-def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Ints, Bools]:
-    """Worth of the forecast of each true box [R, 3], why it has none [R], its row [R], and the false forecasts [O].
+def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Bools]:
+    """Worth of the forecast of each true box [R, 4], its row [R], and the false forecasts [O].
 
-    Worth is minADE, error and confidence, with NaN for missing values: minADE and error of a box that is not a target,
-    minADE of one that is not covered.
+    Worth is minADE, error, confidence and `AbsentCause`, with NaN for missing values: of a box that is not a target,
+    and minADE of a target without a forecast; with one it has -1 for the cause.
     """
     targets = find_targets(scene, card)
     pairs = candidates(scene, targets, RecordedForecasts.of(rollout), live_frames(scene, card), card)
     matching = match_by_confidence(pairs, rollout.object_confidence)
     errors, forecast = final_errors(pairs, matching)
     worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
-    table = np.full((len(scene.truth.box), 3), np.nan)
+    table = np.full((len(scene.truth.box), 4), np.nan)
     table[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
     table[targets.row, 1] = capped_error(errors.min_ade, worst)
     table[:, 2] = np.append(rollout.object_confidence, np.nan)[forecast]
-    absent = np.full(len(table), -1)
-    absent[targets.row] = np.where(errors.covered, -1, absent_causes(scene, targets, card))
-    return table, absent, forecast, matching.false
+    table[targets.row, 3] = np.where(errors.covered, -1, absent_causes(scene, targets, card))
+    return table, forecast, matching.false
 
 
 def _identity_incidents(run: Replay) -> list[Incident]:
@@ -233,7 +229,7 @@ def _identity_incidents(run: Replay) -> list[Incident]:
             wrong=bool(events.wrong[row, 0]),
             minADE=known(worth[row, 0]),
             error=known(worth[row, 1]),
-            part=None if np.isnan(worth[row, 1]) else name_of(int(run.absent_cause[row])),
+            part=None if np.isnan(worth[row, 3]) else name_of(int(worth[row, 3])),
             error_before=known(error_before[row]),
             confidence=known(worth[row, 2]),
         )

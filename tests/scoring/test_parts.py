@@ -10,6 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mtp_bench.running.compare import compare
+from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import AgentScores, References, SceneScore, score_scene, summarise
 from mtp_bench.scoring.absence import AbsentCause
 from mtp_bench.scoring.bade import at_budgets
@@ -84,9 +86,9 @@ def cause_of(scene: Scene, row: int) -> str:
 
 def plain(scores: AgentScores, name: str) -> Array:
     """Mean over the seeds that cover, target by target."""
-    runs = [np.concatenate([getattr(score, name) for score in run]) for run in scores.seeds]
-    covered = [np.concatenate([score.covered for score in run]) for run in scores.seeds]
-    values = [[run[i] for run, own in zip(runs, covered, strict=True) if own[i]] for i in range(len(runs[0]))]
+    runs = [[(getattr(score, name)[i], score.covered[i]) for score in run for i in range(len(score))]
+            for run in scores.seeds]  # fmt: skip
+    values = [[error for error, covered in each if covered] for each in zip(*runs, strict=True)]
     return np.array([np.mean(each) if each else np.nan for each in values])
 
 
@@ -187,3 +189,14 @@ def test_the_parts_of_a_forecast() -> None:
     assert split == {"predictor": 0.25, "localisation": 1.0, "history": -0.25, "association": 1.5}
     for others in ([[associated], []], [[], [tracks]], []):  # type: list[list[Thing]]
         assert costs([CAR], [[], [CAR]], [said], *others) == {"rest": 2.5}
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("env", ["nuScenes-mini", "KITTI", "WILDTRACK", "Intersection"])
+def test_parts_of_agents_on_envs_add_up_to_their_error(data_root: object, env: str) -> None:
+    rows = compare(["stp"], f"MTP-{env}-v0", RunOptions(scenes=1, seeds=(0,))).report.rows
+    assert {row.agent for row in rows if row.cost_association is not None} >= {"stp", "stp_same_budget"}
+    for row in rows:
+        parts = [value for part in PARTS if (value := getattr(row, f"cost_{part}")) is not None]
+        assert (row.error is None) == (not parts)
+        assert sum(parts) == pytest.approx(row.error or 0.0, abs=1e-9), (row.agent, row.subset)

@@ -1,10 +1,6 @@
-"""Age of tracks, time since events, and events that every hypothesis has."""
+"""Age of tracks, and time since events."""
 
 from __future__ import annotations
-
-from dataclasses import replace
-
-import numpy as np
 
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.study.circumstances import circumstances
@@ -28,14 +24,3 @@ def test_time_since_an_event_and_age_of_the_track() -> None:
     assert near.age.tolist() == [1, 2, 0, 1, -1, 3]
     assert near.own == {"ids": 1, "lost": 1, "reacquired": 1, "frag": 2}
     assert (near.objects, near.frames) == (1, 10)
-
-
-def test_an_event_that_one_hypothesis_does_not_have_is_not_shared() -> None:
-    # the name changes in the first hypothesis only; the second keeps it
-    cars = [[Thing(1, 0, 0)]] * 5
-    tracks = [[Thing(7, 0, 0, hypotheses=(0, 1))], [Thing(7, 0, 0, hypotheses=(0, 1))]]
-    tracks += [[Thing(8, 0, 0, hypotheses=(0,)), Thing(7, 0, 0, hypotheses=(1,))]] * 3
-    rollout = make_rollout(tracks, samples=1, hypotheses=2, log_weight=np.log([[0.6, 0.4]] * 5))
-    parents = replace(rollout, hypothesis_parent=np.tile([0, 1], (5, 1)))
-    near = circumstances(make_scene(cars), parents, SMALL)
-    assert (near.own["ids"], near.shared["ids"]) == (1, 0)

@@ -15,10 +15,9 @@ from mtp_bench import load_submission
 from mtp_bench.scoring import SUBSETS, Report
 from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.tables import Table
-from mtp_bench.viz.terminal.notes import notes
+from mtp_bench.viz.terminal.notes import notes, part_lines
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, show, show_command, show_lines, show_table
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
-from mtp_bench.viz.terminal.parts import part_lines
 from mtp_bench.viz.terminal.tables import full_tables, main_table
 from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, verdict
 from tests.support.command_line import TERMINAL

@@ -17,7 +17,7 @@ from ...scoring.definitions import DEFINITIONS, SUBSETS
 from ...scoring.rows import Row
 from ...sources import about
 from ...tables import BLANK, Column, Table, columns_of
-from ..terminal.parts import parts_text
+from ..terminal.notes import parts_text
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
 from .drawings import bar_of, curve_chart, scale_of, scene_chart, zero_of
 from .entries import Entry, empty_error, simulated

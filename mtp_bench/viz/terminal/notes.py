@@ -1,4 +1,4 @@
-"""Notes below the table of a report: what its columns mean, its numbers of targets, and warnings."""
+"""Notes below the table of a report: parts of bADE, what the columns mean, numbers of targets, and warnings."""
 
 from __future__ import annotations
 
@@ -6,18 +6,43 @@ from collections.abc import Iterator
 
 from ...scoring import Report
 from ...scoring.definitions import Subset
-from ...scoring.rank import NOT_CAUSAL
-from ...scoring.rows import Details
-from ...tables import BLANK, short
+from ...scoring.parts import PARTS
+from ...scoring.rank import ASSOCIATED, NOT_CAUSAL
+from ...scoring.rows import Details, Row
+from ...tables import BLANK, Column, short
 from .output import counted
 from .paper import paper_figures, shipped_env
-from .parts import REFERENCES
 from .tables import blocks_of
+
+REFERENCES = ("saw the truth", ASSOCIATED)  # reasons of `why_unranked`
+_LEAST = 0.005  # m: smaller parts are left out of a line
+_METRES = Column(format=".2f")
 
 
 def notes(report: Report) -> list[str]:
-    """The meaning of the columns of the main table, its numbers of targets, and warnings."""
-    return [_about(report), *_sizes(report), *_warnings(report)]
+    """Parts of bADE, the meaning of the columns of the main table, its numbers of targets, and warnings."""
+    return [*part_lines(report), _about(report), *_sizes(report), *_warnings(report)]
+
+
+def label_of(row: Row) -> str:
+    """The agent of a row, with its number of hypotheses."""
+    return f"{row.agent} (H = {row.hypotheses})" if row.hypotheses > 1 else row.agent
+
+
+def parts_text(row: Row) -> str:
+    """The parts of bADE of a row in one line, without those below half a centimetre."""
+    parts = ((name, getattr(row, f"cost_{key}")) for key, name in PARTS.items())
+    return ", ".join(f"{name} {_METRES.text(part)}" for name, part in parts if abs(part or 0.0) >= _LEAST)
+
+
+def part_lines(report: Report) -> list[str]:
+    """The parts of bADE of each agent with k samples and the most hypotheses, over all targets, but of references."""
+    rows = [row for row in report.rows if row.subset == "all" and row.budget == "equal"]
+    most = {row.agent: row for row in sorted(rows, key=lambda row: row.hypotheses)}
+    rows = [row for row in rows if row is most[row.agent] and row.unranked_because not in REFERENCES]
+    lines = [f"{label_of(row)}: {text}" for row in rows if (text := parts_text(row))]
+    rest = "; rest: of forecasts, where no reference runs split it" if any(row.cost_rest for row in rows) else ""
+    return [f"Parts of bADE over all targets, m{rest}", *lines] if lines else []
 
 
 def _about(report: Report) -> str:
