@@ -217,7 +217,7 @@ class ScenePart(Section):
 
     @property
     def mean_error(self) -> float | None:
-        """Mean error over all targets, m; None without any."""
+        """Mean bADE over all targets, m; None without any."""
         return ratio(sum(self.error["all"]), sum(self.weight["all"]))
 
 

@@ -154,7 +154,7 @@ def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
 
 
 def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]) -> Table:
-    """The error of agents on one subset: a row per environment in which all of them have a record."""
+    """Values of bADE of agents on one subset: a row per environment in which all of them have a record."""
     names = sorted({entry.name for entry in entries})
     for agent in agents:
         if agent not in names:
