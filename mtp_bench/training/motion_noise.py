@@ -21,7 +21,7 @@ from ..prediction.motion_noise import noise_table, observed
 from ..running.options import DEFAULTS, Fold, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..tracks import Tracks
-from ..types import Bools, Floats, Ints, Scene, Task, joined, select
+from ..types import Bools, Floats, Ints, Scene, Task, joined, pieces_of, select
 from .split import observations, open_split
 
 
@@ -133,7 +133,7 @@ class MotionWindows:
 
 
 def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float = 1.0) -> MotionWindows:
-    """Windows of the tracks of the first hypothesis whose true object has all T future frames.
+    """Windows of the tracks of the first hypothesis whose true object has all T future frames, without a hole in time.
 
     The true object is the nearest one of the same class (BEV), at most ``gate`` metres away.
     With ``task.observe == "truth"`` the tracker gets true boxes.
@@ -142,13 +142,14 @@ def collect(scenes: Iterable[Scene], task: Task, tracker: Tracker, gate: float =
     parts = [MotionWindows(no_past, no_past[..., 0] > 0, no_future, np.zeros(0, dtype=np.int64))]
     for scene in scenes:
         tracker.reset(task)
+        piece = pieces_of(scene.time, task.dt)
         ids, known = np.unique(scene.truth.object_id, return_inverse=True)
         place = np.full((len(ids), scene.frames, 2), np.nan)
         place[known, scene.truth.frame_of_rows] = scene.truth.box[:, :2]
         for t, observation in enumerate(observations(scene, task.observe)):
             tracks = tracker.step(observation)
             future = place[:, t + 1 : t + 1 + task.future]
-            if future.shape[1] == task.future:
+            if future.shape[1] == task.future and piece[t] == piece[t + task.future]:
                 parts.append(_frame_windows(scene, t, tracks, future[known], gate))
     return joined(parts)
 
