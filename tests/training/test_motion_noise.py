@@ -147,9 +147,9 @@ def test_windows_of_a_tracker() -> None:
     # The origin is the last detection, 0.1 m ahead of the object, not the filtered box.
     np.testing.assert_allclose(windows.future[:12:3], np.tile([[0.7, 0], [1.5, 0]], (4, 1, 1)), atol=1e-12)
     assert len(collect([bare_scene()], RULES, HypothesisTracker()).class_id) == 0
+    whole, parts = (collect(each, RULES, HypothesisTracker()) for each in ([end_to_end([scene] * 2, 0.2)], [scene] * 2))
     for column in fields(windows):  # nothing crosses a hole in time
-        pair = (collect(scenes, RULES, HypothesisTracker()) for scenes in ([end_to_end([scene] * 2, 0.2)], [scene] * 2))
-        np.testing.assert_array_equal(*(getattr(one, column.name) for one in pair), err_msg=column.name)
+        np.testing.assert_array_equal(getattr(whole, column.name), getattr(parts, column.name))
     far = replace(scene, truth=replace(scene.truth, box=scene.truth.box + 5.0))
     assert len(collect([far], RULES, HypothesisTracker()).class_id) == 0
 
