@@ -19,6 +19,7 @@ from .shipped import FOR_BASELINES, Shipped, baseline_digest, shipped
 
 SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
+NOT_ON_HIDDEN = "not scored on hidden scenes yet"
 MOST_SETTINGS = 100  # characters of a reason that quotes settings
 Ships = Callable[[str], Shipped | None]
 
@@ -30,7 +31,8 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
     """
     seen = record.env.observe
     entrant = Entrant(record.row.budget, record.samples, seen == "truth", record.unfinished, seen == "associated")
-    return why_entrant_unranked(entrant) or why_not_comparable(record, level, ships)
+    why = why_entrant_unranked(entrant) or why_not_comparable(record, level, ships)
+    return why or _why_not_on_hidden(ships(record.env.id), level)
 
 
 def why_not_comparable(record: Record, level: SignedLevel | None = None, ships: Ships = shipped) -> str | None:
@@ -89,11 +91,16 @@ def _reasons(record: Record, level: SignedLevel | None, ships: Ships) -> Iterato
         yield f"{env.scenes} of {env.scenes_of_split} scenes"
     if record.limits != LimitsPart(**asdict(Limits())):
         yield "other limits than those that rank"
-    if known is not None and known.simulated:
-        if level is None or level.hidden is None:
-            yield "not scored on hidden scenes yet"
-        elif level.hidden.scenes < LEAST_HIDDEN:
-            yield f"scored on {level.hidden.scenes} hidden scenes, ranks need {LEAST_HIDDEN}"
+
+
+def _why_not_on_hidden(known: Shipped | None, level: SignedLevel | None) -> str | None:
+    """Reason why a record of a simulated env is not ranked, although its numbers on public scenes compare."""
+    if known is None or not known.simulated:
+        return None
+    if level is None or level.hidden is None:
+        return NOT_ON_HIDDEN
+    few = level.hidden.scenes < LEAST_HIDDEN
+    return f"scored on {level.hidden.scenes} hidden scenes, ranks need {LEAST_HIDDEN}" if few else None
 
 
 def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:

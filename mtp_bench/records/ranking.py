@@ -18,7 +18,7 @@ from ..scoring.rank import guard, ranks_among, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
-from .eligibility import Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
+from .eligibility import NOT_ON_HIDDEN, Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
 from .held_back import HELD_BACK, is_held_back
 from .record import HiddenPart, Record, SubmissionPart
 from .shipped import baseline_networks, learned_truths, network_association, network_references, shipped
@@ -42,7 +42,7 @@ class Standing:
     """Ranks of a record among those of its environment, and its gaps and differences to reference agents."""
 
     places: Mapping[Subset, Place]
-    compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings to rank
+    compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings or waits
     gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between STP and ground-truth tracks
     own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between references of its predictor
     association_gaps: Mapping[Subset, float] = field(default_factory=dict)
@@ -132,8 +132,9 @@ def _standings_of_env(
     taken = taken_names(records, levels)
     entrants = [_entrant(record, levels.get(record.digest), taken.get(record.digest), ships) for record in records]
     ranked = [each for each in entrants if each.unranked is None]
-    main = _main_conditions(ranked)
-    peers = [each for each in entrants if each.not_comparable is None and conditions(each.sums) == main]
+    comparable = [each for each in entrants if each.not_comparable is None]
+    main = _main_conditions(ranked or comparable)  # before a round: on public scenes
+    peers = [each for each in comparable if conditions(each.sums) == main]
     truths = _truths(peers)
     alike = [each for each in ranked if conditions(each.sums) == main]
     group = [each for each in alike if not is_held_back(each, truths)]
@@ -141,7 +142,8 @@ def _standings_of_env(
     places |= {each.record.digest: _unranked(HELD_BACK) for each in alike if each not in group}
     if group:
         places |= {each.record.digest: place for each, place in zip(group, _places(group, peers), strict=True)}
-    inside = {each.record.digest for each in group}
+    waiting = [each for each in peers if each.unranked == NOT_ON_HIDDEN]
+    inside = {each.record.digest for each in group or waiting}
     standing = {digest: Standing(place, digest in inside) for digest, place in places.items()}
     stp = _best_named(STP, peers)
     for each in peers:
@@ -158,7 +160,7 @@ def _entrant(record: Record, level: SignedLevel | None, taken: str | None, ships
 
 
 def _main_conditions(ranked: Sequence[_Entrant]) -> tuple[object, ...] | None:
-    """Conditions of the main ranking, from the ranked entrants; None without any."""
+    """Conditions of the main ranking, from the ranked entrants or others that compare; None without any."""
     with_stp = {conditions(each.sums) for each in ranked if each.baseline == STP}
     leading = [each for each in ranked if conditions(each.sums) in with_stp] or ranked  # a seal without STP yet
     return conditions(max(leading, key=_precedence).sums) if leading else None

@@ -239,6 +239,10 @@ def test_an_agent_that_knows_the_public_scenes_ranks_by_hidden_ones() -> None:
     assert [found[r.digest].places["all"].place for r in (knows, honest)] == [2, 1]
     alone = standings([knows, honest], {honest.digest: levels[honest.digest]}, ships)
     assert alone[knows.digest].places["all"].why == "not scored on hidden scenes yet"
+    assert [alone[record.digest].compared for record in (knows, honest)] == [False, True]
+    before = standings([knows, honest, write_record(*[2.0] * 8, name="stp")], ships=ships)
+    assert before[knows.digest].compared
+    assert before[knows.digest].differences["all"].mean == pytest.approx(-1.5), "before a round, on public scenes"
 
 
 def test_fewer_than_fifty_hidden_scenes_rank_nobody_and_another_seal_ranks_apart() -> None:
