@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..running.compare import scores_of
-from ..running.settings import Setting
+from ..running.settings import Setting, references_of
 from ..scoring import AgentScores, Reference, References, Report, summarise
 from ..scoring.definitions import Subset
 from ..scoring.report import paired_row
@@ -60,15 +60,15 @@ class Findings:
 
     @cached_property
     def report(self) -> Report:
-        """The report over all settings, with the references of every subject."""
+        """The report over all settings, with the references of every subject and of controls."""
+        found = [(each, references_of(each, self.bench.card)) for each in self.plan.controls]
+        found = [(each, runs) for each, runs in found if all(key_of(run) in self.measured for run in runs.values())]
+        found += [(s.equal[count], runs) for s in self.plan.subjects for count, runs in s.references.items()]
         own = {
-            self.of(subject.equal[count]).setting.label: References(
-                **{name: self._scores(setting) for name, setting in references.items()}
-            )
-            if references
+            self.of(setting).setting.label: References(**{name: self._scores(run) for name, run in runs.items()})
+            if runs
             else None
-            for subject in self.plan.subjects
-            for count, references in subject.references.items()
+            for setting, runs in found
         }
         settings = [*self.plan.equal, *self.plan.free]
         return summarise([self._scores(s) for s in settings], self.bench.card, self.reference, references=own)

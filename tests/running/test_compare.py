@@ -84,6 +84,9 @@ def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
     assert (content["env"], content["definitions"], content["skipped"]) == ("MTP-Small-v0", DEFINITIONS, {})
     rows = content["rows"]
     assert all(list(row) == KEYS for row in rows)
+    for row in rows:
+        parts = [value for key, value in row.items() if key.startswith("cost_") and value is not None]
+        assert sum(parts) == pytest.approx(row["error"] or 0.0, abs=1e-9)
     assert settings_of(rows) == CONTROLS + MTP
     assert [row["subset"] for row in rows] == list(SUBSETS) * len(CONTROLS + MTP)
     everything = rows[0]

@@ -77,6 +77,8 @@ def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
     rows = rows_of(made, "parts")
     agents = {(row["agent"], row["H"]) for row in rows if row["targets_of"] == "all"}
     assert {("truth_past", 1), ("stp", 1), ("stp_same_budget", 1), ("stp_hedged", 1), ("mtp", 20)} <= agents
+    split = {row["agent"] for row in rows if row["cost_association"] is not None}
+    assert split >= {"stp", "stp_same_budget", "mtp"}
     for row in rows:
         assert sum(row[f"cost_{part}"] or 0.0 for part in PARTS) == pytest.approx(row["error"], abs=1e-9), row["agent"]
 
