@@ -21,7 +21,7 @@ from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import NOT_ON_HIDDEN, Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
 from .held_back import HELD_BACK, is_held_back
 from .record import HiddenPart, Record, SubmissionPart
-from .shipped import baseline_networks, learned_truths, network_association, network_references, shipped
+from .shipped import baseline_networks, learned_truths, network_references, shipped
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
@@ -105,24 +105,19 @@ def difference_of(one: Checked, other: Checked, subset: Subset) -> PairedDiffere
     return paired_difference(one.sums.unit_error(subset), other.sums.unit_error(subset), one.sums.unit_weight(subset))
 
 
-def own_ends(submission: SubmissionPart) -> tuple[str, str] | None:
-    """Names of the records that bound gap_closed for the submission's predictor; None if unknown."""
+def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, str] | None:
+    """Names of the records that bound a gap for the submission's predictor; None if unknown.
+
+    ``observe``: "truth" for gap_closed, "associated" for the association gap.
+    """
     if submission.ends == "controls":
-        return STP, TRUTH
-    if submission.ends is None:
-        return None
+        return (STP, TRUTH) if observe == "truth" else ASSOCIATION
     # weights that ship, as for simulated traffic, are in no list of a record
-    names = submission.networks or baseline_networks(submission.name)
-    pairs = map(network_references, sorted({name.partition("-")[0] for name in names}))
-    return next((pair for pair in pairs if pair is not None), None)
-
-
-def association_ends(submission: SubmissionPart) -> tuple[str, str] | None:
-    """Names of the records that bound the association gap for the submission's predictor; None if unknown."""
-    if submission.ends == "controls":
-        return ASSOCIATION
     names = () if submission.ends is None else submission.networks or baseline_networks(submission.name)
-    pairs = map(network_association, sorted({"-".join(name.split("-")[:2]) for name in names}))
+    # predictors that were trained on tracklets have the references of ground-truth tracks in gap_closed
+    known = {name.split("-")[0] + "-truth" if observe == "truth" else "-".join(name.split("-")[:2]) for name in names}
+    networks = sorted(known)
+    pairs = (network_references(network, observe) for network in networks)
     return next((pair for pair in pairs if pair is not None), None)
 
 
@@ -218,7 +213,7 @@ def _all_gaps(entrant: _Entrant, peers: Sequence[_Entrant]) -> dict[str, Any]:
     own, why = _gaps(entrant, peers, own_ends(submission), unstated)
     association, why_association = dict[Subset, float](), SAW_TRUTH
     if entrant.record.env.observe != "truth":
-        association, why_association = _gaps(entrant, peers, association_ends(submission), unstated)
+        association, why_association = _gaps(entrant, peers, own_ends(submission, "associated"), unstated)
     return {
         "gaps": own if kinematic else {},
         "gap_blank": NOT_KINEMATIC if other else why,

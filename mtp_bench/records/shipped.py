@@ -67,18 +67,16 @@ def baseline_networks(name: str) -> tuple[str, ...]:
 
 
 @cache
-def network_references(network: str) -> tuple[str, str] | None:
-    """The reference pair of gap_closed for predictors with a network, such as modes; None if no pair ships.
+def network_references(network: str, observe: str) -> tuple[str, str] | None:
+    """The pair of a gap of predictors with a trained network, such as modes-truth; None if no pair ships.
 
-    Of the baselines that take this network trained on ground-truth tracks, they are the one with a single hypothesis
-    per its manifest's own reference parameters, and the one that observes the truth.
+    Of the baselines with this network, the one with the parameters of its own references, a single hypothesis, and the
+    one that observes the truth, or "associated" for the association gap.
     """
-    users = [
-        load_submission(name) for name in sorted(baseline_names()) if f"{network}-truth" in baseline_networks(name)
-    ]
-    single = [user.name for user in users if _is_single(user, user.compare.gap_references)]
-    truth = [user.name for user in users if user.compare.observe == "truth"]
-    return (single[0], truth[0]) if single and truth else None
+    users = [load_submission(name) for name in sorted(baseline_names()) if network in baseline_networks(name)]
+    single = [user.name for user in users if _is_single(user, observe)]
+    other = [user.name for user in users if user.compare.observe == observe]
+    return (single[0], other[0]) if single and other else None
 
 
 @cache
@@ -88,21 +86,10 @@ def learned_truths() -> tuple[str, ...]:
     return tuple(each.name for each in loaded if each.networks and each.compare.observe == "truth")
 
 
-@cache
-def network_association(network: str) -> tuple[str, str] | None:
-    """The pair of the association gap of predictors with a trained network, such as modes-tracklets; None without one.
-
-    One hypothesis, and the same with perfect association of the detections.
-    """
-    users = [load_submission(name) for name in sorted(baseline_names()) if network in baseline_networks(name)]
-    own = {user.name: user.compare.association_references or user.compare.gap_references for user in users}
-    single = [user.name for user in users if _is_single(user, own[user.name])]
-    associated = [user.name for user in users if user.compare.observe == "associated"]
-    return (single[0], associated[0]) if single and associated else None
-
-
-def _is_single(user: Submission, references: object) -> bool:
+def _is_single(user: Submission, observe: str) -> bool:
     """True if a submission observes detections, with the parameters of its own references."""
+    own = user.compare.association_references if observe == "associated" else None
+    references = user.compare.gap_references if own is None else own
     if user.compare.observe != "detections" or not isinstance(references, dict):
         return False
     return all(user.parameters.get(name) == value for name, value in references.items())
