@@ -72,19 +72,6 @@ def test_without_any_detection_there_is_one_empty_hypothesis(hypotheses: int) ->
         np.testing.assert_array_equal(tracks.log_weight, [0.0])
 
 
-def test_classes_do_not_mix() -> None:
-    *_, tracks = run(HypothesisTracker(), [frame((0.0, 0.0, CAR)), frame((0.0, 0.0, PEDESTRIAN))])
-    assert tracks.class_id.tolist() == [CAR, PEDESTRIAN]
-    assert tracks.detection.tolist() == [-1, 0]
-
-
-def test_the_score_of_a_track_is_the_mean_of_its_detections() -> None:
-    # A car seen alone, then not at all, then seen as the second detection: scores count from 1 in each frame.
-    frames = [frame((0, 0, CAR)), NOTHING, frame((50, 0, CAR), (0, 0, CAR))]
-    scores = [dict(zip(t.track_id.tolist(), t.score.tolist(), strict=True)) for t in run(HypothesisTracker(), frames)]
-    assert scores == [{0: 1.0}, {0: 1.0}, {0: 1.5, 1: 1.0}]
-
-
 def test_reset_forgets() -> None:
     tracker, frames = HypothesisTracker(5), random_frames(np.random.default_rng(1), 12)
     first, second = ([t.track_id.tolist() for t in run(tracker, frames)] for _ in range(2))
