@@ -1,8 +1,8 @@
-"""The error at false-forecast budgets: what ranks."""
+"""bADE, the error averaged over false-forecast budgets."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,7 +40,7 @@ def cuts(run: Run) -> Iterator[Cut]:
     for least in sorted(touched, reverse=True):
         for s, t in touched[least]:
             rows = run.rows(s, t, least)
-            verdict = judge_frame(run, s, t, rows, run.gates)
+            verdict = judge_frame(run, s, t, least)
             false[s, t] = len(verdict.false) if run.complete else len(rows)
             for i in asked.get((s, t), ()):
                 error[i], missed[i] = c[i], True
@@ -65,21 +65,20 @@ def budgets_of(run: Run, reference: float, subset: str) -> list[float]:
     return [float(round(b)) if abs(b - round(b)) < 1e-9 * max(1.0, b) else float(b) for b in budgets]
 
 
-def at_budgets(steps: Iterable[Cut], budgets: Sequence[float]) -> list[tuple[Floats, Floats]]:
-    """Per budget the error of each target [n], and the part of it that is missed [n], of the cuts of a run."""
-    before: dict[int, Cut] = {}
-    after: dict[int, Cut] = {}
-    for cut in steps:
-        for i, budget in enumerate(budgets):
-            if i not in after:
-                (before if cut.false <= budget else after)[i] = cut
-    result = []
-    for i, budget in enumerate(budgets):
-        last, following = before[i], after.get(i)
-        error, missed = last.error, last.error * last.missed
-        if following is not None:
+def shares_at(steps: Sequence[Cut], budgets: Sequence[float]) -> list[tuple[float, Cut]]:
+    """Cuts of a run and their shares, which sum to 1, in a number that is averaged over the budgets."""
+    shares: list[tuple[float, Cut]] = []
+    for budget in budgets:
+        over = next((j for j, cut in enumerate(steps) if cut.false > budget), None)
+        if over is None:
+            shares.append((1 / len(budgets), steps[-1]))
+        else:
+            last, following = steps[over - 1], steps[over]
             l = (budget - last.false) / (following.false - last.false)
-            error = (1 - l) * error + l * following.error
-            missed = (1 - l) * missed + l * following.error * following.missed
-        result.append((error, missed))
-    return result
+            shares += [((1 - l) / len(budgets), last), (l / len(budgets), following)]
+    return shares
+
+
+def error_at(steps: Sequence[Cut], budgets: Sequence[float]) -> Floats:
+    """Error of each target [n], averaged over the budgets."""
+    return np.array(sum(share * cut.error for share, cut in shares_at(steps, budgets)))

@@ -18,13 +18,13 @@ class Numbers:
     min_fde: float
     miss: bool
     energy: float
-    curve: tuple[float, ...]  # expected minADE of k random samples, k = 1..n
+    one_sample: float  # expected ADE of a random sample, where the k-curve begins
 
 
-def stated(rollout: Rollout, row: int) -> tuple[Floats, Floats]:
-    """Paths [n, T, 2] and weights [n] of the samples that count."""
+def stated(rollout: Rollout, row: int, present: Floats | None = None) -> tuple[Floats, Floats]:
+    """Paths [n, T, 2] and weights [n] of the samples that count, from the object's present place or from another."""
     weight = np.exp(rollout.forecast_log_weight[row].astype(float))
-    paths = rollout.object_box[row, :2].astype(float) + rollout.forecast[row].astype(float) / 100.0
+    paths = (rollout.object_box[row, :2] if present is None else present) + rollout.forecast[row].astype(float) / 100.0
     there = weight > 0
     paths, weight = paths[there], weight[there] / weight[there].sum()
     kept = weight >= 0.01 / len(weight) if len(weight) else there[:0]
@@ -34,19 +34,11 @@ def stated(rollout: Rollout, row: int) -> tuple[Floats, Floats]:
 def numbers(paths: Floats, weight: Floats, future: Floats) -> Numbers:
     """All numbers per target; a forecast without a sample is infinitely far away."""
     if not len(paths):
-        return Numbers(math.inf, math.inf, True, math.inf, ())
+        return Numbers(math.inf, math.inf, True, math.inf, math.inf)
     errors = [[math.dist(at, true) for at, true in zip(path, future, strict=True)] for path in paths]
     ade = sorted(sum(e) / len(e) for e in errors)
     fde = min(e[-1] for e in errors)
-    return Numbers(ade[0], fde, fde > 2.0, _energy(paths, weight, future), k_curve(ade))
-
-
-def k_curve(ordered: list[float]) -> tuple[float, ...]:
-    """Expected minimum of a random subset of size k = 1..n of the sorted errors."""
-    n = len(ordered)
-    return tuple(
-        sum(e * math.comb(n - 1 - j, k - 1) for j, e in enumerate(ordered)) / math.comb(n, k) for k in range(1, n + 1)
-    )
+    return Numbers(ade[0], fde, fde > 2.0, _energy(paths, weight, future), sum(ade) / len(ade))
 
 
 def _energy(paths: Floats, weight: Floats, future: Floats) -> float:

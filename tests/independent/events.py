@@ -14,7 +14,7 @@ from mtp_bench.geometry import iou_3d
 from mtp_bench.types import Bools, Rollout, Scene
 
 from .matching import Keys, best_pairs
-from .targets import neutral_rows
+from .targets import after_hole, neutral_rows
 
 Event = tuple[int, int, int, int | None, int | None]  # scene, object, frame, old id, new id
 Matched = dict[int, int | None]  # object -> id of its track, None: unmatched
@@ -24,14 +24,14 @@ def own_events(scenes: Sequence[Scene], rollouts: Sequence[Rollout], card: Card)
     """Events by kind; a missing id is None.
 
     Reading: `reacquired` needs an earlier matched frame of the same unbroken run of true frames, each frame seen by the
-    ancestor of the best hypothesis; where a parent is not stated, history begins.
+    ancestor of the best hypothesis; where a parent is not stated, or after a hole in time, history begins.
     """
     found: dict[str, list[Event]] = {"ids": [], "lost": [], "reacquired": []}
     for s, (scene, rollout) in enumerate(zip(scenes, rollouts, strict=True)):
         neutral = neutral_rows(scene)
         matched_ids = functools.cache(functools.partial(_matched_ids, scene, neutral, rollout, card))
         for t in range(1, scene.frames):
-            line = _lineage(rollout, t, matched_ids)
+            line = _lineage(rollout, t, matched_ids, lambda u: after_hole(scene, card, u))  # noqa: B023
             if len(line) < 2:
                 continue
             for g, new in line[0].items():
@@ -48,12 +48,16 @@ def own_events(scenes: Sequence[Scene], rollouts: Sequence[Rollout], card: Card)
     return found
 
 
-def _lineage(rollout: Rollout, t: int, matched_ids: Callable[[int, int], Matched]) -> list[Matched]:
+def _lineage(
+    rollout: Rollout, t: int, matched_ids: Callable[[int, int], Matched], begins: Callable[[int], bool]
+) -> list[Matched]:
     """Matched ids of each true object at t, t - 1, ... along the ancestors of the best hypothesis of t."""
     h = _best(rollout, t)
     line = []
     while t >= 0 and h >= 0:
         line.append(matched_ids(t, h))
+        if begins(t):
+            break
         h = _parent(rollout, t, h)
         t -= 1
     return line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -32,7 +33,7 @@ class Run:
     targets: list[Target]
     rollouts: Sequence[Rollout]
     index: dict[tuple[int, int], int] = field(init=False)  # scene, row of the truth -> target
-    live: list[range] = field(init=False)
+    live: list[list[int]] = field(init=False)
     neutral: list[Bools] = field(init=False)
     pair: dict[tuple[int, int, int], Numbers] = field(init=False, default_factory=dict)
     hidden: dict[tuple[int, int], bool] = field(init=False, default_factory=dict)
@@ -82,24 +83,26 @@ class Run:
         return self.hidden[s, row]
 
 
-def judge_frame(run: Run, s: int, t: int, rows: Sequence[int], gates: Sequence[float]) -> Verdict:
-    """Match these forecasts to the evaluated objects, then what is left to the neutral ones.
+@functools.cache
+def judge_frame(run: Run, s: int, t: int, least: float = -math.inf) -> Verdict:
+    """Match the forecasts of at least this confidence to the evaluated objects, then what is left to the neutral ones.
 
     Reading: a forecast that the image cannot confirm may still be matched to an evaluated object; unmatched, it is
     neutral without using up the excuse of a neutral object.
     """
+    rows = run.rows(s, t, least)
     truth = range(run.scenes[s].truth.start[t], run.scenes[s].truth.start[t + 1])
-    matched = _match(run, s, rows, [g for g in truth if not run.neutral[s][g]], gates)
+    matched = _match(run, s, rows, [g for g in truth if not run.neutral[s][g]])
     left = [r for r in rows if r not in matched]
     hidden = {r for r in left if run.is_hidden(s, t, r)}
     open_rows = [r for r in left if r not in hidden]
-    excused = _match(run, s, open_rows, [g for g in truth if run.neutral[s][g]], gates)
+    excused = _match(run, s, open_rows, [g for g in truth if run.neutral[s][g]])
     return Verdict(matched, frozenset(hidden | set(excused)), frozenset(set(open_rows) - set(excused)))
 
 
-def _match(run: Run, s: int, rows: Sequence[int], truth_rows: Sequence[int], gates: Sequence[float]) -> dict[int, int]:
+def _match(run: Run, s: int, rows: Sequence[int], truth_rows: Sequence[int]) -> dict[int, int]:
     """Reading: a pair whose object is not a target has minADE 0 in the rule of ties."""
-    said, truth = run.rollouts[s], run.scenes[s].truth
+    said, truth, gates = run.rollouts[s], run.scenes[s].truth, run.gates
     pairs: dict[tuple[int, int], Keys] = {}
     for r in rows:
         for g in truth_rows:

@@ -8,27 +8,30 @@ Keys = tuple[float, float, float]  # cost, confidence of the left one, minADE
 
 
 def best_pairs(pairs: Mapping[tuple[int, int], Keys]) -> dict[int, int]:
-    """Left -> right: most pairs, then the least cost, then the highest confidence, then the largest minADE.
+    """Left -> right: most pairs, then the surest left ones, then the least cost, then the largest minADE.
 
-    Only pairs inside the gate are given. Reading: each rule compares the sum over the pairs; costs are equal if they
-    are so to the nanometre.
+    Only pairs inside the gate are given. Reading: cost and minADE are compared as sums over the pairs, to the
+    nanometre.
     """
-    price = {pair: _price(*keys) for pair, keys in pairs.items()}
     result: dict[int, int] = {}
-    for part in _components(price):
-        result.update(_cheapest(part))
+    for part in _components(pairs):
+        levels = sorted({confidence for _, confidence, _ in part.values()})
+        # One forecast of a level outweighs any number of those below: sums compare like sorted lists of confidences.
+        worth = {level: (len(part) + 1) ** i for i, level in enumerate(levels)}
+        price = {pair: _price(worth[sure], cost, error) for pair, (cost, sure, error) in part.items()}
+        result.update(_cheapest(price))
     return result
 
 
-def _price(cost: float, confidence: float, min_ade: float) -> int:
+def _price(worth: int, cost: float, min_ade: float) -> int:
     """The three keys as the digits of one integer, to be summed and minimised."""
-    return (round(cost * 1e9) << 128) - (round(confidence * 2**40) << 64) - round(min(min_ade, 1000.0) * 1e9)
+    return -(worth << 160) + (round(cost * 1e9) << 80) - round(min(min_ade, 1000.0) * 1e9)
 
 
-def _components(price: dict[tuple[int, int], int]) -> list[dict[tuple[int, int], int]]:
+def _components(pairs: Mapping[tuple[int, int], Keys]) -> list[dict[tuple[int, int], Keys]]:
     """The pairs, divided into those that can reach each other."""
-    parts: list[tuple[set[int], set[int], dict[tuple[int, int], int]]] = []
-    for (a, b), value in price.items():
+    parts: list[tuple[set[int], set[int], dict[tuple[int, int], Keys]]] = []
+    for (a, b), value in pairs.items():
         joined = ({a}, {b}, {(a, b): value})
         apart = []
         for part in parts:

@@ -12,8 +12,9 @@ from mtp_bench.cards import Card
 from mtp_bench.types import Floats, Rollout, Scene
 
 from . import shown
-from .budgets import at_budgets, budgets_of, cuts
+from .budgets import budgets_of, cuts, error_at
 from .forecasts import Run
+from .parts import ABSENT, COVERED, Known, covered_errors, parts_at
 from .statistics import (
     Drawn,
     Interval,
@@ -21,6 +22,7 @@ from .statistics import (
     drawn_units,
     effective,
     guarded,
+    inverted,
     of_shares,
     sign_flip,
     studentised,
@@ -33,15 +35,17 @@ from .targets import Target, find_targets
 Row = dict[str, Any]
 BESIDE = (
     "difference_to_stp", "difference_interval", "p", "gap_closed", "gap_interval", "gap_closed_same_predictor",
-    "gap_same_predictor_interval",
+    "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval",
 )  # fmt: skip
 
 
-class Ends(NamedTuple):
-    """Names of the agents between which a gap is closed."""
+class Own(NamedTuple):
+    """References with the predictor of an agent; None: there is no such run."""
 
-    stp: str
-    true_pasts: str
+    stp: Scored | None = None
+    true_pasts: Scored | None = None
+    same_samples: Scored | None = None
+    associated_same_samples: Scored | None = None
 
 
 class Draws(NamedTuple):
@@ -51,7 +55,7 @@ class Draws(NamedTuple):
     signs: Drawn
 
 
-KINEMATIC = Ends("stp", "gt")
+STP, TRUE_PASTS = "stp", "gt"  # names of the references with the kinematic predictor
 OWN_DRAWS = Draws(drawn_units, drawn_signs)
 
 
@@ -62,8 +66,9 @@ class Scored:
     targets: list[Target]
     units: list[tuple[int, int]]  # of each target
     weights: dict[str, Floats]  # [n] of each subset
-    errors: dict[str, Floats]  # [n] of each subset, averaged over budgets and seeds: what ranks
+    errors: dict[str, Floats]  # [n] of each subset, averaged over budgets and seeds: bADE
     rows: dict[str, Row]  # of each subset
+    covered: tuple[Floats, Floats]  # [n] error with every forecast kept, and with the present place moved to the truth
 
 
 def score(
@@ -72,9 +77,11 @@ def score(
     seeds: Sequence[Sequence[Rollout]],
     reference: float,
     weights: Mapping[str, Floats] | None = None,
+    known: tuple[Scored, Scored] | None = None,
 ) -> Scored:
     """Score the rollouts of each seed; ``weights``: of each event subset per target, in the order of `find_targets`.
 
+    ``known``: perfect association and ground-truth tracks with the predictor of the agent, for the parts of its error.
     Reading: every number is computed per seed and averaged over the seeds that have it.
     """
     targets = find_targets(scenes, card)
@@ -85,40 +92,43 @@ def score(
     errors: dict[str, Floats] = {}
     rows: dict[str, Row] = {}
     of_runs = [_of_run(run) for run in runs] if targets else []
+    references = Known(*known[0].covered, known[1].covered[0]) if known else None
     for name, w in subsets.items():
-        parts = [at_budgets(steps, budgets_of(run, reference, name)) for run, steps in zip(runs, walked, strict=True)]
-        errors[name] = np.mean([error for part in parts for error, _ in part], axis=0)
-        missed = np.mean([missed for part in parts for _, missed in part], axis=0)
+        budgets = [budgets_of(run, reference, name) for run in runs]
+        at = list(zip(runs, walked, budgets, strict=True))
+        errors[name] = np.mean([error_at(steps, b) for _, steps, b in at], axis=0)
+        parts = [parts_at(run, steps, b, references) for run, steps, b in at]
+        costs = {part: _mean(w, np.mean([each[part] for each in parts], axis=0)) for part in parts[0]}
         rows[name] = _counts(targets, w, units) | {
             "error": _mean(w, errors[name]),
-            "localisation": _mean(w, errors[name] - missed),
-            "missed": _mean(w, missed),
+            "localisation": _total(costs, COVERED),
+            "missed": _total(costs, ABSENT),
+            **{f"cost_{part}": costs.get(part) for part in ABSENT + COVERED},
             **_over_seeds([_of_subset(numbers, w) for numbers in of_runs]),
         }
     rows["all"] |= _over_seeds([numbers["run"] for numbers in of_runs])
-    return Scored(targets, units, dict(subsets), errors, rows)
+    return Scored(targets, units, dict(subsets), errors, rows, covered_errors(runs))
 
 
 def compare(
     scored: Mapping[str, Scored],
-    ends: Ends = KINEMATIC,
-    own_ends: Mapping[str, tuple[Scored, Scored] | None] | None = None,
+    own: Mapping[str, Own] | None = None,
     free: Collection[str] = (),
     draws: Draws = OWN_DRAWS,
 ) -> dict[str, dict[str, Row]]:
-    """Rank, differences, gaps closed and their intervals, by subset and agent.
+    """Place, range of ranks, differences, gaps closed and their intervals, by subset and agent.
 
-    ``own_ends``: of an agent, STP and true pasts with its own predictor; None: those of ``ends``. ``free``: agents of
-    more samples than k, which share no column with the others.
+    ``own``: of an agent, the references with its own predictor. ``free``: agents of more than k samples, which share no
+    column with the others.
 
-    Reading: true pasts and free rows are compared and do not take a rank; only agents that have a rank count as better.
+    Reading: true pasts and free rows do not take a rank; only agents that have one count as better or worse.
     """
-    everyone, own = dict(scored), dict[str, Ends]()
-    for name, pair in (own_ends or {}).items():
-        own[name] = Ends(f"{name}, stp", f"{name}, true pasts") if pair else ends
-        everyone |= dict(zip(own[name], pair, strict=True)) if pair else {}
+    everyone = dict(scored)
+    for name, references in (own or {}).items():
+        everyone |= {f"{name}, {role}": run for role, run in references._asdict().items() if run}
+    learned = [name for name, references in (own or {}).items() if references.stp is not scored[STP]]
     result: dict[str, dict[str, Row]] = {}
-    for subset in scored[ends.stp].weights:
+    for subset in scored[STP].weights:
         paired = Paired(everyone, subset, draws)
         if not paired.weight.sum() > 0:
             result[subset] = {}
@@ -127,34 +137,33 @@ def compare(
             name: "more samples than k"
             if name in free
             else "true pasts"
-            if name == ends.true_pasts
-            else _why_unranked(everyone, subset, name, ends.stp, own[name].stp if name in own else None)
+            if name == TRUE_PASTS
+            else _why_unranked(everyone, subset, name, draws)
             for name in scored
         }
         ranked = [name for name in scored if not reason[name]]
         result[subset] = {
             name: {
-                "interval": paired.interval(paired.sums[name]),
-                "rank": None if reason[name] else 1 + sum(paired.better(other, name) for other in ranked),
+                "interval": paired.interval(name),
+                "place": None if reason[name] else 1 + sum(paired.difference(r, name) < -1e-12 for r in ranked),
+                "rank_range": None if reason[name] else paired.range(name, ranked),
                 "unranked_because": reason[name],
-                **(dict.fromkeys(BESIDE) if name in free else _beside(paired, name, ends, own.get(name))),
+                **(dict.fromkeys(BESIDE) if name in free else _beside(paired, name, name in learned)),
             }
             for name in scored
         }
     return result
 
 
-def _beside(paired: Paired, name: str, ends: Ends, own: Ends | None) -> Row:
-    gap, interval = (None, None) if own not in (None, ends) else paired.gap(name, ends)  # another predictor
-    return {
-        "difference_to_stp": paired.difference(name, ends.stp),
-        "difference_interval": paired.interval(paired.less(name, ends.stp)),
-        "p": paired.p(name, ends.stp),
-        "gap_closed": gap,
-        "gap_interval": interval,
-        "gap_closed_same_predictor": paired.gap(name, own)[0] if own else None,
-        "gap_same_predictor_interval": paired.gap(name, own)[1] if own else None,
-    }
+def _beside(paired: Paired, name: str, learned: bool) -> Row:
+    """``learned``: the predictor is not the kinematic one, so the share between kinematic ends is left empty."""
+    shares = (
+        *((None, None) if learned else paired.gap(name, STP, TRUE_PASTS)),
+        *paired.gap(name, f"{name}, stp", f"{name}, true_pasts"),
+        *paired.gap(name, f"{name}, same_samples", f"{name}, associated_same_samples"),
+    )
+    difference = paired.difference(name, STP), paired.difference_interval(name, STP), paired.p(name, STP)
+    return dict(zip(BESIDE, (*difference, *shares), strict=True))
 
 
 class Paired:
@@ -178,60 +187,58 @@ class Paired:
         return float(self.less(a, b).sum() / self.weight.sum())
 
     def p(self, a: str, b: str) -> float:
-        return sign_flip(self.less(a, b).tolist(), self.draws.signs)
+        return sign_flip(self.less(a, b), self.weight, self.draws.signs)
+
+    def difference_interval(self, a: str, b: str) -> Interval | None:
+        return inverted(self.less(a, b), self.weight, self.draws.signs)
 
     def better(self, a: str, b: str) -> bool:
         return self.difference(a, b) < 0 and self.p(a, b) < 0.05
 
-    def interval(self, sums: Floats) -> Interval | None:
-        return studentised(sums, self.weight, self.draws.units)
+    def range(self, name: str, ranked: Sequence[str]) -> tuple[int, int]:
+        """Ranks that an agent may have."""
+        better = sum(self.better(other, name) for other in ranked)
+        return 1 + better, len(ranked) - sum(self.better(name, other) for other in ranked)
 
-    def gap(self, name: str, ends: Ends) -> tuple[float | None, Interval | None]:
-        """The gap closed and its interval.
+    def interval(self, name: str) -> Interval | None:
+        """Interval of an error, which is never below 0."""
+        found = studentised(self.sums[name], self.weight, self.draws.units)
+        return found and (max(0.0, found[0]), max(0.0, found[1]))
 
-        Reading: "significantly above 0" is an interval above 0, which says something below 6 units too; a sign-flip
-        test cannot.
-        """
-        if ends.true_pasts not in self.sums:
+    def gap(self, name: str, worse: str, best: str) -> tuple[float | None, Interval | None]:
+        """Share of the gap that is closed, and its interval; missing unless the gap is significantly above 0."""
+        if not {worse, best} <= self.sums.keys() or not self.better(best, worse):
             return None, None
-        won, whole = self.less(ends.stp, name), self.less(ends.stp, ends.true_pasts)
-        interval = self.interval(whole)
-        if interval is None or interval[0] <= 0:
-            return None, None
+        won, whole = self.less(worse, name), self.less(worse, best)
         return float(won.sum() / whole.sum()), of_shares(won, whole, self.draws.units)
 
 
-def _why_unranked(scored: Mapping[str, Scored], subset: str, name: str, stp: str, own_stp: str | None) -> str:
+def _why_unranked(scored: Mapping[str, Scored], subset: str, name: str, draws: Draws) -> str:
     """Why an agent with k samples that did not see the truth has no rank; empty where it has."""
-    kept = scored[stp]
+    kept = scored[STP]
     if reason := why_unranked(subset, kept.weights[subset], kept.units, [g.owner for g in kept.targets]):
         return reason
-    of_all = {each: scored[each].rows["all"]["error"] for each in (name, stp, own_stp) if each is not None}
-    worse = guarded(subset, of_all[name], of_all[stp], of_all[own_stp] if own_stp else None)
-    return "worse than STP on all" if worse else ""
+    paired = Paired(scored, "all", draws)
+    for limit in (STP, f"{name}, stp"):
+        if subset != "all" and limit in scored:
+            worse = paired.difference(name, limit) / scored[limit].rows["all"]["error"]
+            if guarded(worse, paired.p(name, limit)):
+                return "worse than STP on all"
+    return ""
 
 
 def _of_run(run: Run) -> Row:
-    """Arrays per target [n] with 0 where missing, and numbers of the whole run under "run"."""
+    """Arrays per target [n], 0 where missing, and numbers of the whole run under "run"."""
     found = shown.of_targets(run)
     covered = np.array([x is not None for x in found], dtype=bool)
     plain = shown.plain_errors(run)
-    samples = max([1, *(rollout.forecast.shape[1] for rollout in run.rollouts)])
-    arrays = {
-        "minADE": np.array([0.0 if x is None else x.min_ade for x in found]),
-        "minFDE": np.array([0.0 if x is None else x.min_fde for x in found]),
-        "energy_score": np.array([0.0 if x is None else x.energy for x in found]),
-    }
-    curves = [[x.curve[min(k, len(x.curve)) - 1] for k in range(1, samples + 1)] for x in found if x and x.curve]
-    whole = {
+    names = {"minADE": "min_ade", "minFDE": "min_fde", "energy_score": "energy"}
+    arrays = {name: np.array([getattr(x, of, 0.0) for x in found]) for name, of in names.items()}
+    complete = {"brier": shown.brier, "false_per_frame": shown.false_per_frame, "epa": shown.epa, "ap_f": shown.ap_f}
+    whole = {name: number(run) if run.complete else None for name, number in complete.items()} | {
         "fixed_error": shown.fixed_error(run),
-        "brier": shown.brier(run) if run.complete else None,
-        "false_per_frame": shown.false_per_frame(run) if run.complete else None,
-        "pi_ade": shown.planning_aware(run, arrays["minADE"], covered),
-        "pi_ade_all_targets": shown.planning_aware(run, plain, np.ones(len(plain), dtype=bool)),
-        "epa": shown.epa(run) if run.complete else None,
-        "ap_f": shown.ap_f(run) if run.complete else None,
-        "k_curve": np.mean(curves, axis=0) if curves else None,
+        "pi_ade": shown.planning_aware(run, plain),
+        "one_sample": _mean(covered, np.array([getattr(x, "one_sample", 0.0) for x in found])),
     }
     miss = np.array([x is None or x.miss for x in found], dtype=float)
     return {"arrays": arrays, "covered": covered, "plain": plain, "miss": miss, "run": whole}
@@ -255,12 +262,16 @@ def _counts(targets: Sequence[Target], w: Floats, units: Sequence[tuple[int, int
         "effective_objects": effective(sums_of([g.owner for g in targets], w)),
         "effective_units": effective(sums_of(units, w)),
         "objects": len({g.owner for g in there}),
-        "scenes": len({g.scene for g in there}),
     }
 
 
 def _mean(w: Floats, values: Floats) -> float | None:
     return float((w * values).sum() / w.sum()) if w.sum() > 0 else None
+
+
+def _total(costs: Mapping[str, float | None], parts: Sequence[str]) -> float | None:
+    found = [cost for part in parts if (cost := costs.get(part)) is not None]
+    return sum(found) if found else None
 
 
 def _over_seeds(rows: Sequence[Row]) -> Row:

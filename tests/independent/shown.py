@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mtp_bench.types import Bools, Floats
+from mtp_bench.types import Floats
 
 from .displacement import Numbers
 from .forecasts import Run, judge_frame
@@ -18,7 +18,7 @@ def of_targets(run: Run, least: float = -math.inf) -> list[Numbers | None]:
     """Numbers of each target with the forecasts of at least this confidence; None where it is missing."""
     found: list[Numbers | None] = [None] * len(run.targets)
     for s, t in run.frames():
-        for r, g in judge_frame(run, s, t, run.rows(s, t, least), run.gates).matched.items():
+        for r, g in judge_frame(run, s, t, least).matched.items():
             if (s, g) in run.index:
                 found[run.index[s, g]] = run.against(s, r, g)
     return found
@@ -43,7 +43,7 @@ def fixed_error(run: Run) -> float:
         said, rows = run.rollouts[s], run.rows(s, t, 0.5)
         malformed = [price[c] for c in range(len(price)) for _ in range(int(said.malformed[t, c]))]
         if run.complete:
-            false = judge_frame(run, s, t, rows, run.gates).false
+            false = judge_frame(run, s, t, 0.5).false
             total += sum(price[said.object_class[r]] for r in false) + sum(malformed)
         else:
             ordered = sorted(rows, key=lambda r: -said.object_confidence[r])
@@ -54,25 +54,25 @@ def fixed_error(run: Run) -> float:
 def false_per_frame(run: Run) -> float:
     """Unmatched forecasts that are not neutral, per live frame."""
     frames = run.frames()
-    return sum(len(judge_frame(run, s, t, run.rows(s, t), run.gates).false) for s, t in frames) / len(frames)
+    return sum(len(judge_frame(run, s, t).false) for s, t in frames) / len(frames)
 
 
 def brier(run: Run) -> float | None:
     """Reading: over the forecasts of live frames that are not neutral; "matched" to any evaluated object."""
     squares = []
     for s, t in run.frames():
-        verdict = judge_frame(run, s, t, run.rows(s, t), run.gates)
+        verdict = judge_frame(run, s, t)
         said = run.rollouts[s].object_confidence
         squares += [(float(said[r]) - 1.0) ** 2 for r in verdict.matched]
         squares += [float(said[r]) ** 2 for r in verdict.false]
     return sum(squares) / len(squares) if squares else None
 
 
-def planning_aware(run: Run, error: Floats, counted: Bools) -> float | None:
-    """Mean of ``error`` [n] over the ``counted`` targets [n], weighted by how close the object will come to the ego."""
+def planning_aware(run: Run, error: Floats) -> float | None:
+    """Mean of ``error`` [n], weighted by how close the object will come to the ego."""
     closest = [min(math.dist(a, b) for a, b in zip(g.future, g.ego, strict=True)) for g in run.targets]
-    weight = np.array([math.exp(-(d**2) / (2 * 3**2)) for d in closest])[counted]
-    return float((weight * error[counted]).sum() / weight.sum()) if weight.sum() > 0 else None
+    weight = np.array([math.exp(-(d**2) / (2 * 3**2)) for d in closest])
+    return float((weight * error).sum() / weight.sum()) if weight.sum() > 0 else None
 
 
 def epa(run: Run) -> float:
@@ -83,7 +83,7 @@ def epa(run: Run) -> float:
     """
     hits, false = 0, 0
     for s, t in run.frames():
-        verdict = judge_frame(run, s, t, run.rows(s, t), run.gates)
+        verdict = judge_frame(run, s, t)
         false += len(verdict.false)
         hits += sum((s, g) in run.index and not run.against(s, r, g).miss for r, g in verdict.matched.items())
     return (hits - 0.5 * false) / len(run.targets)
@@ -98,7 +98,7 @@ def ap_f(run: Run) -> float:
     """
     verdicts: dict[int, list[tuple[float, bool]]] = {g.kind: [] for g in run.targets}
     for s, t in run.frames():
-        verdict = judge_frame(run, s, t, run.rows(s, t), run.gates)
+        verdict = judge_frame(run, s, t)
         said, class_of = run.rollouts[s].object_confidence, run.rollouts[s].object_class
         for r in verdict.false:
             verdicts.setdefault(int(class_of[r]), []).append((float(said[r]), False))

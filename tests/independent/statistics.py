@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
-import operator
 from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
@@ -63,19 +63,42 @@ def effective(weights: Sequence[float]) -> float:
     return sum(weights) ** 2 / squares if squares > 0 else 0.0
 
 
-def sign_flip(differences: Sequence[float], signs: Drawn = drawn_signs) -> float:
-    """Two-sided p: share of sign patterns whose sum is at least as far from 0. Units of difference 0 change nothing.
+@functools.lru_cache(maxsize=4)
+def flips_of(n: int, signs: Drawn = drawn_signs) -> Floats:
+    """Sign patterns of n units, of which the first is that of the data.
 
-    Reading: beyond 14 units of a difference, the drawn ``signs`` and the sum itself as one more.
+    Reading: beyond 14 units the drawn ``signs``, and the data as one more.
     """
-    d = [x for x in differences if x != 0]
-    seen = abs(sum(d)) * (1 - 1e-12)
-    if len(d) <= 14:
-        patterns = list(itertools.product((1, -1), repeat=len(d)))
-        as_far = [signs for signs in patterns if abs(sum(map(operator.mul, signs, d))) >= seen]
-        return len(as_far) / len(patterns)
-    flipped = signs(len(d))
-    return (1 + int((np.abs(flipped @ np.array(d)) >= seen).sum())) / (1 + len(flipped))
+    if n <= 14:
+        return np.array(list(itertools.product((1.0, -1.0), repeat=n)))
+    return np.concatenate([np.ones((1, n)), signs(n)])
+
+
+def sign_flip(differences: Floats, weights: Floats, signs: Drawn = drawn_signs, null: float = 0.0) -> float:
+    """Two-sided p of the ``null``: share of the flips whose sum is at least as far from 0 as that of the data.
+
+    Reading: units are those with weight, also where their difference is 0.
+    """
+    d = (differences - null * weights)[weights > 0]
+    return float(np.mean(np.abs(flips_of(len(d), signs) @ d) >= abs(d.sum()) * (1 - 1e-12)))
+
+
+def inverted(differences: Floats, weights: Floats, signs: Drawn = drawn_signs) -> Interval | None:
+    """95 % interval of a paired difference: all theta with p(theta) >= .05.
+
+    A flip does not reject theta between its two ends, which lie on either side of D/W; a flip of all units or none
+    rejects nothing. So p(theta) is the share of flips whose ends have theta between them.
+    """
+    d, w = differences[weights > 0], weights[weights > 0]
+    if len(d) < 6:
+        return None
+    flips = flips_of(len(d), signs)
+    kept = math.ceil(round(0.05 * len(flips), 9))  # so many flips at least must not reject
+    some = flips[np.abs(flips.sum(axis=1)) < len(d)]
+    a, b = some @ d, some @ w
+    ends = np.sort([(d.sum() + a) / (w.sum() + b), (d.sum() - a) / (w.sum() - b)], axis=0)
+    kept -= len(flips) - len(some)
+    return float(np.sort(ends[0])[kept - 1]), float(np.sort(ends[1])[-kept])
 
 
 def studentised(above: Floats, below: Floats, resamples: Drawn = drawn_units) -> Interval | None:
@@ -141,7 +164,6 @@ def why_unranked(subset: str, weights: Floats, units: Sequence[Hashable], owners
     return ""
 
 
-def guarded(subset: str, all_error: float, stp_all_error: float, own_stp_all_error: float | None) -> bool:
-    """True if an agent has no rank on an event subset because it is worse than STP on "all"."""
-    ends = [stp_all_error] if own_stp_all_error is None else [stp_all_error, own_stp_all_error]
-    return subset != "all" and all_error > min(ends)
+def guarded(worse: float, p: float) -> bool:
+    """True if an agent has no rank on event subsets: on "all" it is worse than an STP by this share of its error."""
+    return worse > 0.05 or (worse > 0.01 and p < 0.05)

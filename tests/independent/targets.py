@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,9 +12,7 @@ import numpy as np
 from mtp_bench.cards import Card
 from mtp_bench.types import Bools, Floats, ImageField, Scene
 
-# Reading: a true box that the image cannot confirm is no target at its own frame; it may lie in the past and the future
-# of one. True: there it counts as absent too.
-IMAGE_TEST_IN_PAST_AND_FUTURE = False
+NEAR = 1e-6  # m
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,27 +29,43 @@ class Target:
     owner: tuple[str, int]  # identity of the object in the recording
 
 
-def live_frames(scene: Scene, card: Card) -> range:
-    first = 0 if scene.listed_targets else card.task.past - 1
-    return range(first, max(first, scene.frames - card.task.future))
+def after_hole(scene: Scene, card: Card, t: int) -> bool:
+    """True if the step from frame t - 1 to t is longer than 1.5 times that of the card."""
+    return t > 0 and bool(scene.time[t] - scene.time[t - 1] > 1.5 / card.task.rate)
+
+
+def can_exist(scene: Scene, card: Card, t: int) -> bool:
+    """True if a target of frame t would have all its frames within the scene, and no hole among them."""
+    first = t if scene.listed_targets else t - card.task.past + 1
+    last = t + card.task.future
+    if first < 0 or last >= scene.frames:
+        return False
+    return not any(after_hole(scene, card, u) for u in range(first + 1, last + 1))
+
+
+def live_frames(scene: Scene, card: Card) -> list[int]:
+    """Reading: a frame from which a hole lies less than P - 1 frames back, or T ahead, can have no target either."""
+    return [t for t in range(scene.frames) if can_exist(scene, card, t)]
 
 
 def find_targets(scenes: Sequence[Scene], card: Card) -> list[Target]:
     """All targets, sorted by scene, frame and row of the truth.
 
-    Reading: ``eligible`` is asked of the row at t only; neutral rows are no true frames, of the past and future too.
+    Reading: ``eligible`` is asked of the row at t only; neutral rows are no true frames, of the past and future too,
+    but a box that the image cannot confirm is.
     """
     found = []
     for s, scene in enumerate(scenes):
         truth, neutral = scene.truth, neutral_rows(scene)
-        absent = neutral if IMAGE_TEST_IN_PAST_AND_FUTURE else truth.neutral
         frame = truth.frame_of_rows
-        row_of = {(int(truth.object_id[r]), int(frame[r])): r for r in range(len(frame)) if not absent[r]}
+        row_of = {(int(truth.object_id[r]), int(frame[r])): r for r in range(len(frame)) if not truth.neutral[r]}
         past = 1 if scene.listed_targets else card.task.past
         for r in range(len(frame)):
             g, t = int(truth.object_id[r]), int(frame[r])
             needed = [(g, u) for u in range(t - past + 1, t + card.task.future + 1)]
             if neutral[r] or not truth.eligible[r] or any(key not in row_of for key in needed):
+                continue
+            if not can_exist(scene, card, t):
                 continue
             future = np.array([truth.box[row_of[g, t + tau], :2] for tau in range(1, card.task.future + 1)], float)
             ego = np.array(scene.ego[t + 1 : t + 1 + card.task.future, :2], float)
@@ -71,22 +86,28 @@ def neutral_rows(scene: Scene) -> Bools:
 def unconfirmed(image: ImageField, t: int, xy: Floats, kind: int) -> bool:
     """True if no label of the image could confirm an object of class ``kind`` at ``xy``.
 
-    Reading: the 2D box is the hull of the 8 projected corners, clipped to the image; a box with any corner behind the
-    camera is outside. Height and area are those of the clipped box; a region is compared on its own, not their union.
+    Reading: the 2D box is the hull of what lies ahead of the camera, clipped to the image. Height and area are those of
+    the clipped box; a region is compared on its own, not their union.
     """
     l, w, h = image.box_size[kind]
     bottom, yaw = image.height[t] - 1.65, image.heading[t]
-    u, v = [], []
-    for along in (-l / 2, l / 2):
-        for across in (-w / 2, w / 2):
-            for z in (bottom, bottom + h):
-                x = xy[0] + math.cos(yaw) * along - math.sin(yaw) * across
-                y = xy[1] + math.sin(yaw) * along + math.cos(yaw) * across
-                pixel = image.projection[t] @ np.array([x, y, z, 1.0])
-                if pixel[2] <= 0:
-                    return True
-                u.append(pixel[0] / pixel[2])
-                v.append(pixel[1] / pixel[2])
+    corners, u, v = [], [], []
+    for along, across, up in itertools.product((-l / 2, l / 2), (-w / 2, w / 2), (0.0, h)):
+        x = xy[0] + math.cos(yaw) * along - math.sin(yaw) * across
+        y = xy[1] + math.sin(yaw) * along + math.cos(yaw) * across
+        corners.append(image.projection[t] @ np.array([x, y, bottom + up, 1.0]))
+    for i, corner in enumerate(corners):
+        for end in (corners[i ^ 1], corners[i ^ 2], corners[i ^ 4]):
+            if corner[2] >= NEAR:
+                ahead = corner
+            elif end[2] >= NEAR:  # the edge crosses the plane of the camera
+                ahead = corner + (NEAR - corner[2]) / (end[2] - corner[2]) * (end - corner)
+            else:
+                continue
+            u.append(ahead[0] / ahead[2])
+            v.append(ahead[1] / ahead[2])
+    if not u:
+        return True
     left, right = max(min(u), 0.0), min(max(u), float(image.size[0]))
     top, bottom_edge = max(min(v), 0.0), min(max(v), float(image.size[1]))
     if right <= left or bottom_edge - top <= 25:

@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.types import ImageField
 from tests.independent import shown
-from tests.independent.budgets import at_budgets, budgets_of, cuts
-from tests.independent.displacement import k_curve, numbers, stated
+from tests.independent.budgets import budgets_of, cuts, error_at
 from tests.independent.events import own_events
 from tests.independent.forecasts import Run
 from tests.independent.matching import best_pairs
+from tests.independent.parts import ABSENT, COVERED, Known, covered_errors, parts_at
 from tests.independent.scorer import score
-from tests.independent.statistics import effective, of_shares, sign_flip, studentised
-from tests.independent.targets import find_targets, live_frames, unconfirmed
-from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene
+from tests.independent.statistics import effective, guarded, inverted, sign_flip, studentised
+from tests.independent.targets import find_targets, live_frames
+from tests.support.scoring_scenes import Thing, at, make_card, make_rollout, make_scene, with_detections
 
 CARD = make_card()  # P 2, T 3; car: gate 2 m, c 10 m
 
@@ -44,9 +43,13 @@ def three_forecasts() -> Run:
 def test_targets_and_live_frames() -> None:
     run = three_forecasts()
     assert [(g.object, g.t) for g in run.targets] == [(1, 1), (2, 1)]
-    assert live_frames(run.scenes[0], CARD) == range(1, 2)
+    assert live_frames(run.scenes[0], CARD) == [1]
     listed = replace(run.scenes[0], listed_targets=True)
     assert [(g.object, g.t) for g in find_targets([listed], CARD)] == [(1, 0), (2, 0), (1, 1), (2, 1)]
+    frames = [[at(1, (0, 0))] for t in range(9)]
+    hole = replace(make_scene(frames), time=np.arange(9) / 10 + (np.arange(9) > 4))  # from frame 4 to 5
+    assert live_frames(hole, CARD) == [g.t for g in find_targets([hole], CARD)] == [1]
+    assert live_frames(replace(hole, listed_targets=True), CARD) == [0, 1, 5]
     frames = [[at(1, (0, 0)), at(2, (10, 0), neutral=t == 3)] for t in range(5)]
     assert [(g.object, g.t) for g in find_targets([make_scene(frames)], CARD)] == [(1, 1)]
 
@@ -57,8 +60,11 @@ def test_three_forecasts_at_every_cut_and_budget() -> None:
         (0, [10, 10]), (0, [1, 10]), (1, [1, 10]), (1, [1, 3]),
     ]  # fmt: skip
     # Below one false forecast the line from cut 1 to cut 2 is flat at 5.5; at one everything is kept: 2.
-    means = [error.mean() for error, _ in at_budgets(cuts(run), budgets_of(run, 1, "all"))]
+    means = [error_at(list(cuts(run)), [b]).mean() for b in budgets_of(run, 1, "all")]
     assert means == pytest.approx([5.5] * 9 + [2.0])
+    # Of two false ones and a right one at once a budget of half of one takes a quarter.
+    tied = two_cars(said(1, 0, 1, 0.5), said(8, 50, 0, 0.5), said(9, 60, 0, 0.5))
+    assert error_at(list(cuts(tied)), [0.5]).mean() == pytest.approx(0.75 * 10 + 0.25 * 5.5)
     row = score(CARD, run.scenes, [run.rollouts], 1, {"ids": np.array([0.25, 0.75])}).rows
     assert row["all"]["error"] == pytest.approx(5.15)
     assert row["all"]["missed"] == pytest.approx(4.5)  # 5 of the 5.5
@@ -67,32 +73,21 @@ def test_three_forecasts_at_every_cut_and_budget() -> None:
     assert row["ids"]["effective_targets"] == pytest.approx(1.6)
 
 
-def test_interpolation_between_cuts() -> None:
-    run = two_cars(said(1, 0, 1, 0.5), said(8, 50, 0, 0.5), said(9, 60, 0, 0.5))  # one cut: 0 -> 2 false, 10 -> 5.5
-    assert at_budgets(cuts(run), [0.5])[0][0].mean() == pytest.approx(0.75 * 10 + 0.25 * 5.5)
-
-
-def test_numbers_shown_of_three_forecasts() -> None:
-    run = three_forecasts()
-    assert shown.plain_errors(run).tolist() == [1, 3]
-    assert shown.fixed_error(run) == pytest.approx((1 + 3 + 5) / 2)
-    assert shown.brier(run) == pytest.approx((0.25**2 + 0.625**2 + 0.5**2) / 3)
-    assert shown.false_per_frame(run) == 1
-    assert shown.epa(run) == pytest.approx((1 - 0.5) / 2)
-    # precision 1 at the recalls .11 to .49, .5 at .5, then a line up to 2/3 at 1; .1 of each is cut off
-    heights = 39 * 0.9 + 0.4 + sum(0.4 + i / 50 / 6 for i in range(1, 51))
-    assert shown.ap_f(run) == pytest.approx(heights / 90 / 0.9)
-    near, far = 1.0, math.exp(-100 / 18)
-    aware = shown.planning_aware(run, shown.plain_errors(run), np.ones(2, dtype=bool))
-    assert aware == pytest.approx((near * 1 + far * 3) / (near + far))
-
-
-def test_malformed_rows_cost_half_of_c() -> None:
-    run = three_forecasts()
-    malformed = np.zeros((5, 3), dtype=int)
-    malformed[1], malformed[3] = [0, 2, 1], [7, 7, 7]  # two pedestrians (2 m each) and one unreadable (5 m); not live
-    spoiled = Run(CARD, run.scenes, run.targets, [replace(run.rollouts[0], malformed=malformed)])
-    assert shown.fixed_error(spoiled) == pytest.approx((9 + 4 + 5) / 2)
+def test_parts_of_the_error() -> None:
+    truth = [at(i, (100 * i, 0)) for i in range(1, 8)]
+    seen = [at(0, (302, 0)), at(0, (401, 0), class_id=1), at(0, (403, 0)), at(0, (504, 0)), at(0, (604.1, 0))]
+    scene = with_detections(make_scene([truth] * 5), [[at(0, (700, 0))], seen, [at(0, (600, 0))], [], []])
+    forecasts = said(1, 101, 3, 0.75), said(9, 0, 0, 0.6), said(2, 200, 4, 0.5)
+    run = Run(CARD, [scene], find_targets([scene], CARD), [make_rollout([], [[], forecasts, [], [], []])])
+    own, moved = covered_errors([run])
+    assert (own[:2].tolist(), moved[:2].tolist()) == ([math.sqrt(10), 4], [3, 4])
+    assert np.isnan([own[2:], moved[2:]]).all()
+    known = Known(np.array([3.0, *own[1:]]), np.array([2.5, *moved[1:]]), np.array([1.0] + 6 * [np.nan]))
+    parts = parts_at(run, list(cuts(run)), [0.5, 1.0], known)  # the first budget ends before the forecast of object 2
+    assert np.array([parts[name] for name in ABSENT[1:]]).tolist() == (10 * np.eye(7)[2:]).tolist()
+    assert parts["below_threshold"].tolist() == [0, 5, 0, 0, 0, 0, 0]
+    assert parts["rest"].tolist() == [0, 2, 0, 0, 0, 0, 0]
+    assert [parts[name][0] for name in COVERED[:4]] == pytest.approx([1, 0.5, 1.5, math.sqrt(10) - 3])
 
 
 def test_incomplete_truth_counts_forecasts() -> None:
@@ -107,66 +102,17 @@ def test_incomplete_truth_counts_forecasts() -> None:
     assert score(CARD, [scene], [run.rollouts], 43).rows["all"]["error"] == pytest.approx((5.5 + 5.5 + 2) / 3)
 
 
-def test_a_late_duplicate_does_not_take_the_match_of_an_early_cut() -> None:
+def test_a_late_duplicate_never_takes_a_match() -> None:
     run = two_cars(said(1, 1, 1, 0.75), said(5, 0.5, 0, 0.25), said(2, 10, 0, 0.5))
-    # The duplicate is nearer: kept, it is matched and the first one is false. .5 m beside, 1 m beside and 1 m off.
+    # The duplicate is nearer and less sure: it is false. sqrt(2) m away, then exact.
     found = [(cut.false, cut.error.tolist()) for cut in cuts(run)]
-    assert found == [(0, [10, 10]), (0, [math.sqrt(2), 10]), (0, [math.sqrt(2), 0]), (1, [0.5, 0])]
+    assert found == [(0, [10, 10]), (0, [math.sqrt(2), 10]), (0, [math.sqrt(2), 0]), (1, [math.sqrt(2), 0])]
 
 
-def test_ties_go_to_confidence_then_to_the_larger_error() -> None:
-    for order in itertools.permutations([said(1, 0, 1, 0.5), said(2, 0, 4, 0.5), said(3, 0, 2, 0.25)]):
-        assert shown.plain_errors(two_cars(*order)).tolist() == [4, 10]
-
-
-def test_a_neutral_object_excuses_one_forecast() -> None:
-    frames = [[at(1, (0, 0)), at(2, (10, 0)), at(3, (1, 0), neutral=True)]] * 5
-    scene = make_scene(frames)
-    for count, false in ((1, 0), (2, 0), (3, 1)):
-        rollout = make_rollout([], [[], [said(i, 0.25 * i, 0, 1.0) for i in range(count)], [], [], []])
-        assert shown.false_per_frame(Run(CARD, [scene], find_targets([scene], CARD), [rollout])) == false
-
-
-def camera(region: list[float]) -> ImageField:
-    """A camera in the origin, 2 m high, looking along x: 100 px focal length, 200 x 100 px; cars are cubes of 2 m."""
-    projection = np.array([[100.0, -100, 0, 0], [50, 0, -100, 200], [1, 0, 0, 0]])
-    box = np.full((2, 3), 2.0)
-    return ImageField(
-        projection[None], np.array([2.0]), np.zeros(1), (200, 100), np.array([region]), np.array([0, 1]), box
-    )
-
-
-def test_what_the_image_confirms() -> None:
-    # At x = 5 the cube's front face is 4 m away: columns 75 to 125, rows 50 + 100 * -.35 / 4 = 41.25 (top) to 91.25.
-    free = camera([0, 0, 1, 1])
-    assert not unconfirmed(free, 0, np.array([5.0, 0]), 0)
-    assert unconfirmed(free, 0, np.array([-5.0, 0]), 0)  # behind
-    assert unconfirmed(free, 0, np.array([5.0, 9]), 0)  # beside: column 250 and more
-    assert unconfirmed(free, 0, np.array([50.0, 0]), 0)  # 4 px high
-    # The top edge is .35 m above the camera: rows 41.25 to 91.25 of the face, so half of the width is half of the area.
-    assert not unconfirmed(camera([75, 0, 99.9, 100]), 0, np.array([5.0, 0]), 0)
-    assert unconfirmed(camera([75, 0, 100.1, 100]), 0, np.array([5.0, 0]), 0)
-    assert not unconfirmed(camera([0, 41.25, 200, 66.2]), 0, np.array([5.0, 0]), 0)
-    assert unconfirmed(camera([0, 41.25, 200, 66.3]), 0, np.array([5.0, 0]), 0)
-
-
-def test_numbers_of_one_target() -> None:
-    path = np.array([[[3.0, 4], [3, 4], [0, 0]], [[0, 0], [0, 0], [0, 3]]])  # errors 5 5 0, and 0 0 3
-    found = numbers(path, np.array([0.5, 0.5]), np.zeros((3, 2)))
-    assert (found.min_ade, found.min_fde, found.miss) == (1, 0, False)
-    assert found.curve == pytest.approx((13 / 6, 1))
-    # Distances sqrt(50) and 3; the samples are sqrt(59) apart.
-    assert found.energy == pytest.approx((math.sqrt(50) / 2 + 3 / 2 - math.sqrt(59) / 4) / math.sqrt(3))
-    assert k_curve([1, 2, 6]) == pytest.approx((3, (1 + 1 + 2) / 3, 1))
-
-
-def test_samples_below_the_floor_are_absent() -> None:
-    weight = np.array([0.5, 0.0025, 0.4975 - 0.002, 0.002])
-    forecast = np.arange(4)[:, None, None] * np.ones((1, 3, 2))
-    thing = at(1, (0, 0), forecast=forecast, log_weight=np.log(weight))
-    paths, kept = stated(make_rollout([], [[thing]], samples=4), 0)
-    assert paths[:, 0, 0].tolist() == [0, 1, 2]  # .01 / 4 = .0025 is not below
-    assert kept == pytest.approx(np.array([0.5, 0.0025, 0.4955]) / 0.998)
+def test_the_surest_are_matched_then_the_nearest_then_the_larger_error() -> None:
+    for order in itertools.permutations([said(1, 1, 1, 0.5), said(2, 1, 4, 0.5), said(3, 0, 2, 0.25)]):
+        assert shown.plain_errors(two_cars(*order)).tolist() == [math.hypot(1, 4), 10]
+    assert shown.plain_errors(two_cars(said(1, 1, 1, 0.5), said(3, 0, 2, 0.5))).tolist() == [2, 10]
 
 
 def test_events_of_one_object() -> None:
@@ -178,23 +124,37 @@ def test_events_of_one_object() -> None:
     assert found["ids"] == [(0, 1, 2, 7, 8)]
     assert found["lost"] == [(0, 1, 3, 8, None), (0, 1, 8, 9, None)]
     assert found["reacquired"] == [(0, 1, 4, 8, 8), (0, 1, 9, 9, 7)]  # not at 7: before 6 the truth has a gap
-
-
-def test_events_follow_the_stated_parent() -> None:
-    scene = make_scene([[at(1, (0, 0))]] * 2)
-    tracks = [[at(7, (0, 0), hypotheses=(0,)), at(8, (0, 0), hypotheses=(1,))]] * 2
-    weight = np.log([[0.9, 0.1], [0.1, 0.9]])  # the best hypothesis is 0, then 1
-    rollout = make_rollout(tracks, log_weight=weight, hypotheses=2)
-    for parent, switches in ((1, 0), (0, 1)):
-        stated_parent = np.array([[-1, -1], [-1, parent]])
-        assert len(own_events([scene], [replace(rollout, hypothesis_parent=stated_parent)], CARD)["ids"]) == switches
+    hole = replace(make_scene(truth), time=np.arange(10.0) / 10 + (np.arange(10) > 1) + (np.arange(10) > 3))
+    assert own_events([hole], [make_rollout(tracks)], CARD) == {
+        "ids": [], "lost": [(0, 1, 3, 8, None), (0, 1, 8, 9, None)], "reacquired": [(0, 1, 9, 9, 7)],
+    }  # fmt: skip
 
 
 def test_sign_flip_and_effective_number() -> None:
-    assert sign_flip([-1.0] * 6) == pytest.approx(2 / 64)
-    assert sign_flip([3.0, -1.0, 0.0]) == pytest.approx(1.0)  # 2 of +-4, +-2: all are at least 2
-    assert sign_flip([1.0] * 20) < 0.001
+    assert sign_flip(np.full(6, -1.0), np.ones(6)) == pytest.approx(2 / 64)
+    assert sign_flip(np.array([3.0, -1.0, 0.0]), np.ones(3)) == pytest.approx(1.0)  # +-4, +-2: all are at least 2
+    assert sign_flip(np.full(20, 1.0), np.ones(20)) < 0.001
     assert effective([1, 1, 2]) == pytest.approx(16 / 6)
+
+
+@pytest.mark.parametrize("units", [6, 8, 15])
+def test_the_interval_holds_what_the_test_does_not_reject(units: int) -> None:
+    rng = np.random.default_rng(units)
+    w = rng.integers(1, 9, units).astype(float)
+    d = np.round(w * rng.normal(0.5, 1, units), 2)
+    found = inverted(d, w)
+    assert found is not None
+    for end, out in zip(found, (-1e-6, 1e-6), strict=True):
+        assert sign_flip(d, w, null=end + out) < 0.05 <= sign_flip(d, w, null=end - out)
+    assert inverted(np.arange(5.0), np.ones(5)) is None
+    # 4 of 64 flips must not reject: that of none, of all, of the 1 alone and of all but it, whose means are 1 and 4
+    assert inverted(np.arange(1.0, 7), np.ones(6)) == pytest.approx((1, 6))
+
+
+def test_who_is_worse_than_stp() -> None:
+    assert [guarded(worse, p) for worse, p in ((0.009, 0.01), (0.02, 0.06), (0.02, 0.04), (0.06, 0.9), (-0.1, 0))] == [
+        False, False, True, True, False,
+    ]  # fmt: skip
 
 
 def test_an_interval_of_three_units() -> None:
@@ -206,17 +166,7 @@ def test_an_interval_of_three_units() -> None:
     assert studentised(np.append(above, 9), np.append(below, 0), lambda _: drawn) == pytest.approx(
         (2 + t * error, 2 - t * error)
     )
-    wide = drawn[:100]
-    steep = studentised(np.array([1.0, 1 + 1e-6, 9]), below, lambda _: wide)
-    assert steep is not None
-    assert steep[1] - (11 + 1e-6) / 3 == pytest.approx(9.92484 * np.std([1, 1, 9], ddof=1) / math.sqrt(3), rel=1e-4)
     assert studentised(above[:2], below[:2]) is None
-
-
-def test_an_interval_of_a_share() -> None:
-    drawn = np.array([[0, 0], [0, 1], [1, 1]] * 40)
-    assert of_shares(np.array([1.0, 2]), np.array([2.0, 3]), lambda _: drawn) == pytest.approx((1 / 2, 2 / 3))
-    assert of_shares(np.array([1.0, 2]), np.array([-1.0, 3]), lambda _: drawn) is None
 
 
 def test_matching_is_the_best_of_all() -> None:
@@ -232,7 +182,7 @@ def test_matching_is_the_best_of_all() -> None:
         ]
 
         def value(chosen: Any, pairs: Any = pairs) -> tuple[float, ...]:
-            cost, confidence, error = np.sum([pairs[key] for key in chosen], axis=0) if chosen else (0, 0, 0)
-            return (len(chosen), -cost, confidence, error)
+            surest = sorted((pairs[key][1] for key in chosen), reverse=True)
+            return (len(chosen), *surest, -sum(pairs[key][0] for key in chosen), sum(pairs[key][2] for key in chosen))
 
         assert value(tuple(best_pairs(pairs).items())) == max(value(chosen) for chosen in every)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -15,7 +15,7 @@ from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.targets import units
 from mtp_bench.types import Floats, Ints, Rollout, Scene
 from tests.independent import scorer
-from tests.independent.scorer import BESIDE, Draws, Scored
+from tests.independent.scorer import BESIDE, Draws, Own, Scored
 from tests.independent.statistics import blocks_of
 from tests.independent.test_agreement import RUNS, agent_scores, drawn, reference_of, rows_of, said, same
 from tests.support.scoring_scenes import make_card, take_objects
@@ -30,28 +30,17 @@ REASONS = {  # in the independent scorer's words -> in the product's
     "one unit is more than a quarter": "one unit has more than 25% of the weight",
     "true pasts": "saw the truth",
     "more samples than k": "8 samples per object",
-    "worse than STP on all": "over all targets its error is above that of stp",
+    "worse than STP on all": "over all targets its bADE is above that of stp",
 }
 
 
-@dataclass(frozen=True)
-class Player:
-    """Shift of its forecasts beside those that are drawn, and the share of them that it leaves out."""
-
-    beside: float  # m
-    silent: float = 0.0
-
-
-PLAYERS = {
-    "stp": Player(1.0),
-    "gt": Player(0.2),
-    "good": Player(0.7),
-    "alike": Player(1.0, 0.05),  # differences of either sign
-    "bad": Player(1.3, 0.1),
-    "free": Player(0.3),
-    "good's stp": Player(1.1, 0.02),
-    "good's gt": Player(0.3),
-}
+PLAYERS = {  # metres of their forecasts beside those that are drawn, and the share of them that they leave out
+    "stp": (1.0, 0.0), "gt": (0.2, 0.0), "good": (0.7, 0.0), "alike": (1.0, 0.05), "bad": (1.3, 0.1),
+    "free": (0.3, 0.0), "bad's equal": (1.3, 0.1), "good's stp": (1.1, 0.02), "good's gt": (0.3, 0.0),
+    "good's same": (1.05, 0.0), "good's associated": (0.8, 0.02),
+}  # fmt: skip
+OWN = {"single": "good's stp", "ground_truth": "good's gt"}
+OWN |= {"same_samples": "good's same", "associated_same_samples": "good's associated"}
 
 
 @lru_cache
@@ -68,14 +57,14 @@ def as_flipped(n: int) -> Floats:
 @lru_cache(maxsize=max(SCENES))
 def before(seed: int, place: int) -> Rollout:
     """The rollout from which those of all players are made."""
-    return said("complete", seed, place, 0)
+    return said("simulated", seed, place, 0)
 
 
-def of_player(player: Player, seed: int, scene: Scene, place: int) -> Rollout:
+def of_player(beside: float, silent: float, seed: int, scene: Scene, place: int) -> Rollout:
     rollout = before(seed, place)
-    rng = np.random.default_rng([seed, place, int(1000 * player.silent)])
-    kept = np.flatnonzero(rng.random(len(rollout.object_box)) >= player.silent)
-    forecast = rollout.forecast + np.array([0, 100 * player.beside], dtype=np.int16)
+    rng = np.random.default_rng([seed, place, int(1000 * silent)])
+    kept = np.flatnonzero(rng.random(len(rollout.object_box)) >= silent)
+    forecast = rollout.forecast + np.array([0, 100 * beside], dtype=np.int16)
     return replace(take_objects(replace(rollout, forecast=forecast), kept), scene=scene.name)
 
 
@@ -91,7 +80,7 @@ def unlike(reference: Reference, seed: int) -> Reference:
 
 @pytest.mark.parametrize("rate", [2.0, 7.0, 10.0])
 def test_both_cut_scenes_into_the_same_blocks(rate: float) -> None:
-    empty = drawn("complete", 0, 0)
+    empty = drawn("simulated", 0, 0)
     for frames in range(2, 1000):
         time = 1000.0 + np.arange(frames) / rate
         found = units(replace(empty, time=time), with_task(make_card(), rate=rate))
@@ -106,12 +95,12 @@ def told(reason: str, row: Mapping[str, Any]) -> bool:
 @pytest.mark.parametrize("seed", CASES)
 def test_both_scorers_rank_alike(seed: int) -> None:
     card = make_card()
-    scenes = [drawn("complete", seed, place) for place in range(SCENES[seed % len(SCENES)])]
+    scenes = [drawn("simulated", seed, place) for place in range(SCENES[seed % len(SCENES)])]
     reference = unlike(reference_of(card, scenes, seed), seed)
     product: dict[str, AgentScores] = {}
     others: dict[str, Scored] = {}
     for name, player in PLAYERS.items():
-        runs = [[of_player(player, seed, scene, place) for place, scene in enumerate(scenes)]]
+        runs = [[of_player(*player, seed, scene, place) for place, scene in enumerate(scenes)]]
         product[name] = replace(agent_scores(name, scenes, runs, card), ideal=name.endswith("gt"))
         if name == "free":
             eight = tuple(tuple(replace(score, samples=8) for score in run) for run in product[name].seeds)
@@ -119,18 +108,23 @@ def test_both_scorers_rank_alike(seed: int) -> None:
         table = agent_table(product[name], reference)
         weights = {subset: weight for subset, weight in table.weight.items() if subset != "all"}
         others[name] = scorer.score(card, scenes, runs, table.budgets.subsets, weights)
-    own = ("good's stp", "good's gt")
-    ends = {"good": References(*(product[name] for name in own)), "alike": References(product["stp"], product["gt"])}
-    rows = [agent for name, agent in product.items() if name not in own]
+    kinematic = {"single": product["stp"], "ground_truth": product["gt"]}
+    own = {role: product[name] for role, name in OWN.items()}
+    ends = {"good": References(**own), "alike": References(**kinematic), "bad": None}
+    rows = [agent for name, agent in product.items() if name not in OWN.values()]
     report = summarise(rows, card, reference, stp="stp", truth="gt", references=ends)
     compared = scorer.compare(
-        {name: agent for name, agent in others.items() if name not in own},
-        own_ends={"good": (others[own[0]], others[own[1]]), "alike": None},
+        {name: agent for name, agent in others.items() if name not in OWN.values()},
+        own={
+            "good": Own(*(others[name] for name in OWN.values())),
+            "alike": Own(others["stp"], others["gt"]),
+            "bad": Own(),
+        },
         free=("free",),
         draws=Draws(from_counts, as_flipped),
     )
     for subset in SUBSETS:
         for name, values in compared[subset].items():
             row = rows_of(report, name)[subset]
-            same(row, values, ("rank", "interval", *BESIDE))
+            same(row, values, ("place", "rank_range", "interval", *BESIDE))
             assert told(values["unranked_because"], row), (name, subset)

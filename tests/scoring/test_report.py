@@ -99,19 +99,6 @@ def test_without_a_reference_only_all_targets_have_weight_and_budgets_go_up_to_o
     assert report.condition["weights"] == "none"
 
 
-def test_seeds_are_averaged_per_target() -> None:
-    known = reference(counts=[[4, 0, 0, 0], [0, 0, 0, 0]])
-    report = summarise([agent("a", [answer(0.5)], [answer(1.5, false=1)], [answer(0, seen=False)])], CARD, known)
-    got = row(report)
-    assert got.minADE == pytest.approx(1.0)  # over the two seeds that cover the car
-    assert got.coverage == pytest.approx(2 / 6)
-    assert got.plain_error == pytest.approx(((0.5 + 1.5 + 10) / 3 + 4) / 2)
-    assert got.error == pytest.approx((2.25 + (0.2 * 7 + 0.8 * 2.75) + 7) / 3)
-    assert got.fixed_error == pytest.approx((2.25 + 2.75 + 2.5 + 7) / 3)
-    assert row(report, "ids").error == pytest.approx((0.5 + 1.5 + 10) / 3)
-    assert got.seeds == 3
-
-
 # ---- several scenes: STP, the truth, and agents between them
 
 SCENES = [f"s{i}" for i in range(12)]
@@ -125,17 +112,6 @@ def run(error: float, **more: Any) -> list[SceneScore]:
 def comparison(*others: AgentScores, stp: float = 1.0, own: Mapping[str, References | None] | None = None) -> Report:
     ends = agent("stp", run(stp)), agent("truth_past", run(0.2))
     return summarise([*ends, *others], CARD, ALIKE, references=own)
-
-
-def test_gap_closed() -> None:
-    report = comparison(agent("half", run(0.6)), agent("worse", run(1.4)), agent("noisy", run(0.6, false=1)))
-    closed = [row(report, "ids", agent=i).gap_closed for i in range(5)]
-    assert closed == pytest.approx([0.0, 1.0, 0.5, -0.5, 0.5])  # one false forecast per scene is within the budget
-    assert row(report, agent=2).gap_closed == pytest.approx(0.5)
-    noisy = row(report, agent=4).gap_closed
-    assert noisy < 0.5
-    assert row(report, agent=2).gap_interval == pytest.approx((0.5, 0.5))
-    assert row(report, "lost", agent=2).gap_closed == pytest.approx(0.5)  # shown, though never ranked
 
 
 def test_gap_closed_is_undefined_at_another_k_and_where_there_is_no_gap() -> None:
@@ -181,46 +157,6 @@ def test_differences_to_the_controls() -> None:
     assert (pair.targets, pair.shared, pair.scenes) == (24, 12, 12)
     assert pairs["half", "stp", "frag"].error == pytest.approx(-0.2)
     assert ("stp", "stp", "all") not in pairs
-
-
-RANKS = {
-    # agent beside stp (1.0 m) and the truth: rank on all, reason; rank on ids, reason
-    "better": (agent("a", run(0.6)), 1, None, 1, None),
-    "as good": (agent("a", run(1.0)), 1, None, 1, None),
-    "worse": (agent("a", run(1.5)), 2, None, None, "over all targets its bADE is above that of stp"),
-    "better on events, worse on all": (
-        agent("a", run(0.9, false=2)),
-        2,
-        None,
-        None,
-        "over all targets its bADE is above that of stp",
-    ),
-    "more samples": (
-        agent("a", run(0.6), samples=40, budget="free"),
-        None,
-        "40 samples per object, not the env's own k",
-        None,
-        "40 samples per object, not the env's own k",
-    ),
-}
-
-
-@pytest.mark.parametrize(("other", "of_all", "why", "of_ids", "why_ids"), RANKS.values(), ids=RANKS.keys())
-def test_ranks(
-    other: AgentScores, of_all: int | None, why: str | None, of_ids: int | None, why_ids: str | None
-) -> None:
-    report = comparison(other)
-    assert (row(report, agent=2).place, row(report, agent=2).unranked_because) == (of_all, why)
-    assert (row(report, "ids", 2).place, row(report, "ids", 2).unranked_because) == (of_ids, why_ids)
-    assert (row(report, agent=1).place, row(report, agent=1).unranked_because) == (None, "saw the truth")
-    assert row(report).place == (2 if other is RANKS["better"][0] else 1)
-    assert {row(report, name, 2).place for name in ("lost", "frag", "paper_ids", "paper_frag")} == {None}
-
-
-def test_the_guard_knows_the_agent_s_own_pipeline_too() -> None:
-    ends = References(agent("learned stp", run(0.5)), agent("learned truth", run(0.2)))
-    report = comparison(agent("a", run(0.6)), own={"a": ends})
-    assert (row(report, agent=2).place, row(report, "ids", 2).place) == (1, None)
 
 
 @pytest.mark.parametrize("seen", [True, False], ids=["sees the car", "says nothing"])

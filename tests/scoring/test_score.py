@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -144,83 +143,6 @@ def test_forecasts_in_frames_without_targets_do_not_matter(seed: int) -> None:
 
 
 # ---- cuts
-
-
-@at_every_cut
-@given(seeds)
-def test_a_cut_is_as_if_nothing_else_had_been_said(seed: int) -> None:
-    scene, rollout = random_case(seed)
-    cuts = score_scene(scene, rollout, CARD).cuts
-    for least in np.unique(rollout.object_confidence):
-        alone = score_scene(scene, take_objects(rollout, np.flatnonzero(rollout.object_confidence >= least)), CARD)
-        error, missed = cuts.at(least)
-        np.testing.assert_allclose(error, alone.capped)
-        assert np.array_equal(missed, np.where(alone.covered, 0.0, alone.miss_error))
-        assert cuts.false[cuts.confidence >= least].sum() == alone.false_forecasts
-
-
-@pytest.mark.parametrize(("second", "last"), [(0.5, 18**0.5), (0.75, 72**0.5)], ids=["the surest", "of one group"])
-def test_a_nearer_forecast_takes_the_match_of_one_that_is_as_sure_alone(second: float, last: float) -> None:
-    scene = make_scene([[Thing(1, 0, 0)]] * 5)
-    still = [
-        Thing(1, x, 0, forecast=np.full((4, 3, 2), far), confidence=c) for x, far, c in ((1, 3, 0.75), (0, 6, second))
-    ]
-    score = score_scene(scene, make_rollout([[]] * 5, [[], still], samples=4), CARD)
-    assert [score.cuts.at(c)[0].tolist() for c in (0.8, 0.5)] == [[10], pytest.approx([last])]
-    assert score.cuts.false.sum() == 1
-    assert sorted(score.outcome.tolist()) == [Outcome.FALSE_POSITIVE, Outcome.TARGET]
-
-
-BUDGETS = {
-    # confidences of a right forecast (error 1 m) and of two false ones; error at 0, 1/2, 1, 3/2, 2 and 3 false ones
-    "the right one first": ([0.9, 0.5, 0.4], [1, 1, 1, 1, 1, 1]),
-    "one false one first": ([0.5, 0.9, 0.4], [10, 10, 1, 1, 1, 1]),
-    "one false one at once": ([0.5, 0.5, 0.4], [10, 5.5, 1, 1, 1, 1]),
-    "all at once": ([0.5, 0.5, 0.5], [10, 7.75, 5.5, 3.25, 1, 1]),
-    "both false ones first": ([0.5, 0.9, 0.8], [10, 10, 10, 10, 1, 1]),
-    "both at once, then the right one": ([0.5, 0.9, 0.9], [10, 10, 10, 10, 1, 1]),
-}
-
-
-@pytest.mark.parametrize(("confidence", "want"), BUDGETS.values(), ids=BUDGETS.keys())
-def test_errors_at_budgets(confidence: Sequence[float], want: Sequence[float]) -> None:
-    said = [Thing(i, 50 * i, 0, forecast=[[[50 * i, 1]] * 3], confidence=c) for i, c in enumerate(confidence)]
-    score = score_scene(make_scene([[Thing(1, 0, 0)]] * 5), make_rollout([[]] * 5, [[], said]), CARD)
-    found = errors_at([score.cuts], [0, 0.5, 1, 1.5, 2, 3])
-    assert found.error[:, 0].tolist() == pytest.approx(want)
-    assert found.missed[:, 0].tolist() == pytest.approx([(e - 1) / 9 * 10 for e in want])
-
-
-def test_budgets() -> None:
-    assert budgets_of(20, 7.0).all.tolist() == pytest.approx(np.arange(1, 11) * 0.7)
-    assert budgets_of(20, 70.0).all.tolist() == pytest.approx(np.arange(1, 11) * 2.0)
-    assert (budgets_of(20, 70.0).subsets, budgets_of(20, np.inf).all[-1]) == (70.0, 20.0)
-    assert budgets_of(20, 7.5, false_known=False).all.tolist() == [20.0, 40.0, 7.5]
-    assert budgets_of(20, np.inf, false_known=False).all.tolist() == [20.0, 40.0]
-
-
-def test_where_false_ones_are_not_known_a_budget_is_of_forecasts_per_live_frame() -> None:
-    said = [Thing(0, 0, 0, forecast=[[[0, 1]] * 3], confidence=0.5), Thing(1, 50, 0), Thing(2, 60, 0)]
-    scene = make_scene([[Thing(1, 0, 0)]] * 6, truth_complete=False)  # two live frames
-    score = score_scene(scene, make_rollout([[]] * 6, [[], said, said]), CARD)
-    assert score.live == 2
-    assert errors_at([score.cuts], [2, 2.5, 3], live_frames=2).error.mean(axis=1).tolist() == pytest.approx(
-        [10, 5.5, 1]
-    )
-
-
-def test_scenes_of_a_run_share_a_budget() -> None:
-    scene = make_scene([[Thing(1, 0, 0)]] * 5)
-    right, false = Thing(1, 0, 0, forecast=[[[0, 0]] * 3]), Thing(2, 50, 0)
-
-    def score(*confidence: float) -> SceneScore:
-        said = [replace(thing, confidence=c) for thing, c in zip((right, false), confidence, strict=True)]
-        return score_scene(scene, make_rollout([[]] * 5, [[], said]), CARD)
-
-    # one false forecast is allowed: it is that of the second scene, before the target of the first is reached
-    runs = [score(0.5, 0.6), score(0.9, 0.7)]
-    assert errors_at([s.cuts for s in runs], [1]).error[0].tolist() == [10, 0]
-    assert errors_at([s.cuts for s in runs], [2]).error[0].tolist() == [0, 0]
 
 
 def test_what_became_of_a_forecast() -> None:

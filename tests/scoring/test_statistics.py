@@ -57,11 +57,6 @@ def test_the_interval_is_wider_than_that_of_percentiles_where_units_are_few() ->
     assert studentised[0] < percentile[0] < percentile[1] < studentised[1]
 
 
-def test_scenes_without_targets_do_not_count() -> None:
-    with_empty = bootstrap_interval([1.0, 0.0, 5.0, 0.0, 2.0], [1, 0, 2, 0, 1])
-    assert with_empty == bootstrap_interval([1.0, 5.0, 2.0], [1, 2, 1])
-
-
 @pytest.mark.parametrize("count", [[], [3], [3, 1], [3, 0, 1], [0, 0, 0]])
 def test_fewer_than_three_units_have_no_interval(count: list[int]) -> None:
     assert bootstrap_interval(np.ones(len(count)), count) is None
@@ -103,15 +98,6 @@ def test_many_scenes_are_sampled_and_repeat() -> None:
         found = sign_flip_test(even + mean)
         assert found.interval is not None
         assert (found.p < 0.05) == (found.interval[0] > 0 or found.interval[1] < 0)
-
-
-def test_sampled_and_exact_flips_agree() -> None:
-    difference = np.random.default_rng(4).normal(0.3, 1, 14)
-    exact = sign_flip_test(difference)
-    # a scene that decides nothing takes the sampled path
-    sampled = sign_flip_test(np.append(difference, 1e-12), [1.0] * 14 + [0.0])
-    assert sampled.p == pytest.approx(exact.p, abs=0.02)
-    assert sampled.interval == pytest.approx(exact.interval, abs=0.05)
 
 
 def test_a_paired_difference() -> None:
