@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..scoring.parts import name_of
 from .replay import NO_EVENT, Incident, Replay, known
 
 
@@ -41,7 +42,7 @@ def _no_event(run: Replay, at: Incident) -> Incident:
     track = int(np.append(run.rollout.track_id, -1)[run.truth_track[at.row]])
     truth = run.scene.truth
     before = np.flatnonzero((truth.object_id == at.object_id) & (truth.frame_of_rows < at.frame))
-    min_ade, error, confidence = map(known, run.worth[at.row])
+    min_ade, error, confidence, cause = map(known, run.worth[at.row])
     return replace(
         at,
         kind=NO_EVENT,
@@ -51,6 +52,7 @@ def _no_event(run: Replay, at: Incident) -> Incident:
         wrong=False,
         minADE=min_ade,
         error=error,
+        part=None if cause is None else name_of(int(cause)),
         error_before=known(run.worth[before[-1], 1]) if len(before) else None,
         confidence=confidence,
     )
