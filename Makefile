@@ -86,7 +86,8 @@ docs: .venv/installed-dev
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
 
 pages: .venv/installed
-	@$(BIN)/mtp-bench board -o leaderboard/index.html --fill leaderboard/RESULTS.md --fill README.md
+	@$(BIN)/mtp-bench board -o leaderboard/index.html
+	@$(BIN)/python -m docs.generate.results
 
 # pip is the last thing that `python -m venv` writes
 .venv/bin/pip:

@@ -30,7 +30,6 @@ from ..viz.board import (
     style_of,
 )
 from ..viz.board import write_board as write_page
-from ..viz.board.tables import fill
 from ..viz.terminal.output import counted, progress_bar, show, show_lines, show_table
 from .options import BaseOption, JsonOption, TableOption, file_option
 from .output import write_json, write_table
@@ -55,24 +54,17 @@ def board(
         file_option("-o", "--output", text="Also write a page (.html) with its parts beside it.", suffixes=(".html",)),
     ] = None,
     env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
-    pages: Annotated[
-        list[Path] | None,
-        typer.Option("--fill", help="A Markdown page: write its marked tables anew from the records; repeatable."),
-    ] = None,
     base: BaseOption = None,
     strict: Annotated[bool, typer.Option("--strict", help="Status 1 where a record is broken.")] = False,
     table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
-    if pages and (env or further):
-        raise typer.BadParameter("needs all records and no others, leave --env and --with out", param_hint="--fill")
     if output is not None:
         require_parts(output)
     with progress_bar("records") as progress:
         content = read_board(records, further or (), env, output, trusted(base), progress)
     entries, tables = content.entries, board_tables(content.entries)
-    changed = _fill(pages, content) if pages else []
     write_json(json_file, board_json(entries))
     write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
     for table, notes in tables:
@@ -87,7 +79,6 @@ def board(
         guide = _relative(submitting, output) if submitting.exists() else None
         write_page(output, board_files(entries, parts_folder(output).name, guide))
         show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
-    show_lines(changed)
     if strict and content.refused:
         raise RecordError(f"{counted(len(content.refused), 'record')} refused, the first: {content.refused[0]}")
 
@@ -158,14 +149,6 @@ def read_board(
 def _place(record: Record) -> tuple[str, ...]:
     """The parts of the file name of a record in the folder of all."""
     return record.submission.name, record.env.id, record.env.split
-
-
-def _fill(pages: Sequence[Path], content: Board) -> list[str]:
-    """Fill in pages from all records, as a page would lose the rows of those that are missing. Lines to show."""
-    if content.refused:
-        refused = counted(len(content.refused), "record")
-        raise RecordError(f"no page is filled in: {refused} refused, {content.refused[0]}")
-    return [f"{page}: {'tables written anew' if fill(page, content.entries) else 'unchanged'}" for page in pages]
 
 
 def _link(path: Path | None, page: Path | None) -> str | None:

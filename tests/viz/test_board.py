@@ -425,4 +425,3 @@ def test_the_command_names_a_missing_folder_and_a_broken_record(
     assert strict.startswith("1 record refused, the first: ")
     monkeypatch.setattr("mtp_bench.commands.board.record_paths", lambda *_: pytest.fail("all records were read before"))
     assert "perfect" in cli("board", "--with", path, "--records", tmp_path).error
-    assert "leave --env and --with out" in cli("board", "--fill", path, "--env", MAIN, "--records", tmp_path).err

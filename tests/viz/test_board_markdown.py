@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from docs.generate.results import filled
 from mtp_bench.viz.board import Entry
-from mtp_bench.viz.board.tables import filled
 from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
 
 

@@ -1,0 +1,150 @@
+"""Write the tables of RESULTS.md and README.md anew from the records of the leaderboard.
+
+    python -m docs.generate.results
+
+The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
+entry of an environment, ``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, and ``costs``,
+those of detection and tracking together and of association alone.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mtp_bench.commands.board import read_board
+from mtp_bench.errors import MtpBenchError, RecordError, UnknownNameError
+from mtp_bench.files import write_text
+from mtp_bench.parallel import NO_PROGRESS
+from mtp_bench.records import trusted
+from mtp_bench.records.ranking import conditions, difference_of
+from mtp_bench.scoring.definitions import SUBSETS, Subset
+from mtp_bench.tables import Column, Table, Value, to_markdown
+from mtp_bench.viz.board.columns import COLUMN, INTERVALS, PAGE
+from mtp_bench.viz.board.entries import Entry, by_board
+from mtp_bench.viz.board.tables import earlier_text
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = (ROOT / "leaderboard" / "RESULTS.md", ROOT / "README.md")
+_BEGIN, _END = "<!-- table: ", "<!-- /table -->"
+_BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
+
+
+def filled(text: str, entries: Sequence[Entry], where: str) -> str:
+    """``text`` with its tables made anew; ``where``: name of the page, for errors."""
+    count = sum(1 for _ in _BLOCK.finditer(text))
+    begun, ended = (sum(line.startswith(mark) for line in text.splitlines()) for mark in (_BEGIN, _END))
+    if not count == begun == ended:
+        raise MtpBenchError(
+            f"{where}: {begun} lines `{_BEGIN}NAME -->` and {ended} lines `{_END}`, expected them in pairs"
+        )
+    if not count:
+        raise MtpBenchError(f"{where}: no table to fill in; mark one by lines `{_BEGIN}NAME -->` and `{_END}`")
+
+    def block(match: re.Match[str]) -> str:
+        table = _table(match["name"], entries, where)
+        return f"{_BEGIN}{match['name']} -->\n\n{to_markdown(table)}\n{_END}"
+
+    return _BLOCK.sub(block, text)
+
+
+def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
+    first, *further = name.split()
+    if first == "env" and len(further) == 1:
+        return env_table(further[0], entries)
+    if name == "costs":
+        return costs_table(entries)
+    if first in SUBSETS and further[:1] == ["of"] and further[1:]:
+        return across_table(next(subset for subset in SUBSETS if subset == first), further[1:], entries)
+    raise MtpBenchError(f"{where}: table {name!r}, expected `env ID`, `SUBSET of AGENT AGENT ...` or `costs`")
+
+
+def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
+    """A row per entry of an environment; those of earlier definitions if there are no others."""
+    listed = next((each for each in by_board(entries).values() if each[0].env == env_id), None)
+    if listed is None:
+        raise UnknownNameError("environment", env_id, sorted({entry.env for entry in entries}))
+    names = [
+        Column(f"agent{earlier_text(listed[0])}", key="agent", read=lambda entry: f"`{entry.name}`"),
+        Column("rank", key="rank", read=lambda entry: entry.rank),
+    ]
+    keys = [key for page_key in PAGE for key in (page_key, INTERVALS.get(page_key, "")) if key]
+    return Table(env_id, env_id, "", listed, [*names, *(replace(COLUMN[key], optional=True) for key in keys)])
+
+
+def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]) -> Table:
+    """Values of bADE of agents on one subset: a row per environment in which all of them have a record."""
+    names = sorted({entry.name for entry in entries})
+    for agent in agents:
+        if agent not in names:
+            raise UnknownNameError("agent", agent, names)
+    rows = _by_name(agents, entries)
+    columns = [Column("environment", key="env", read=lambda row: row[agents[0]].env + earlier_text(row[agents[0]]))]
+    for agent in agents:
+        columns.append(Column(f"`{agent}`", "m", "lower", key=agent, read=_value(subset, agent, "error")))
+        columns.append(Column(interval=True, key=f"{agent}_interval", read=_value(subset, agent, "interval")))
+    for what in ("objects", "units"):
+        read = _value(subset, agents[0], f"effective_{what}")
+        columns.append(Column(f"effective {what}", format=".1f", key=what, read=read))
+    return Table(subset, f"bADE on {subset}", "", rows, columns)
+
+
+def costs_table(entries: Sequence[Entry]) -> Table:
+    """Costs of detection and tracking together, and of association alone: a row per environment and ranked subset."""
+    both, alone = ("stp", "truth_past"), ("stp_same_budget", "perfect_association_same_samples")
+    subsets: tuple[Subset, ...] = ("all", "ids", "reacquired")
+    rows = [(subset, known) for known in _by_name((*both, *alone), entries) for subset in subsets]
+    columns = [
+        Column("environment", key="env", read=lambda row: row[1]["stp"].env + earlier_text(row[1]["stp"])),
+        Column("subset", key="subset", read=lambda row: row[0]),
+    ]
+    for heading, (worse, better) in (("detection and tracking together", both), ("of which association", alone)):
+        columns += [
+            Column(heading, "m", key=better, format="+.3f", read=_cost(worse, better, "mean")),
+            Column(interval=True, key=f"{better}_interval", read=_cost(worse, better, "interval")),
+            Column("p", key=f"{better}_p", format=".3f", read=_cost(worse, better, "p")),
+        ]
+    return Table("costs", "Costs of detection and tracking", "", rows, columns)
+
+
+def _cost(worse: str, better: str, what: str) -> Callable[[tuple[Subset, dict[str, Entry]]], Value]:
+    """A field of the difference between two agents; None where there is no target, or the data differ."""
+
+    def read(row: tuple[Subset, dict[str, Entry]]) -> Value:
+        one, other = row[1][worse], row[1][better]
+        alike = conditions(one.sums) == conditions(other.sums)
+        return getattr(difference_of(one, other, row[0]) if alike else None, what, None)
+
+    return read
+
+
+def _by_name(agents: Sequence[str], entries: Sequence[Entry]) -> list[dict[str, Entry]]:
+    """Entries by name, for each environment in which all of the agents have one; earlier ones without others."""
+    rows: dict[str, dict[str, Entry]] = {}
+    for listed in by_board(entries).values():
+        known = {entry.name: entry for entry in reversed(listed)}
+        if all(agent in known for agent in agents):
+            rows.setdefault(listed[0].env, known)
+    return list(rows.values())
+
+
+def _value(subset: Subset, agent: str, name: str) -> Callable[[dict[str, Entry]], Value]:
+    return lambda row: getattr(row[agent].row_of(subset), name)
+
+
+def main() -> None:
+    """Fill in the pages; a record that is broken stops it, as a page would lose its row."""
+    content = read_board(None, (), None, None, trusted(None), NO_PROGRESS)
+    if content.refused:
+        raise RecordError(f"{len(content.refused)} records refused: {content.refused[0]}")
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        new = filled(text, content.entries, page.name)
+        write_text(page, new)
+        print(f"{page.name}: {'unchanged' if new == text else 'tables written anew'}")
+
+
+if __name__ == "__main__":
+    main()
