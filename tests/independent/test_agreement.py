@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import Card
-from mtp_bench.scoring import SUBSETS, AgentScores, Reference, References, Report, score_scene, summarise
+from mtp_bench.scoring import DEFINITIONS, SUBSETS, AgentScores, Reference, References, Report, score_scene, summarise
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.scoring.weights import SceneWeights, scene_key
@@ -120,7 +120,7 @@ def reference_of(card: Card, scenes: list[Scene], seed: int) -> Reference:
         stated = int(rng.integers(1, 20))
         weights = SceneWeights(counts, rng.random((count, 3)) < 0.2, (3, 2, 1), stated, 4 * stated)
         of_scenes[scene_key(card.id, scene.name)] = weights
-    return Reference(card.id, card.digest, "2.0", "stp", RUNS, {}, of_scenes)
+    return Reference(card.id, card.digest, DEFINITIONS, "stp", RUNS, {}, of_scenes)
 
 
 @pytest.mark.parametrize(("kind", "seed"), CASES)
