@@ -165,16 +165,6 @@ def by_sums(samples: NDArray[Any], truth: NDArray[Any], weight: NDArray[Any]) ->
     return float((first - pairs / 2) / np.sqrt(len(truth)))
 
 
-@steady
-@given(seeds, st.integers(1, 7), st.booleans())
-def test_energy_score_equals_its_sums(seed: int, count: int, equal: bool) -> None:
-    rng = np.random.default_rng(seed)
-    samples, truth = rng.normal(size=(3, count, 4, 2)) + 50, rng.normal(size=(3, 4, 2)) + 50
-    weight = np.full((3, count), 1 / count) if equal else rng.dirichlet(np.full(count, 0.3), 3)
-    want = [by_sums(*case) for case in zip(samples, truth, weight, strict=True)]
-    np.testing.assert_allclose(energy_score(samples, truth, weight), want, rtol=1e-9, atol=1e-9)
-
-
 def test_energy_score_of_many_samples_in_blocks() -> None:
     rng = np.random.default_rng(0)
     samples, truth = rng.normal(size=(2, 150, 2, 2)), rng.normal(size=(2, 2, 2))

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.errors import ShapeError
-from mtp_bench.scoring import end_to_end_accuracy, find_targets, forecast_average_precision, frame_error, score_scene
+from mtp_bench.scoring import find_targets, forecast_average_precision, frame_error, score_scene
 from mtp_bench.scoring.forecasts import RecordedForecasts, match_objects
 from mtp_bench.types import Scene
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
@@ -135,12 +135,6 @@ def test_frames_add_up_to_the_scene(seed: int, complete: bool) -> None:
 
 
 # ---- EPA and AP_f
-
-
-def test_epa_by_hand() -> None:
-    assert end_to_end_accuracy(8, 4, 12) == 0.5
-    assert end_to_end_accuracy(0, 4, 2) == -1.0
-    assert end_to_end_accuracy(0, 4, 0) is None
 
 
 AP: dict[str, tuple[list[bool], list[float], int, float]] = {

@@ -50,23 +50,6 @@ def test_windows(present: str, want: Sequence[int]) -> None:
         assert targets.frame[targets.rows(t)].tolist() == [t] * (t in want)
 
 
-LISTED = {
-    # presence: frames of targets of an official list (3 future, no past)
-    "xxxxx": [0, 1],
-    ".xxxx": [1],
-    "ixxxx": [1],
-    "nxxxx": [1],
-    "xxx.x": [],
-}
-
-
-@pytest.mark.parametrize(("present", "want"), LISTED.items(), ids=list(LISTED))
-def test_an_official_list_needs_no_past(present: str, want: Sequence[int]) -> None:
-    targets = find_targets(replace(make_scene(line(present)), listed_targets=True), CARD)
-    assert targets.frame.tolist() == list(want)
-    assert targets.future[:, :, 0].tolist() == [[t + 1.0, t + 2.0, t + 3.0] for t in want]
-
-
 def test_distance_and_approach_are_those_to_the_ego_of_each_frame() -> None:
     scene = make_scene(line("xxxxx"))
     ego = np.zeros((5, 4))
