@@ -104,7 +104,6 @@ def costs_table(entries: Sequence[Entry]) -> Table:
         columns += [
             Column(heading, "m", key=better, format="+.3f", read=_cost(worse, better, "mean")),
             Column(interval=True, key=f"{better}_interval", read=_cost(worse, better, "interval")),
-            Column("p", key=f"{better}_p", format=".3f", read=_cost(worse, better, "p")),
         ]
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
 
