@@ -13,7 +13,7 @@ from ..viz.terminal.output import counted
 from .drawing import COLORS, SERIES, Drawing, draw
 from .findings import Findings
 from .panels import HATCHES, MARKERS, Panel, Series, draw_panels
-from .rows import column, subset_name, texts_of
+from .rows import subset_name, texts_of
 
 Tables = dict[str, Table]  # by name
 PART_COLORS = (
@@ -154,42 +154,6 @@ def _parts(findings: Findings, rows: Sequence[Any]) -> Sketch:
     return Sketch([panel], size=(8.1, 1.3 + 0.36 * len(rows)), legend=4)
 
 
-def _since(findings: Findings, rows: Sequence[Any]) -> Sketch:
-    panels = []
-    for since, field in (("last ids", "minADE"), ("last reacquired", "minADE"), ("first appearance", "plain_error")):
-        own = _where(rows, since=since)
-        panels += [_bins(findings, own, since, field)] if own else []
-    return Sketch(panels, size=(8.1, 2.7 * len(panels) + 0.4), rows=len(panels), legend=4)
-
-
-def _bins(findings: Findings, rows: Sequence[Any], since: str, field: str) -> Panel:
-    """One number of each agent in each bin, with its interval, and the number of targets in the bin."""
-    names, colors = list(dict.fromkeys(_pick(rows, "frames"))), _colors(findings)
-    rows, series = [row for row in rows if getattr(row, field) is not None], []
-    for i, (agent, count) in enumerate(dict.fromkeys((row.agent, row.H) for row in rows)):
-        own = _where(rows, agent=agent, H=count)
-        x = [names.index(row.frames) + 0.12 * (i - 1.5) for row in own]
-        series.append(_series_of(own, _called(own[0]), colors.get(agent, "grey"), x, field, kind="dots"))
-    counts = {row.frames: row.targets for row in rows}
-    ends = [pair[1] for pair in _pick(rows, f"{field}_interval") if pair is not None]
-    most = max(_pick(rows, field), default=1.0)  # intervals of a handful of targets must not squeeze the rest
-    top = max(most, min(max(ends, default=most), 1.35 * most)) * 1.07 or 1.0
-    ticks = _named_ticks(f"{textwrap.fill(name, 8)}\n{counts.get(name, 0)}" for name in names)
-    return Panel(series, f"frames since the {since}; below: targets", f"{column(field).title}, m", ticks, (0, top))
-
-
-def _colors(findings: Findings) -> dict[str, str]:
-    """Colour of every agent by its label, the same in all figures."""
-    first, plan = findings.subject, findings.plan
-    colors = {first.truth.label: "green", first.single.label: "blue"}
-    for control in plan.shown_controls:
-        colors[control.label] = "orange" if control is plan.same_samples else "purple"
-    colors.setdefault(first.most.label, "vermillion")
-    left = [name for name in SERIES if name not in colors.values()]
-    others = [s.label for subject in plan.subjects[1:] for s in (subject.most, subject.single, subject.truth)]
-    return dict(zip(others, left, strict=False)) | colors
-
-
 def _where(rows: Iterable[Any], **values: Any) -> list[Any]:
     """Rows whose attributes have these values."""
     return [row for row in rows if all(getattr(row, name) == value for name, value in values.items())]
@@ -240,5 +204,4 @@ FIGURES: dict[str, tuple[str, Callable[[Findings, Sequence[Any]], Sketch]]] = { 
     "events": ("events", _events),
     "samples": ("samples", _samples),
     "parts": ("parts", _parts),
-    "since": ("since", _since),
 }

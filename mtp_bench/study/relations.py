@@ -153,7 +153,7 @@ def _share(relation: str, paper: str, measured: str, parts: tuple[Floats, Floats
 
 
 def _frequency(findings: Findings) -> Row:
-    near = findings.of(findings.subject.single).around[0]
+    near = findings.of(findings.subject.single).events[0]
     events = np.array([scene.own["lost"] for scene in near], dtype=float)
     objects = np.array([scene.objects for scene in near], dtype=float)
     interval = bootstrap_interval(events, objects)
@@ -173,7 +173,7 @@ def _shared(findings: Findings) -> Row:
     papers = shared_events(findings.bench.of_paper).get("ids") if count == PAPER_HYPOTHESES else None
     if papers is not None:
         paper = f"{papers['one']} to {papers['all']}, {1 - papers['all'] / papers['one']:.1%} fewer"
-    one, every = (findings.of(setting).around[0] for setting in (findings.subject.single, findings.subject.most))
+    one, every = (findings.of(setting).events[0] for setting in (findings.subject.single, findings.subject.most))
     first = np.array([scene.own["ids"] for scene in one], dtype=float)
     left = np.array([scene.shared["ids"] for scene in every], dtype=float)
     measured = f"{first.sum():.0f} ids with one hypothesis, {left.sum():.0f} in all {count}"

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace as Row
 from typing import Any
-
-import numpy as np
 
 from ..running.settings import Setting
 from ..scoring.definitions import Subset
 from ..scoring.parts import PARTS
 from ..scoring.statistics import ratio
 from ..tables import Column, Table
-from ..types import Bools
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
-from .circumstances import KINDS
+from .event_counts import KINDS
 from .findings import Findings
 from .plan import StudiedAgent, unique
 from .relations import relation_rows
@@ -74,15 +70,6 @@ def settings_of_rows(findings: Findings) -> Iterator[tuple[StudiedAgent, Setting
         equal = [subject.reference, subject.single, *findings.plan.shown_controls, *subject.equal.values()]
         for setting in unique([subject.truth, *equal, *subject.free.values()]):
             yield subject, setting
-
-
-def shown_settings(findings: Findings) -> list[Setting]:
-    """Settings of figures over all agents: GT tracks, one hypothesis, the control, the most hypotheses."""
-    control = findings.plan.same_samples
-    picked = []
-    for subject in findings.plan.subjects:
-        picked += [subject.truth, subject.single, *([control] if control else []), subject.most]
-    return unique(picked)
 
 
 def error_rows(findings: Findings) -> Iterator[Row]:
@@ -141,9 +128,9 @@ def event_rows(findings: Findings) -> Iterator[Row]:
         several = {count: setting for count, setting in subject.equal.items() if count > 1}
         for kind in KINDS:
             paper = papers.get(kind, {})
-            single = sum(scene.own[kind] for scene in findings.of(subject.single).around[0])
+            single = sum(scene.own[kind] for scene in findings.of(subject.single).events[0])
             for count, setting in ({1: subject.single} | several).items():
-                near = findings.of(setting).around[0]
+                near = findings.of(setting).events[0]
                 events = sum((scene.own if count == 1 else scene.shared)[kind] for scene in near)
                 yield Row(
                     kind=kind,
@@ -194,49 +181,10 @@ def part_rows(findings: Findings) -> Iterator[Row]:
     yield from rows
 
 
-def since_rows(findings: Findings) -> Iterator[Row]:
-    """Errors over the frames since an event, and over the age of the track."""
-    past, near = findings.bench.card.task.past, findings.of(findings.subject.single).around[0]
-    for kind in ("ids", "lost", "reacquired"):
-        since, steps = np.concatenate([scene.since[kind] for scene in near]), 2 * past
-        bins = {str(step): since == step for step in range(steps + 1)}
-        yield from _bin_rows(
-            findings, f"last {kind}", bins | {f"over {steps}": since > steps, "never so far": since < 0}
-        )
-    age, edges = np.concatenate([scene.age for scene in near]), sorted({0, 1, 2, 3, past, 2 * past, 4 * past})
-    bins = {"no track": age < 0}
-    for low, high in pairwise(edges):
-        bins[str(low) if high == low + 1 else f"{low} to {high - 1}"] = (age >= low) & (age < high)
-    yield from _bin_rows(findings, "first appearance", bins | {f"{edges[-1]} or more": age >= edges[-1]})
-
-
-def _bin_rows(findings: Findings, since: str, bins: Mapping[str, Bools]) -> Iterator[Row]:
-    """A row for each of the ``bins`` [n] with targets, and each agent of the figures."""
-    for setting in shown_settings(findings):
-        table = findings.table(setting)
-        for name, chosen in bins.items():
-            mean = findings.mean(table, table.capped, chosen)
-            if mean.targets:
-                ade = findings.mean_ade(table, chosen)
-                yield Row(
-                    since=since,
-                    frames=name,
-                    agent=setting.label,
-                    H=table.setting.hypotheses,
-                    plain_error=mean.value,
-                    plain_error_interval=mean.interval,
-                    minADE=ade.value,
-                    minADE_interval=ade.interval,
-                    targets=mean.targets,
-                    objects=mean.objects,
-                )
-
-
 ROWS = {
     "errors": error_rows,
     "events": event_rows,
     "samples": sample_rows,
     "parts": part_rows,
-    "since": since_rows,
     "relations": relation_rows,
 }

@@ -26,7 +26,7 @@ from ..scoring import SceneScore, score_scene
 from ..sources import open_source
 from ..types import Rollout, Scene
 from ..viz.terminal.paper import unchanged
-from .circumstances import Circumstances, circumstances
+from .event_counts import EventCounts, count_events
 from .plan import key_of
 
 RUNS = "runs"  # folder of the stored runs
@@ -44,7 +44,7 @@ class Measured:
 
     setting: Setting
     scores: tuple[tuple[SceneScore, ...], ...]
-    around: tuple[tuple[Circumstances, ...], ...]  # empty for runs of more than k samples
+    events: tuple[tuple[EventCounts, ...], ...]  # empty for runs of more than k samples
     folders: tuple[Path, ...]  # of the stored runs; empty for runs of more than k samples
 
 
@@ -85,7 +85,7 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable
     """
     keywords = {**bench.options.env_keywords, **env_changes(bench, setting)}
     options = replace(bench.options, progress=Progress(done=done))
-    scores, around, folders = [], [], []
+    scores, events, folders = [], [], []
     for seed in seeds:
         jobs = jobs_of(
             setting.submission, bench.env_id, keywords, bench.scenes, seed, setting.parameters, setting.label
@@ -102,16 +102,16 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable
             calls = [(bench.card, rollout, bench.options.data) for rollout in stored]
             judged = parallel_map(_judge_stored, calls, bench.options.workers, lambda i: done(bench.scenes[i]))
         scores.append(tuple(score for _, score, _ in judged))
-        around.append(tuple(near for *_, near in judged))
+        events.append(tuple(counts for *_, counts in judged))
         folders.append(folder)
-    return Measured(setting, tuple(scores), tuple(around), tuple(folders))
+    return Measured(setting, tuple(scores), tuple(events), tuple(folders))
 
 
-def _judge(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, SceneScore, Circumstances]:
-    return rollout, score_scene(scene, rollout, card), circumstances(scene, rollout, card)
+def _judge(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, SceneScore, EventCounts]:
+    return rollout, score_scene(scene, rollout, card), count_events(scene, rollout, card)
 
 
-def _judge_stored(card: Card, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, Circumstances]:
+def _judge_stored(card: Card, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, EventCounts]:
     return None, *_judge(open_source(card, data).load(rollout.scene), rollout, card)[1:]
 
 

@@ -97,7 +97,7 @@ def test_the_tables_equal_compare(made: Study, cli: CommandLine, card: str, kitt
 
 def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     text = made.page.read_text()
-    for key in ("found", "cost", "often", "choose", "parts", "when", "gallery", "made"):
+    for key in ("found", "cost", "often", "choose", "parts", "gallery", "made"):
         assert f'<section id="{key}">' in text
     assert all(f"tables/{name}.csv" in text for name in TABLES - {"relations"})
     assert text.count("<svg") == len(FIGURES) == len(list((made.folder / "figures").glob("*.png")))
