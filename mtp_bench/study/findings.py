@@ -1,12 +1,9 @@
-"""Everything that a study has measured: scores of all settings, the report over them, and means over any targets."""
+"""Everything that a study has measured: scores of all settings, and the report over them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
-
-import numpy as np
 
 from ..running.compare import scores_of
 from ..running.settings import Setting, references_of
@@ -14,20 +11,11 @@ from ..scoring import AgentScores, Reference, References, Report, summarise
 from ..scoring.definitions import Subset
 from ..scoring.report import paired_row
 from ..scoring.rows import Interval, PairedRow, Row
-from ..scoring.statistics import bootstrap_interval, ratio
+from ..scoring.statistics import bootstrap_interval
 from ..scoring.table import AgentTable
-from ..types import Bools, Floats
+from ..types import Floats
 from .plan import StudiedAgent, StudyPlan, key_of
 from .runs import Bench, Measured
-
-
-class Mean(NamedTuple):
-    """A mean over some targets, with its 95 % interval over resampled units."""
-
-    value: float | None
-    interval: Interval | None
-    targets: int
-    objects: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,15 +76,7 @@ class Findings:
         # equal runs have one name in the report
         return scores_of(setting, measured.scores, measured.setting.label)
 
-    def mean(self, table: AgentTable, value: Floats, weight: Floats | Bools) -> Mean:
-        """Mean of ``value`` [n] over targets by their ``weight`` [n]."""
-        share = np.asarray(weight, dtype=np.float64)
-        top, whole = table.per_unit(np.asarray(value, dtype=np.float64), share), table.unit_weight(share)
-        weighted = share > 0
-        objects = len(np.unique(table.person[weighted]))
-        return Mean(ratio(top.sum(), whole.sum()), bootstrap_interval(top, whole), int(weighted.sum()), objects)
-
-    def mean_ade(self, table: AgentTable, weight: Floats | Bools) -> Mean:
-        """Mean of minADE over targets with a forecast, by their ``weight`` [n] and the seeds that cover them."""
-        ade = np.divide(table.min_ade, table.covered, out=np.zeros(len(table.covered)), where=table.covered > 0)
-        return self.mean(table, ade, weight * table.covered)
+    def ade_interval(self, table: AgentTable, weight: Floats) -> Interval | None:
+        """Interval of the mean minADE of targets with a forecast, by their ``weight`` [n] and the seeds that cover."""
+        covered = table.unit_weight(weight * table.covered)
+        return bootstrap_interval(table.per_unit(table.min_ade, weight), covered)

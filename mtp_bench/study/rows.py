@@ -91,7 +91,7 @@ def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subs
         k=row.samples,
         sampling="–" if row.hypotheses == 1 else "k of all" if setting.budget == "equal" else "none",
         minADE=row.minADE,
-        minADE_interval=findings.mean_ade(table, table.weight[subset]).interval,
+        minADE_interval=findings.ade_interval(table, table.weight[subset]),
         minFDE=row.minFDE,
         error=row.error,
         error_interval=row.interval,

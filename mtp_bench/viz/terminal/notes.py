@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...scoring import Report
-from ...scoring.definitions import Subset
+from ...scoring.definitions import FORECASTS_PER_FRAME, Subset
 from ...scoring.parts import PARTS
 from ...scoring.rank import ASSOCIATED, NOT_CAUSAL
 from ...scoring.rows import Details, Row
@@ -48,7 +48,11 @@ def part_lines(report: Report) -> list[str]:
 def _about(report: Report) -> str:
     allowed = "averaged over allowed numbers of false forecasts, up to one per target or as many as STP makes"
     if report.condition.get("truth", "complete") != "complete":
-        allowed = "averaged over budgets of forecasts per live frame"
+        budgets = ", ".join(f"{budget:g}" for budget in FORECASTS_PER_FRAME)
+        allowed = (
+            "false forecasts are not known, as the truth holds prediction targets only; averaged over budgets of "
+            f"forecasts per live frame, {budgets} and the number of STP"
+        )
     empty = next((details.silence for details in report.details), None)
     nothing = "" if empty is None else f" If nothing is predicted: {short(empty)}."
     env = shipped_env(report)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...scoring import Report
-from ...scoring.definitions import FORECASTS_PER_FRAME, RANKED_SUBSETS, SIGNIFICANT
+from ...scoring.definitions import RANKED_SUBSETS, SIGNIFICANT
 from ...scoring.rows import Interval, PairedRow, Row
 from ...submission.loader import controls
 from ...submission.manifest import Role
@@ -33,10 +33,10 @@ def verdict(report: Report, names: Sequence[str]) -> list[str]:
     """
     studied = [name for name in names if name not in (STP, TRUTH, ASSOCIATED)]
     rows = [row for name in studied if (row := _main_row(report, name)) is not None]
-    sentences = [_bounds(report), _costs(report)]
+    sentences = [_costs(report)]
     for row in rows:
         sentences += [_against_stp(report, row), _against_control(report, row), _gap(report, row)]
-    sentences += [_unranked(report), _unknown_false_forecasts(report)]
+    sentences.append(_unranked(report))
     return [sentence for sentence in sentences if sentence]
 
 
@@ -50,17 +50,6 @@ def _on_subset(report: Report, row: Row, subset: str) -> Row | None:
     """The row of the same agent and setting on another subset."""
     key = (row.agent, row.hypotheses, row.samples, row.budget, subset)
     return next((r for r in report.rows if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key), None)
-
-
-def _bounds(report: Report) -> str | None:
-    real, ideal = _main_row(report, STP), _main_row(report, TRUTH)
-    if real is None or ideal is None:
-        return None
-    return (
-        f"bADE {WHERE['all']} is {_metres(real.error)} from the tracks of {STP} and {_metres(ideal.error)} from "
-        f"ground-truth tracks. With every forecast kept (plain error): {_metres(real.plain_error)} and "
-        f"{_metres(ideal.plain_error)}."
-    )
 
 
 def _costs(report: Report) -> str | None:
@@ -159,17 +148,6 @@ def _unranked(report: Report) -> str | None:
     ideal = dict.fromkeys(row.agent for row in report.rows if row.unranked_because in REFERENCES)
     parts += [f"Never ranked, as they saw the truth: {', '.join(ideal)}"] if ideal else []
     return ". ".join(parts) + "." if parts else None
-
-
-def _unknown_false_forecasts(report: Report) -> str | None:
-    if report.condition.get("truth", "complete") == "complete":
-        return None
-    own = next((f" ({d.forecasts_per_frame:.1f})" for d in report.details if d.agent == STP), "")
-    budgets = ", ".join(f"{budget:g}" for budget in FORECASTS_PER_FRAME)
-    return (
-        "The truth holds prediction targets only, so false forecasts are not known: bADE is taken at budgets of "
-        f"forecasts per live frame, {budgets} and the number of {STP}{own}, on ids and reacquired at the last alone."
-    )
 
 
 def _metres(value: float | None) -> str:
