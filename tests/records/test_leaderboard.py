@@ -40,8 +40,6 @@ def test_records_fit_their_environments(records: dict[Path, Record]) -> None:
         assert record.env.scenes == record.env.scenes_of_split
         assert (record.missed.malformed, record.missed.crashed_scenes) == (0, 0)
     todays = [record for record in records.values() if not record.earlier]  # what ships today made them
-    if not todays:
-        pytest.skip(f"no record of definitions {DEFINITIONS} yet")
     assert len(todays) >= LEAST
     for record in todays:
         assert record.env.card_digest == load_card(record.env.id).digest
