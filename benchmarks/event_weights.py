@@ -42,8 +42,10 @@ def played(card: Card, scenes: Sequence[str], options: RunOptions) -> list[Agent
     scores = run_jobs(jobs, options, score_scene)
     count, samples = len(scenes), card.task.samples
     return [
-        AgentScores(name, 0, samples, "equal", (tuple(scores[i * count : (i + 1) * count]),), name == "truth_past")
-        for i, name in enumerate(AGENTS)
+        AgentScores(
+            name, 0, samples, "equal", (tuple(scores[i * count : (i + 1) * count]),), submission.compare.observe
+        )
+        for i, (name, submission) in enumerate(zip(AGENTS, map(load_submission, AGENTS), strict=True))
     ]
 
 

@@ -148,16 +148,11 @@ def report_of(env_id: str, options: RunOptions, noises: int) -> Report:
             card.task.samples,
             "equal",
             tuple(zip(*(p[label] for p in played), strict=True)),
-            ideal=ideal(label),
+            observe=load_submission(HONEST[label][0]).compare.observe if label in HONEST else "detections",
         )
         for label in played[0]
     ]
     return summarise(agents, card, reference)
-
-
-def ideal(label: str) -> bool:
-    """True for an agent that saw the truth, or which detections are of one true object."""
-    return label in HONEST and load_submission(HONEST[label][0]).compare.observe != "detections"
 
 
 def honest_of(label: str) -> str:

@@ -19,7 +19,8 @@ from mtp_bench.errors import MtpBenchError, RecordError, UnknownNameError
 from mtp_bench.files import write_text
 from mtp_bench.parallel import NO_PROGRESS
 from mtp_bench.records import trusted
-from mtp_bench.records.ranking import conditions, difference_of
+from mtp_bench.records.held_back import difference_of
+from mtp_bench.records.ranking import conditions
 from mtp_bench.scoring.definitions import SUBSETS, Subset
 from mtp_bench.tables import Column, Table, Value, to_markdown
 from mtp_bench.viz.board.columns import COLUMN, INTERVALS, PAGE

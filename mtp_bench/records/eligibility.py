@@ -9,7 +9,6 @@ from dataclasses import asdict
 from ..files import clean_text
 from ..gateway import Limits
 from ..scoring import DEFINITIONS, SUBSETS
-from ..scoring.rank import Entrant
 from ..scoring.rank import why_unranked as why_entrant_unranked
 from ..scoring.weights import scene_key
 from .attestation import SignedLevel
@@ -29,9 +28,8 @@ def why_unranked(record: Record, level: SignedLevel | None = None, ships: Ships 
 
     ``level``: its signed level; ``ships``: the shipped env of an id.
     """
-    seen = record.env.observe
-    entrant = Entrant(record.row.budget, record.samples, seen == "truth", record.unfinished, seen == "associated")
-    why = why_entrant_unranked(entrant) or why_not_comparable(record, level, ships)
+    why = why_entrant_unranked(record.row.budget, record.samples, record.env.observe, record.unfinished)
+    why = why or why_not_comparable(record, level, ships)
     return why or _why_not_on_hidden(ships(record.env.id), level)
 
 
@@ -120,24 +118,19 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
     env = record.env
     if env.card_digest != known.card:
         yield f"card {env.card_digest}, the one that ships is {known.card}"
-    yield from _other_settings(record, known.samples)
+    given = env.keywords.items()
+    other = [f"{name} {value!r}" for name, value in given if (name, value) != ("samples", known.samples)]
+    if other:
+        yield f"other settings of the env: {clean_text(', '.join(other), MOST_SETTINGS)}"
+    if record.samples != known.samples or any(row.budget != "equal" for row in record.rows):
+        yield f"{record.samples} samples per object, not the env's own k"
     if record.reference.hash != known.weights:
         yield "other event weights than the frozen ones"
     if env.scenes != len(known.sums):
         yield f"{env.scenes} of {len(known.sums)} scenes"
-    other = next((scene for scene in record.per_scene if not _has_weights_of(known, env.id, scene)), None)
-    if other is not None:
-        yield f"scene {other.scene!r} has other targets than its frozen event weights"
-
-
-def _other_settings(record: Record, samples: int) -> Iterator[str]:
-    """Settings of the env that are not the card's own, whose k is ``samples``."""
-    given = record.env.keywords.items()
-    other = [f"{name} {value!r}" for name, value in given if (name, value) != ("samples", samples)]
-    if other:
-        yield f"other settings of the env: {clean_text(', '.join(other), MOST_SETTINGS)}"
-    if record.samples != samples or any(row.budget != "equal" for row in record.rows):
-        yield f"{record.samples} samples per object, not the env's own k"
+    unlike = next((scene for scene in record.per_scene if not _has_weights_of(known, env.id, scene)), None)
+    if unlike is not None:
+        yield f"scene {unlike.scene!r} has other targets than its frozen event weights"
 
 
 def _has_weights_of(known: Shipped, env_id: str, scene: ScenePart) -> bool:

@@ -72,13 +72,13 @@ def evaluate(
     runs: Mapping[int, Sequence[Rollout]],
     reference: Reference,
     hypotheses: int | None,
-    ideal: bool,
+    observe: str,
 ) -> Evaluation:
     """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
 
     ``agent`` is its name, ``card`` the environment, ``reference`` the event weights of these scenes; ``options`` give
-    data, number of processes and progress. ``hypotheses`` as declared; None: as the answers state. ``ideal``: it
-    observed the truth. Raises RolloutError if the rollouts do not fit the scenes, DataError if data is missing.
+    data, number of processes and progress. ``hypotheses`` as declared; None: as the answers state. ``observe``: the
+    mode of the env. Raises RolloutError if the rollouts do not fit the scenes, DataError if data is missing.
     """
     calls = [(card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)]
     scored: list[tuple[str, tuple[SceneScore, ...]]] = parallel_map(
@@ -95,7 +95,7 @@ def evaluate(
         samples=samples,
         budget="equal" if samples == card.task.samples else "free",
         seeds=seeds,
-        ideal=ideal,
+        observe=observe,
     )
     report = summarise([setting], card, reference)
     (table,) = report.tables

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.rank import why_not_on
-from ..scoring.statistics import paired_difference
+from ..scoring.statistics import PairedDifference, paired_difference
 from .attestation import Checked
 
 HELD_BACK = "better than ground truth: not ranked until looked at"
@@ -24,15 +24,16 @@ def is_held_back(one: Checked, truths: Sequence[Checked]) -> bool:
     looked_at = one.signed is not None and one.signed.statement.looked_at
     if one.on_hidden or looked_at or not truths:
         return False
-    return any(all(_is_better(one, truth, subset) for truth in truths) for subset in SUBSETS if _ranks(one, subset))
+    objects = {subset: one.sums.row_of(subset).effective_objects for subset in SUBSETS}
+    ranked = (each for each in SUBSETS if why_not_on(each, objects[each], one.sums.unit_weight(each)) is None)
+    return any(all(_is_better(one, truth, subset) for truth in truths) for subset in ranked)
 
 
-def _ranks(one: Checked, subset: Subset) -> bool:
-    row = one.sums.row_of(subset)
-    return why_not_on(subset, row.effective_objects, one.sums.unit_weight(subset)) is None
+def difference_of(one: Checked, other: Checked, subset: Subset) -> PairedDifference | None:
+    """BADE of ``one`` minus that of ``other``, metres, paired by unit; both have the same targets and units."""
+    return paired_difference(one.sums.unit_error(subset), other.sums.unit_error(subset), one.sums.unit_weight(subset))
 
 
 def _is_better(one: Checked, truth: Checked, subset: Subset) -> bool:
-    sums = one.sums
-    difference = paired_difference(sums.unit_error(subset), truth.sums.unit_error(subset), sums.unit_weight(subset))
+    difference = difference_of(one, truth, subset)
     return difference is not None and difference.mean < 0 and difference.significant

@@ -6,20 +6,20 @@ Recorded envs are ranked by the sums of the records; simulated ones by those of 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import itemgetter
 from typing import Any
 
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
-from ..scoring.gaps import NO_GAP, NOT_KINEMATIC, SAW_TRUTH, UNSTATED
-from ..scoring.rank import guard, ranks_among, why_not_on
-from ..scoring.statistics import PairedDifference, gap_closed, paired_difference
+from ..scoring.gaps import NO_GAP, NOT_KINEMATIC, UNSTATED
+from ..scoring.rank import SAW_TRUTH, guard, ranks_among, why_not_on
+from ..scoring.statistics import PairedDifference, gap_closed
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import NOT_ON_HIDDEN, Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
-from .held_back import HELD_BACK, is_held_back
+from .held_back import HELD_BACK, difference_of, is_held_back
 from .record import HiddenPart, Record, SubmissionPart
 from .shipped import baseline_networks, learned_truths, network_references, shipped
 
@@ -100,11 +100,6 @@ def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
     return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
 
 
-def difference_of(one: Checked, other: Checked, subset: Subset) -> PairedDifference | None:
-    """BADE of ``one`` minus that of ``other``, metres, paired by unit; both have the same `conditions`."""
-    return paired_difference(one.sums.unit_error(subset), other.sums.unit_error(subset), one.sums.unit_weight(subset))
-
-
 def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, str] | None:
     """Names of the records that bound a gap for the submission's predictor; None if unknown.
 
@@ -125,7 +120,11 @@ def _standings_of_env(
     records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships
 ) -> dict[str, Standing]:
     taken = taken_names(records, levels)
-    entrants = [_entrant(record, levels.get(record.digest), taken.get(record.digest), ships) for record in records]
+    entrants = []
+    for record in records:
+        level, other = levels.get(record.digest), taken.get(record.digest)
+        whys = (why(record, level, ships) or other for why in (why_unranked, why_not_comparable))
+        entrants.append(_Entrant(record, level, *whys))
     ranked = [each for each in entrants if each.unranked is None]
     comparable = [each for each in entrants if each.not_comparable is None]
     main = _main_conditions(ranked or comparable)  # before a round: on public scenes
@@ -142,16 +141,9 @@ def _standings_of_env(
     standing = {digest: Standing(place, digest in inside) for digest, place in places.items()}
     stp = _best_named(STP, peers)
     for each in peers:
-        digest = each.record.digest
-        standing[digest] = Standing(
-            places[digest], digest in inside, **_all_gaps(each, peers), differences=_differences(each, stp)
-        )
+        found = replace(standing[each.record.digest], **_all_gaps(each, peers), differences=_differences(each, stp))
+        standing[each.record.digest] = found
     return standing
-
-
-def _entrant(record: Record, level: SignedLevel | None, taken: str | None, ships: Ships) -> _Entrant:
-    not_comparable = why_not_comparable(record, level, ships) or taken
-    return _Entrant(record, level, why_unranked(record, level, ships) or taken, not_comparable)
 
 
 def _main_conditions(ranked: Sequence[_Entrant]) -> tuple[object, ...] | None:
@@ -176,33 +168,25 @@ def _places(group: Sequence[_Entrant], peers: Sequence[_Entrant]) -> list[dict[S
     """Places of records that are ranked against each other; ``peers`` hold their reference agents."""
     places: list[dict[Subset, Place]] = [{} for _ in group]
     sums = [entrant.sums for entrant in group]
-    limits = [_stp_errors(entrant, peers) for entrant in group]
+    guards = [_guarded(entrant, peers) for entrant in group]
     for subset in SUBSETS:
         weight = sums[0].unit_weight(subset)
         of_all = why_not_on(subset, sums[0].row_of(subset).effective_objects, weight)
-        why = [
-            of_all or (None if subset == "all" else _guarded(each, *limit))
-            for each, limit in zip(sums, limits, strict=True)
-        ]
+        why = [of_all or (None if subset == "all" else guarded) for guarded in guards]
         ranks = ranks_among([each.unit_error(subset) for each in sums], weight, why)
         for place, rank, reason in zip(places, ranks, why, strict=True):
             place[subset] = Place(why=reason or "") if rank is None else Place(rank.place, rank.span)
     return places
 
 
-def _guarded(sums: Record | HiddenPart, stp: list[float] | None, own: list[float] | None) -> str | None:
-    """Reason why a record is not ranked on event subsets."""
-    if stp is None:
-        return "no record of stp beside it"
-    return guard(sums.unit_error("all"), sums.unit_weight("all"), stp, own)
-
-
-def _stp_errors(entrant: _Entrant, peers: Sequence[_Entrant]) -> tuple[list[float] | None, list[float] | None]:
-    """Errors over all targets, by unit, of STP and of STP with the record's own predictor; None if unknown."""
+def _guarded(entrant: _Entrant, peers: Sequence[_Entrant]) -> str | None:
+    """Reason why a record is not ranked on event subsets, from those of STP and of STP with its own predictor."""
     pair = own_ends(entrant.record.submission)
     stp, own = _best_named(STP, peers), None if pair is None else _best_named(pair[0], peers)
-    stp_errors, own_errors = (None if each is None else each.sums.unit_error("all") for each in (stp, own))
-    return stp_errors, own_errors
+    if stp is None:
+        return "no record of stp beside it"
+    limits = (None if each is None else each.sums.unit_error("all") for each in (stp, own))
+    return guard(entrant.sums.unit_error("all"), entrant.sums.unit_weight("all"), *limits)
 
 
 def _all_gaps(entrant: _Entrant, peers: Sequence[_Entrant]) -> dict[str, Any]:

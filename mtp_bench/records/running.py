@@ -133,7 +133,7 @@ def evaluate_plan(plan: Plan, runs: Runs, reference: Reference, *, with_progress
     setting = plan.setting
     options = plan.options if with_progress else replace(plan.options, progress=NO_PROGRESS)
     name, rollouts = plan.submission.name, rollouts_of(runs)
-    return evaluate(name, plan.card, options, rollouts, reference, setting.hypotheses, setting.ideal)
+    return evaluate(name, plan.card, options, rollouts, reference, setting.hypotheses, setting.observe)
 
 
 def info_of(plan: Plan, seed: int) -> RunInfo:

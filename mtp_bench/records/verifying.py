@@ -189,8 +189,8 @@ def _score_again(
     changed = tuple(differences("hashes.rollouts", record.hashes.rollouts, rollouts_hash(runs)))
     if changed:
         return Verification(path, record, "scored", changed)
-    truth = record.env.observe == "truth"
-    evaluation = evaluate(record.submission.name, card, options, runs, reference, record.submission.hypotheses, truth)
+    name, hypotheses, observe = record.submission.name, record.submission.hypotheses, record.env.observe
+    evaluation = evaluate(name, card, options, runs, reference, hypotheses, observe)
     every = [rollout for rollouts in runs.values() for rollout in rollouts]
     scenes_of_split = len(open_source(card, options.data).names)
     env = {

@@ -113,9 +113,7 @@ def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: 
         samples=setting.samples,
         budget=setting.budget,
         seeds=tuple(seeds),
-        ideal=setting.ideal,
-        associated=setting.observe == "associated",
-        stored_tracks=setting.observe == "tracks",
+        observe=setting.observe,
     )
 
 

@@ -39,7 +39,7 @@ class Setting:
         stated = self.submission.compare.gap_references
         if stated == "controls":
             return ()
-        if stated is None or self.ideal:
+        if stated is None or self.observe == "truth":
             return None
         label = f"{self.submission.name} (reference of its gap)"
         parameters, observe = {**self.parameters, **stated}, self.observe.replace("associated", "detections")
@@ -50,11 +50,6 @@ class Setting:
     def drawn(self) -> int:
         """Number of times that k samples are drawn of an object."""
         return (self.hypotheses or 1) * (_count(self.submission, self.parameters, self.submission.compare.draws) or 1)
-
-    @property
-    def ideal(self) -> bool:
-        """True if the agent is fed the truth."""
-        return self.observe == "truth"
 
     def env_keywords(self, card: Card) -> dict[str, Any]:
         """Keywords of `MTPEnv` that this setting needs beyond the card."""

@@ -172,9 +172,7 @@ def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card
         samples=info.samples,
         budget="equal" if info.samples == card.task.samples else "free",
         seeds=(tuple(scores),),
-        ideal=info.observe == "truth",
-        associated=info.observe == "associated",
-        stored_tracks=info.observe == "tracks",
+        observe=info.observe,
     )
     reference = reference_for(card, [rollout.scene for rollout in opened.run.rollouts], options)
     report = summarise([agent], card, reference)

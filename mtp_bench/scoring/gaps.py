@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from .definitions import Subset
+from .rank import SAW_TRUTH
 from .statistics import Gap, gap_closed
 from .table import AgentScores, AgentTable
 
@@ -14,7 +15,6 @@ NOT_KINEMATIC = "its predictor is not that of stp"
 NOT_RUN = "its references were not run"
 NO_GAP = "the gap is not significantly above 0"
 NO_TARGETS = "no targets"
-SAW_TRUTH = "saw the truth"
 
 
 class References(NamedTuple):
@@ -57,9 +57,9 @@ def pairs_of(
         return GapPairs(None, None, None, UNSTATED, UNSTATED)
     of = [None if each is None else tables[id(each)] for each in runs]
     kinematic = runs.single is not None and shared.stp is not None and runs.single.agent == shared.stp.setting.agent
-    own, association = Pair(*of[:2]), None if table.setting.ideal else Pair(*of[2:4])
-    why = SAW_TRUTH if table.setting.ideal else NOT_RUN
-    return GapPairs(shared if kinematic else None, own, association, NOT_RUN if kinematic else NOT_KINEMATIC, why)
+    association, why = (None, SAW_TRUTH) if table.setting.observe == "truth" else (Pair(*of[2:4]), NOT_RUN)
+    why_kinematic = NOT_RUN if kinematic else NOT_KINEMATIC
+    return GapPairs(shared if kinematic else None, Pair(*of[:2]), association, why_kinematic, why)
 
 
 def gap_columns(table: AgentTable, subset: Subset, pairs: GapPairs) -> dict[str, Any]:

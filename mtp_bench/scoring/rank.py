@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -24,35 +23,19 @@ from .statistics import beyond_rounding, effective_number, paired_difference
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 ASSOCIATED = "saw which detections are of one object"
+SAW_TRUTH = "saw the truth"
+_NEVER = {"truth": SAW_TRUTH, "associated": ASSOCIATED, "tracks": NOT_CAUSAL}  # modes that are never ranked
 ALONE = "one agent alone is not ranked"
 _DIGITS = 1e-9  # share of a weight or a number of objects by which the digits in a record may differ from it
 
 
-@dataclass(frozen=True)
-class Entrant:
-    """Properties of a run that decide whether its agent is ranked."""
+def why_unranked(budget: Budget, samples: int, observe: str, unfinished: str = "") -> str | None:
+    """Short reason why an agent is shown but not ranked; None if it is ranked.
 
-    budget: Budget
-    samples: int  # per object
-    saw_truth: bool
-    unfinished: str = ""  # short reason why not all of it was run; empty if all was
-    associated: bool = False  # its detections had the ids of true objects
-    stored_tracks: bool = False  # its tracks are from a program that may have seen the future
-
-
-def why_unranked(entrant: Entrant) -> str | None:
-    """Short reason why an agent is shown but not ranked; None if it is ranked."""
-    if entrant.unfinished:
-        return entrant.unfinished
-    if entrant.saw_truth:
-        return "saw the truth"
-    if entrant.associated:
-        return ASSOCIATED
-    if entrant.stored_tracks:
-        return NOT_CAUSAL
-    if entrant.budget != "equal":
-        return f"{entrant.samples} samples per object, not the env's own k"
-    return None
+    ``samples``: per object; ``observe``: the mode of the env; ``unfinished``: why not all of it was run.
+    """
+    free = None if budget == "equal" else f"{samples} samples per object, not the env's own k"
+    return unfinished or _NEVER.get(observe, free)
 
 
 def why_not_on(subset: str, objects: float, unit_weight: ArrayLike) -> str | None:

@@ -14,7 +14,7 @@ from .definitions import DEFINITIONS, SUBSETS, Subset
 from .details import details
 from .gaps import GapPairs, Pair, References, gap_columns, pairs_of
 from .parts import ReferenceErrors, mean_costs, reference_errors
-from .rank import ALONE, Entrant, guard, ranks_among, why_not_on, why_unranked
+from .rank import ALONE, guard, ranks_among, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
 from .statistics import bootstrap_interval, effective_number, paired_difference, ratio
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
@@ -76,7 +76,8 @@ def summarise(
     rows = []
     for table, gaps in zip(tables, pairs, strict=True):
         runs = (references or {}).get(table.setting.agent) or References()
-        associated = None if table.setting.ideal else runs.associated  # the truth has no detections to associate
+        # the truth has no detections to associate
+        associated = None if table.setting.observe == "truth" else runs.associated
         split = reference_errors(associated, runs.tracks, table.setting.samples)
         rows += [_row(table, subset, shared, gaps, split) for subset in SUBSETS]
     return Report(
@@ -118,7 +119,8 @@ def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRo
     whole = table.unit_weight(weight)
     error = paired_difference(table.errors(subset), other.errors(subset), whole)
     both = weight * ((table.covered > 0) & (other.covered > 0))
-    ade = table.per_unit(_mean_over_seeds(table) - _mean_over_seeds(other), both)
+    means = (each.min_ade / np.maximum(each.covered, 1) for each in (table, other))  # over the seeds that cover
+    ade = table.per_unit(next(means) - next(means), both)
     shared = table.unit_weight(both)
     of_ade = paired_difference(ade, np.zeros(len(ade)), shared)
     return PairedRow(
@@ -198,9 +200,8 @@ def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pai
         weight = tables[0].unit_weight(tables[0].weight[subset]) if tables else np.zeros(0)
         for table, gaps in zip(tables, pairs, strict=True):
             setting = table.setting
-            seen = setting.ideal, "", setting.associated, setting.stored_tracks
-            entrant = Entrant(setting.budget, setting.samples, *seen)
-            reason = why_unranked(entrant) or why_not_on(subset, _effective_objects(table, subset), weight)
+            reason = why_unranked(setting.budget, setting.samples, setting.observe)
+            reason = reason or why_not_on(subset, _effective_objects(table, subset), weight)
             if subset != "all" and reason is None:
                 ends = shared, gaps.own
                 limits = (None if each is None or each.stp is None else each.stp.errors("all") for each in ends)
@@ -219,8 +220,3 @@ def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pai
 def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | None:
     """The first table of agent ``name`` with equal budget."""
     return next((t for t in tables if t.setting.agent == name and t.setting.budget == "equal"), None)
-
-
-def _mean_over_seeds(table: AgentTable) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """MinADE [n] of each target over the seeds that cover it, 0 without any."""
-    return np.divide(table.min_ade, table.covered, out=np.zeros_like(table.min_ade), where=table.covered > 0)

@@ -32,9 +32,7 @@ class AgentScores:
     samples: int  # k, per object
     budget: Budget  # "free": another number of samples than the task's k, never ranked
     seeds: tuple[tuple[SceneScore, ...], ...]
-    ideal: bool = False  # saw the truth: shown, never ranked
-    associated: bool = False  # saw which detections are of one object: shown, never ranked
-    stored_tracks: bool = False  # was given tracks that may have seen the future: shown, never ranked
+    observe: str = "detections"  # mode of the env; those with others are shown, never ranked
 
     @property
     def key(self) -> dict[str, Any]:

@@ -10,10 +10,8 @@ from ..running.settings import Setting, references_of
 from ..scoring import AgentScores, Reference, References, Report, summarise
 from ..scoring.definitions import Subset
 from ..scoring.report import paired_row
-from ..scoring.rows import Interval, PairedRow, Row
-from ..scoring.statistics import bootstrap_interval
+from ..scoring.rows import PairedRow, Row
 from ..scoring.table import AgentTable
-from ..types import Floats
 from .plan import StudiedAgent, StudyPlan, key_of
 from .runs import Bench, Measured
 
@@ -75,8 +73,3 @@ class Findings:
         measured = self.of(setting)
         # equal runs have one name in the report
         return scores_of(setting, measured.scores, measured.setting.label)
-
-    def ade_interval(self, table: AgentTable, weight: Floats) -> Interval | None:
-        """Interval of the mean minADE of targets with a forecast, by their ``weight`` [n] and the seeds that cover."""
-        covered = table.unit_weight(weight * table.covered)
-        return bootstrap_interval(table.per_unit(table.min_ade, weight), covered)

@@ -11,7 +11,7 @@ from typing import Any
 from ..running.settings import Setting
 from ..scoring.definitions import Subset
 from ..scoring.parts import PARTS
-from ..scoring.statistics import ratio
+from ..scoring.statistics import bootstrap_interval, ratio
 from ..tables import Column, Table
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
 from .event_counts import KINDS
@@ -83,7 +83,8 @@ def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subs
     row, table, difference = findings.row(setting, subset), findings.table(setting), None
     if setting.budget == "equal" and setting is not subject.single:
         difference = findings.difference(setting, subject.single, subset)
-    papers = _paper_figures(findings, subject, setting, subset)
+    weight, papers = table.weight[subset], _paper_figures(findings, subject, setting, subset)
+    covered = table.unit_weight(weight * table.covered)
     return Row(
         targets_of=subset_name(subset),
         agent=setting.label,
@@ -91,7 +92,7 @@ def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subs
         k=row.samples,
         sampling="–" if row.hypotheses == 1 else "k of all" if setting.budget == "equal" else "none",
         minADE=row.minADE,
-        minADE_interval=findings.ade_interval(table, table.weight[subset]),
+        minADE_interval=bootstrap_interval(table.per_unit(table.min_ade, weight), covered),
         minFDE=row.minFDE,
         error=row.error,
         error_interval=row.interval,

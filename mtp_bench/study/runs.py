@@ -143,7 +143,7 @@ def _folder_name(bench: Bench, setting: Setting, seed: int) -> str:
     files = [*files, *(_track_files(bench.options) if setting.observe == "tracks" else [])]
     parts = [bench.content, key_of(setting), str(seed), *map(file_digest, files), library_digest()]
     digest = digest_of(parts)[:12]
-    shown = "-truth" if setting.ideal else f"-H{setting.hypotheses}" if setting.hypotheses else ""
+    shown = "-truth" if setting.observe == "truth" else f"-H{setting.hypotheses}" if setting.hypotheses else ""
     return f"{setting.submission.name}{shown}-k{setting.samples}-seed{seed}-{digest}"
 
 

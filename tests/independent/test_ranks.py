@@ -101,7 +101,8 @@ def test_both_scorers_rank_alike(seed: int) -> None:
     others: dict[str, Scored] = {}
     for name, player in PLAYERS.items():
         runs = [[of_player(*player, seed, scene, place) for place, scene in enumerate(scenes)]]
-        product[name] = replace(agent_scores(name, scenes, runs, card), ideal=name.endswith("gt"))
+        observe = "truth" if name.endswith("gt") else "detections"
+        product[name] = replace(agent_scores(name, scenes, runs, card), observe=observe)
         if name == "free":
             eight = tuple(tuple(replace(score, samples=8) for score in run) for run in product[name].seeds)
             product[name] = replace(product[name], budget="free", samples=8, seeds=eight)

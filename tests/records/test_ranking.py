@@ -136,7 +136,8 @@ def test_who_is_better_than_ground_truth_is_held_back() -> None:
 
 def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
     agents = [
-        AgentScores(name, 1, 4, "equal", (scores_of(kept),), ideal=name == "truth_past") for name, kept in KEPT.items()
+        AgentScores(name, 1, 4, "equal", (scores_of(kept),), "truth" if name == "truth_past" else "detections")
+        for name, kept in KEPT.items()
     ]
     reference = weights_of(agents[0].seeds[0])
     report = summarise(agents, CARD, reference)
@@ -144,8 +145,7 @@ def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
     for i, agent in enumerate(agents):
         rows = [row.model_dump(mode="json") for row in report.rows[i * len(SUBSETS) : (i + 1) * len(SUBSETS)]]
         scenes = [part.model_dump() for part in per_scene_of(agent_table(agent, reference))]
-        observe = "truth" if agent.ideal else "detections"
-        said: dict[str, Any] = {"submission": {"ends": "controls"}, "env": {"observe": observe}}
+        said: dict[str, Any] = {"submission": {"ends": "controls"}, "env": {"observe": agent.observe}}
         records.append(make_record(agent.agent, rows, scenes, **said))
     found = standings(records, ships=ships_of(*records))
     places = [

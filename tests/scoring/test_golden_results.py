@@ -65,7 +65,7 @@ def results(measure: str, truth_complete: bool) -> list[Any]:
             tuple(score_scene(case(i, truth_complete)[0], said(i, scale, seed), card) for i in range(SCENES))
             for seed in range(2)
         )
-        agents.append(AgentScores(name, 2, 8, "equal", runs, ideal=name == "truth_past"))
+        agents.append(AgentScores(name, 2, 8, "equal", runs, "truth" if name == "truth_past" else "detections"))
     report = summarise(agents, card, reference(card)).to_json("paired", "details")
     scenes = [score for agent in agents for run in agent.seeds for score in run]
     return [report, [(score.own_events, score.fixed_error, mean_plain_error([score])) for score in scenes]]

@@ -46,7 +46,7 @@ def answer(
 
 def agent(name: str, *runs: Sequence[SceneScore], samples: int = 2, budget: Any = "equal") -> AgentScores:
     seeds = tuple(tuple(replace(score, samples=samples) for score in run) for run in runs)
-    return AgentScores(name, 1, samples, budget, seeds, ideal=name == "truth_past")
+    return AgentScores(name, 1, samples, budget, seeds, "truth" if name == "truth_past" else "detections")
 
 
 def reference(names: Sequence[str] = ("s",), counts: Any = ((0,) * 4, (0,) * 4), **more: Any) -> Reference:
@@ -179,14 +179,6 @@ def test_confidence_against_what_is_there() -> None:
     found: list[Any] = [(r.confidence, r.matched, r.forecasts) for r in detail.reliability]
     assert found == [(pytest.approx(0.525), 0.5, 2), (pytest.approx(0.95), 1.0, 1)]
     assert (detail.forecasts_per_frame, detail.false_per_frame) == (4, 1)
-
-
-def test_the_curve_begins_at_silence_and_ends_at_the_plain_error() -> None:
-    report = summarise([agent("a", [answer(0.5, false=2)])], CARD)
-    curve = dict(report.details[0].curve)
-    assert curve[0.0] == report.details[0].silence == 7
-    assert curve[0.5] == pytest.approx((7 + 2.25) / 2)  # one false forecast of the two
-    assert curve[1.0] == curve[5.0] == row(report).plain_error == 2.25
 
 
 def test_bins_and_planning() -> None:

@@ -22,9 +22,8 @@ PAGE = {
 }  # fmt: skip
 
 
-def _of_row(name: str, subset: Subset = "all", **changes: Any) -> Column:
-    """The column ``name`` of report rows as a column of entries, which reads their row of ``subset``."""
-    column = _ROW[name]
+def _of_row(column: Column, subset: Subset = "all", **changes: Any) -> Column:
+    """A ``column`` of report rows as a column of entries, which reads their row of ``subset``."""
     return replace(column, **{"read": lambda entry: column.value(entry.row_of(subset)), **changes})
 
 
@@ -38,7 +37,8 @@ def _text(key: str, read: Callable[[Entry], Value]) -> Column:
 
 def _event(subset: Subset, what: str) -> Column:
     title = f"Error over targets that {what}, weighted by how often that happens to the reference tracker, metres."
-    return _of_row("error", subset, key=subset, heading=subset, format=".2f", group="bADE where STP errs", help=title)
+    group = "bADE where STP errs"
+    return _of_row(_ROW["error"], subset, key=subset, heading=subset, format=".2f", group=group, help=title)
 
 
 def _paper(subset: Subset, group: str, where: str) -> list[Column]:
@@ -46,21 +46,15 @@ def _paper(subset: Subset, group: str, where: str) -> list[Column]:
     prefix = "" if subset == "all" else f"{subset}_"
     return [
         _of_row(
-            name, subset, key=f"{prefix}{name}", heading=name, format=".2f", group=group,
+            _ROW[name], subset, key=f"{prefix}{name}", heading=name, format=".2f", group=group,
             help=f"{distance} distance of the best sample over {where} that have a forecast, metres.",
         )
         for name, distance in (("minADE", "Mean"), ("minFDE", "Final"))
     ]  # fmt: skip
 
 
-def _mean_difference(entry: Entry) -> float | None:
-    found = entry.difference()
-    return None if found is None else found.mean
-
-
-def _difference_interval(entry: Entry) -> Value:
-    found = entry.difference()
-    return None if found is None else found.interval
+def _of_difference(name: str) -> Callable[[Entry], Value]:
+    return lambda entry: getattr(entry.difference(), name, None)
 
 
 _ERROR = (
@@ -84,11 +78,11 @@ _MS = "Mean time of one frame on the machine that made the record, milliseconds.
 _P95 = "Time within which 95 % of the frames are answered, milliseconds."
 
 _NUMBERS: Sequence[Column] = (
-    _of_row("error", heading="all targets", format=".3f", group="bADE (m)", help=_ERROR),
-    _of_row("interval"),
-    _of("difference", "mean", _mean_difference, unit="m", better="lower", format="+.3f",
+    _of_row(_ROW["error"], heading="all targets", format=".3f", group="bADE (m)", help=_ERROR),
+    _of_row(_ROW["interval"]),
+    _of("difference", "mean", _of_difference("mean"), unit="m", better="lower", format="+.3f",
         group="to stp (m)", help=_DIFFERENCE),
-    Column(key="difference_interval", interval=True, read=_difference_interval),
+    Column(key="difference_interval", interval=True, read=_of_difference("interval")),
     _of("public", "public", lambda e: e.public_error, unit="m", better="lower", format=".3f",
         help="bADE on the public scenes, where hidden ones rank, metres."),
     _event("ids", "change identity"),
@@ -100,7 +94,7 @@ _NUMBERS: Sequence[Column] = (
         group="gap closed", help=_SAME_GAP),
     _of("association_gap", "association", lambda e: e.standing.association_gaps.get("all"), unit="share",
         better="higher", group="gap closed", help=_ASSOCIATION),
-    _of_row("coverage", heading="covered", help="Share of the targets that have a forecast."),
+    _of_row(_ROW["coverage"], heading="covered", help="Share of the targets that have a forecast."),
     _of("ms", "ms", lambda e: e.record.measured.ms_per_frame, unit="ms", better="lower", format=".1f", help=_MS),
     _of("gap", "gap closed", lambda e: e.standing.gaps.get("all"), unit="share", better="higher", help=_GAP),
     _of("hypotheses", "H", lambda e: e.record.hypotheses, help="Hypotheses of the tracker."),
@@ -123,7 +117,7 @@ _FIRST = (
     _text("added", lambda e: e.added),
 )
 _LAST = (
-    Column(key="p", format=".3f", read=lambda e: d.p if (d := e.difference()) else None),
+    Column(key="p", format=".3f", read=_of_difference("p")),
     _text("gap_blank_because", lambda e: None if e.standing.gaps.get("all") is not None else e.standing.gap_blank),
     _text("association_gap_blank_because", lambda e: e.association_blank("all")),
     _text("status", lambda e: e.record.status),
@@ -140,11 +134,6 @@ def further_columns(entries: Collection[Entry]) -> list[Column]:
     return [column for column in columns_of(kind) if column.optional]
 
 
-def _over_all(column: Column) -> Column:
-    """A column of report rows as a column of entries, which reads their row of all targets."""
-    return replace(column, read=lambda entry: column.value(entry.row))
-
-
 def page_columns(entries: Collection[Entry]) -> list[Column]:
     """The columns of a table of the page: those in which an entry has a number."""
     return [COLUMN[key] for key in PAGE if any(COLUMN[key].value(entry) is not None for entry in entries)]
@@ -156,7 +145,7 @@ def data_table(entries: Sequence[Entry], name: str) -> Table:
     A further number that no entry has is left out: records are older than a new metric.
     """
     env = _text("env", lambda e: e.env)
-    further = [_over_all(column) for column in further_columns(entries)]
+    further = [_of_row(column) for column in further_columns(entries)]
     further = [column for column in further if any(column.value(entry) is not None for entry in entries)]
     columns = [env, *_FIRST, *_NUMBERS, *further, *_LAST]
     return Table(name, "Leaderboard", "", entries, [replace(c, read=_rounded(c)) for c in columns])

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...records.ranking import difference_of
+from ...records.held_back import difference_of
 from ...scoring.statistics import PairedDifference
 from .entries import Entry, by_board, simulated
 

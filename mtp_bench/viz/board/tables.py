@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ...files import clean_text
 from ...scoring.definitions import SIGNIFICANT
-from ...tables import BLANK, Column, Table, short
+from ...tables import Column, Table, short
 from .columns import COLUMN
 from .entries import Entry, by_board, empty_error
 
@@ -37,10 +37,10 @@ def _short_table(entries: Sequence[Entry]) -> Table:
         replace(COLUMN[key], heading=f"{text}\n{COLUMN[key].arrow}", group="") for key, text in _HEADINGS.items()
     ]
     columns = [
-        Column("submission", key="submission", read=_name),
+        Column("submission", key="submission", read=lambda entry: _printable(entry.name) + " (added)" * entry.added),
         Column("ranks", key="rank", read=_span),
         Column("bADE\n↓", key="error", read=lambda entry: entry.error),
-        Column("95 %\ninterval", "m", key="interval", read=_interval),
+        Column("95 %\ninterval", "m", key="interval", read=lambda e: (i := e.row.interval) and "–".join(map(short, i))),
         Column(f"to stp\n{_SIGNIFICANT}", "m", key="difference", read=_difference),
         *numbers,
         Column("verified", key="level", read=lambda entry: entry.level),
@@ -53,17 +53,9 @@ def earlier_text(entry: Entry) -> str:
     return f" (definitions {entry.earlier})" if entry.earlier else ""
 
 
-def _name(entry: Entry) -> str:
-    return _printable(entry.name) + (" (added)" if entry.added else "")
-
-
 def _span(entry: Entry) -> str | None:
     span = entry.standing.places["all"].span
     return span and "–".join(map(str, dict.fromkeys(span)))
-
-
-def _interval(entry: Entry) -> str:
-    return "–".join(map(short, entry.row.interval)) if entry.row.interval else BLANK
 
 
 def _difference(entry: Entry) -> str:

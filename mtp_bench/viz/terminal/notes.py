@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from ...scoring import Report
 from ...scoring.definitions import FORECASTS_PER_FRAME, Subset
 from ...scoring.parts import PARTS
-from ...scoring.rank import ASSOCIATED, NOT_CAUSAL
+from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
 from ...scoring.rows import Details, Row
 from ...tables import BLANK, Column, short
 from .output import counted
 from .paper import paper_figures, shipped_env
 from .tables import blocks_of
 
-REFERENCES = ("saw the truth", ASSOCIATED)  # reasons of `why_unranked`
+REFERENCES = (SAW_TRUTH, ASSOCIATED)  # reasons of `why_unranked`
 _LEAST = 0.005  # m: smaller parts are left out of a line
 _METRES = Column(format=".2f")
 

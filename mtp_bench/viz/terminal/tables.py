@@ -14,7 +14,7 @@ from ...scoring.rank import rank_text
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
-from .paper import PAPER_SUBSETS, Figures, paper_figures, shipped_env
+from .paper import PAPER_SUBSETS, paper_figures, shipped_env
 
 _EVENTS: tuple[Subset, ...] = ("ids", "reacquired", "lost", "frag")  # the first two may rank
 _COSTS = [f"cost_{part}" for part in PARTS]
@@ -74,14 +74,10 @@ def main_table(report: Report) -> Table:
         ranked = first.coverage, first.error, next(ranks), ids.error, next(ranks)
         rows.append(MainRow(first.agent, first.hypotheses, of_all, of_ids, of_frag, *ranked))
         if figures := paper_figures(env, first):
-            of_all, of_ids, of_frag = (_of_paper(figures, name) for name in PAPER_SUBSETS.values())
-            rows.append(MainRow(IN_PAPER, None, of_all, of_ids, of_frag))
+            texts = ("/".join(map(short, figures.get(name, ()))) or None for name in PAPER_SUBSETS.values())
+            rows.append(MainRow(IN_PAPER, None, next(texts), next(texts), next(texts)))
     title = f"{report.env}{'' if env else ', changed'}: m, less is better"
     return Table("main", title, "", rows, columns_of(MainRow))
-
-
-def _of_paper(figures: Figures, name: str) -> str | None:
-    return "/".join(map(short, figures[name])) if name in figures else None
 
 
 def data_table(report: Report) -> Table:

@@ -22,7 +22,7 @@ _GAPS = {  # field of a share -> the beginning of the other fields of its gap, a
     _SAME: ("gap_same_predictor", "same gap with its own predictor and presence"),
     "association_gap_closed": ("association_gap", "association gap"),
 }
-_SIGNED = Column(format="+.3f")
+_SIGNED, _METRES = Column(format="+.3f"), Column(format=".3f")
 WHERE = {"all": "over all targets", "ids": "on ids", "reacquired": "on reacquired"}
 
 
@@ -68,9 +68,10 @@ def _costs(report: Report) -> str | None:
     return ". ".join(sentences) + "." if sentences else None
 
 
-def _paired(report: Report, agent: str, other: str, subset: str) -> PairedRow | None:
+def _paired(report: Report, agent: str, other: str, subset: str, hypotheses: int = 1) -> PairedRow | None:
     """The difference of an agent to a control on a subset; None without both."""
-    rows = (r for r in report.paired if (r.agent, r.budget, r.other, r.subset) == (agent, "equal", other, subset))
+    key = (agent, hypotheses, "equal", other, subset)
+    rows = (r for r in report.paired if (r.agent, r.hypotheses, r.budget, r.other, r.subset) == key)
     return next((row for row in rows if row.error is not None), None)
 
 
@@ -85,18 +86,15 @@ def _against_stp(report: Report, row: Row) -> str | None:
     if row.difference_to_stp is None or other is None:
         return None
     return (
-        f"{label_of(row)} against {STP} {WHERE['all']}: {_metres(row.error)} instead of {_metres(other.error)} "
+        f"{label_of(row)} against {STP} {WHERE['all']}: {_METRES.text(row.error)} m instead of "
+        f"{_METRES.text(other.error)} m "
         f"({_difference(row.difference_to_stp, row.difference_interval, row.p)})."
     )
 
 
 def _against_control(report: Report, row: Row) -> str | None:
-    parts = []
-    for subset in ("all", "ids"):
-        key = (row.agent, row.hypotheses, row.samples, row.budget, CONTROL, subset)
-        for r in report.paired:
-            if (r.agent, r.hypotheses, r.samples, r.budget, r.other, r.subset) == key and r.error is not None:
-                parts.append(f"{WHERE[subset]} {_difference(r.error, r.interval, r.p)}")
+    pairs = [_paired(report, row.agent, CONTROL, subset, row.hypotheses) for subset in ("all", "ids")]
+    parts = [f"{WHERE[pair.subset]} {_difference(pair.error, pair.interval, pair.p)}" for pair in pairs if pair]
     if not parts:
         return None
     as_many = row.hypotheses == CONTROL_DRAWS
@@ -150,11 +148,7 @@ def _unranked(report: Report) -> str | None:
     return ". ".join(parts) + "." if parts else None
 
 
-def _metres(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.3f} m"
-
-
-def _difference(mean: float, interval: Interval | None, p: float | None) -> str:
+def _difference(mean: float | None, interval: Interval | None, p: float | None) -> str:
     """A difference with its interval and p."""
     return f"{_SIGNED.text(mean)} m, {_chance(interval, p)}"
 
