@@ -7,11 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from mtp_bench.scoring import find_events, history
-from mtp_bench.scoring.events import object_history
 from mtp_bench.scoring.lineage import Hypotheses, hypotheses, lineage_events, match_hypotheses
 from tests.support.scoring_scenes import (
     CAR,
@@ -20,9 +16,6 @@ from tests.support.scoring_scenes import (
     make_card,
     make_rollout,
     make_scene,
-    moved,
-    random_case,
-    take_tracks,
 )
 
 CARD = make_card()
@@ -118,13 +111,6 @@ def test_a_change_of_rank_is_no_switch() -> None:
     assert not got.lost.any()
 
 
-def test_a_switch_inside_a_lineage_is_one() -> None:
-    # hypothesis 1 keeps id 1, hypothesis 0 gives the object to id 2; both hold track 9 far away
-    tracks = [[held(1, 0, 0, 1), held(9, 50, 0, 1)], [held(2, 0, 0), held(1, 0, 1), held(9, 50, 0, 1)]]
-    got, _ = events(tracks, [[-1, -1], [-1, -2]], 2)
-    assert got.ids[1].tolist() == [True, False]
-
-
 def test_a_fragment_is_remembered_along_the_lineage() -> None:
     tracks = [
         [held(1, 0, 0, 1), held(8, 50, 0), held(9, 50, 1)],
@@ -136,13 +122,6 @@ def test_a_fragment_is_remembered_along_the_lineage() -> None:
     assert got.lost.tolist() == [[False, False], [False, True], [False, False]]
     assert got.reacquired.tolist() == [[False, False], [False, False], [True, False]]
     assert not got.ids.any()
-
-
-def test_wrong_losses_are_told_from_missing_ones() -> None:
-    tracks = [[held(1, 0, 0, 1)], [held(1, 9, 0)]]
-    got, _ = events(tracks, [[-1, -1]] * 2, 2)
-    assert got.lost[1].tolist() == [True, True]
-    assert got.wrong[1].tolist() == [True, False]
 
 
 def test_who_says_nothing_goes_on_from_the_best_hypothesis() -> None:
@@ -180,45 +159,6 @@ def test_a_frame_without_the_object_or_with_a_neutral_one_makes_no_event(
     frame = make_scene(truth).truth.frame_of_rows
     found = tuple(frame[getattr(got, kind)[:, 0]].tolist() for kind in ("ids", "lost", "reacquired"))
     assert found == want
-
-
-@settings(derandomize=True, deadline=None, max_examples=20)
-@given(st.integers(0, 10_000))
-def test_one_hypothesis_is_one_stream(seed: int) -> None:
-    scene, rollout = random_case(seed, hypotheses=1)
-    neutral = scene.truth.neutral | (np.random.default_rng(seed).random(len(scene.truth.neutral)) < 0.1)
-    scene = replace(scene, truth=replace(scene.truth, neutral=neutral))
-    found = hypotheses(rollout, CARD)
-    matched = match_hypotheses(scene.truth, rollout, found.member, CARD)
-    got = lineage_events(scene.truth, rollout, found, matched)
-    track_frame = rollout.tracks.frame_of_rows
-    want = find_events(
-        object_history(scene.truth), matched[:, 0], history(track_frame, rollout.track_id), rollout.track_id
-    )
-    for name in ("ids", "lost", "reacquired"):
-        assert np.flatnonzero(getattr(got, name)[:, 0]).tolist() == getattr(want, name).tolist()
-    assert np.flatnonzero(got.wrong[:, 0]).tolist() == want.wrong.tolist()
-
-
-@settings(derandomize=True, deadline=None, max_examples=20)
-@given(st.integers(0, 10_000))
-def test_order_of_tracks_and_of_hypotheses_and_the_place_do_not_matter(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    scene, rollout = random_case(seed)
-    found = hypotheses(rollout, CARD)
-    want = lineage_events(scene.truth, rollout, found, match_hypotheses(scene.truth, rollout, found.member, CARD))
-    frame = rollout.tracks.frame_of_rows
-    rows = np.lexsort((rng.random(len(frame)), frame))
-    other_scene, other = moved(scene, take_tracks(rollout, rows), np.pi / 2, (100.0, -50.0, 3.0))
-    rank = rng.permutation(3)
-    other = type(other)(**{**other.__dict__, "member": other.member[:, rank],
-                           "hypothesis_log_weight": other.hypothesis_log_weight[:, rank]})  # fmt: skip
-    found = hypotheses(other, CARD)
-    got = lineage_events(
-        other_scene.truth, other, found, match_hypotheses(other_scene.truth, other, found.member, CARD)
-    )
-    for name in ("ids", "lost", "wrong", "reacquired"):
-        assert np.array_equal(getattr(got, name), getattr(want, name)[:, rank])
 
 
 def test_frames_in_which_the_lineage_is_guessed_are_counted() -> None:

@@ -72,13 +72,6 @@ def test_without_any_detection_there_is_one_empty_hypothesis(hypotheses: int) ->
         np.testing.assert_array_equal(tracks.log_weight, [0.0])
 
 
-def test_reset_forgets() -> None:
-    tracker, frames = HypothesisTracker(5), random_frames(np.random.default_rng(1), 12)
-    first, second = ([t.track_id.tolist() for t in run(tracker, frames)] for _ in range(2))
-    assert first == second
-    assert first[-1]
-
-
 @pytest.mark.parametrize(("assignment", "ids"), [("hungarian", [0, 1]), ("as_parameters", [0, 1]), ("greedy", [1, 2])])
 def test_greedy_takes_the_best_pair_first_whatever_the_class(assignment: str, ids: list[int]) -> None:
     # Cars 2 m apart step by 1.2 m: the second detection of the first frame is nearest to the first one of the second.
@@ -211,12 +204,3 @@ def test_a_fast_car_at_2_hz_keeps_its_identity_only_by_its_velocity() -> None:
         ids[known] = {int(track_id) for frame_tracks in tracks for track_id in frame_tracks.track_id}
     assert len(ids[True]) == 1
     assert len(ids[False]) == 4
-
-
-def test_a_velocity_of_a_task_without_velocities_is_not_looked_at() -> None:
-    outputs = []
-    for velocity in (0.0, 9.0):
-        tracker = HypothesisTracker()
-        tracker.reset(replace(URBAN, velocity=False))
-        outputs.append([tracker.step(at(0.4 * t, velocity)).box for t in range(3)])
-    np.testing.assert_array_equal(outputs[0], outputs[1])
