@@ -49,7 +49,7 @@ def take(shot: Shot, path: Path) -> str:
     """Run the plain baseline on the scene and draw its costliest event of this kind; the sentence about it."""
     env = MTPEnv(shot.env_id, evaluation=True)
     scene = shot.scene or env.scene_names[0]
-    rollout = run_scene(load_submission("stp").build(agent_task(env, 0)), env, scene, seed=0)
+    rollout = run_scene(load_submission("stp").build(agent_task(env, 0, scene)), env, scene, seed=0)
     run = replay(env.scene, rollout, env.card, "stp")
     events = in_order(event_rows(run, [shot.kind], "run"), "cost")
     focus = Focus(run, events[0].incident)

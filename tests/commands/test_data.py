@@ -66,10 +66,10 @@ def test_scenes_without_objects(cli: CommandLine, tmp_path: Path, kitti: Path, c
         "coverage",
         "gap_closed",
         "interval",
-        "rank",
+        "place",
     )
     rows = read_json(tmp_path / "a.json")["rows"]
-    assert len(rows) == 11 * 7
+    assert len(rows) == 13 * 7
     for row in rows:
         assert {row[key] for key in ("targets", "objects", "scenes")} == {0}
         assert [row[key] for key in undefined] == [None] * len(undefined)

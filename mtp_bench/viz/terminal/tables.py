@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from textwrap import wrap
@@ -64,10 +65,11 @@ class AgentLine:
 
 
 def main_table(report: Report) -> Table:
-    """Errors as in the paper, and bADE with ranks; the paper's numbers below those that they are comparable with."""
+    """Errors as in the paper, and bADE, by which agents are listed, with ranks; the paper's numbers below ours."""
     env, blocks = shipped_env(report), blocks_of(report)
     rows = []
-    for block in [each for each in blocks if each["all"].budget == "equal"] or blocks:
+    shown = [each for each in blocks if each["all"].budget == "equal"] or blocks
+    for block in sorted(shown, key=lambda each: math.inf if (error := each["all"].error) is None else error):
         first, ids = block["all"], block["ids"]
         of_all, of_ids, of_frag = (_displacements(block[subset]) for subset in PAPER_SUBSETS)
         ranks = (rank_text(row.place, row.rank_range) for row in (first, ids))
@@ -108,7 +110,8 @@ def full_tables(report: Report) -> Iterator[Table]:
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
     gaps = [_on(known[name], subset) for subset in ("all", "ids") for name in _GAPS]
     yield _lines_table("Shares of gaps closed (all targets, then ids; below: 95 % interval)", lines, gaps)
-    yield _lines_table("Reasons of missing shares (all targets)", lines, [_on(known[name], "all") for name in _BLANK])
+    reasons = [_on(_narrow(known[name]), "all") for name in _BLANK]
+    yield _lines_table("Reasons of missing shares (all targets)", lines, reasons)
     for title, names in _MADE_OF.items():
         yield _lines_table(f"{title} (all targets, m)", lines, [_on(known[name], "all") for name in names])
     shown_already = {name for names in _MADE_OF.values() for name in names}
@@ -134,6 +137,11 @@ def blocks_of(report: Report) -> list[dict[Subset, Row]]:
 
 def _row_columns(report: Report) -> tuple[Column, ...]:
     return columns_of(type(report.rows[0]) if report.rows else Row)
+
+
+def _narrow(column: Column) -> Column:
+    """A column of texts in short lines, so that two of them fit a terminal of 80 columns."""
+    return replace(column, read=lambda row: "\n".join(wrap(str(column.value(row) or ""), 26)) or None)
 
 
 def _lines_table(title: str, lines: Sequence[AgentLine], columns: Sequence[Column], names: int = 3) -> Table:
