@@ -111,8 +111,13 @@ def ranks_among(sums: Sequence[ArrayLike], weight: ArrayLike, why: Sequence[str 
     return [rank.get(i) for i in range(len(why))]
 
 
+def span_text(span: tuple[int, int] | None) -> str | None:
+    """A range of ranks, "1–3"; one number where it holds one rank."""
+    return None if span is None else "–".join(map(str, dict.fromkeys(span)))
+
+
 def rank_text(place: int | None, span: tuple[int, int] | None) -> str | None:
     """A place with its range of ranks, "2 (1–3)"; the place alone where the range is that place."""
     if place is None or span is None or span[0] == span[1]:
         return None if place is None else str(place)
-    return f"{place} ({span[0]}–{span[1]})"
+    return f"{place} ({span_text(span)})"

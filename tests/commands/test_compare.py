@@ -31,7 +31,7 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
 
     assert table.startswith("MTP-Small-v0: m, less is better")
     agents = [line.split()[0] for line in table.splitlines() if line.count("/") == 3]
-    known = ["truth_past", "truth_past", "stp", "stp_same_budget", "stp_hedged", "perfect_associat", "perfect_associat"]
+    known = ["truth_past", "truth_past", "stp", "stp_same_budget", "stp_hedged", "perfect_associa", "perfect_associa"]
     assert sorted(agents) == sorted([*known, "mine"])
     errors = [line.split()[-4] for line in table.splitlines() if line.count("/") == 3]
     assert errors == sorted(errors)  # agents are listed by bADE

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ...files import clean_text
 from ...scoring.definitions import SIGNIFICANT
+from ...scoring.rank import span_text
 from ...tables import Column, Table, short
 from .columns import COLUMN
 from .entries import Entry, by_board, empty_error
@@ -38,7 +39,7 @@ def _short_table(entries: Sequence[Entry]) -> Table:
     ]
     columns = [
         Column("submission", key="submission", read=lambda entry: _printable(entry.name) + " (added)" * entry.added),
-        Column("ranks", key="rank", read=_span),
+        Column("ranks", key="rank", read=lambda entry: span_text(entry.standing.places["all"].span)),
         Column("bADE\n↓", key="error", read=lambda entry: entry.error),
         Column("95 %\ninterval", "m", key="interval", read=lambda e: (i := e.row.interval) and "–".join(map(short, i))),
         Column(f"to stp\n{_SIGNIFICANT}", "m", key="difference", read=_difference),
@@ -51,11 +52,6 @@ def _short_table(entries: Sequence[Entry]) -> Table:
 def earlier_text(entry: Entry) -> str:
     """The definitions of an entry behind a name, where they are earlier ones."""
     return f" (definitions {entry.earlier})" if entry.earlier else ""
-
-
-def _span(entry: Entry) -> str | None:
-    span = entry.standing.places["all"].span
-    return span and "–".join(map(str, dict.fromkeys(span)))
 
 
 def _difference(entry: Entry) -> str:

@@ -59,7 +59,7 @@ def _about(report: Report) -> str:
     paper = " Dim: the paper's numbers." if any(paper_figures(env, row) for row in report.rows) else ""
     return (
         f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} bADE "
-        f"(budgeted ADE): {allowed}; on ids as many as STP makes.{nothing} #: rank, {BLANK} shown only. "
+        f"(budgeted ADE): {allowed}; on ids as many as STP makes.{nothing} #: range of ranks, {BLANK} shown only. "
         f"Definitions {report.definitions}."
     )
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 180  # columns where the output is a file or a pipe
 TEXT_WIDTH = 80  # columns of reports
-NAME_WIDTH = 16  # columns of the first column of a report's table; longer names are folded
+NAME_WIDTH = 15  # columns of the first column of a report's table; longer names are folded
 SCENE_WIDTH = 20  # of names of scenes, so that those of the simulated ones can be copied in one piece
 HEADING_WIDTH = 10  # columns of a heading; longer ones are broken between words
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS, SUBSETS, Subset
 from ...scoring.parts import PARTS
-from ...scoring.rank import rank_text
+from ...scoring.rank import span_text
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
@@ -72,14 +72,19 @@ def main_table(report: Report) -> Table:
     for block in sorted(shown, key=lambda each: math.inf if (error := each["all"].error) is None else error):
         first, ids = block["all"], block["ids"]
         of_all, of_ids, of_frag = (_displacements(block[subset]) for subset in PAPER_SUBSETS)
-        ranks = (rank_text(row.place, row.rank_range) for row in (first, ids))
-        ranked = first.coverage, first.error, next(ranks), ids.error, next(ranks)
-        rows.append(MainRow(first.agent, first.hypotheses, of_all, of_ids, of_frag, *ranked))
+        ranks = first.coverage, first.error, _ranks(first), ids.error, _ranks(ids)
+        rows.append(MainRow(first.agent, first.hypotheses, of_all, of_ids, of_frag, *ranks))
         if figures := paper_figures(env, first):
             texts = ("/".join(map(short, figures.get(name, ()))) or None for name in PAPER_SUBSETS.values())
             rows.append(MainRow(IN_PAPER, None, next(texts), next(texts), next(texts)))
     title = f"{report.env}{'' if env else ', changed'}: m, less is better"
     return Table("main", title, "", rows, columns_of(MainRow))
+
+
+def _ranks(row: Row) -> str | None:
+    """The range of ranks; a long one in two lines, so that the table fits a terminal of 80 columns."""
+    text = span_text(row.rank_range)
+    return text.replace("–", "–\n") if text is not None and len(text) > 3 else text
 
 
 def data_table(report: Report) -> Table:
