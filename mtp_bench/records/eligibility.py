@@ -14,7 +14,7 @@ from ..scoring.weights import scene_key
 from .attestation import SignedLevel
 from .evaluation import scorer_digest
 from .record import LimitsPart, Record, ScenePart
-from .shipped import FOR_BASELINES, Shipped, baseline_digest, shipped
+from .shipped import FOR_BASELINES, Shipped, baseline_digest, baseline_observe, shipped
 
 SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
@@ -108,6 +108,9 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
         yield other_submission
     if not may_observe(record):
         yield FOR_BASELINES
+    observed = baseline_observe(record.submission.name)
+    if observed not in (None, record.env.observe):
+        yield f"observe is {record.env.observe!r}, the baseline of that name has {observed!r}"
     if record.scorer.definitions != DEFINITIONS:
         yield f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}"
     if record.scorer.source_digest != scorer_digest():

@@ -80,6 +80,12 @@ def network_references(network: str, observe: str) -> tuple[str, str] | None:
 
 
 @cache
+def baseline_observe(name: str) -> str | None:
+    """The mode of the env that the baseline ``name`` observes; None for another name."""
+    return load_submission(name).compare.observe if name in baseline_names() else None
+
+
+@cache
 def learned_truths() -> tuple[str, ...]:
     """Names of the baselines that predict with a network from ground-truth tracks."""
     loaded = (load_submission(name) for name in sorted(baseline_names()))

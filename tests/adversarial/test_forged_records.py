@@ -862,3 +862,9 @@ def test_a_proposal_is_refused_for(what: str, cli: CommandLine, proposal: Path, 
     change, message = PROPOSALS[what]
     change(proposal, leaderboard)
     assert message in taken(cli, proposal, leaderboard)
+
+
+@pytest.mark.parametrize("name", ["truth_past", "perfect_association"])
+def test_a_baseline_that_saw_more_cannot_state_that_it_did_not(name: str) -> None:
+    found = standings([made_up("stp", 1.0), record := made_up(name, 0.1)])
+    assert found[record.digest].places["all"].why.startswith("observe is 'detections', the baseline of that name has")
