@@ -156,6 +156,7 @@ def sign_flip_test(difference: ArrayLike, weight: ArrayLike | None = None) -> Si
     """
     gap = as_sums("difference", difference)
     share = np.ones(len(gap)) if weight is None else as_sums("weight", weight)
+    require_shape("weight", share, gap.shape)
     counted = (gap != 0) | (share != 0)
     return _flipped(gap[counted].tobytes(), share[counted].tobytes())
 
