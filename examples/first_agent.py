@@ -56,6 +56,6 @@ for agent in (Standing(), Nearest()):
     agent.reset(env.unwrapped.task)
     error, over = 0.0, False
     while not over:
-        observation, reward, _, over, info = env.step(agent.act(observation))
+        observation, reward, over, _, info = env.step(agent.act(observation))
         error -= reward
     print(f"{type(agent).__name__}: {error:.0f} m in {env.unwrapped.scene.name}")

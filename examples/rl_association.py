@@ -42,9 +42,9 @@ def reward_per_step(env: AssociationOnly, policy: Policy) -> float:
     rewards = []
     for name in env.get_wrapper_attr("scene_names"):
         observation, _ = env.reset(seed=0, options={"scene": name})
-        truncated = False
-        while not truncated:
-            observation, reward, _, truncated, _ = env.step(policy(observation))
+        over = False
+        while not over:
+            observation, reward, over, *_ = env.step(policy(observation))
             rewards.append(float(reward))
     return float(np.mean(rewards))
 

@@ -118,8 +118,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return self._episode.feed.observe(0), _info(self._episode)
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Take the action for the last observation and show the next frame; ``truncated`` after the last frame.
+        """Take the action for the last observation and show the next frame; ``terminated`` after the last one.
 
+        Nothing can follow the end of a log, so ``truncated`` is never true: no value may be bootstrapped there.
         With ``strict`` an action outside the action space is an ActionError, which leaves the frame as it was. Without,
         invalid rows are taken out of the action and counted in ``info``.
         """
@@ -134,7 +135,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, recorded)
         episode.actions.append(recorded)
         self._render_each()
-        return episode.feed.observe(episode.t), reward, False, episode.over, _info(episode)
+        return episode.feed.observe(episode.t), reward, episode.over, False, _info(episode)
 
     def rollout(self) -> Rollout:
         """All actions of this episode, in the scene's own frame of reference; RolloutError before its end."""

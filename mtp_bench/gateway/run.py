@@ -73,11 +73,11 @@ def run_isolated(
             env.task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2)), checked=False
         )
         seconds: list[float] = []
-        truncated = False
-        while not truncated:
+        over = False
+        while not over:
             action, spent = exchange.ask(observation)
             seconds.append(spent)
-            observation, _, _, truncated, _ = env.step(silence if action is None else action)
+            observation, _, over, *_ = env.step(silence if action is None else action)
         run = exchange.result(replace(env.rollout(), seconds=np.array(seconds)))
         return replace(run, scene_digest=scene_digest(env.scene))
 

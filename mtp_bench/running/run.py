@@ -36,16 +36,16 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
     name = name or type(agent).__name__
     observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})
     seconds: list[float] = []
-    truncated, place = False, "reset"
+    over, place = False, "reset"
     try:
         agent.reset(agent_task(env, seed, scene_name))
-        while not truncated:
+        while not over:
             place = f"frame {len(seconds)}"
             start = time.perf_counter()
             action = agent.act(observation)
             seconds.append(time.perf_counter() - start)
             place = ""  # errors below are the env's
-            observation, _, _, truncated, _ = env.step(action)
+            observation, _, over, *_ = env.step(action)
     except (Exception, SystemExit) as error:
         if not place:
             raise

@@ -83,7 +83,7 @@ def _episode(env: MTPEnv, observation: Observation) -> Steps:
     number, over = 0, False
     while not over:
         action = yield f"frame {number}", observation
-        observation, _, _, over, _ = env.step(action)
+        observation, _, over, *_ = env.step(action)
         number += 1
     yield None
 

@@ -58,7 +58,7 @@ def frames():
             there = observation["detection_valid"].astype(bool)
             fields = ("detection_id", "detection_box", "detection_class")
             found.append({int(i): (b, int(c)) for i, b, c in zip(*(observation[name][there] for name in fields))})
-            observation, _, _, over, _ = env.step(nothing(env.task))
+            observation, _, over, *_ = env.step(nothing(env.task))
         return found
     return None
 

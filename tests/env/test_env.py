@@ -33,9 +33,9 @@ INFO = ["frame", "dropped_detections", "invalid_tracks", "invalid_hypotheses", "
 def play(env: MTPEnv, answer: Callable[[dict[str, Any]], Action], **reset: Any) -> tuple[list[Any], list[float]]:
     """All observations with their infos, and all rewards, of one episode."""
     seen, rewards = [env.reset(**reset)], []
-    truncated = False
-    while not truncated:
-        observation, reward, _, truncated, info = env.step(answer(seen[-1][0]))
+    over = False
+    while not over:
+        observation, reward, over, _, info = env.step(answer(seen[-1][0]))
         seen.append((observation, info))
         rewards.append(float(reward))
     return seen, rewards
@@ -181,11 +181,11 @@ def test_observations_are_never_reused(make_env: MakeEnv) -> None:
 # ---- episodes
 
 
-def test_only_the_last_answer_truncates_and_nothing_terminates(make_env: MakeEnv) -> None:
+def test_only_the_last_answer_terminates_and_nothing_truncates(make_env: MakeEnv) -> None:
     env = make_env(make_scene(frames=3))
     env.reset()
     ends = [env.step(empty_action(env.task))[2:4] for _ in range(3)]
-    assert ends == [(False, False), (False, False), (False, True)]
+    assert ends == [(False, False), (False, False), (True, False)]
     with pytest.raises(ResetNeeded, match="after the last frame of 'one'"):
         env.step(empty_action(env.task))
     env.reset()
@@ -281,10 +281,10 @@ def test_every_action_of_the_space_is_sound(make_env: MakeEnv) -> None:
         action = env.action_space.sample()
         action["track_id"] = np.arange(5)  # the space cannot say that ids are unique,
         action["forecast_log_weight"][:, 0] = 0.0  # nor that a sample is there
-        observation, reward, _, truncated, info = env.step(action)
+        observation, reward, over, _, info = env.step(action)
         assert env.observation_space.contains(observation)
         assert np.isfinite(reward)
-        assert truncated == (t == 39)
+        assert over == (t == 39)
         assert not any(info[name] for name in INFO[2:])
     rollout = env.rollout()
     assert len(rollout.track_id) > 0

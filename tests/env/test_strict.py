@@ -200,11 +200,11 @@ def silent_play(agent: str, env: MTPEnv) -> int:
     observation, _ = env.reset(seed=0, options={"scene": name})
     player = load_submission(agent).build(agent_task(env, 0))
     player.reset(agent_task(env, 0))
-    truncated, frames = False, 0
-    while not truncated and frames < 150:
+    over, frames = False, 0
+    while not over and frames < 150:
         action = player.act(observation)
         assert env.action_space.contains(action)
-        observation, _, _, truncated, _ = env.step(action)
+        observation, _, over, *_ = env.step(action)
         frames += 1
     return frames
 

@@ -72,10 +72,10 @@ def poses(court: Court, seeds: int) -> dict[str, object]:
     for scene in env.scene_names:
         for seed in range(seeds):
             observation, _ = env.reset(seed=derived_seed(seed, scene, "env"), options={"scene": scene})
-            truncated = False
-            while not truncated:
+            over = False
+            while not over:
                 table[observation["ego_pose"].round(2).tobytes().hex()] = np.ones(1)
-                observation, _, _, truncated, _ = env.step(empty_action(env.task))
+                observation, _, over, *_ = env.step(empty_action(env.task))
     return table
 
 

@@ -192,7 +192,7 @@ def film(env: MTPEnv, drawn: bool = True) -> tuple[list[Picture], list[Any]]:
     observation, _ = env.reset(seed=0)
     images, told, over = [shot(env)] if drawn else [], [], False
     while not over:
-        observation, reward, _, over, _ = env.step(agent.act(observation))
+        observation, reward, over, *_ = env.step(agent.act(observation))
         told.append((reward, observation["detection_box"].tolist()))
         images += [shot(env)] if drawn else []
     return images, told

@@ -39,7 +39,7 @@ def play(card: str, data: str, episodes: int = 1, **keywords: Any) -> MTPEnv:
         env.reset(seed=episode)
         over = False
         while not over:
-            over = env.step(full_action(env.task))[3]
+            over = env.step(full_action(env.task))[2]
     env.close()
     stream = rr.get_global_data_recording()
     assert stream is not None

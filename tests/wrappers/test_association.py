@@ -32,10 +32,10 @@ def env(make_env: MakeEnv) -> AssociationOnly:
 def play(env: AssociationOnly, *choices: list[int]) -> Any:
     """What the env was told of the tracks, frame by frame, after these choices and the nearest for the other frames."""
     observation, _ = env.reset(seed=0)
-    truncated, t = False, 0
-    while not truncated:
+    over, t = False, 0
+    while not over:
         choice = np.array(choices[t]) if t < len(choices) else env.nearest(observation)
-        observation, _, _, truncated, _ = env.step(choice)
+        observation, _, over, *_ = env.step(choice)
         t += 1
     inner = env.unwrapped
     assert isinstance(inner, MTPEnv)
@@ -114,9 +114,9 @@ def reward(env: AssociationOnly, policy: Policy) -> float:
     rewards = []
     for name in env.get_wrapper_attr("scene_names"):
         observation, _ = env.reset(seed=0, options={"scene": name})
-        truncated = False
-        while not truncated:
-            observation, one, _, truncated, info = env.step(policy(observation))
+        over = False
+        while not over:
+            observation, one, over, _, info = env.step(policy(observation))
             assert info["invalid_objects"] == info["invalid_tracks"] == 0
             rewards.append(float(one))
     return float(np.mean(rewards))
