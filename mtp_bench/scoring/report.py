@@ -27,11 +27,12 @@ class Report:
 
     env: str
     definitions: str
-    rows: list[Row]  # the keys of design.md, "compare --json"
+    rows: list[Row]
     paired: list[PairedRow]  # differences to the controls
     details: list[Details]  # per agent
     condition: dict[str, str] = field(default_factory=dict)  # source, split, detector, card, detections, truth, weights
     tables: Sequence[AgentTable] = ()  # sources of the rows, per agent
+    shown: Sequence[str] = ()  # names of the agents of the main table; empty: all
 
     def to_json(self, *further: str) -> dict[str, Any]:
         """The content of ``compare --json``: env, definitions, rows, and the ``further`` fields that are named."""

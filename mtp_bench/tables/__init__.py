@@ -17,6 +17,8 @@ from .column import Column as Column
 from .column import Value as Value
 from .column import columns_of as columns_of
 from .column import short as short
+from .screen import to_html as to_html
+from .screen import to_text as to_text
 from .table import Table as Table
 from .writers import SUFFIXES as SUFFIXES
 from .writers import tables_text as tables_text

@@ -10,7 +10,18 @@ from typing import Annotated
 
 import pytest
 
-from mtp_bench.tables import Column, Table, columns_of, tables_text, to_csv, to_json, to_latex, to_markdown
+from mtp_bench.tables import (
+    Column,
+    Table,
+    columns_of,
+    tables_text,
+    to_csv,
+    to_html,
+    to_json,
+    to_latex,
+    to_markdown,
+    to_text,
+)
 
 Metres = Annotated[float | None, Column(unit="m", better="lower")]
 
@@ -115,3 +126,20 @@ def test_the_suffix_chooses_the_format(suffix: str, start: str) -> None:
 def test_no_text_of_a_csv_is_a_formula(text: str) -> None:
     (row,) = csv.DictReader(io.StringIO(to_csv(Table("x", "", "", [Cost(text, 1, -1.5, None, None)]))))
     assert (row["agent"], row["error [m]"]) == (f"'{text.strip()}", "-1.5")
+
+
+def test_plain_text_fits_and_stands_intervals_beside_their_numbers() -> None:
+    long = Cost("a_quite_long_name_of_an_agent", 12, 0.7312, (-0.5, 12.345), 0.5)
+    assert to_text(Table("costs", "Costs", "What an agent costs.", [FULL, long]), 60).splitlines() == [
+        "Costs",
+        "                          size",
+        "agent                  targets error            95 % covered",
+        "─" * 60,
+        "stp_a|b                     12 0.731     0.500–12.35    50 %",
+        "a_quite_long_name_of_an     12 0.731 −0.500 to 12.35    50 %",
+        "_agent",
+        "What an agent costs.",
+    ]
+    html = to_html(TABLE)
+    assert "<caption>Costs &amp; gains</caption>" in html
+    assert "<td>0.731 [0.500, 12.35]</td><td>50 %</td>" in html

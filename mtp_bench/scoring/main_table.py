@@ -1,0 +1,106 @@
+"""The main table of a report: a row per agent, the best first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+from .._bundle import card_ids
+from ..cards import load_card
+from ..tables import Column, Table, columns_of
+from .definitions import SUBSETS, Subset
+from .rank import span_text
+from .report import Report
+from .rows import Row
+
+FAILED = "failed"  # in place of a number
+MEANING = (
+    "bADE (budgeted ADE): mean of min(minADE, c) over targets and allowed numbers of false forecasts. c, the error if "
+    "nothing is predicted, is what a target without a forecast costs. #: range of ranks."
+)
+_ALL, _IDS = "all targets", "identity switch"
+
+
+@dataclass(frozen=True)
+class MainRow:
+    """An agent in its main setting."""
+
+    agent: Annotated[str, Column(help="Name as in commands.")]
+    hypotheses: Annotated[int | None, Column("H", help="Hypotheses of the tracker.")] = None
+    error: Annotated[float | str | None, Column("bADE", "m", "lower", ".3f", group=_ALL)] = None
+    interval: Annotated[tuple[float, float] | None, Column(format=".2f", interval=True)] = None
+    ranks: Annotated[str | None, Column("#", group=_ALL)] = None
+    displacements: Annotated[str | None, Column("minADE/FDE", "m", group=_ALL)] = None
+    coverage: Annotated[float | None, Column("cov.", "share", "higher", group=_ALL)] = None
+    ids_error: Annotated[float | None, Column("bADE", "m", "lower", ".3f", group=_IDS)] = None
+    ids_interval: Annotated[tuple[float, float] | None, Column(format=".2f", interval=True)] = None
+    ids_ranks: Annotated[str | None, Column("#", group=_IDS)] = None
+
+
+def main_table(report: Report) -> Table:
+    """Table of bADE over all targets and on identity switches: a row per agent, the best first.
+
+    An agent has its setting with the most hypotheses at equal k; `Report.shown` names the agents.
+    """
+    blocks = sorted(main_settings(report).values(), key=lambda rows: _by_error(rows["all"]))
+    failed = [MainRow(agent, error=FAILED) for agent in getattr(report, "failures", {})]
+    rows = [*map(_main_row, blocks), *failed]
+    return Table("main", f"{heading(report)}: m, less is better", MEANING, rows, columns_of(MainRow))
+
+
+def heading(report: Report) -> str:
+    """The env of a report, or the folder of own scenes."""
+    if "files" in report.condition:
+        return f"{report.condition['files']} (own scenes, own detections)"
+    return report.env if is_shipped(report) else f"{report.env}, changed"
+
+
+def is_shipped(report: Report) -> bool:
+    """True unless the report is of another split, of other detections or of own scenes: its card is the shipped one."""
+    digest = report.condition.get("card")
+    return report.env not in card_ids() or digest in (None, load_card(report.env).digest)
+
+
+def blocks_of(report: Report) -> Iterator[Mapping[Subset, Row]]:
+    """The rows of each agent and setting, by subset."""
+    for start in range(0, len(report.rows), len(SUBSETS)):
+        yield {row.subset: row for row in report.rows[start : start + len(SUBSETS)]}
+
+
+def main_settings(report: Report) -> dict[str, Mapping[Subset, Row]]:
+    """Rows by subset of each agent's setting with the most hypotheses at equal k, and with its own parameters."""
+    best: dict[str, Mapping[Subset, Row]] = {}
+    for rows in blocks_of(report):
+        name = rows["all"].agent.split(" ")[0]
+        if report.shown and name not in report.shown:
+            continue
+        if name not in best or _preference(rows["all"], name) > _preference(best[name]["all"], name):
+            best[name] = rows
+    return best
+
+
+def _preference(row: Row, name: str) -> tuple[bool, bool, int]:
+    return row.budget == "equal", row.agent == name, row.hypotheses
+
+
+def _by_error(row: Row) -> float:
+    return math.inf if row.error is None else row.error
+
+
+def _main_row(rows: Mapping[Subset, Row]) -> MainRow:
+    row, ids = rows["all"], rows["ids"]
+    missing = row.minADE is None or row.minFDE is None
+    return MainRow(
+        agent=row.agent,
+        hypotheses=row.hypotheses,
+        error=row.error,
+        interval=row.interval,
+        ranks=span_text(row.rank_range),
+        displacements=None if missing else f"{row.minADE:.2f}/{row.minFDE:.2f}",
+        coverage=row.coverage,
+        ids_error=ids.error,
+        ids_interval=ids.interval,
+        ids_ranks=span_text(ids.rank_range),
+    )
