@@ -17,8 +17,8 @@ from .rows import Row
 
 FAILED = "failed"  # in place of a number
 MEANING = (
-    "bADE (budgeted ADE): mean of min(minADE, c) over targets and allowed numbers of false forecasts. c, the error if "
-    "nothing is predicted, is what a target without a forecast costs. #: range of ranks."
+    "bADE (budgeted ADE): mean over targets and false-forecast budgets of min(minADE, c), c the error if nothing is "
+    "predicted. #: range of ranks."
 )
 _ALL, _IDS = "all targets", "identity switch"
 

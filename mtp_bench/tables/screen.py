@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Sequence
 from html import escape
-from itertools import groupby
+from itertools import chain, groupby
 from typing import Any
 
 from .column import Column
@@ -24,11 +25,11 @@ def to_text(table: Table, width: int = WIDTH) -> str:
     heads = [column.heading or "95 %" if column.interval else column.title for column in columns]
     body = [[_cell(column, row) for column in columns] for row in table.rows]
     widths = [max(map(len, cells)) for cells in zip(heads, *body, strict=True)]
-    if widths:
-        widths[0] = max(min(widths[0], width - sum(widths[1:]) - len(widths) + 1), min(widths[0], _LEAST))
+    room = max(width - sum(widths[1:]) - len(widths) + 1, _LEAST)
+    names = [_folded(cells[0], room) for cells in body]
+    widths[:1] = [max(map(len, [*heads[:1], *chain(*names)]), default=0)]
     lines = [_line(heads, widths), "─" * (sum(widths) + len(widths) - 1)]
-    for cells in body:
-        first, *more = textwrap.wrap(cells[0], widths[0]) or [""]
+    for (first, *more), cells in zip(names, body, strict=True):
         lines += [_line([first, *cells[1:]], widths), *more]
     groups = [_groups(columns, widths)] if any(column.group for column in columns) else []
     texts = [textwrap.wrap(text, width) for text in (table.title, table.sentence)]
@@ -41,6 +42,14 @@ def _cell(column: Column, row: Any) -> str:
         return column.text(value)
     low, high = map(column.text, value)
     return f"{low} to {high}" if "−" in low else f"{low}–{high}"
+
+
+def _folded(name: str, width: int) -> list[str]:
+    """Lines of a name, broken before an underscore, a blank or a hyphen where that is possible."""
+    lines = [""]
+    for part in re.findall(r"[ _-]*[^ _-]*", name):
+        lines += [part] if lines[-1] and len(lines[-1] + part) > width else [lines.pop() + part]
+    return [piece.strip() for line in lines for piece in textwrap.wrap(line, width)] or [""]
 
 
 def _line(cells: Sequence[str], widths: Sequence[int]) -> str:

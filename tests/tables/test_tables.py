@@ -132,12 +132,12 @@ def test_plain_text_fits_and_stands_intervals_beside_their_numbers() -> None:
     long = Cost("a_quite_long_name_of_an_agent", 12, 0.7312, (-0.5, 12.345), 0.5)
     assert to_text(Table("costs", "Costs", "What an agent costs.", [FULL, long]), 60).splitlines() == [
         "Costs",
-        "                          size",
-        "agent                  targets error            95 % covered",
-        "─" * 60,
-        "stp_a|b                     12 0.731     0.500–12.35    50 %",
-        "a_quite_long_name_of_an     12 0.731 −0.500 to 12.35    50 %",
-        "_agent",
+        "                       size",
+        "agent                targets error            95 % covered",
+        "─" * 58,
+        "stp_a|b                   12 0.731     0.500–12.35    50 %",
+        "a_quite_long_name_of      12 0.731 −0.500 to 12.35    50 %",
+        "_an_agent",
         "What an agent costs.",
     ]
     html = to_html(TABLE)
