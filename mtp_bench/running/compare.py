@@ -30,6 +30,7 @@ from .settings import Setting, all_settings, references_of, require_list
 CONTROLS: tuple[Role, ...] = (
     "ground_truth", "single", "same_samples", "hedged", "associated", "associated_same_samples",
 )  # fmt: skip
+_IN_FULL: tuple[Role, ...] = ("hedged", "associated")  # controls that the main table leaves out
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,10 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
     report = summarise(
         agents[: len(settings)], card, reference, stp=role["single"], truth=role["ground_truth"], references=own
     )
-    report.condition.update(_training_notes(settings, card.id))
+    hidden = {role[each] for each in _IN_FULL} - set(map(str, names))
+    shown = dict.fromkeys(setting.submission.name for setting in settings)
+    report = replace(report, shown=[name for name in shown if name not in hidden])
+    report.condition.update(_training_notes(settings, card))
     if len(ranked) < len(env.scene_names):
         missing = f"{len(env.scene_names) - len(ranked)} of {len(env.scene_names)} scenes of the split have none"
         report.condition["weights"] += f"; {missing} and are left out"
@@ -117,11 +121,11 @@ def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: 
     )
 
 
-def _training_notes(settings: Sequence[Setting], env_id: str) -> dict[str, str]:
+def _training_notes(settings: Sequence[Setting], card: Card) -> dict[str, str]:
     """Submissions trained on scenes that are scored here, under the one key "trained"; empty without any."""
     notes: dict[str, list[str]] = {}
     for submission in {setting.submission.name: setting.submission for setting in settings}.values():
-        note = submission.note_on(env_id)
+        note = submission.note_on(card.id, card.source.name)
         if note is not None:
             notes.setdefault(note, []).append(submission.name)
     return {"trained": "; ".join(f"{note}: {', '.join(names)}" for note, names in notes.items())} if notes else {}

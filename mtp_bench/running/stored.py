@@ -145,7 +145,7 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
         parameters=setting.parameters,
         hypotheses=setting.hypotheses,
         submission_digest=submission.digest,
-        note=submission.note_on(env.card.id) or "",
+        note=submission.note_on(env.card.id, env.card.source.name) or "",
         seed=seed,
         definitions=DEFINITIONS,
         versions=library_versions(),

@@ -71,7 +71,7 @@ def summary(findings: Findings) -> list[str]:
 def facts(findings: Findings) -> list[tuple[str, str]]:
     """Conditions of the study, as names and texts."""
     condition, card = findings.report.condition, findings.bench.card
-    notes = {s.submission.name: s.submission.note_on(card.id) for s in findings.plan.equal}
+    notes = {s.submission.name: s.submission.note_on(card.id, card.source.name) for s in findings.plan.equal}
     trained = "; ".join(f"{name}: {note}" for name, note in notes.items() if note)
     facts = [
         ("environment", f"{card.id}, split {condition['split']}"),

@@ -38,9 +38,12 @@ class Submission(Manifest):
         """Sha256 over names and contents of all files of the folder; see `contents`."""
         return digest_of(self.path, files_of(self.path))
 
-    def note_on(self, env_id: str) -> str | None:
-        """Note on the parts that were trained on the scenes that an env scores; None without any."""
-        parts = self.trained_on_scored.get(env_id)
+    def note_on(self, env_id: str, source: str = "") -> str | None:
+        """Note on the parts that were trained on the scenes that an env scores; None without any.
+
+        ``source`` of the scenes: own scenes ("files") are not those of the env.
+        """
+        parts = self.trained_on_scored.get(env_id) if source != "files" else None
         return None if parts is None else f"{parts} {ON_SCORED}"
 
     def build(self, task: Task, **overrides: Any) -> Agent:
