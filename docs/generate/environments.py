@@ -16,14 +16,14 @@ from mtp_bench.sources import describe
 from mtp_bench.sources.highway.world import HighwaySource
 
 from . import recordings
+from .pictures import speed
 
 ROOT = Path(__file__).resolve().parents[2]
 ARGUMENTS = """\
 Another split, detector, data root, or other sizes are keywords of `gym.make`: see
 [`EnvKeywords`](../reference/environment.md#mtp_bench.env.arguments.EnvKeywords)."""
 TABLE = "environment/index.md"  # the page with the table of all of them
-PICTURES = recordings.FRAMES  # drawn by pictures.py and, where the data is, by recordings.py
-CAPTION = 'A frame as `render()` draws it with `render_mode="rgb_array"`; the agent is `stp`'
+CAPTION = '`stp` in the first scene, as `render()` draws it with `render_mode="rgb_array"`, {speed}'
 RECORDED = """\
 !!! note "No picture"
     Recordings are not ours to publish. With the data on your machine `make docs DATA=folder` draws one here,
@@ -79,7 +79,7 @@ def page(card: Card) -> str:
         "## Data and licence",
         _data(card),
         "## History",
-        _history(card),
+        history(card),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -99,12 +99,17 @@ def _place(env_id: str) -> str:
 
 
 def _picture(card: Card) -> str:
-    place = f"{PICTURES}/{card.id}.webp"
-    own = place in recordings.frames()
-    if not own and not (ROOT / "docs" / place).exists():
+    place = recordings.picture(card)
+    if place.endswith(".svg"):
         return RECORDED.format(id=card.id)
-    caption = f"*{CAPTION}; {recordings.OWN}.*" if own else f"*{CAPTION}.*"
-    return f"![A frame of {card.id} from above](pictures/{card.id}.webp)\n\n{caption}"
+    return f"![{card.id} from above]({place})\n\n*{caption(card)}.*"
+
+
+def caption(card: Card) -> str:
+    """Words below a moving picture."""
+    factor = speed(card.task.rate)
+    words = CAPTION.format(speed="as fast as the world" if factor == 1 else f"{factor:g} times as fast")
+    return words if card.simulated else f"{words}; {recordings.OWN}"
 
 
 def _properties(card: Card) -> str:
@@ -119,15 +124,15 @@ def _properties(card: Card) -> str:
         "Samples": f"k = {task.samples} per object",
         "Classes": ", ".join(task.classes),
         "Detections": f"{card.detector_name}, {detections}",
-        "A track follows an object": f"{measure}: {_per_class(task.event_gate.threshold)}",
-        "A forecast belongs to it": f"distance of centres, m, at most: {_per_class(task.forecast_gate)}",
-        "Miss error c": f"{_per_class(task.miss_error)} (m)",
+        "A track follows an object": f"{measure}: {per_class(task.event_gate.threshold)}",
+        "A forecast belongs to it": f"distance of centres, m, at most: {per_class(task.forecast_gate)}",
+        "Miss error c": f"{per_class(task.miss_error)} (m)",
         "An action has": f"{action_numbers(rules(card)):,} numbers".replace(",", " "),
     }
     return "\n".join(["| rule | here |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())])
 
 
-def _per_class(values: dict[str, float]) -> str:
+def per_class(values: dict[str, float]) -> str:
     """One number where all classes have the same."""
     if len(set(values.values())) == 1:
         return f"{next(iter(values.values())):g}"
@@ -173,7 +178,7 @@ def _reward(task: TaskSection) -> str:
     half = {name: value / 2 for name, value in task.miss_error.items()}
     return (
         f"Minus the error of the frame ([what that is](index.md#reward)). A target that is not forecast costs "
-        f"{_per_class(task.miss_error)} m, a false forecast {_per_class(half)} m."
+        f"{per_class(task.miss_error)} m, a false forecast {per_class(half)} m."
     )
 
 
@@ -191,7 +196,8 @@ def _linked(text: str) -> str:
     return re.sub(r"(?<![<(])https?://[^\s,;:]+[^\s,;:.)]", r"<\g<0>>", text)
 
 
-def _history(card: Card) -> str:
+def history(card: Card) -> str:
+    """Versions of an environment, with what made its scenes."""
     version = card.id.rsplit("-", 1)[1]
     made = f", scenes of generator {card.source.generator}" if isinstance(card.source, HighwaySource) else ""
     return (

@@ -1,37 +1,36 @@
-"""Draw one frame of every simulated environment, with what STP says of it.
+"""Moving pictures of environments, as `render()` draws them, with what STP says of the scene.
 
-    python -m docs.generate.pictures
-
-Recorded scenes are not among them: nothing of a dataset is published (`recordings.py`).
+They are drawn while the site is built. Without the data (`recordings.py`) a drawing stands in for recordings.
 """
 
 from __future__ import annotations
 
 import io
-from pathlib import Path
 
 import gymnasium as gym
 from PIL import Image
 
 import mtp_bench
 
-FOLDER = Path(__file__).resolve().parents[1] / "environment" / "pictures"
-SECONDS = 8.0  # into the scene
-WIDTH = 800  # px
-LARGEST = 80_000  # bytes of a picture
+from .svg import BLACK, GREY, LIGHT, box, drawing, text
+
+FROM = 4.0  # seconds into the scene
+FRAMES, SHOWN_RATE = 24, 5  # frames, and how many of them are shown per second
+SIZE = 600, 450  # px
+QUALITY, EFFORT = 50, 2  # of WebP: more effort makes files hardly smaller
 
 
-def main() -> None:
-    """Draw all of them."""
-    for env_id in mtp_bench.card_ids():
-        if mtp_bench.load_card(env_id).simulated:
-            content = picture_of(env_id)
-            if len(content) > LARGEST:
-                raise SystemExit(f"{env_id}.webp has {len(content)} bytes, expected at most {LARGEST}")
-            (FOLDER / f"{env_id}.webp").write_bytes(content)
+def stride(rate: float) -> int:
+    """Frames of the scene from one picture to the next: about five a second where there are that many."""
+    return max(1, round(rate / SHOWN_RATE))
 
 
-def picture_of(env_id: str) -> bytes:
+def speed(rate: float) -> float:
+    """How much faster than the world the picture moves."""
+    return SHOWN_RATE * stride(rate) / rate
+
+
+def moving_picture(env_id: str) -> bytes:
     """The first scene of an environment, as WebP. Raises MtpBenchError where its data is missing."""
     env = gym.make(env_id, render_mode="rgb_array", disable_env_checker=True)
     world = env.unwrapped
@@ -39,15 +38,32 @@ def picture_of(env_id: str) -> bytes:
     agent = mtp_bench.load_submission("stp").build(world.task)
     agent.reset(world.task)
     observation, _ = env.reset(seed=0, options={"scene": world.scene_names[0]})
-    for _ in range(round(SECONDS * world.card.task.rate) + 1):
-        observation, *_ = env.step(agent.act(observation))
-    image = Image.fromarray(env.render())  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
-    image = image.resize((WIDTH, round(WIDTH * image.height / image.width)), Image.Resampling.LANCZOS)
+    rate = world.card.task.rate
+    first, step, over, frame = round(FROM * rate), stride(rate), False, 0
+    images: list[Image.Image] = []
+    while not over and len(images) < FRAMES:
+        observation, _, over, *_ = env.step(agent.act(observation))
+        if not over and frame >= first and (frame - first) % step == 0:
+            drawn = Image.fromarray(env.render())  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
+            images.append(drawn.resize(SIZE, Image.Resampling.LANCZOS))
+        frame += 1
     env.close()
     content = io.BytesIO()
-    image.save(content, format="webp", quality=80, method=6)
+    moving = {"save_all": True, "append_images": images[1:], "duration": 1000 // SHOWN_RATE, "loop": 0}
+    images[0].save(content, "webp", quality=QUALITY, method=EFFORT, **moving)
     return content.getvalue()
 
 
-if __name__ == "__main__":
-    main()
+def placeholder(env_id: str, dataset: str) -> str:
+    """A drawing in place of the picture of recordings that are not here."""
+    words = {
+        150: env_id,
+        215: f"Recordings of {dataset}",
+        245: "are not ours to publish.",
+        300: "make docs DATA=folder",
+    }
+    middle = SIZE[0] / 2
+    lines = [box((middle, SIZE[1] / 2), (SIZE[0] - 4, SIZE[1] - 4), LIGHT, GREY)]
+    lines += [text((middle, y), line, BLACK, "middle", bold=y in (150, 300)) for y, line in words.items()]
+    lines.append(text((middle, 330), "draws a picture here.", BLACK, "middle"))
+    return drawing(*SIZE, lines).replace('font-size="14"', 'font-size="22"')

@@ -1,4 +1,4 @@
-"""Pictures of recordings: drawn while the site is built, where the data is, and never committed.
+"""Pictures of environments and of failures, drawn while the site is built; those of recordings are never committed.
 
 Without the data, pages say how to draw them. The site that is published is built without it.
 """
@@ -12,9 +12,10 @@ from functools import cache
 from pathlib import Path
 
 from docs.make_pictures import REAL, take
-from mtp_bench import MtpBenchError, card_ids, load_card
+from mtp_bench import Card, MtpBenchError, card_ids, load_card
+from mtp_bench.sources import describe
 
-from .pictures import picture_of
+from .pictures import moving_picture, placeholder
 
 WHY = "visualization/why.md"  # the page with failures
 FRAMES, FAILURES = "environment/pictures", "pictures"
@@ -23,15 +24,24 @@ NOT_SHOWN = (  # the line of the page that gives way to the pictures
     "They are not shown here: the licences of the recordings do not allow it. "
     "`make docs DATA=folder` draws them into a site of your own."
 )
+DOCS = Path(__file__).resolve().parents[1]
 _log = logging.getLogger("mkdocs.hooks.recordings")
 
 
 @cache
-def frames() -> dict[str, bytes]:
-    """A frame of every recorded environment whose data is here, by its place in the site."""
-    ids = [env_id for env_id in card_ids() if not load_card(env_id).simulated]
-    drawn = {f"{FRAMES}/{env_id}.webp": _drawn(env_id) for env_id in ids if _has_data()}
-    return {place: content for place, content in drawn.items() if content is not None}
+def frames() -> dict[str, bytes | str]:
+    """A moving picture of every environment, by its place in the site; a drawing where the data is missing."""
+    cards = [load_card(env_id) for env_id in card_ids()]
+    drawn = {card.id: moving_picture(card.id) if card.simulated else _recorded(card.id) for card in cards}
+    missing = {card.id: placeholder(card.id, describe(card, DOCS).about.name) for card in cards if not drawn[card.id]}
+    webp = {f"{FRAMES}/{env_id}.webp": content for env_id, content in drawn.items() if content}
+    return {**webp, **{f"{FRAMES}/{env_id}.svg": content for env_id, content in missing.items()}}
+
+
+def picture(card: Card) -> str:
+    """Place of the picture of an environment, from its page."""
+    (place,) = {f"{FRAMES}/{card.id}.webp", f"{FRAMES}/{card.id}.svg"} & set(frames())
+    return place.removeprefix("environment/")
 
 
 @cache
@@ -59,9 +69,9 @@ def shown(markdown: str) -> str:
     return markdown.replace(NOT_SHOWN, "\n\n".join(text for _, text in failures().values()) or NOT_SHOWN)
 
 
-def _drawn(env_id: str) -> bytes | None:
+def _recorded(env_id: str) -> bytes | None:
     try:
-        return picture_of(env_id)
+        return moving_picture(env_id) if _has_data() else None
     except MtpBenchError as error:  # its data is missing
         _log.info("no picture of %s: %s", env_id, error)
         return None
