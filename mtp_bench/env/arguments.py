@@ -36,6 +36,7 @@ class EnvKeywords(TypedDict, total=False):
     detection_file: str | None  # stored detections of one's own (`cards.with_detections`)
     track_file: str | None  # file or folder of stored tracks (`sources.stored_tracks`), for ``observe="tracks"``
     files: str | None  # a folder of scenes of one's own (`cards.with_files`)
+    target_frames: bool  # episodes are the frames from the first to the last that can hold a target, for training
     fresh_noise: bool  # the noise of a simulated detector is drawn anew in every episode, for training
     render_mode: str | None  # one of RENDERERS
 
@@ -48,7 +49,7 @@ def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
     for name in keywords:
         if name not in names:
             raise UnknownNameError("keyword of the env", name, names)
-    flags = dict.fromkeys(("evaluation", "rigid_motion", "fresh_noise"), False)
+    flags = dict.fromkeys(("evaluation", "rigid_motion", "target_frames", "fresh_noise"), False)
     values = {**dict.fromkeys(names), "observe": "detections", **flags, **keywords}
     if values["strict"] is None:
         values["strict"] = not values["evaluation"]

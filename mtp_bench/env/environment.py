@@ -6,7 +6,6 @@ of objects as of frame t. ``step`` gives the reward of that action and the obser
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Unpack, cast, final
 
 import gymnasium
@@ -17,40 +16,20 @@ from gymnasium.error import ResetNeeded
 from ..cards import Card, changed_card, load_card, with_scenes
 from ..errors import DataError, MtpBenchError, RolloutError
 from ..scoring.definitions import DEFINITIONS
-from ..scoring.forecasts import RecordedForecasts
-from ..scoring.score import frame_error
-from ..scoring.targets import Targets, find_targets
+from ..scoring.frame import FrameScorer
 from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .checks import examine
+from .episode import Episode
 from .feedback import Feedback
 from .live import RENDERERS, LiveEpisode, Renderer, live_episode, open_renderer
-from .observation import Feed, LocalFrame, make_feed
+from .observation import LocalFrame, make_feed
 from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-
-@dataclass
-class _Episode:
-    """One pass through a scene."""
-
-    scene: Scene
-    frame: LocalFrame
-    feed: Feed
-    targets: Targets | None  # None in evaluation mode
-    actions: list[RecordedAction] = field(default_factory=list)  # one per frame, in the scene's frame of reference
-
-    @property
-    def t(self) -> int:
-        return len(self.actions)
-
-    @property
-    def over(self) -> bool:
-        return self.t == self.scene.frames
 
 
 @final
@@ -86,6 +65,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self._fresh_noise = given["fresh_noise"]
         if self._fresh_noise and (self.card.detector is None or self._evaluation):
             raise MtpBenchError("fresh_noise is for training with a simulated detector, not for evaluation")
+        self._target_frames = given["target_frames"]
+        if self._target_frames and self._evaluation:
+            raise MtpBenchError("target_frames is for training, not for evaluation: a score needs every frame")
         self._feedback = Feedback(self.task) if given["strict"] else None
         self._source = open_source(self.card, data)
         if given["track_file"] is not None:
@@ -93,7 +75,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self.scene_names = choose(tuple(self._source.names), given["scenes"] if own is None else None)
         self.observation_space = cast("gymnasium.Space[Observation]", observation_space(self.task))
         self.action_space = cast("gymnasium.Space[Action]", ActionSpace(self.task))
-        self._episode: _Episode | None = None
+        self._episode: Episode | None = None
         self.metadata = {**type(self).metadata, "render_fps": max(1, round(self.card.task.rate))}
         self._live: LiveEpisode | None = None
         self._renderer: Renderer | None = None
@@ -103,6 +85,17 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         """The scene of this episode, truth included; in its own frame of reference."""
         return self._started().scene
 
+    @property
+    def scene_name(self) -> str:
+        """The name of the scene of this episode: ``scene_names[info["scene"]]``."""
+        return self.scene.name
+
+    @property
+    def past(self) -> tuple[Observation, ...]:
+        """Observations [P - 1] of the frames before the first one of the episode; none unless ``target_frames``."""
+        episode = self._started()
+        return tuple(episode.feed.observe(t) for t in range(max(0, episode.first + 1 - self.task.past), episode.first))
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
@@ -111,11 +104,14 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         drawn = self.scene_names[int(self.np_random.integers(len(self.scene_names)))]
         scene = self._load(wanted(options or {}, self.scene_names, drawn))
         frame = LocalFrame.of(scene, self.np_random if self._rigid_motion else None)
-        targets = None if self._evaluation else find_targets(scene, self.card)
-        self._episode = _Episode(scene, frame, make_feed(scene, frame, self.task, self.card), targets)
+        scorer = None if self._evaluation else FrameScorer(scene, self.card)
+        feed, number = make_feed(scene, frame, self.task, self.card), self.scene_names.index(scene.name)
+        episode = self._episode = Episode(scene, number, frame, feed, scorer)
+        if self._target_frames:
+            episode.keep_target_frames(record_action(examine(None, self.task), self.task))
         self._live = None
         self._render_each()
-        return self._episode.feed.observe(0), _info(self._episode)
+        return feed.observe(episode.t), episode.info()
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take the action for the last observation and show the next frame; ``terminated`` after the last one.
@@ -125,21 +121,20 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         invalid rows are taken out of the action and counted in ``info``.
         """
         episode = self._started()
-        if episode.over:
-            raise ResetNeeded(f"step() after the last frame of {episode.scene.name!r}: call reset() first")
-        examined = examine(action, self.task)
-        if self._feedback is not None:
-            self._feedback.give(examined, f"frame {episode.t}")
-        seen = episode.feed.of_class(episode.t, len(self.task.classes))
-        recorded = record_action(examined, self.task, episode.frame, seen)
-        reward = 0.0 if episode.targets is None else self._reward(episode, episode.targets, recorded)
-        episode.actions.append(recorded)
+        reward = episode.take(self._recorded(episode, action))
         self._render_each()
-        return episode.feed.observe(episode.t), reward, episode.over, False, _info(episode)
+        return episode.feed.observe(episode.t), reward, episode.over, False, episode.info()
+
+    def reward_of(self, action: Action) -> float:
+        """The reward that an action for the last observation would have, without a step."""
+        episode = self._started()
+        return episode.score(self._recorded(episode, action)).reward
 
     def rollout(self) -> Rollout:
         """All actions of this episode, in the scene's own frame of reference; RolloutError before its end."""
         episode = self._started()
+        if self._target_frames:
+            raise RolloutError("an episode with target_frames=True is a part of a scene, expected a whole one")
         if not episode.over:
             raise RolloutError(
                 f"scene {episode.scene.name!r} is at frame {episode.t} of {episode.scene.frames}:"
@@ -176,7 +171,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             self._renderer.close()
             self._renderer = None
 
-    def _started(self) -> _Episode:
+    def _started(self) -> Episode:
         if self._episode is None:
             raise ResetNeeded("no scene yet: call reset() first")
         return self._episode
@@ -192,30 +187,15 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             raise DataError(f"scene {name!r} of {self.card.id} has no frames, expected at least one")
         return scene
 
-    def _reward(self, episode: _Episode, targets: Targets, action: RecordedAction) -> float:
-        forecasts = RecordedForecasts(
-            frame=np.full(len(action.object_box), episode.t),
-            box=action.object_box,
-            class_id=action.object_class,
-            confidence=action.object_confidence,
-            offset=action.forecast,
-            log_weight=action.forecast_log_weight,
-        )
-        error = frame_error(episode.scene, targets, self.card, episode.t, forecasts, action.malformed)
-        return 0.0 - error  # not -error: no -0.0
-
-
-def _info(episode: _Episode) -> dict[str, Any]:
-    """Integers with fixed keys: of the frame shown, and of the action for the one before."""
-    t = episode.t
-    invalid = episode.actions[-1].invalid if episode.actions else np.zeros(3, dtype=np.int64)
-    return {
-        "frame": t,
-        "dropped_detections": 0 if episode.over else int(episode.feed.dropped[t]),
-        "invalid_tracks": int(invalid[0]),
-        "invalid_hypotheses": int(invalid[1]),
-        "invalid_objects": int(invalid[2]),
-    }
+    def _recorded(self, episode: Episode, action: Action) -> RecordedAction:
+        """The sound part of an action for the frame that is shown."""
+        if episode.over:
+            raise ResetNeeded(f"step() after the last frame of {episode.scene.name!r}: call reset() first")
+        examined = examine(action, self.task)
+        if self._feedback is not None:
+            self._feedback.give(examined, f"frame {episode.t}")
+        seen = episode.feed.of_class(episode.t, len(self.task.classes))
+        return record_action(examined, self.task, episode.frame, seen)
 
 
 def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:

@@ -14,6 +14,8 @@ from .displacement import k_curve as k_curve
 from .events import Events as Events
 from .events import find_events as find_events
 from .events import history as history
+from .frame import FrameScore as FrameScore
+from .frame import FrameScorer as FrameScorer
 from .gaps import References as References
 from .matching import match as match
 from .matching import match_sticky as match_sticky
@@ -24,7 +26,6 @@ from .rank import rank_by_error as rank_by_error
 from .report import Report as Report
 from .report import summarise as summarise
 from .score import SceneScore as SceneScore
-from .score import frame_error as frame_error
 from .score import mean_plain_error as mean_plain_error
 from .score import score_scene as score_scene
 from .statistics import bootstrap_interval as bootstrap_interval

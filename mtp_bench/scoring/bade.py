@@ -142,11 +142,23 @@ def fixed_error(cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete:
     ``cuts``: the forecasts of live frames. ``malformed`` [F, C + 1]: invalid objects in live frames by class; they
     count as false forecasts, those without a class as of the largest c. ``miss_error`` [C]: c.
     """
-    error = float(cuts.at(SURE)[0].sum())
+    error, _, false, broken = fixed_parts(cuts, malformed, miss_error, truth_complete)
+    return float(error.sum()) + false + broken
+
+
+def fixed_parts(
+    cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete: bool
+) -> tuple[Floats, Floats, float, float]:
+    """Parts of `fixed_error`, whose arguments it has, m.
+
+    They are the error of each target [n], its part from targets without a forecast, the cost of the false forecasts,
+    and that of the invalid objects.
+    """
+    error, missed = cuts.at(SURE)
     share = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())
     broken = malformed @ share
     if truth_complete:
-        return error + cuts.false_costs(SURE, share) + float(broken.sum())
+        return error, missed, cuts.false_costs(SURE, share), float(broken.sum())
     kept = np.flatnonzero(cuts.confidence >= SURE)
     frame = cuts.frame[kept]
     order = np.argsort(frame, kind="stable")  # by frame, then the most confident first
@@ -155,4 +167,4 @@ def fixed_error(cuts: Cuts, malformed: Ints, miss_error: Floats, truth_complete:
     free = np.maximum(0, FREE_FORECASTS - np.bincount(frame, minlength=len(malformed)))
     count = malformed.sum(axis=1)
     part = np.divide(np.maximum(0, count - free), count, out=np.zeros(len(count)), where=count > 0)
-    return error + float(share[cuts.class_id[beyond]].sum()) + float((part * broken).sum())
+    return error, missed, float(share[cuts.class_id[beyond]].sum()), float((part * broken).sum())

@@ -149,12 +149,18 @@ def match_by_confidence(found: Candidates, confidence: Floats) -> IncrementalMat
     return IncrementalMatching(order, additions, false, excused.dropped[false])
 
 
-def cuts(found: Candidates, matching: IncrementalMatching, confidence: Floats, miss_error: Floats) -> Cuts:
-    """The cuts of the forecasts by ``confidence`` [S]; ``miss_error`` [n] of the targets."""
-    additions, order = matching.additions, matching.order
+def target_errors(found: Candidates, matching: IncrementalMatching) -> tuple[Rows, Rows, Floats]:
+    """Changes as forecasts are added: step [E] and target [E], and the target's minADE [E] from then on, m."""
+    additions = matching.additions
     target = found.target_of_row[additions.row]
     of_target = target >= 0
-    target, error = target[of_target], _errors_of(found, additions)[of_target]
+    return additions.step[of_target], target[of_target], _errors_of(found, additions)[of_target]
+
+
+def cuts(found: Candidates, matching: IncrementalMatching, confidence: Floats, miss_error: Floats) -> Cuts:
+    """The cuts of the forecasts by ``confidence`` [S]; ``miss_error`` [n] of the targets."""
+    order = matching.order
+    step, target, error = target_errors(found, matching)
     false = np.zeros(len(order), dtype=bool)
     false[matching.false_step] = True
     return Cuts(
@@ -162,7 +168,7 @@ def cuts(found: Candidates, matching: IncrementalMatching, confidence: Floats, m
         frame=found.forecasts.frame[order],
         class_id=found.forecasts.class_id[order],
         false=false,
-        step=additions.step[of_target],
+        step=step,
         target=target,
         error=np.minimum(error, miss_error[target]),
         covered=np.isfinite(error),

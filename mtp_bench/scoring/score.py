@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -28,7 +28,7 @@ from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
 from .stream import StreamCounts, stream_counts
-from .targets import Targets, find_targets, left_out, live_frames, recording_of, units
+from .targets import find_targets, left_out, live_frames, recording_of, units
 
 _MOST = np.finfo(np.float64).max
 KINDS = ("ids", "lost", "wrong", "reacquired")
@@ -170,27 +170,6 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         skipped=scene.skipped | left_out(scene, card),
         seconds=_mean_seconds(rollout.seconds),
     )
-
-
-def frame_error(
-    scene: Scene, targets: Targets, card: Card, t: int, forecasts: RecordedForecasts, malformed: Ints
-) -> float:
-    """The part of `fixed_error` from frame ``t``, m: over all frames the parts add up to it.
-
-    ``targets``: of the ``scene`` under ``card``; ``forecasts`` and ``malformed`` [C + 1]: those of frame ``t``.
-    """
-    live = live_frames(scene, card)
-    if not live[t]:
-        return 0.0
-    here = targets.only(t)
-    here = replace(here, row=here.row - scene.truth.start[t])
-    found = candidates(evaluated(replace(scene, truth=scene.truth.only(t))), here, forecasts, live, card)
-    miss_error = np.asarray(card.per_class(card.task.miss_error))
-    matching = match_by_confidence(found, forecasts.confidence)
-    by_confidence = cuts(found, matching, forecasts.confidence, miss_error[here.class_id])
-    broken = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
-    broken[t] = malformed
-    return fixed_error(by_confidence, broken, miss_error, scene.truth_complete)
 
 
 def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:

@@ -15,7 +15,7 @@ from gymnasium.error import ResetNeeded
 
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import RolloutError, UnknownNameError
+from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
 from mtp_bench.scoring import live_frames, score_scene
 from mtp_bench.types import Rollout, Scene
 from tests.env.conftest import MakeEnv
@@ -28,6 +28,7 @@ from tests.support.small_scenes import (
 )
 
 INFO = ["frame", "dropped_detections", "invalid_tracks", "invalid_hypotheses", "invalid_objects"]
+METRICS = ["targets", "covered", "min_ade", "false_forecasts", "cost_missed", "cost_false", "cost_error"]
 
 
 def play(env: MTPEnv, answer: Callable[[dict[str, Any]], Action], **reset: Any) -> tuple[list[Any], list[float]]:
@@ -68,7 +69,7 @@ def test_the_first_ego_pose_is_the_origin_and_time_starts_at_zero(make_env: Make
     assert observation["detection_class"].tolist() == [0, 0, 1, -1, -1, -1]
     assert observation["detection_valid"].tolist() == [1, 1, 1, 0, 0, 0]
     assert not observation["detection_box"][3:].any()
-    assert info == dict.fromkeys(INFO, 0)
+    assert info == dict.fromkeys([*INFO, "scene", *METRICS], 0)
 
 
 @pytest.mark.parametrize("keywords", [{}, {"observe": "truth"}, {"evaluation": True}], ids=str)
@@ -78,8 +79,10 @@ def test_every_frame_and_the_one_after_the_last_lie_in_the_space(keywords: dict[
     assert len(seen) == 9
     for t, (observation, info) in enumerate(seen):
         assert env.observation_space.contains(observation)
-        assert list(info) == INFO
-        assert all(type(value) is int for value in info.values())
+        metrics = info.pop("episode_metrics", None)
+        assert (metrics is not None) == (t == 8 and "evaluation" not in keywords)
+        assert list(info) == (INFO if "evaluation" in keywords else [*INFO, "scene", *METRICS])
+        assert all(type(value) in (int, float) for value in info.values())
         assert info["frame"] == t
     (before, _), (after, _) = seen[-2:]
     assert not after["detection_valid"].any()
@@ -190,6 +193,36 @@ def test_only_the_last_answer_terminates_and_nothing_truncates(make_env: MakeEnv
         env.step(empty_action(env.task))
     env.reset()
     env.step(empty_action(env.task))
+
+
+def test_an_episode_of_target_frames_earns_what_the_whole_one_does_there(make_env: MakeEnv) -> None:
+    """The car is a target in frames 1 to 4 of 8; frame 0 is the past, which is shown on request."""
+    whole = make_env(make_scene())
+    seen, rewards = play(whole, echo(whole))
+    env = make_env(make_scene(), make_scene("short", frames=4), target_frames=True)
+    part, earned = play(env, echo(env), options={"scene": "one"})
+    assert [info["frame"] for _, info in part] == [1, 2, 3, 4, 5]
+    assert earned == rewards[1:5]
+    assert part[-1][1]["episode_metrics"] == seen[-1][1]["episode_metrics"]
+    assert [float(past["time"]) for past in env.past] == [0.0]
+    np.testing.assert_array_equal(env.past[0]["detection_box"], seen[0][0]["detection_box"])
+    for (observation, _), (same, _) in zip(part, seen[1:], strict=False):
+        np.testing.assert_array_equal(observation["detection_box"], same["detection_box"])
+    assert env.scene_names[part[0][1]["scene"]] == env.scene_name == "one"
+    with pytest.raises(RolloutError, match="part of a scene"):
+        env.rollout()
+    with pytest.raises(DataError, match="scene 'short' has no frame that can hold a target"):
+        env.reset(options={"scene": "short"})
+    with pytest.raises(MtpBenchError, match="target_frames is for training"):
+        make_env(target_frames=True, evaluation=True)
+
+
+def test_the_reward_of_an_action_is_known_without_a_step(make_env: MakeEnv) -> None:
+    env = make_env(make_scene())
+    env.reset()
+    env.step(empty_action(env.task))
+    assert env.reward_of(empty_action(env.task)) == env.step(empty_action(env.task))[1] < 0
+    assert env.past == ()
 
 
 def test_nothing_can_be_asked_before_reset_and_no_rollout_of_half_an_episode(make_env: MakeEnv) -> None:
@@ -330,9 +363,22 @@ def test_rewards_add_up_to_the_error_at_the_fixed_operating_point(scene: Scene, 
         return action
 
     for _ in range(1 + 5 * wild):
-        _, rewards = play(env, said)
-        live = live_frames(env.scene, env.card)
-        assert sum(rewards) == pytest.approx(-fixed_error(env))
+        seen, rewards = play(env, said)
+        live, score = live_frames(env.scene, env.card), score_scene(env.scene, env.rollout(), env.card)
+        assert sum(rewards) == pytest.approx(-score.fixed_error)
+        *frames, last = [info for _, info in seen[1:]]
+        assert [-sum(info[name] for name in METRICS[-3:]) for info in [*frames, last]] == pytest.approx(rewards)
+        found = score.covered
+        assert last["episode_metrics"] == pytest.approx({
+            "targets": len(score),
+            "covered": found.sum(),
+            "min_ade": score.min_ade[found].mean() if found.any() else 0.0,
+            "false_forecasts": score.false_forecasts if scene.truth_complete else 0,
+            "cost_missed": score.cuts.at(0.5)[1].sum(),
+            "cost_false": score.fixed_error - score.cuts.at(0.5)[0].sum(),
+            "cost_error": score.cuts.at(0.5)[0].sum() - score.cuts.at(0.5)[1].sum(),
+            "fixed_error": score.fixed_error / max(len(score), 1),
+        })  # fmt: skip
         assert not any(reward for t, reward in enumerate(rewards) if t == scene.frames or not live[t])
 
 
@@ -373,9 +419,10 @@ def test_what_is_returned_does_not_depend_on_the_truth(evaluation: bool, rigid_m
     if evaluation:
         assert rewards == other_rewards == [0.0] * 8
     else:
-        assert rewards != other_rewards, "only the reward does"
+        assert rewards != other_rewards, "only the reward and its parts do"
     for (observation, info), (other_observation, other_info) in zip(seen, other_seen, strict=True):
-        assert info == other_info
+        assert list(info) == INFO if evaluation else list(info)[:5] == INFO
+        assert [info[name] for name in INFO] == [other_info[name] for name in INFO]
         assert observation.keys() == other_observation.keys()
         for key in observation:
             np.testing.assert_array_equal(observation[key], other_observation[key])

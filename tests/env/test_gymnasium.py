@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium import wrappers
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import mtp_bench
 from mtp_bench.env import MTPEnv
@@ -97,28 +100,85 @@ def test_a_spec_survives_json(env_id: str, observe: str, kitti: str) -> None:
         np.testing.assert_array_equal(first[key], second[key])
 
 
+WRAPPERS: dict[str, Callable[[Any], gym.Env[Any, Any]]] = {
+    "TimeLimit": lambda env: wrappers.TimeLimit(env, 3),
+    "Autoreset": wrappers.Autoreset,
+    "PassiveEnvChecker and OrderEnforcing": lambda env: wrappers.OrderEnforcing(wrappers.PassiveEnvChecker(env)),
+    "RecordEpisodeStatistics": wrappers.RecordEpisodeStatistics,
+    "RenderCollection": wrappers.RenderCollection,
+    "AddRenderObservation": lambda env: wrappers.AddRenderObservation(env, render_only=False),
+    "ClipReward": lambda env: wrappers.ClipReward(env, -1, 0),
+    "NormalizeReward": wrappers.NormalizeReward,
+    "TransformReward": lambda env: wrappers.TransformReward(env, lambda reward: reward / 10),
+    "FilterObservation": lambda env: wrappers.FilterObservation(env, ["detection_box", "detection_valid"]),
+    "FlattenObservation": wrappers.FlattenObservation,
+    "FrameStackObservation": lambda env: wrappers.FrameStackObservation(env, 3),
+    "DelayObservation": lambda env: wrappers.DelayObservation(wrappers.FlattenObservation(env), 1),
+    "NormalizeObservation": lambda env: wrappers.NormalizeObservation(wrappers.FlattenObservation(env)),
+    "DtypeObservation": lambda env: wrappers.DtypeObservation(wrappers.FlattenObservation(env), np.float32),
+    "TimeAwareObservation": lambda env: wrappers.TimeAwareObservation(
+        wrappers.TimeLimit(env, 99), flatten=False, dict_time_key="step"
+    ),
+    "TransformAction": lambda env: wrappers.TransformAction(env, lambda action: action, env.action_space),
+    "StickyAction": lambda env: wrappers.StickyAction(env, 0.5),
+    "RepeatAction": lambda env: wrappers.RepeatAction(env, 2),
+    "MaxAndSkipObservation": lambda env: wrappers.MaxAndSkipObservation(wrappers.FlattenObservation(env), 2),
+}
+
+
+@pytest.mark.filterwarnings("ignore:.*precision lowered by casting")
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_wrappers_of_gymnasium(name: str, card: str, kitti: str) -> None:
+    env = WRAPPERS[name](make_small(card, kitti, render_mode="rgb_array", **SMALL))
+    env.action_space.seed(0)
+    observation, info = env.reset(seed=0)
+    over = False
+    while not over:
+        assert env.observation_space.contains(observation)
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+        assert np.isfinite(float(reward))
+        over = terminated or truncated
+    assert truncated == (name == "TimeLimit")
+    assert ("episode" in info) == (name == "RecordEpisodeStatistics")
+    assert ("episode_metrics" in info) == terminated
+    env.close()
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
 @pytest.mark.parametrize("kind", ["sync", "async", "async, no shared memory"])
-def test_vector_envs(kind: str, card: str, kitti: str) -> None:
+def test_vector_envs(kind: str, mode: AutoresetMode, card: str, kitti: str) -> None:
     def make() -> gym.Env[Any, Any]:
         return make_small(card, kitti)
 
     envs: SyncVectorEnv[Any, Any] | AsyncVectorEnv[Any, Any]
     if kind == "sync":
-        envs = SyncVectorEnv([make, make])
+        envs = SyncVectorEnv([make, make], autoreset_mode=mode)
     else:
-        envs = AsyncVectorEnv([make, make], shared_memory=kind == "async", context="spawn")
+        envs = AsyncVectorEnv([make, make], shared_memory=kind == "async", context="spawn", autoreset_mode=mode)
+    envs = RecordEpisodeStatistics(envs)
     try:
         envs.action_space.seed(0)
         observation, info = envs.reset(seed=[1, 2], options={"scene": "0006"})
         assert observation["detection_box"].shape == (2, 6, 7)
         assert observation["time"].shape == (2,)
-        for t in range(9):  # the scene has 7 frames: the eighth step is an automatic reset
+        for t in range(9):  # the scene has 7 frames: the eighth step is an automatic reset in mode "next step"
             assert envs.observation_space.contains(observation)
             observation, reward, terminated, truncated, info = envs.step(envs.action_space.sample())
             assert np.isfinite(reward).all()
             assert not truncated.any()
             assert terminated.tolist() == [t == 6] * 2
             assert info["dropped_detections"].tolist() == [0, 0]
-        assert info["frame"].tolist() == [1, 1]
+            if t == 6:
+                last = info.get("final_info", info)
+                assert ("final_info" in info) == (mode == AutoresetMode.SAME_STEP)
+                np.testing.assert_allclose(-info["episode"]["r"], error(last["episode_metrics"]), rtol=1e-5)
+                if mode == AutoresetMode.DISABLED:
+                    envs.reset(options={"reset_mask": terminated})
+        assert info["frame"].tolist() == [1 if mode == AutoresetMode.NEXT_STEP else 2] * 2
     finally:
         envs.close()
+
+
+def error(metrics: dict[str, Any]) -> Any:
+    """The costs of an episode, m."""
+    return metrics["cost_missed"] + metrics["cost_false"] + metrics["cost_error"]

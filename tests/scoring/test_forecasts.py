@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.errors import ShapeError
-from mtp_bench.scoring import find_targets, forecast_average_precision, frame_error, score_scene
+from mtp_bench.scoring import FrameScore, FrameScorer, forecast_average_precision, score_scene
 from mtp_bench.scoring.forecasts import RecordedForecasts, match_objects
 from mtp_bench.types import Scene
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
@@ -66,7 +66,7 @@ def still(*things: Thing, **more: Any) -> Scene:
 
 def error(scene: Scene, objects: Sequence[Thing], t: int = 1, malformed: Sequence[int] = NOTHING) -> float:
     said = RecordedForecasts.of(make_rollout([[]] * 5, [*[[]] * t, list(objects)]))
-    return frame_error(scene, find_targets(scene, CARD), CARD, t, said, np.array(malformed))
+    return FrameScorer(scene, CARD).score(t, said, np.array(malformed)).error
 
 
 TARGETS = (car(0), Thing(2, 30, 0, class_id=WALKER))
@@ -125,13 +125,19 @@ def test_frames_add_up_to_the_scene(seed: int, complete: bool) -> None:
     scene = replace(scene, truth_complete=complete)
     malformed = np.random.default_rng(seed).poisson(0.5 if complete else 30.0, (scene.frames, 3))
     rollout = replace(rollout, malformed=malformed)
-    targets, said = find_targets(scene, card), RecordedForecasts.of(rollout)
+    scorer, said = FrameScorer(scene, card), RecordedForecasts.of(rollout)
     parts = []
     for t in range(scene.frames):
         rows = rollout.objects.rows(t)
         now = RecordedForecasts(**{name: value[rows] for name, value in vars(said).items()})
-        parts.append(frame_error(scene, targets, card, t, now, malformed[t]))
-    assert sum(parts) == pytest.approx(score_scene(scene, rollout, card).fixed_error)
+        parts.append(scorer.score(t, now, malformed[t]))
+    whole, total = score_scene(scene, rollout, card), FrameScore.total(parts)
+    assert sum(part.error for part in parts) == pytest.approx(whole.fixed_error)
+    assert total.error == pytest.approx(whole.fixed_error)
+    assert (total.targets, total.covered) == (len(whole), whole.covered.sum())
+    assert total.min_ade == pytest.approx(whole.min_ade[whole.covered].mean() if whole.covered.any() else 0.0)
+    assert total.false_forecasts == (whole.false_forecasts if complete else 0)
+    assert total.cost_missed == pytest.approx(float(whole.cuts.at(0.5)[1].sum()))
 
 
 # ---- EPA and AP_f

@@ -1,0 +1,101 @@
+"""One pass through a scene: its frames, the actions so far, and what ``info`` says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..errors import DataError
+from ..scoring.forecasts import RecordedForecasts
+from ..scoring.frame import FrameScore, FrameScorer
+from ..types import Scene
+from .observation import Feed, LocalFrame
+from .rollouts import RecordedAction
+
+
+@dataclass
+class Episode:
+    """One pass through a scene, from frame ``first`` to the one before ``end``."""
+
+    scene: Scene
+    number: int  # of the scene among `MTPEnv.scene_names`
+    frame: LocalFrame
+    feed: Feed
+    scorer: FrameScorer | None  # None in evaluation mode
+    first: int = 0
+    end: int = field(init=False)
+    # one per frame, in the scene's frame of reference; empty ones before ``first``
+    actions: list[RecordedAction] = field(default_factory=list)
+    scores: list[FrameScore] = field(default_factory=list)  # one per action that was taken
+
+    def __post_init__(self) -> None:
+        self.end = self.scene.frames
+
+    @property
+    def t(self) -> int:
+        """The frame that is shown."""
+        return len(self.actions)
+
+    @property
+    def over(self) -> bool:
+        """True after the action for the last frame."""
+        return self.t == self.end
+
+    def keep_target_frames(self, silence: RecordedAction) -> None:
+        """Begin at the first frame that can hold a target, and end at the last one.
+
+        ``silence``: the action of the frames before. Raises DataError for a scene without such a frame.
+        """
+        live = np.flatnonzero([] if self.scorer is None else self.scorer.live)
+        if not len(live):
+            raise DataError(
+                f"scene {self.scene.name!r} has no frame that can hold a target, expected one with target_frames=True; "
+                f"it has {self.scene.frames} frames: leave it out with scenes="
+            )
+        self.first, self.end = int(live[0]), int(live[-1]) + 1
+        self.actions += [silence] * self.first
+
+    def score(self, action: RecordedAction) -> FrameScore:
+        """Score of an action for the frame that is shown; zeros in evaluation mode."""
+        if self.scorer is None:
+            return FrameScore()
+        forecasts = RecordedForecasts(
+            frame=np.full(len(action.object_box), self.t),
+            box=action.object_box,
+            class_id=action.object_class,
+            confidence=action.object_confidence,
+            offset=action.forecast,
+            log_weight=action.forecast_log_weight,
+        )
+        return self.scorer.score(self.t, forecasts, action.malformed)
+
+    def take(self, action: RecordedAction) -> float:
+        """Take the action for the frame that is shown; its reward."""
+        score = self.score(action)
+        self.actions.append(action)
+        self.scores.append(score)
+        return score.reward
+
+    def info(self) -> dict[str, Any]:
+        """Numbers of the frame that is shown, and of the action before; of the episode in its last step.
+
+        In evaluation mode none of them derives from the truth.
+        """
+        t = self.t
+        acted = t > self.first
+        invalid = self.actions[-1].invalid if acted else np.zeros(3, dtype=np.int64)
+        info: dict[str, Any] = {
+            "frame": t,
+            "dropped_detections": 0 if self.over else int(self.feed.dropped[t]),
+            "invalid_tracks": int(invalid[0]),
+            "invalid_hypotheses": int(invalid[1]),
+            "invalid_objects": int(invalid[2]),
+        }
+        if self.scorer is not None:
+            info |= {"scene": self.number, **vars(self.scores[-1] if acted else FrameScore())}
+            if self.over:
+                total = FrameScore.total(self.scores)
+                info["episode_metrics"] = {**vars(total), "fixed_error": total.error / max(total.targets, 1)}
+        return info

@@ -1,0 +1,86 @@
+"""Score of single frames, from which a training env takes its reward and its metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..cards import Card
+from ..types import Ints, Scene
+from .bade import fixed_parts
+from .forecasts import RecordedForecasts, candidates, cuts, match_by_confidence, target_errors
+from .incremental_matching import last_of
+from .neutral import evaluated
+from .targets import find_targets, live_frames
+
+
+@dataclass(frozen=True)
+class FrameScore:
+    """Numbers of one frame or of several; the costs are the parts of `fixed_error`.
+
+    ``covered``, ``min_ade`` and ``false_forecasts`` keep every forecast, as in a `SceneScore`. Where the truth lists
+    prediction targets alone, false forecasts are unknown and their number is 0.
+    """
+
+    targets: int = 0
+    covered: int = 0  # targets with a forecast
+    min_ade: float = 0.0  # m, mean over the covered targets; 0 without one
+    false_forecasts: int = 0
+    cost_missed: float = 0.0  # m, of targets without a forecast of confidence 0.5 or more
+    cost_false: float = 0.0  # m, of false forecasts of such a confidence, and of invalid objects
+    cost_error: float = 0.0  # m, of targets with a forecast of such a confidence
+
+    @property
+    def error(self) -> float:
+        """Error at the fixed operating point, m."""
+        return self.cost_missed + self.cost_false + self.cost_error
+
+    @property
+    def reward(self) -> float:
+        """The reward, m."""
+        return 0.0 - self.error  # not -error: no -0.0
+
+    @classmethod
+    def total(cls, frames: Sequence[FrameScore]) -> FrameScore:
+        """Sums over ``frames``, and the mean minADE over all covered targets."""
+        table = np.array([list(vars(frame).values()) for frame in frames]).reshape(-1, 7)
+        table[:, 2] *= table[:, 1]
+        targets, covered, min_ade, false, *costs = table.sum(axis=0).tolist()
+        return cls(int(targets), int(covered), min_ade / max(covered, 1.0), int(false), *costs)
+
+
+class FrameScorer:
+    """Scores of the frames of one scene under the rules of ``card``."""
+
+    def __init__(self, scene: Scene, card: Card) -> None:
+        self._scene, self._card = scene, card
+        self._targets, self.live = find_targets(scene, card), live_frames(scene, card)
+        self._miss_error = np.asarray(card.per_class(card.task.miss_error))
+
+    def score(self, t: int, forecasts: RecordedForecasts, malformed: Ints) -> FrameScore:
+        """Score of the ``forecasts`` and the invalid objects ``malformed`` [C + 1] by class of frame ``t``."""
+        scene, card = self._scene, self._card
+        if not self.live[t]:
+            return FrameScore()
+        here = self._targets.only(t)
+        here = replace(here, row=here.row - scene.truth.start[t])
+        found = candidates(evaluated(replace(scene, truth=scene.truth.only(t))), here, forecasts, self.live, card)
+        matching = match_by_confidence(found, forecasts.confidence)
+        broken = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
+        broken[t] = malformed
+        kept = cuts(found, matching, forecasts.confidence, self._miss_error[here.class_id])
+        error, missed, *false = fixed_parts(kept, broken, self._miss_error, scene.truth_complete)
+        _, target, min_ade = target_errors(found, matching)
+        final = min_ade[last_of(target)]
+        final = final[np.isfinite(final)]
+        return FrameScore(
+            targets=len(here),
+            covered=len(final),
+            min_ade=float(final.mean()) if len(final) else 0.0,
+            false_forecasts=int(matching.false.sum()) if scene.truth_complete else 0,
+            cost_missed=float(missed.sum()),
+            cost_false=sum(false),
+            cost_error=float((error - missed).sum()),
+        )
