@@ -109,7 +109,7 @@ WRAPPERS: dict[str, Callable[[Any], gym.Env[Any, Any]]] = {
     "AddRenderObservation": lambda env: wrappers.AddRenderObservation(env, render_only=False),
     "ClipReward": lambda env: wrappers.ClipReward(env, -1, 0),
     "NormalizeReward": wrappers.NormalizeReward,
-    "TransformReward": lambda env: wrappers.TransformReward(env, lambda reward: reward / 10),
+    "TransformReward": lambda env: wrappers.TransformReward(env, lambda reward: 2 * float(reward)),
     "FilterObservation": lambda env: wrappers.FilterObservation(env, ["detection_box", "detection_valid"]),
     "FlattenObservation": wrappers.FlattenObservation,
     "FrameStackObservation": lambda env: wrappers.FrameStackObservation(env, 3),
@@ -150,7 +150,7 @@ def test_vector_envs(kind: str, mode: AutoresetMode, card: str, kitti: str) -> N
     def make() -> gym.Env[Any, Any]:
         return make_small(card, kitti)
 
-    envs: SyncVectorEnv[Any, Any] | AsyncVectorEnv[Any, Any]
+    envs: Any
     if kind == "sync":
         envs = SyncVectorEnv([make, make], autoreset_mode=mode)
     else:
