@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from . import notice
 from ._version import __version__
 from .errors import MtpBenchError
 
@@ -55,6 +56,19 @@ class Workers:
 
 NO_PROGRESS = Progress()
 SERIAL = Workers()  # in this process, one call after the other
+
+
+@contextmanager
+def reported(text: str, seconds: float = 0, own: Progress = NO_PROGRESS) -> Iterator[Progress]:
+    """Callbacks that tell the user how far work is, on the error stream; ``own`` callbacks of a caller stand instead.
+
+    ``text``: what is done; ``seconds``: about how long it takes, 0 if that is not known before.
+    """
+    if own is not NO_PROGRESS:
+        yield own
+        return
+    with notice.work(text, seconds) as job:
+        yield Progress(job.started, job.done)
 
 
 def cores() -> int:

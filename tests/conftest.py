@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # small matrices: threads would only stand in each other's way
+os.environ.setdefault("MTP_BENCH_QUIET", "1")  # how long a command takes depends on the machine
 
 import gc
 import shutil

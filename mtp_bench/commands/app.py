@@ -16,6 +16,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
+from .. import notice
 from .._version import __version__
 from ..errors import MtpBenchError
 from ..files import clean_text
@@ -103,7 +104,8 @@ class Commands(TyperGroup):
     def invoke(self, ctx: Any) -> Any:
         """Run the chosen command."""
         try:
-            return super().invoke(ctx)
+            with notice.work(" ".join(["mtp-bench", *sys.argv[1:2], "is working"]), around=True):
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "no file was written")) from None
         except typer.BadParameter as error:

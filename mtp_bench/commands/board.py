@@ -13,7 +13,7 @@ import typer
 from .._bundle import baseline_names
 from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
-from ..parallel import Progress
+from ..parallel import Progress, reported
 from ..records import Record, Trust, load_record, read_level, record_paths, trusted
 from ..records.eligibility import why_not_genuine
 from ..records.storage import shipped_records
@@ -30,7 +30,7 @@ from ..viz.board import (
     style_of,
 )
 from ..viz.board import write_board as write_page
-from ..viz.terminal.output import counted, progress_bar, show, show_lines, show_table
+from ..viz.terminal.output import counted, show, show_lines, show_table
 from .options import BaseOption, JsonOption, TableOption, file_option
 from .output import write_json, write_table
 
@@ -62,7 +62,7 @@ def board(
     """Show the leaderboard: a table per environment, and a page to open in a browser."""
     if output is not None:
         require_parts(output)
-    with progress_bar("records") as progress:
+    with reported("reading records") as progress:
         content = read_board(records, further or (), env, output, trusted(base), progress)
     entries, tables = content.entries, board_tables(content.entries)
     write_json(json_file, board_json(entries))

@@ -34,7 +34,7 @@ def check(
     options = RunOptions(root, scenes, track_file=absolute(tracks), workers=Workers(cores()))
     options.require_tracks_used([load_submission(path)])
     prepare(env, options)
-    with working("check", options) as watched:
+    with working(f"checking {path}", options) as watched:
         checked = check_submission(path, env, watched)
     write_json(json_file, checked.to_json())
     show_table(_finding_table(checked), style=lambda row: _STYLE[row.level], wrapped=("found",))

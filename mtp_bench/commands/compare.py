@@ -28,7 +28,7 @@ def compare(
     """Run agents, ground-truth tracks and the controls on the same scenes; print the verdict and one table."""
     options = on.options(workers, range(seeds))
     prepare(on.env, options, agents)
-    with working("compare", options) as watched:
+    with working(f"comparing on {on.env}", options) as watched:
         result = run_comparison(agents, on.env, watched)
     write_json(json_file, result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped})
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)

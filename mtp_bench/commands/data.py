@@ -9,9 +9,10 @@ import typer
 from .._bundle import card_ids
 from ..cards import changed_card, load_card
 from ..errors import MtpBenchError
+from ..parallel import reported
 from ..running.reading import read_status
 from ..viz.terminal.listings import data_lines, status_json, status_table
-from ..viz.terminal.output import progress_bar, show, show_table
+from ..viz.terminal.output import show, show_table
 from .options import DataOption, JsonOption, SplitOption, env_ids
 from .output import write_json
 
@@ -30,7 +31,7 @@ def data(
         raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
     cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
     statuses = {}
-    with progress_bar("check data") as progress:
+    with reported("checking data") as progress:
         progress.started(len(cards))
         for card in cards:
             statuses[card.id] = read_status(card, root)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from ..parallel import reported
 from ..running.stored import open_run
 from ..viz.replay import KINDS, replay
 from ..viz.terminal.event_table import (
@@ -21,7 +22,7 @@ from ..viz.terminal.event_table import (
     longest_only,
     tally_line,
 )
-from ..viz.terminal.output import SCENE_WIDTH, progress_bar, show, show_command, show_lines, show_table
+from ..viz.terminal.output import SCENE_WIDTH, show, show_command, show_lines, show_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice
 from .output import write_json
 
@@ -42,7 +43,7 @@ def events(
     """List identity switches, losses, re-acquisitions and false forecasts, and how to look at each."""
     tally = Tally()
     rows: list[EventRow] = []
-    with progress_bar("events") as progress:
+    with reported("finding events") as progress:
         opened = open_run(folder, root, env)
         rollouts = opened.rollouts(scene)
         progress.started(len(rollouts))

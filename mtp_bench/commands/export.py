@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
+from ..parallel import reported
 from ..running.stored import open_run
 from ..running.track_export import export_tracks
-from ..viz.terminal.output import counted, progress_bar, show
+from ..viz.terminal.output import counted, show
 from .options import DataOption, FolderArgument, RunCardOption
 
 
@@ -22,6 +23,6 @@ def export(
 ) -> None:
     """Write the tracks of a stored run as result files of KITTI or nuScenes, or as tables."""
     opened = open_run(folder, root, env)
-    with progress_bar("export") as progress:
+    with reported("exporting tracks") as progress:
         boxes = export_tracks(opened, output, table, progress)
     show(f"{output}: {counted(boxes, 'tracked position')}")

@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
+from ..parallel import reported
 from ..running.options import RunOptions
 from ..sources import open_source, with_tracks
 from ..sources.stored_tracks import import_tracks
-from ..viz.terminal.output import command_line, counted, progress_bar, show, show_command
+from ..viz.terminal.output import command_line, counted, show, show_command
 from .options import DataOption, EnvOption, ScenesOption, SplitOption
 from .output import prepare
 
@@ -29,7 +30,7 @@ def import_(
     card = options.card(env)
     source = with_tracks(open_source(card, root), card, root, file)
     names = options.chosen(source.names)
-    with progress_bar("import") as progress:
+    with reported("importing tracks") as progress:
         progress.started(len(names))
         number, boxes = import_tracks(source, names, card, output, progress.done)
     show(f"{counted(boxes, 'tracked position')} of {counted(number, 'scene')} in {output}; next:")

@@ -61,7 +61,7 @@ def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> Non
     """Write the frozen event weights of a shipped environment."""
     options = EnvScenes(env, root).options(WorkerChoice(jobs))
     prepare(env, options)
-    with working("freeze", options) as watched:
+    with working(f"finding the event weights of {env}", options) as watched:
         path, reference = write(env, watched)
     totals = ", ".join(f"{name} {total}" for name, total in reference.totals["sum_of_weights"].items())
     show(f"{path}: {counted(reference.totals['targets'], 'target')}, sum of weights {totals}; hash {reference.digest}")

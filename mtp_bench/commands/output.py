@@ -17,6 +17,7 @@ import typer
 
 from ..errors import MtpBenchError
 from ..files import FULL_DISK, clean_text, describe_write_error, require_file, write_text
+from ..parallel import reported
 from ..tables import Table, tables_text
 
 if TYPE_CHECKING:
@@ -29,10 +30,8 @@ _FAILURES = 10  # that one line tells
 
 @contextmanager
 def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
-    """The options with a progress bar on the error stream."""
-    from ..viz.terminal.output import progress_bar
-
-    with progress_bar(label) as progress:
+    """The options with progress that is told on the error stream."""
+    with reported(label) as progress:
         yield replace(options, progress=progress)
 
 
@@ -47,7 +46,7 @@ def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
     for agent in agents:
         load_submission(agent)
 
-    with working("prepare", options) as watched:
+    with working(f"preparing scenes of {env}, once per machine", options) as watched:
         told, count = watched.progress, watched.workers.count
         prepare_scenes(watched.card(env), watched.data, watched.scenes, count, told.started, told.done)
 

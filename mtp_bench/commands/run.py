@@ -28,7 +28,7 @@ def run(
     options = on.options(workers, [seed])
     require_free(output, force)
     prepare(on.env, options, [agent])
-    with working(agent, options) as watched:
+    with working(f"running {agent} on {on.env}", options) as watched:
         stored = run_agent(agent, on.env, output, watched, replace=force)
     line = skipped_line(stored.skipped)
     if line is not None:

@@ -17,7 +17,7 @@ def score(
     json_file: JsonOption = None,
 ) -> None:
     """Score stored rollouts."""
-    with working("score", RunOptions(root)) as options:
+    with working(f"scoring {folder}", RunOptions(root)) as options:
         scored = score_run(folder, options, env)
     report = scored.report
     write_json(json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped})

@@ -47,7 +47,7 @@ def study(
         )
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())
-    with working("study", options) as watched:
+    with working(f"studying {on.env}", options) as watched:
         made = run_study(agent or [controls()["several"]], on.env, output, watched, quick, command_line(*sys.argv[1:]))
     show_lines(summary(made.findings), "- ")
     show("")

@@ -129,7 +129,7 @@ def _one(
 ) -> Record:
     """Make the record of one env with a progress bar."""
     prepare(env_id, options)
-    with working(f"{submission.name} on {env_id}", options) as watched:
+    with working(f"running {submission.name} on {env_id}", options) as watched:
         return make_record(submission.path, env_id, watched, output, **arguments)
 
 

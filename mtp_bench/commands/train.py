@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from ..errors import MtpBenchError
+from ..parallel import reported
 from ..running.options import Fold, RunOptions
-from ..viz.terminal.output import progress_bar
 from .options import (
     DataOption,
     EnvScenes,
@@ -43,7 +43,7 @@ def motion_noise(
 
     options, without = _learnt_from(on, jobs)
     prepare(on.env, options)
-    with working("read", options) as watched:
+    with working("reading the scenes to learn from", options) as watched:
         text = fit_env(on.env, watched, observe, without)
     print_or_write(output, text)
 
@@ -95,9 +95,9 @@ def predictor(
         options.card(env)
     for env in (on.env, *request.also):
         prepare(env, options)
-    with working("read", options) as watched:
+    with working("reading the scenes to learn from", options) as watched:
         found = training_windows(request, watched)
-    with progress_bar(f"train {network}") as progress:
+    with reported(f"training {network}") as progress:
         progress.started(plan.epochs)
         path, card = train_predictor(
             found, request, output, lambda epoch, error: progress.done(f"minADE {error:.3f} m")
@@ -130,7 +130,7 @@ def presence(
     options = RunOptions(data)
     for part in PresenceRecipe.of(detector).scenes:
         prepare(part.env, part.options(options))
-    with working("read", options) as watched:
+    with working("reading the scenes to learn from", options) as watched:
         text = fit_detector(detector, watched)
     print_or_write(output, text)
 

@@ -138,7 +138,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
         error = None if done.hidden is None else done.hidden.row.error
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
         return _Result(path, {**known, "holds": True})
-    with working(f"verify {record.submission.name} on {record.env.id}", work.options) as watched:
+    with working(f"verifying {record.submission.name} on {record.env.id}", work.options) as watched:
         checked = work.round.verify(path, record, watched, asked.env, ends)
     if checked.differences:
         _show_differences(checked)

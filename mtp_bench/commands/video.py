@@ -7,10 +7,11 @@ from typing import Annotated
 
 import typer
 
+from ..parallel import reported
 from ..running.stored import open_run
 from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
 from ..viz.replay import replay
-from ..viz.terminal.output import progress_bar, show
+from ..viz.terminal.output import show
 from .options import DataOption, FolderArgument, RunCardOption, file_option
 from .output import say
 
@@ -31,7 +32,7 @@ def video(
 ) -> None:
     """Write a scene of a stored rollout as a video, seen from above."""
     require_encoder(output.suffix.lower())
-    with progress_bar("video") as progress:
+    with reported("drawing the video") as progress:
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)
         played = replay(opened.drawn(rollout.scene, say), rollout, opened.card, opened.run.info.agent)

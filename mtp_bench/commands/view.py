@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from .. import notice
 from ..errors import MtpBenchError
 from ..running.stored import OpenedRun, open_run
 from ..viz.drawing.report import save_report
@@ -74,7 +75,8 @@ def view(
         save_recording(save, replays, level, incident)
         show(f"{save}: {shown}; open it with `rerun {shlex.quote(str(save))}`")
     elif web:
-        serve_recording(replays, level, incident, lambda url: show(f"{shown}: {url} until Ctrl-C"))
+        with notice.work(""):  # nothing to say while the user looks at it
+            serve_recording(replays, level, incident, lambda url: show(f"{shown}: {url} until Ctrl-C"))
     else:
         show_recording(replays, level, incident)
         show(shown)

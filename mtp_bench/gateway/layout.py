@@ -29,6 +29,7 @@ from ..errors import SubmissionError
 from ..files import FULL_DISK, WriteError, cache_root, file_digest, open_regular
 from ..networks import VARIABLE as WEIGHTS
 from ..networks import network_files
+from ..notice import QUIET
 from ..sources.dataset import data_root
 from ..submission.contents import digest_of, files_of
 from ..submission.loader import Submission
@@ -36,7 +37,7 @@ from ..submission.loader import Submission
 SUBMISSION, NETWORKS, KERNELS, TEMPORARY = "/submission", "/networks", "/kernels", "/agent-scratch"
 LIBRARY = (  # parts of the package that agents use: not judge, sources, cards and training
     "__init__.py", "_bundle.py", "_version.py", "errors.py", "files.py", "geometry.py", "networks.py",
-    "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
+    "notice.py", "similar.py", "strict.py", "tracks.py", "types.py", "agent", "submission", "tracking", "prediction",
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py",
     "gateway/child.py", "gateway/wire.py", "gateway/fork_server_main.py",
 )  # fmt: skip
@@ -177,7 +178,7 @@ def environment(isolated: bool, work: str = TEMPORARY, networks: str = NETWORKS)
     """
     cache = importlib.import_module("mtp_bench.tracking.kernels.cache")
     kernels = f"{work}/kernels" if isolated else str(cache.cache_folder())
-    own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", WEIGHTS: networks}
+    own = {"HOME": work, "TMPDIR": work, "LANG": "C.UTF-8", "USER": "agent", WEIGHTS: networks, QUIET: "1"}
     own |= {"NUMBA_CACHE_DIR": kernels, "PYTHONHASHSEED": "0"}  # else the order of a set differs between judges
     return {name: os.environ[name] for name in _PASSED if name in os.environ} | own
 

@@ -268,14 +268,14 @@ def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path
     pty = pytest.importorskip("pty")
     terminal, side = pty.openpty()
     arguments = ["train", "motion-noise", "--env", card, "--data", training]
-    code = "from mtp_bench.commands.app import main; main()"
-    environment = {**os.environ, "TERM": "xterm"}
+    code = "from mtp_bench import notice; notice.SILENT_SECONDS = 0; from mtp_bench.commands.app import main; main()"
+    environment = {**os.environ, "TERM": "xterm", "MTP_BENCH_QUIET": "0"}
     done = python(code, *arguments, stdout=subprocess.PIPE, stderr=side, env=environment)
     os.close(side)
     shown = os.read(terminal, 1 << 16).decode()
     os.close(terminal)
     assert list(tomllib.loads(done.stdout)) == ["pointrcnn-world"]
-    assert "1/1" in shown
+    assert "] 1 of 1, " in shown
 
 
 def test_a_full_disk_behind_standard_output_is_one_line() -> None:

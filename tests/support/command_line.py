@@ -67,10 +67,6 @@ class Output:
         return self.err.removeprefix("error: ").strip()
 
 
-# Printed by the first command on a new machine.
-COMPILING = "mtp_bench: compiling the kernels of trackers and samplers, once per machine: up to a minute\n"
-
-
 class CommandLine:
     """Calls ``mtp-bench`` with arguments."""
 
@@ -88,7 +84,7 @@ class CommandLine:
         status = left.value.code
         assert status is None or isinstance(status, int)
         captured = self._capsys.readouterr()
-        return Output(status or 0, captured.out, captured.err.replace(COMPILING, ""))
+        return Output(status or 0, captured.out, captured.err)
 
     def ok(self, *arguments: object) -> str:
         """Output of a command that must succeed and keep the error stream clean."""

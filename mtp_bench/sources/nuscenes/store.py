@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ... import notice
 from ...errors import DataError
 from ...files import CACHE, cache_root, remove_damaged, whole_folder
 from ...types import Ints
@@ -22,6 +23,7 @@ from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
 
 FORMAT = 3  # of the arrays in the cache: a change gets a new number
+_BYTES_PER_SECOND = 5e7  # of tables and detections, read and checked
 INDEX, SAMPLES = "all.index", "all.samples"  # no scene has a dot in its name
 
 
@@ -54,7 +56,7 @@ class CachedFolder:
 
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with FileLock(self.path.with_name(f".{self.path.name}.lock")):
+            with self._told(), FileLock(self.path.with_name(f".{self.path.name}.lock")):
                 arrays = read_arrays(path)  # another process may have filled it meanwhile
                 if arrays is None:
                     self._fill()
@@ -68,13 +70,17 @@ class CachedFolder:
             raise DataError(f"{path} cannot be read back after writing it")
         return arrays
 
+    def _told(self) -> AbstractContextManager[notice.Job]:
+        """Tell the user what is read."""
+        names = [path.name for path in self.sources.values()]
+        size = sum(path.stat().st_size for path in self.sources.values())
+        text = f"reading {names[0] if len(names) == 1 else self.prefix} of nuScenes, once per machine"
+        return notice.work(text, size / _BYTES_PER_SECOND)
+
     def _fill(self) -> None:
         if _path(self.prefix, self.sources) != self.path:
             changed = ", ".join(str(path) for path in self.sources.values())
             raise DataError(f"{changed}: changed since the scenes were opened; open them again")
-        if sys.stderr.isatty():
-            names = [path.name for path in self.sources.values()]
-            print(f"reading {names[0] if len(names) == 1 else self.prefix} (once)", file=sys.stderr)
         remove_damaged(self.path)
         with whole_folder(self.path) as part:
             self.fill(part)

@@ -28,6 +28,7 @@ from typing import Any, Generic, TypeVar, cast, final
 import numba
 from numba.extending import register_jitable
 
+from ... import notice
 from . import cache
 
 R = TypeVar("R")
@@ -35,6 +36,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config
 _lock = threading.RLock()
 _announced: set[str] = set()
+_SECONDS = {"joint_k_best": 30, "k_means": 5, "all": 45}  # of the slow ones, measured
 
 
 @final
@@ -68,17 +70,18 @@ class Kernel(Generic[R]):
         try:
             if cache.is_sound(self.folder, source):
                 return self._jit(self.folder)
-            with cache.locked(self.folder):
-                if not cache.is_sound(self.folder, source):  # no other process has compiled it meanwhile
-                    if cache.clear(self.folder):
-                        _announce(f"a compiled kernel in {self.folder} is damaged and compiled again")
-                    _announce("compiling the kernels of trackers and samplers, once per machine: up to a minute")
+            name = self.function.__name__
+            text = f"compiling kernel {name} once per machine (all of trackers and samplers: {_SECONDS['all']} s)"
+            with notice.work(text, _SECONDS.get(name, 0)), cache.locked(self.folder):
+                # no other process has compiled it meanwhile
+                if not cache.is_sound(self.folder, source) and cache.clear(self.folder):
+                    _announce(f"a compiled kernel in {self.folder} is damaged and compiled again")
                 compiled = self._jit(self.folder)
                 cache.seal(self.folder)
                 return compiled
         except (OSError, RuntimeError):  # the cache cannot be written; a RuntimeError is Numba's
             _announce(
-                "compiling the kernels of trackers and samplers: up to a minute in every process, "
+                f"compiling the kernels of trackers and samplers: {_SECONDS['all']} s in every process, "
                 "since the cache cannot be written; set NUMBA_CACHE_DIR to another folder"
             )
             return self._jit(None)

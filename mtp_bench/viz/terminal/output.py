@@ -1,15 +1,13 @@
-"""Tables and sentences on the output stream, progress on the error stream."""
+"""Tables and sentences on the output stream."""
 
 from __future__ import annotations
 
 import shlex
 import sys
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ...parallel import Progress
 from ...tables import Column
 from ...tables import Table as Data
 
@@ -111,23 +109,6 @@ def show_table(data: Data, console: Console | None = None, **layout: Any) -> Non
     widest = console.options.update(max_width=10 * PIPE_WIDTH)
     console.width = max(console.width, console.measure(table, options=widest).minimum)
     console.print(table, highlight=False)
-
-
-@contextmanager
-def progress_bar(label: str) -> Iterator[Progress]:
-    """Callbacks that drive a progress bar, which shows on the error stream if that is a terminal."""
-    from rich import progress as bars
-    from rich.console import Console
-
-    text = bars.TextColumn("{task.description}", markup=False)
-    columns = text, bars.BarColumn(), bars.MofNCompleteColumn(), bars.TimeElapsedColumn(), bars.TimeRemainingColumn()
-    console = Console(stderr=True)
-    with bars.Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(label, total=None)
-        yield Progress(
-            lambda total: bar.reset(task, total=total),  # a new count of work, and of time left
-            lambda scene: bar.update(task, advance=1, description=f"{label} {scene}"),
-        )
 
 
 def _console() -> Console:

@@ -1,0 +1,151 @@
+"""Lines on the error stream about long work: what it does, about how long it takes, and how far it is.
+
+    with notice.work("comparing on MTP-Intersection-v0") as job:
+        job.started(len(names))
+        for name in names:
+            ...
+            job.done(name)
+
+Work that is known to take over two seconds speaks at once, other work after two seconds, both every ten seconds; on a
+terminal a line with a bar is kept up to date instead. Worker processes are silent, and all with ``MTP_BENCH_QUIET=1``.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+QUIET = "MTP_BENCH_QUIET"  # environment variable
+SILENT_SECONDS = 2.0  # of work that may be short
+LINE_SECONDS = 10.0  # between lines
+BAR_SECONDS = 0.25  # between two states of the bar
+_KEPT_SECONDS = 0.005  # an item that takes less was finished before
+_BAR = 20  # columns
+
+_jobs: list[Job] = []  # unfinished ones of this process, the innermost last
+_lock = threading.RLock()  # of the jobs and of the error stream
+
+
+class Job:
+    """Work that takes a while; see `work`."""
+
+    def __init__(self, text: str, seconds: float, around: bool) -> None:
+        self.text, self.around, self.has_spoken = text, around, False
+        self._begun = self._since = time.monotonic()  # of the work, and of the items that are counted now
+        self._seconds, self._total, self._count, self._kept, self._name = seconds, 0, 0, 0, ""
+        self.next = self._begun + (0 if seconds > SILENT_SECONDS else SILENT_SECONDS)  # time of the next line
+
+    def started(self, total: int) -> None:
+        """Count ``total`` items from now on, of which none is finished."""
+        with _lock:
+            self._total, self._count, self._kept, self._name, self._since = total, 0, 0, "", time.monotonic()
+
+    def done(self, name: str = "") -> None:
+        """Count one more finished item; ``name`` is shown."""
+        now = time.monotonic()
+        with _lock:
+            self._count, self._name = self._count + 1, name
+            if now - self._since < _KEPT_SECONDS:  # finished earlier, so it tells nothing of the others
+                self._kept, self._since = self._count, now
+            elif self._count == self._kept + 1:  # soon say how long it takes
+                self.next = min(self.next, now + SILENT_SECONDS)
+
+    def speak(self, now: float) -> None:
+        """Write the line of the time ``now`` if it is due."""
+        if now >= self.next:
+            bar = _has_bar(self)
+            _write(_over(self._line(now, bar)) if bar else f"mtp_bench: {self._line(now, bar)}\n")
+            self.next, self.has_spoken = now + (BAR_SECONDS if bar else LINE_SECONDS), True
+
+    def _line(self, now: float, bar: bool) -> str:
+        filled = _BAR * min(self._count, self._total) // max(1, self._total)
+        counted = f"{self._count} of {self._total}" if self._total else ""
+        parts = (self.text, counted, self._name, self._time(now))
+        if bar and self._total:  # the end is cut off where the terminal is narrow
+            counted = f"[{'#' * filled}{'-' * (_BAR - filled)}] {counted}"
+            parts = (counted, self._time(now), self.text, self._name)
+        line = ", ".join(filter(None, parts))
+        return "".join(letter if letter.isprintable() else "?" for letter in line)
+
+    def _time(self, now: float) -> str:
+        """The time that is left by the rate of this work, else by the estimate; else the time that has passed."""
+        passed, left = now - self._begun, self._seconds - (now - self._begun)
+        if self._count > self._kept:
+            left = (now - self._since) / (self._count - self._kept) * (self._total - self._count)
+        if left > 0:
+            return f"about {duration(left)}{' left' if self.has_spoken or self._count else ''}"
+        return f"{duration(passed)} so far" if self.has_spoken else ""
+
+
+@contextmanager
+def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Job]:
+    """Tell the user of work while it lasts; one without ``text`` is silent, such as waiting for the user.
+
+    ``seconds``: about how long it takes; 0: not known yet. ``around``: other work inside it speaks for it.
+    """
+    from multiprocessing import parent_process
+
+    job = Job(text, seconds, around)
+    if os.environ.get(QUIET, "0") not in ("", "0") or parent_process() is not None:
+        yield job
+        return
+    with _lock:
+        job.next = min([job.next, *(outer.next for outer in _jobs[-1:] if outer.around and not outer.has_spoken)])
+        _jobs.append(job)
+        if len(_jobs) == 1:
+            threading.Thread(target=_watch, args=(job,), daemon=True).start()
+        _speak()
+    try:
+        yield job
+    finally:
+        with _lock:
+            _jobs.remove(job)
+            if job.has_spoken and _has_bar(job):
+                _write(f"{_over('')}\r")
+            for outer in _jobs if job.has_spoken else ():
+                outer.next = max(outer.next, time.monotonic() + SILENT_SECONDS)
+
+
+def duration(seconds: float) -> str:
+    """A number of seconds in rounded words, such as "40 s" or "3 min"."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    return f"{round(seconds / 60)} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def _watch(outermost: Job) -> None:
+    while outermost in _jobs:
+        with _lock:
+            _speak()
+        time.sleep(BAR_SECONDS)
+
+
+def _speak() -> None:
+    """Let the innermost work speak that is due or has spoken before; work without words keeps all around it silent."""
+    now = time.monotonic()
+    spoken = [job for job in _jobs if not job.text or job.has_spoken or now >= job.next]
+    if spoken and spoken[-1].text:
+        spoken[-1].speak(now)
+
+
+def _write(text: str) -> None:
+    with suppress(OSError, ValueError, AttributeError):  # closed, full or missing: work goes on
+        sys.stderr.write(text)
+        sys.stderr.flush()
+
+
+def _over(line: str) -> str:
+    """The line in place of the one before on the terminal."""
+    width = shutil.get_terminal_size().columns - 1
+    return f"\r{line[:width].ljust(width)}"
+
+
+def _has_bar(job: Job) -> bool:
+    with suppress(ValueError, AttributeError):
+        return not job.around and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+    return False
