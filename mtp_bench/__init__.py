@@ -44,6 +44,7 @@ if _typing.TYPE_CHECKING:
     from .env import MTPEnv as MTPEnv
     from .env.building import make_action as make_action
     from .running.compare import compare as compare
+    from .running.evaluate import evaluate as evaluate
     from .running.stored import run as run
     from .running.stored import score as score
     from .scoring import Report as Report
@@ -68,6 +69,7 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "env": ("MTPEnv",),
         "env.building": ("make_action",),
         "running.compare": ("compare",),
+        "running.evaluate": ("evaluate",),
         "running.stored": ("run", "score"),
         "scoring": ("Report",),
         "sources": ("load_scenes",),

@@ -25,7 +25,7 @@ Action = dict[str, NDArray[Any]]  # by the names of the action space
 RecordT = TypeVar("RecordT", bound=Any)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ragged:
     """Rows of all frames one after the other, sorted by frame; frame t has the rows ``start[t]:start[t + 1]``.
 
@@ -33,6 +33,9 @@ class Ragged:
     """
 
     start: Ints  # [F + 1]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}: {int(self.start[-1])} rows in {self.frames} frames"
 
     @classmethod
     def of_counts(cls, count: Sequence[int] | Ints) -> Ragged:
@@ -122,7 +125,7 @@ def pieces_of(time: Floats, period: float) -> Ints:
     return np.cumsum(np.diff(time, prepend=time[:1]) > LONGEST_STEP * period + _ROUNDING)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Truth(Ragged):
     """True boxes of a scene, in its frame of reference."""
 
@@ -134,7 +137,7 @@ class Truth(Ragged):
     neutral: Bools  # [R] of a class similar to an evaluated one (KITTI: a van for "car"): matches with it do not count
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Detections(Ragged):
     """Detected boxes of a scene, in its frame of reference."""
 
@@ -144,7 +147,7 @@ class Detections(Ragged):
     score: Floats  # [R] as the detector gives it (a logit may be negative)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StoredTracks(Detections):
     """Boxes of a foreign tracker with their identities; it may have seen the future."""
 
@@ -175,7 +178,7 @@ class ImageField:
     box_size: Floats  # [C, 3] m, l w h that stand for an object of each class
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """One log: the same record for every source."""
 
@@ -195,6 +198,11 @@ class Scene:
     world: Floats | None = None  # [F, 4] x y z yaw of each frame's origin, if every frame has its own
     tracks: StoredTracks | None = None  # of a foreign tracker, for agents that observe them
     lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training
+
+    def __repr__(self) -> str:
+        boxes = f"{len(self.truth.box)} boxes of {len(np.unique(self.truth.object_id))} true objects"
+        detections = f"{len(self.detections.box)} detections ({self.detector or 'of an unknown detector'})"
+        return f"Scene {self.name!r}: {self.frames} frames\n{boxes}, {detections}"
 
     @property
     def frames(self) -> int:
@@ -233,7 +241,7 @@ class Task:
         return float(observation.get("dt", self.dt)) > LONGEST_STEP * self.dt + _ROUNDING
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rollout:
     """All actions of an agent on one scene, checked and quantised, in the scene's frame of reference.
 
@@ -258,6 +266,10 @@ class Rollout:
     malformed: Ints  # [F, C + 1] false forecasts that rejected objects count as, by class; the last of unknown class
     dropped: Ints  # [F] detections that did not fit into the observation
     seconds: Floats  # [F] time the agent took; not part of the digest
+
+    def __repr__(self) -> str:
+        boxes = f"{len(self.track_id)} boxes of tracks, {len(self.object_class)} forecast objects"
+        return f"Rollout of scene {self.scene!r}: {self.frames} frames, {self.member.shape[1]} hypotheses\n{boxes}"
 
     @property
     def frames(self) -> int:

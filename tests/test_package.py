@@ -26,8 +26,8 @@ PUBLIC = {
 LAZY_NAMES = {
     "Action", "Agent", "Card", "Detections", "Forecasts", "Frame", "FunctionPredictor", "MTPEnv", "Objects",
     "Observation", "Pipeline", "Predictor", "Report", "Rollout", "Sampler", "Scene", "Submission", "Task", "Tracker",
-    "Tracks", "Truth", "compare", "load_card", "load_scenes", "load_submission", "make_action", "run", "save_scene",
-    "score", "windows",
+    "Tracks", "Truth", "compare", "evaluate", "load_card", "load_scenes", "load_submission", "make_action", "run",
+    "save_scene", "score", "windows",
 }  # fmt: skip
 LAZY = {"prediction", "scoring", "tracking", "training", "wrappers"}
 SLOW = {"torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "rich", "typer", "pandas", "matplotlib"}

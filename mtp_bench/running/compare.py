@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 from ..cards import Card
-from ..env.environment import MTPEnv
-from ..scoring import (
-    AgentScores,
-    Reference,
-    References,
-    Report,
-    SceneScore,
-    score_scene,
-    stated_hypotheses,
-    summarise,
-)
+from ..errors import SubmissionError
+from ..scoring import AgentScores, Reference, References, Report, summarise
 from ..submission.loader import controls
 from ..submission.manifest import Role
-from .options import DEFAULTS, RunOptions
+from .evaluate import RankedScenes, caught_scores, jobs_of_setting, require_copies, training_notes
+from .options import DEFAULTS, RunKeywords, RunOptions, asked
 from .reading import total_skipped
-from .reference import ranked_scenes, reference_for
-from .run import Job, jobs_of, run_jobs
+from .reference import reference_for
+from .run import AgentFailedError, first_errors
 from .settings import Setting, all_settings, references_of, require_list
 
 # docs/definitions, "Controls"
@@ -33,7 +26,7 @@ CONTROLS: tuple[Role, ...] = (
 _IN_FULL: tuple[Role, ...] = ("hedged", "associated")  # controls that the main table leaves out
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """A comparison, and the event weights of its subsets."""
 
@@ -42,21 +35,35 @@ class Comparison:
     settings: tuple[Setting, ...]
     skipped: dict[str, int]  # rows of the data that could not be used, by reason
 
+    def __repr__(self) -> str:
+        first = repr(self.report).partition("\n")[0].removeprefix("Report")
+        return f"Comparison{first}\nprint(comparison) shows the table, comparison.report has the numbers"
 
-def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFAULTS) -> Comparison:
-    """Run and score the controls and other agents on the scenes of an env.
+    def __str__(self) -> str:
+        return str(self.report)
 
-    ``names``: folders of submissions, or names of baselines. ``env_id``: id of the env, path of its card, or a card.
+    def _repr_html_(self) -> str:
+        return self.report._repr_html_()
+
+
+def compare(
+    agents: Iterable[object], env_id: str | Card, options: RunOptions = DEFAULTS, **keywords: Unpack[RunKeywords]
+) -> Comparison:
+    """Run and score the controls and other agents on the same scenes of an env; see `evaluate` for the arguments.
+
+    An agent that cannot be built, or fails in any scene, is named in `Report.failures`, and the others are shown.
     Event weights are the frozen ones of the env, else made from these scenes. Raises MtpBenchError for errors that the
-    user can mend.
+    user can mend, and if a control or every agent fails.
     """
-    require_list(names)
-    env = MTPEnv(env_id, **options.env_keywords)
+    require_list(agents)
+    agents = list(agents)
+    env_id, options = asked(env_id, options, keywords)
     # first, for an error in a file of weights
-    card, ranked = env.card, ranked_scenes(env.card, env.scene_names)
-    scenes, role = options.chosen(ranked), controls()
-    settings = all_settings([*control_names(), *names], card)
+    ranked = RankedScenes.of(env_id, options)
+    card, scenes, role = ranked.card, ranked.chosen, controls()
+    settings = all_settings([*control_names(), *agents], card)
     options.require_tracks_used([setting.submission for setting in settings])
+    require_copies(settings, options)
     # of several numbers of hypotheses under one label, the references of the last
     stated = {setting.label: references_of(setting, card) for setting in settings if setting.budget == "equal"}
     runs, known = list(settings), [replace(setting, label="") for setting in settings]
@@ -64,30 +71,40 @@ def compare(names: Sequence[str], env_id: str | Card, options: RunOptions = DEFA
         if (run := replace(each, label="")) not in known:
             runs.append(each)
             known.append(run)
-            # they run last: errors show before anything runs
-            each.submission.require_parameters(**each.parameters)
-    agents = score_settings(runs, env_id, card, scenes, options)
+    failures = _first_failures(runs, env_id, card, scenes, options)
+    _require_some(failures, agents, settings)
+    started = [run for run in runs if run.submission.name not in failures]
+    results = dict(zip(map(id, started), caught_scores(started, env_id, card, scenes, options), strict=True))
+    for run in started:
+        if isinstance(error := results[id(run)], AgentFailedError):
+            failures.setdefault(run.submission.name, error.reason)
+    _require_some(failures, agents, settings)
+    shown = [setting for setting in settings if setting.submission.name not in failures]
+
+    def scores(setting: Setting) -> AgentScores:
+        found = results[id(runs[known.index(replace(setting, label=""))])]
+        assert isinstance(found, AgentScores)
+        return found
+
     own = {
-        label: References(**{name: agents[known.index(replace(each, label=""))] for name, each in references.items()})
-        if references
+        setting.label: References(**{name: scores(each) for name, each in stated[setting.label].items()})
+        if stated[setting.label]
         else None
-        for label, references in stated.items()
+        for setting in shown
+        if setting.label in stated
     }
     reference = reference_for(card, scenes, options)
-    report = summarise(
-        agents[: len(settings)], card, reference, stp=role["single"], truth=role["ground_truth"], references=own
-    )
-    hidden = {role[each] for each in _IN_FULL} - set(map(str, names))
-    shown = dict.fromkeys(setting.submission.name for setting in settings)
-    report = replace(report, shown=[name for name in shown if name not in hidden])
-    report.condition.update(_training_notes(settings, card))
-    if len(ranked) < len(env.scene_names):
-        missing = f"{len(env.scene_names) - len(ranked)} of {len(env.scene_names)} scenes of the split have none"
-        report.condition["weights"] += f"; {missing} and are left out"
+    agent_scores = [scores(setting) for setting in shown]
+    report = summarise(agent_scores, card, reference, stp=role["single"], truth=role["ground_truth"], references=own)
+    hidden = {role[each] for each in _IN_FULL} - {each for each in agents if isinstance(each, str)}
+    names = dict.fromkeys(setting.submission.name for setting in shown)
+    report = replace(report, shown=[name for name in names if name not in hidden], failures=failures)
+    report.condition.update(training_notes(shown, card) | ranked.note(report))
     skipped: dict[str, int] = {}
-    for agent in agents:  # every setting reads the same scenes, but only some read stored tracks
-        skipped |= total_skipped(score.skipped for score in agent.seeds[0])
-    return Comparison(report, reference, tuple(settings), skipped)
+    for result in results.values():  # every setting reads the same scenes, but only some read stored tracks
+        if isinstance(result, AgentScores):
+            skipped |= total_skipped(score.skipped for score in result.seeds[0])
+    return Comparison(report, reference, tuple(shown), skipped)
 
 
 def control_names() -> list[str]:
@@ -95,37 +112,24 @@ def control_names() -> list[str]:
     return [controls()[role] for role in CONTROLS]
 
 
-def score_settings(
-    settings: Sequence[Setting], env_id: str | Card, card: Card, scenes: Sequence[str], options: RunOptions
-) -> list[AgentScores]:
-    """Run and score each setting on the ``scenes`` with all seeds of ``options``; ``card``: of the env."""
-    jobs: list[Job] = []
-    for setting, seed in itertools.product(settings, options.seeds):
-        shown = options.shown_to(setting.submission) if setting.observe == "tracks" else {}
-        keywords = {**options.env_keywords, **setting.env_keywords(card), **shown}
-        jobs += jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
-    scores: list[SceneScore] = run_jobs(jobs, options, score_scene)
-    runs = iter([tuple(scores[i : i + len(scenes)]) for i in range(0, len(scores), len(scenes))])
-    return [scores_of(setting, [next(runs) for _ in options.seeds]) for setting in settings]
+def _first_failures(
+    runs: Sequence[Setting], env_id: str | Card, card: Card, scenes: Sequence[str], options: RunOptions
+) -> dict[str, str]:
+    """Reasons why submissions cannot run, by name: each setting is built, and reset for the first scene."""
+    jobs = [jobs_of_setting(run, options.seeds[0], env_id, card, scenes[:1], options) for run in runs]
+    errors = first_errors(list(itertools.chain(*jobs)), options)
+    failures: dict[str, str] = {}
+    for run, error in zip(runs, errors, strict=True):
+        if error is not None:
+            failures.setdefault(run.submission.name, error.reason)
+    return failures
 
 
-def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: str = "") -> AgentScores:
-    """The scores of a setting, a run per seed, under the name ``agent`` or its label."""
-    return AgentScores(
-        agent=agent or setting.label,
-        hypotheses=setting.hypotheses or stated_hypotheses(seeds),
-        samples=setting.samples,
-        budget=setting.budget,
-        seeds=tuple(seeds),
-        observe=setting.observe,
-    )
-
-
-def _training_notes(settings: Sequence[Setting], card: Card) -> dict[str, str]:
-    """Submissions trained on scenes that are scored here, under the one key "trained"; empty without any."""
-    notes: dict[str, list[str]] = {}
-    for submission in {setting.submission.name: setting.submission for setting in settings}.values():
-        note = submission.note_on(card.id, card.source.name)
-        if note is not None:
-            notes.setdefault(note, []).append(submission.name)
-    return {"trained": "; ".join(f"{note}: {', '.join(names)}" for note, names in notes.items())} if notes else {}
+def _require_some(failures: Mapping[str, str], agents: Sequence[object], settings: Sequence[Setting]) -> None:
+    """Raise SubmissionError, with the reasons, if a control failed, or all ``agents``, unless one is a control."""
+    own = {setting.submission.name for setting in settings} - set(control_names())
+    failed = failures.keys() & set(control_names())
+    if own and own <= failures.keys() and not any(each in control_names() for each in agents):
+        failed |= own
+    if failed:
+        raise SubmissionError("; ".join(f"agent {name!r} {failures[name]}" for name in failures if name in failed))

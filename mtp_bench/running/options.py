@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
-from ..cards import Card, changed_card, load_card
-from ..errors import MtpBenchError
-from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers
+from ..cards import Card, changed_card, load_card, with_scenes
+from ..errors import MtpBenchError, UnknownNameError
+from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers, cores
+from ..scoring.scenes import SceneResult
 from ..submission.loader import Submission
+from ..types import Scene
 
 MOST_SEED = 2**31 - 1
 CHANGES = ("split", "detector", "detection_file", "files")  # of the card, as `changed_card` takes them
@@ -47,6 +50,22 @@ def require_seed(seed: int) -> None:
         raise MtpBenchError(f"the seed is {seed}, expected a whole number from 0 to {MOST_SEED}")
 
 
+class RunKeywords(TypedDict, total=False):
+    """Keywords of all functions that run agents, such as `evaluate` and `compare`."""
+
+    data: str | os.PathLike[str] | None  # root of the recorded data; None: ``MTP_BENCH_DATA``, else the user's folder
+    scenes: int | Sequence[str] | Sequence[Scene] | None  # how many, their names, or scenes of one's own; None: all
+    seeds: int | Sequence[int]  # how many random draws of every agent, or their numbers
+    jobs: int  # processes; 0: one per core; 1, the default: this process
+    on_scene: Callable[[SceneResult], object] | None  # called here after every finished scene
+    split: str | None  # another split than the card's, such as "train"
+    detector: str | None  # another detector: a profile, or the first part of the names of stored files
+    detection_file: str | os.PathLike[str] | None  # stored detections in place of the card's
+    track_file: str | os.PathLike[str] | None  # stored tracks, for submissions that observe them
+    files: str | os.PathLike[str] | None  # folder of scenes in place of the card's
+    fold: Fold | None  # only the scenes of a fold of the split, such as (1, 4)
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """Options of every run, comparison, fit and check, beside the agent and the env.
@@ -65,6 +84,8 @@ class RunOptions:
     workers: Workers = SERIAL  # processes of this machine, or a Dask cluster
     progress: Progress = NO_PROGRESS  # callbacks for the number of tasks, and for each that is done
     files: str | None = None  # folder of scenes in place of the card's
+    names: tuple[str, ...] | None = None  # of the scenes to run; None: the first ``scenes``
+    on_scene: Callable[[SceneResult], object] | None = None  # called in this process after every finished scene
 
     def __post_init__(self) -> None:
         for name, value in (("scenes", self.scenes), ("seeds", len(self.seeds))):
@@ -74,7 +95,12 @@ class RunOptions:
             require_seed(seed)
 
     def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Scenes to run, of those of a split; raises MtpBenchError if the fold does not exist."""
+        """Scenes to run, of those of a split; raises MtpBenchError if the fold or a named scene does not exist."""
+        for name in self.names or ():
+            if name not in names:
+                raise UnknownNameError("scene", str(name), names)
+        if self.names is not None:
+            return self.names
         return tuple(names if self.fold is None else held_out(names, self.fold))[: self.scenes]
 
     @property
@@ -120,3 +146,28 @@ class RunOptions:
 
 
 DEFAULTS = RunOptions()
+
+
+def asked(env: str | Card, options: RunOptions, keywords: Mapping[str, Any]) -> tuple[str | Card, RunOptions]:
+    """The env, with the scenes of one's own that are among the `RunKeywords`, and the options with the others.
+
+    Raises UnknownNameError for other keywords, MtpBenchError for values that `RunOptions` refuses.
+    """
+    changes = {name: os.fspath(value) if isinstance(value, os.PathLike) else value for name, value in keywords.items()}
+    for name in changes:
+        if name not in RunKeywords.__annotations__:
+            raise UnknownNameError("keyword", name, RunKeywords.__annotations__)
+    if "jobs" in changes:
+        changes["workers"] = Workers(changes.pop("jobs") or cores())
+    if isinstance(seeds := changes.get("seeds"), int):
+        changes["seeds"] = range(seeds)
+    scenes = changes.get("scenes")
+    if isinstance(scenes, str | Scene) or not isinstance(scenes, int | Sequence | None):
+        raise MtpBenchError(f"scenes is {scenes!r}, expected a number of scenes, or a list of names or scenes")
+    if isinstance(scenes, Sequence):
+        changes |= {"scenes": None, "names": tuple(dict.fromkeys(getattr(each, "name", each) for each in scenes))}
+        if not scenes:
+            raise MtpBenchError("scenes is an empty list, expected at least one scene")
+        if isinstance(scenes[0], Scene):
+            env = with_scenes(env if isinstance(env, Card) else load_card(env), scenes)
+    return env, replace(options, **changes)

@@ -17,19 +17,31 @@ from ..agent import Agent
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, SubmissionError
-from ..parallel import parallel_map
-from ..submission.loader import Submission, SubmissionFactory
+from ..parallel import parallel_map, unordered_map
+from ..submission.loader import Submission
 from ..types import Rollout, Scene, Task
 from .options import DEFAULTS, RunOptions
 
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]
+Finished = Callable[[int, Any], object]  # index of a job, and its result
+
+
+class AgentFailedError(SubmissionError):
+    """An agent raised; ``reason`` says where and what, on one line."""
+
+    def __init__(self, agent: str, reason: str) -> None:
+        self.agent, self.reason = agent, " ".join(reason.split())
+        super().__init__(f"agent {agent!r} {self.reason}")
+
+    def __reduce__(self) -> tuple[type[AgentFailedError], tuple[str, str]]:
+        return type(self), (self.agent, self.reason)  # workers send their errors home
 
 
 def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None) -> Rollout:
     """Rollout of ``agent`` on one scene of ``env``, with the seconds that ``act`` took per frame.
 
-    ``scene_name``: one of ``env.scene_names``. Raises SubmissionError, naming the agent (``name``, else its class),
+    ``scene_name``: one of ``env.scene_names``. Raises AgentFailedError, naming the agent (``name``, else its class),
     scene and frame, if the agent raises; invalid rows of its actions are counted in the rollout instead, or are an
     ActionError of a strict env.
     """
@@ -49,7 +61,7 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
     except (Exception, SystemExit) as error:
         if not place:
             raise
-        raise SubmissionError(f"agent {name!r} failed on scene {scene_name!r} at {place}: {_text(error)}") from error
+        raise AgentFailedError(name, f"failed on scene {scene_name!r} at {place}: {_text(error)}") from error
     return replace(env.rollout(), seconds=np.array(seconds))
 
 
@@ -63,6 +75,11 @@ class Job:
     scene: str
     seed: int = 0
     name: str | None = None  # of the agent, in errors
+
+    @property
+    def agent(self) -> str:
+        """Name of the agent."""
+        return self.name or "of this run"
 
 
 def jobs_of(
@@ -79,20 +96,37 @@ def jobs_of(
     ``keywords``: of `MTPEnv`; without ``observe`` the env observes what the manifest states. ``parameters``: of the
     agent, else those of the manifest. ``label``: name of the agent in errors, else that of the submission.
     """
-    make = SubmissionFactory(str(submission.path), submission.parameters if parameters is None else parameters)
+    make = submission.factory(submission.parameters if parameters is None else parameters)
     keywords = {"observe": submission.compare.observe, **keywords, "evaluation": True}
     return [Job(make, env, keywords, scene, seed, label or submission.name) for scene in scenes]
 
 
-def run_jobs(jobs: Sequence[Job], options: RunOptions = DEFAULTS, finish: Finish | None = None) -> list[Any]:
+def run_jobs(
+    jobs: Sequence[Job],
+    options: RunOptions = DEFAULTS,
+    finish: Finish | None = None,
+    finished: Finished | None = None,
+    caught: bool = False,
+) -> list[Any]:
     """Results of ``finish`` for each job (its Rollout if None), in the order of ``jobs``.
 
     Only workers and progress of ``options`` are used. The data root and the submission of a job must be at the same
-    path on every worker.
+    path on every worker. ``finished`` is called in this process with every result. Raises AgentFailedError; with
+    ``caught`` the error is the result of its job, and the others go on.
     """
     options.progress.started(len(jobs))
-    calls = [(job, finish) for job in jobs]
-    return parallel_map(_one_scene, calls, options.workers, lambda place: options.progress.done(jobs[place].scene))
+    results: dict[int, Any] = {}
+    for place, result in unordered_map(_one_scene, [(job, finish, caught) for job in jobs], options.workers):
+        results[place] = result
+        options.progress.done(jobs[place].scene)
+        if finished is not None:
+            finished(place, result)
+    return [results[place] for place in range(len(jobs))]
+
+
+def first_errors(jobs: Sequence[Job], options: RunOptions = DEFAULTS) -> list[AgentFailedError | None]:
+    """Errors of building the agent of each job and resetting it once for its scene; None for an agent that is ready."""
+    return parallel_map(_first_error, [(job,) for job in jobs], options.workers)
 
 
 def derived_seed(seed: int, scene_name: str, purpose: str) -> int:
@@ -121,14 +155,39 @@ def library_versions() -> dict[str, str]:
     return versions
 
 
-def _one_scene(job: Job, finish: Finish | None) -> Any:
+def _one_scene(job: Job, finish: Finish | None, caught: bool) -> Any:
     env = MTPEnv(job.env, **job.env_keywords)
     try:
-        agent = job.make_agent(agent_task(env, job.seed, job.scene))
-    except (Exception, SystemExit) as error:
-        raise SubmissionError(f"agent {job.name or 'of this run'!r} cannot be built: {_text(error)}") from error
-    rollout = run_scene(agent, env, job.scene, job.seed, job.name)
+        rollout = run_scene(_built(job, env), env, job.scene, job.seed, job.name)
+    except AgentFailedError as error:
+        if not caught:
+            raise
+        return error.with_traceback(None)
     return rollout if finish is None else finish(env.scene, rollout, env.card)
+
+
+def _first_error(job: Job) -> AgentFailedError | None:
+    try:
+        env = MTPEnv(job.env, **job.env_keywords)
+        _built(job, env, reset=True)
+    except AgentFailedError as error:
+        return error.with_traceback(None)
+    except MtpBenchError as error:  # of its sizes, or of what it observes
+        return AgentFailedError(job.agent, f"cannot run here: {error}")
+    return None
+
+
+def _built(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
+    """The agent of a job, and ``reset`` once; raises AgentFailedError."""
+    task, step = agent_task(env, job.seed, job.scene), "built"
+    try:
+        agent = job.make_agent(task)
+        if reset:
+            step = "reset"
+            agent.reset(task)
+    except (Exception, SystemExit) as error:
+        raise AgentFailedError(job.agent, f"cannot be {step}: {_text(error)}") from error
+    return agent
 
 
 def _text(error: BaseException) -> str:

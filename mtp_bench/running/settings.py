@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
-from ..cards import Card
+from .._bundle import card_ids
+from ..cards import Card, load_card
 from ..errors import MtpBenchError, SubmissionError
 from ..scoring.rows import Budget
 from ..submission.loader import Submission, controls, load_submission
-from ..submission.manifest import MANIFEST, Role
+from ..submission.manifest import Role
+from ..submission.objects import ObjectSubmission, submission_of
 
 _REFERENCES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples", "associated")
 
@@ -128,14 +129,20 @@ def expand(submission: Submission, card: Card) -> list[Setting]:
     return settings
 
 
-def all_settings(names: Sequence[str], card: Card) -> list[Setting]:
-    """Settings of the submissions or baselines ``names``, each once.
+def all_settings(agents: Iterable[object], card: Card) -> list[Setting]:
+    """Settings of agents, each once: submissions or baselines by name or folder, objects and functions.
 
-    Raises MtpBenchError unless ``names`` is a list of names, and if two submissions have one name.
+    A further object or function of one name gets a number. Raises MtpBenchError unless ``agents`` is a list, and if two
+    submissions have one name.
     """
-    require_list(names)
+    require_list(agents)
     submissions: dict[str, Submission] = {}
-    for submission in map(submission_of, names):
+    for agent in agents:
+        submission = submission_of(agent)
+        if isinstance(submission, ObjectSubmission):
+            numbers = itertools.count(2)
+            while submission.name in submissions:
+                submission = ObjectSubmission.of(agent, f"{submission.name.split('#')[0]}#{next(numbers)}")
         other = submissions.setdefault(submission.name, submission)
         if other.path != submission.path:
             raise MtpBenchError(
@@ -145,21 +152,20 @@ def all_settings(names: Sequence[str], card: Card) -> list[Setting]:
     return [setting for submission in submissions.values() for setting in expand(submission, card)]
 
 
-def submission_of(agent: object) -> Submission:
-    """The submission of a folder or a name; raises MtpBenchError for other objects, such as an agent."""
-    if not isinstance(agent, str | PathLike):
-        raise MtpBenchError(
-            f"agent is of type {type(agent).__name__}, expected the name of a baseline or a folder with {MANIFEST}; "
-            "`mtp-bench new` makes such a folder"
-        )
-    return load_submission(Path(agent) if isinstance(agent, PathLike) else agent)
-
-
-def require_list(names: object) -> None:
+def require_list(agents: object) -> None:
     """Raise MtpBenchError for one agent in place of a list: the letters of a name would be taken as names."""
-    if isinstance(names, str | PathLike) or not isinstance(names, Iterable):
-        example = str(names) if isinstance(names, str | PathLike) else "name"
-        raise MtpBenchError(f"agents is of type {type(names).__name__}, expected a list such as [{example!r}]")
+    if isinstance(agents, str | PathLike) or not isinstance(agents, Iterable):
+        example = str(agents) if isinstance(agents, str | PathLike) else "name"
+        raise MtpBenchError(f"agents is of type {type(agents).__name__}, expected a list such as [{example!r}]")
+
+
+def training_note(submission: Submission, card: Card) -> str | None:
+    """Note on the parts of a submission that were trained on the scenes that ``card`` scores; None without any.
+
+    Other splits, detections or scenes than those of the env that ships are not the ones that the manifest names.
+    """
+    changed = card.id in card_ids() and load_card(card.id).digest != card.digest
+    return None if changed else submission.note_on(card.id)
 
 
 def _count(submission: Submission, parameters: dict[str, Any], name: str | None) -> int | None:

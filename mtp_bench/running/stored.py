@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from .._bundle import card_ids
 from ..cards import Card, changed_card, load_card, parse_card
@@ -17,13 +17,15 @@ from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypot
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.targets import left_out
 from ..sources import CameraImage, SceneSource, camera_images, open_source, with_map, with_tracks
+from ..submission.objects import submission_of
 from ..types import Rollout, Scene
-from .options import CHANGES, DEFAULTS, RunOptions
+from .evaluate import require_copies
+from .options import CHANGES, DEFAULTS, RunKeywords, RunOptions, asked
 from .reading import total_skipped
 from .reference import reference_for
 from .rollout_files import Run, RunInfo, load_run, require_run_folder, save_run
 from .run import jobs_of, library_versions, run_jobs
-from .settings import Setting, setting_of, submission_of
+from .settings import Setting, setting_of, training_note
 
 Note = Callable[[str], object]
 
@@ -95,26 +97,32 @@ class OpenedRun:
 
 
 def run(
-    agent: str | Path, env_id: str | Card, folder: str | Path, options: RunOptions = DEFAULTS, replace: bool = False
+    agent: object,
+    env_id: str | Card,
+    folder: str | Path,
+    options: RunOptions = DEFAULTS,
+    replace: bool = False,
+    **keywords: Unpack[RunKeywords],
 ) -> StoredRun:
-    """Run a submission on the scenes of an env and store its rollouts in ``folder``.
+    """Run an agent on the scenes of an env and store its rollouts in ``folder``.
 
-    ``agent``: folder of the submission, or name of a baseline. ``env_id``: id of the env, path of its card, or a card.
-    ``options``: of the seeds, only the first counts. ``replace``: replace an earlier run, once this one is complete.
-    Raises MtpBenchError for errors that the user can mend; before anything runs if ``folder`` cannot be written or
-    holds a run that is not to be replaced.
+    ``agent``, ``env_id`` and ``keywords`` as in `evaluate`; of the seeds, only the first counts. ``replace``: replace
+    an earlier run, once this one is complete. Raises MtpBenchError for errors that the user can mend; before anything
+    runs if ``folder`` cannot be written or holds a run that is not to be replaced.
     """
     folder = Path(folder)
     require_free(folder, replace)
+    env_id, options = asked(env_id, options, keywords)
     submission, seed = submission_of(agent), options.seeds[0]
     options.require_tracks_used([submission])
     shown = options.shown_to(submission)
     env = MTPEnv(env_id, evaluation=True, **shown, **options.env_keywords)
     setting = setting_of(submission, env.card)
-    keywords = {**setting.env_keywords(env.card), **shown, **options.changes}
+    settings = {**setting.env_keywords(env.card), **shown, **options.changes}
     names = options.chosen(env.scene_names)
-    jobs = jobs_of(submission, env_id, {"data": options.data, **keywords}, names, seed)
-    info = run_info(env, setting, seed, keywords).model_copy(update={"card": env.card.stored()})
+    require_copies([setting], options)
+    jobs = jobs_of(submission, env_id, {"data": options.data, **settings}, names, seed)
+    info = run_info(env, setting, seed, settings).model_copy(update={"card": env.card.stored()})
     results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _with_skipped)
     save_run(folder, info, [rollout for rollout, _ in results])
     rejected = sum(int(rollout.invalid.sum()) for rollout, _ in results)
@@ -145,20 +153,26 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
         parameters=setting.parameters,
         hypotheses=setting.hypotheses,
         submission_digest=submission.digest,
-        note=submission.note_on(env.card.id, env.card.source.name) or "",
+        note=training_note(submission, env.card) or "",
         seed=seed,
         definitions=DEFINITIONS,
         versions=library_versions(),
     )
 
 
-def score(folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card | None = None) -> StoredScore:
+def score(
+    folder: str | Path,
+    options: RunOptions = DEFAULTS,
+    env_id: str | Card | None = None,
+    data: str | Path | None = None,
+) -> StoredScore:
     """Report of a run that `run` stored in ``folder``.
 
-    ``options``: data and progress; everything else is stored with the run. ``env_id``: id, path or card, if it is not
-    the card stored with the run. Raises RolloutError if the run was made for another version of the card, or
-    contradicts its rollouts.
+    ``data``: data root. ``options``: data and progress; everything else is stored with the run. ``env_id``: id, path or
+    card, if it is not the card stored with the run. Raises RolloutError if the run was made for another version of the
+    card, or contradicts its rollouts.
     """
+    options = options if data is None else replace(options, data=str(data))
     opened = open_run(Path(folder), options.data, env_id)
     info, card = opened.run.info, opened.card
     options.progress.started(len(opened.run.rollouts))

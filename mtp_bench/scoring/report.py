@@ -5,23 +5,27 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from ..cards import Card
+from ..errors import MtpBenchError
+from ..tables import to_html, to_text
 from .definitions import DEFINITIONS, SUBSETS, Subset
 from .details import details
 from .gaps import GapPairs, Pair, References, gap_columns, pairs_of
 from .parts import ReferenceErrors, mean_costs, reference_errors
 from .rank import ALONE, guard, ranks_among, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
+from .scenes import rows_per_scene
 from .statistics import bootstrap_interval, effective_number, paired_difference, ratio
 from .table import AgentScores, AgentTable, agent_table, require_same_targets
 from .weights import Reference
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Report:
     """The content of a comparison; None stands for undefined."""
 
@@ -33,13 +37,53 @@ class Report:
     condition: dict[str, str] = field(default_factory=dict)  # source, split, detector, card, detections, truth, weights
     tables: Sequence[AgentTable] = ()  # sources of the rows, per agent
     shown: Sequence[str] = ()  # names of the agents of the main table; empty: all
+    failures: Mapping[str, str] = field(default_factory=dict)  # agents that failed, which have no rows: where and why
+
+    def __repr__(self) -> str:
+        names = {row.agent.split(" ")[0] for row in self.rows}
+        first = next(iter(self.rows), None)
+        size = f"{first.scenes} scenes, {first.targets} targets, {first.seeds} seeds" if first else "no rows"
+        agents = f"{len(names)} agent{'' if len(names) == 1 else 's'}"
+        failed = f"; failed: {', '.join(self.failures)}" if self.failures else ""
+        return (
+            f"Report on {self.env}: {agents}, {size}{failed}\n"
+            "print(report) shows the table, report.to_frame() and report.per_scene() have the numbers"
+        )
+
+    def __str__(self) -> str:
+        from .main_table import main_table
+
+        failed = "".join(f"\n{agent} {reason}" for agent, reason in self.failures.items())
+        return to_text(main_table(self)) + failed
+
+    def _repr_html_(self) -> str:
+        """The table, for a notebook."""
+        from .main_table import main_table
+
+        failed = (f"<p>{escape(agent)} {escape(reason)}</p>" for agent, reason in self.failures.items())
+        return to_html(main_table(self)) + "".join(failed)
+
+    def to_frame(self) -> Any:
+        """The rows as a DataFrame: a row per agent, setting and subset, a column per key of ``compare --json``.
+
+        Raises MtpBenchError if pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise MtpBenchError("to_frame needs pandas, which is not installed: pip install pandas") from None
+        return pandas.DataFrame([row.model_dump() for row in self.rows], columns=list(Row.model_fields))
+
+    def per_scene(self) -> list[dict[str, Any]]:
+        """Numbers of single scenes, as plain values: a row per agent, seed and scene; see `rows_per_scene`."""
+        return list(rows_per_scene(self.tables))
 
     def to_json(self, *further: str) -> dict[str, Any]:
         """The content of ``compare --json``: env, definitions, rows, and the ``further`` fields that are named."""
         content: dict[str, Any] = {"env": self.env, "definitions": self.definitions}
         for name in ("rows", *further):
             part = getattr(self, name)
-            content[name] = part if name == "condition" else [row.model_dump(mode="json") for row in part]
+            content[name] = part if name in ("condition", "failures") else [row.model_dump(mode="json") for row in part]
         return content
 
 

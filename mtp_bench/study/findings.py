@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ..running.compare import scores_of
+from ..running.evaluate import scores_of
 from ..running.settings import Setting, references_of
 from ..scoring import AgentScores, Reference, References, Report, summarise
 from ..scoring.definitions import Subset

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..running.settings import training_note
 from ..tables import Column, Table
 from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
@@ -71,7 +72,7 @@ def summary(findings: Findings) -> list[str]:
 def facts(findings: Findings) -> list[tuple[str, str]]:
     """Conditions of the study, as names and texts."""
     condition, card = findings.report.condition, findings.bench.card
-    notes = {s.submission.name: s.submission.note_on(card.id, card.source.name) for s in findings.plan.equal}
+    notes = {s.submission.name: training_note(s.submission, card) for s in findings.plan.equal}
     trained = "; ".join(f"{name}: {note}" for name, note in notes.items() if note)
     facts = [
         ("environment", f"{card.id}, split {condition['split']}"),

@@ -38,12 +38,9 @@ class Submission(Manifest):
         """Sha256 over names and contents of all files of the folder; see `contents`."""
         return digest_of(self.path, files_of(self.path))
 
-    def note_on(self, env_id: str, source: str = "") -> str | None:
-        """Note on the parts that were trained on the scenes that an env scores; None without any.
-
-        ``source`` of the scenes: own scenes ("files") are not those of the env.
-        """
-        parts = self.trained_on_scored.get(env_id) if source != "files" else None
+    def note_on(self, env_id: str) -> str | None:
+        """Note on the parts that were trained on the scenes that an env scores; None without any."""
+        parts = self.trained_on_scored.get(env_id)
         return None if parts is None else f"{parts} {ON_SCORED}"
 
     def build(self, task: Task, **overrides: Any) -> Agent:
@@ -64,9 +61,9 @@ class Submission(Manifest):
             )
         return agent
 
-    def require_parameters(self, **overrides: Any) -> None:
-        """Raise, as `build` does, for parameters that the build function does not take."""
-        _check_parameters(self.name, self._function(), {**self.parameters, **overrides})
+    def factory(self, parameters: dict[str, Any]) -> Callable[[Task], Agent]:
+        """A function that makes agents of this submission in any process."""
+        return SubmissionFactory(str(self.path), parameters)
 
     def _function(self) -> Callable[..., Any]:
         module_name, name = self.agent.split(":")

@@ -31,7 +31,7 @@ from .split import open_split
 TRUTH = "truth"  # in place of a tracker: ground-truth tracks
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Windows(TrackWindows):
     """Windows of n tracks with their truth, sorted by scene and frame; numbers as float32.
 
@@ -53,6 +53,11 @@ class Windows(TrackWindows):
     seen: Surroundings  # the detections of all frames of all scenes
     task: Task  # of the first env
     envs: tuple[str, ...]  # ids
+
+    def __repr__(self) -> str:
+        shapes = (f"{name} {list(getattr(self, name).shape)}" for name in ("past", "future", "future_known"))
+        size = f"{len(self.frame)} windows of {len(self.names)} scenes, {int(self.target.sum())} at targets"
+        return f"Windows of {', '.join(self.envs)}: {size}\n{', '.join(shapes)}"
 
     def select(self, rows: Ints | Bools | slice) -> Windows:
         """The windows ``rows``; frames and scenes keep their numbers."""

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.cards import Card, load_card
-from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import expand
@@ -157,6 +157,7 @@ def test_ends_that_the_agent_does_not_take_are_told_before_anything_runs(
     folder = write_submission(tmp_path / "echo", tables="[compare]\ngap_references = { hypotheses = 1 }\n")
     agent = folder / "agent.py"
     agent.write_text(agent.read_text().replace(", **parameters", ""))
-    monkeypatch.setattr("mtp_bench.running.compare.score_settings", None)
-    with pytest.raises(UnknownNameError, match="unknown parameter of echo 'hypotheses': known are noise"):
-        compare([str(folder)], card, RunOptions(data=kitti))
+    monkeypatch.setattr("mtp_bench.running.compare.caught_scores", None)
+    text = "agent 'echo' cannot be built: unknown parameter of echo 'hypotheses': known are noise"
+    with pytest.raises(SubmissionError, match=text):
+        compare([folder], card, data=kitti)

@@ -218,4 +218,4 @@ def test_every_baseline_is_a_submission(name: str) -> None:
     pair = submission.compare.gap_references
     if submission.networks and submission.compare.observe == "detections":
         assert isinstance(pair, dict), "its gap is between references with its own predictor"
-        submission.require_parameters(**pair)
+        assert submission.build(replace(task, observe="truth"), **pair)

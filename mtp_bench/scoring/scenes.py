@@ -1,0 +1,68 @@
+"""Numbers of single scenes: while a run goes on, and of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .score import SceneScore
+from .statistics import ratio
+from .table import AgentTable, run_errors
+
+
+@dataclass(frozen=True)
+class SceneResult:
+    """One agent on one scene under one seed; None: undefined, for lack of targets."""
+
+    agent: str
+    scene: str
+    seed: int
+    frames: int
+    targets: int
+    covered: int  # targets with a forecast
+    min_ade: float | None  # m, mean over covered targets
+    min_fde: float | None  # m
+    coverage: float | None  # share of the targets with a forecast
+
+    @classmethod
+    def of(cls, agent: str, seed: int, score: SceneScore) -> SceneResult:
+        """The numbers of a scored scene."""
+        targets, covered = len(score), int(score.covered.sum())
+        ade, fde = (float(error[score.covered].sum()) for error in (score.min_ade, score.min_fde))
+        means = ratio(ade, covered), ratio(fde, covered), ratio(covered, targets)
+        return cls(agent, score.scene, seed, score.frames, targets, covered, *means)
+
+
+def rows_per_scene(tables: Sequence[AgentTable]) -> Iterator[dict[str, Any]]:
+    """A row per agent, seed and scene; the seeds are numbered from 0.
+
+    ``bADE_sum`` is bADE over all targets, summed over those of the scene: its sums over the scenes, divided by the
+    number of targets and averaged over seeds, are the bADE of the report. The budgets are those of all scenes.
+    """
+    for table in tables:
+        budgets = table.budgets
+        for seed, run in enumerate(table.setting.seeds):
+            error = run_errors(run, budgets.all, budgets.false_known, "cuts").error.mean(axis=0)
+            sums = np.bincount(table.scene, weights=error, minlength=len(run)).tolist()
+            for score, bade in zip(run, sums, strict=True):
+                result = SceneResult.of(table.setting.agent, seed, score)
+                yield {
+                    **table.setting.key,
+                    "seed": seed,
+                    "scene": result.scene,
+                    "frames": result.frames,
+                    "targets": result.targets,
+                    "covered": result.covered,
+                    "coverage": result.coverage,
+                    "minADE": result.min_ade,
+                    "minFDE": result.min_fde,
+                    "bADE": ratio(bade, result.targets),
+                    "bADE_sum": bade,
+                    "forecasts": score.forecasts,
+                    "false_forecasts": score.false_forecasts,
+                    "identity_switches": score.own_events["ids"],
+                    "ms_per_frame": 1e3 * score.seconds,
+                }
