@@ -32,7 +32,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     pages = {**environments.pages(), gallery.PAGE: gallery.page(), **reference.pages(), commands.PAGE: commands.page()}
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
-    for place, content in repository.board().items():
+    for place, content in repository.board(config.repo_url or "").items():
         files.append(File.generated(config, place, content=content))
     drawn = {place: picture for place, (picture, _) in recordings.failures().items()}
     for place, picture in {**recordings.frames(), **drawn}.items():

@@ -28,8 +28,11 @@ PLACES = {  # file of the repository -> place in the site
 SOURCES = {place: source for source, place in PLACES.items()}
 BOARD, _PARTS = "leaderboard/index.html", "leaderboard/index.parts"
 _LINKED = re.compile(r'(?:href|src)=\\?"\./([^"\\]+\.json)\\?"')  # in the page, or in the JSON of a part
-_GUIDE = ('href="./SUBMITTING.md"', 'href="submitting.html"')
-_BASELINE, _BASELINES = re.compile(r"\./\.\./baselines/\w+"), "../agents/baselines.html"
+_PAGES = {
+    "./SUBMITTING.md": "submitting.html",
+    "./../docs/definitions/index.md": "../definitions/index.html#bade",
+}  # linked by the board
+_BASELINE, _BASELINES = re.compile(r"\./\.\./(baselines/\w+)"), "../agents/baselines.html"
 _FENCED = re.compile(r"^(```.*?^```)", flags=re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 
@@ -39,16 +42,20 @@ def files() -> dict[str, str]:
     return {source: place for source, place in PLACES.items() if source != BOARD}
 
 
-def board() -> dict[str, str | bytes]:
+def board(repo_url: str) -> dict[str, str | bytes]:
     """The board, its parts, and the records that they link to, by their places in the site.
 
-    Links to pages of the repository lead to those of the site.
+    Links to pages of the repository lead to those of the site; those to code lead to ``repo_url``, or without such an
+    address to the page of the baselines.
     """
     parts = sorted(path for path in (ROOT / _PARTS).rglob("*") if path.is_file())
     texts = {PLACES[BOARD]: (ROOT / BOARD).read_text()}
     texts |= {path.relative_to(ROOT).as_posix(): path.read_text() for path in parts}
     linked = sorted({name for text in texts.values() for name in _LINKED.findall(text)})
-    pages = {place: _BASELINE.sub(_BASELINES, text.replace(*_GUIDE)) for place, text in texts.items()}
+    code = rf"{repo_url.rstrip('/')}/tree/main/\1" if repo_url else _BASELINES
+    pages = {place: _BASELINE.sub(code, text) for place, text in texts.items()}
+    for source, page in _PAGES.items():
+        pages[PLACES[BOARD]] = pages[PLACES[BOARD]].replace(f'href="{source}"', f'href="{page}"')
     return {**pages, **{f"leaderboard/{name}": (ROOT / "leaderboard" / name).read_bytes() for name in linked}}
 
 

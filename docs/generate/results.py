@@ -71,7 +71,7 @@ def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
         Column(f"agent{earlier_text(listed[0])}", key="agent", read=lambda entry: f"`{entry.name}`"),
         Column("rank", key="rank", read=lambda entry: entry.rank),
     ]
-    keys = [key for page_key in PAGE for key in (page_key, INTERVALS.get(page_key, "")) if key]
+    keys = [key for page_key in (*PAGE, "association_gap") for key in (page_key, INTERVALS.get(page_key, "")) if key]
     return Table(env_id, env_id, "", listed, [*names, *(replace(COLUMN[key], optional=True) for key in keys)])
 
 

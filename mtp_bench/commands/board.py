@@ -10,21 +10,21 @@ from typing import Annotated
 
 import typer
 
-from .._bundle import baseline_names
 from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
 from ..parallel import Progress, reported
 from ..records import Record, Trust, load_record, read_level, record_paths, trusted
-from ..records.eligibility import why_not_genuine
 from ..records.storage import shipped_records
 from ..viz.board import (
     Entry,
     Found,
+    Pages,
     board_files,
     board_json,
     board_tables,
     data_table,
     entries_of,
+    is_baseline,
     parts_folder,
     require_parts,
     style_of,
@@ -68,16 +68,17 @@ def board(
     write_json(json_file, board_json(entries))
     write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
     for table, notes in tables:
-        show_table(table, style=style_of)
+        show_table(table, style=style_of, first_width=None)
         show("")
         show_lines(notes)
     show_lines([*content.notes, *(f"refused: {text}" for text in content.refused)])
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if output is not None:
-        submitting = (records or shipped_records()).parent / "SUBMITTING.md"
-        guide = _relative(submitting, output) if submitting.exists() else None
-        write_page(output, board_files(entries, parts_folder(output).name, guide))
+        leaderboard = (records or shipped_records()).absolute().parent
+        pages = leaderboard / "SUBMITTING.md", leaderboard.parent / "docs" / "definitions" / "index.md"
+        addresses = Pages(*(_link(page, output) for page in pages))
+        write_page(output, board_files(entries, parts_folder(output).name, addresses))
         show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
     if strict and content.refused:
         raise RecordError(f"{counted(len(content.refused), 'record')} refused, the first: {content.refused[0]}")
@@ -109,8 +110,7 @@ def read_board(
     def read(path: Path, added: bool) -> Found:
         record = load_record(path)
         signed, note = read_level(path, record, trust)
-        name = record.submission.name
-        code = baselines / name if name in baseline_names() and not why_not_genuine(record) else None
+        code = baselines / record.submission.name if is_baseline(record) else None
         return Found(record, signed, _link(path, page), added, note, _link(code, page))
 
     given = [read(path, added=True) for path in further]  # before the long work

@@ -14,7 +14,7 @@ from typing import Any
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.gaps import NO_GAP, NOT_KINEMATIC, UNSTATED
-from ..scoring.rank import SAW_TRUTH, guard, ranks_among, why_not_on
+from ..scoring.rank import SAW_TRUTH, guard, rank_text, ranks_among, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
@@ -35,6 +35,11 @@ class Place:
     place: int | None = None
     span: tuple[int, int] | None = None
     why: str = ""  # it has no place
+
+    @property
+    def rank(self) -> str | None:
+        """The place with the ranks that the tests leave open, "2 (1–3)"; None without a place."""
+        return rank_text(self.place, self.span)
 
 
 @dataclass(frozen=True)

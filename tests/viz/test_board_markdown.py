@@ -27,7 +27,7 @@ def test_an_environment_has_a_row_per_entry(entries: list[Entry]) -> None:
     assert text.startswith(f"before\n<!-- table: env {MAIN} -->\n\n| agent |")
     assert text.endswith("\n\n<!-- /table -->\nafter\n")
     headings, _, first, *_ = rows_of(text)
-    assert headings[:4] == ["agent", "rank", "bADE (m) all targets ↓", "to stp (m) mean ↓"]
+    assert headings[:4] == ["agent", "rank", "bADE (m) all targets ↓", "to stp (m) difference ↓"]
     assert first[0] == "`braided_paths`"
     assert first[1] == "1 (1–2)"
     assert first[2].startswith("0.742 [0.")

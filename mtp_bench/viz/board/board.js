@@ -44,6 +44,7 @@
   const valueOf = (entry, kind, column) => {
     if (kind === "level") return Number(entry.dataset.level);
     const cell = entry.rows[0].cells[column];
+    if (entry.classList.contains("part")) return NaN;  // a partial record stands behind whole ones
     if (kind === "name") return cell.querySelector(".open").textContent;
     return parseFloat(cell.textContent.replace("−", "-"));
   };

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,15 +11,20 @@ from ...scoring.definitions import Subset
 from ...scoring.rows import Row
 from ...tables import Column, Table, Value, columns_of
 from .entries import Entry
+from .weights import weights_text
 
 _ROW = {column.key: column for column in columns_of(Row)}
-# Columns of the page, each with the class of its cells there: "wide" and "mid" are left out on narrower screens.
+# Columns of the page, each with the class of its cells there: narrower screens leave out "widest", "wide" and "mid".
 PAGE = {
     "error": "error", "difference": "difference", "public": "wide", "ids": "mid", "reacquired": "mid",
     "minADE": "wide", "minFDE": "wide", "paper_ids_minADE": "wide", "paper_ids_minFDE": "wide",
-    "paper_frag_minADE": "wide", "paper_frag_minFDE": "wide", "same_gap": "mid", "association_gap": "wide",
-    "coverage": "mid", "ms": "wide",
+    "paper_frag_minADE": "widest", "paper_frag_minFDE": "widest", "same_gap": "mid", "coverage": "mid", "ms": "wide",
+    "weights": "mid",
 }  # fmt: skip
+SUBSET_NAMES: Mapping[Subset, str] = {
+    "all": "all targets", "ids": "identity switch", "frag": "lost or reacquired",
+    "paper_ids": "IDS as in the paper", "paper_frag": "FRAG as in the paper",
+}  # where the key is not the name  # fmt: skip
 
 
 def _of_row(column: Column, subset: Subset = "all", **changes: Any) -> Column:
@@ -37,16 +42,16 @@ def _text(key: str, read: Callable[[Entry], Value]) -> Column:
 
 def _event(subset: Subset, what: str) -> Column:
     title = f"Error over targets that {what}, weighted by how often that happens to the reference tracker, metres."
-    group = "bADE where STP errs"
-    return _of_row(_ROW["error"], subset, key=subset, heading=subset, format=".2f", group=group, help=title)
+    heading, group = SUBSET_NAMES.get(subset, subset), "bADE (m) by event"
+    return _of_row(_ROW["error"], subset, key=subset, heading=heading, format=".2f", group=group, help=title)
 
 
-def _paper(subset: Subset, group: str, where: str) -> list[Column]:
+def _paper(subset: Subset, where: str) -> list[Column]:
     """The two numbers of the paper on a subset."""
     prefix = "" if subset == "all" else f"{subset}_"
     return [
         _of_row(
-            _ROW[name], subset, key=f"{prefix}{name}", heading=name, format=".2f", group=group,
+            _ROW[name], subset, key=f"{prefix}{name}", heading=name, format=".2f", group=SUBSET_NAMES[subset],
             help=f"{distance} distance of the best sample over {where} that have a forecast, metres.",
         )
         for name, distance in (("minADE", "Mean"), ("minFDE", "Final"))
@@ -58,8 +63,8 @@ def _of_difference(name: str) -> Callable[[Entry], Value]:
 
 
 _ERROR = (
-    "Budgeted ADE over all targets: averaged over allowed numbers of false forecasts; where it is not known which are "
-    "false, as on nuScenes, over forecasts per frame. Metres. It decides the place."
+    "Mean over all targets of min(minADE, c), c without a forecast, averaged over budgets of false forecasts. On "
+    "nuScenes false ones are not known: budgets are forecasts per frame. Metres. It decides the rank."
 )
 _DIFFERENCE = (
     "bADE minus that of the single-hypothesis pipeline (stp) on the same targets, metres, with the 95 % interval of "
@@ -75,27 +80,30 @@ _ASSOCIATION = (
     "detections (100 %), both with the predictor of the entry itself."
 )
 _MS = "Mean time of one frame on the machine that made the record, milliseconds."
+_WEIGHTS = (
+    "Ships: it runs as it is. Train: a command trains it first, in about so long on two cores; its details show it."
+)
 _P95 = "Time within which 95 % of the frames are answered, milliseconds."
 
 _NUMBERS: Sequence[Column] = (
     _of_row(_ROW["error"], heading="all targets", format=".3f", group="bADE (m)", help=_ERROR),
     _of_row(_ROW["interval"]),
-    _of("difference", "mean", _of_difference("mean"), unit="m", better="lower", format="+.3f",
+    _of("difference", "difference", _of_difference("mean"), unit="m", better="lower", format="+.3f",
         group="to stp (m)", help=_DIFFERENCE),
     Column(key="difference_interval", interval=True, read=_of_difference("interval")),
     _of("public", "public", lambda e: e.public_error, unit="m", better="lower", format=".3f",
         help="bADE on the public scenes, where hidden ones rank, metres."),
     _event("ids", "change identity"),
     _event("reacquired", "are lost and found again"),
-    *_paper("all", "all targets", "all targets"),
-    *_paper("paper_ids", "IDS", "targets with an identity switch of stp, the paper's subset,"),
-    *_paper("paper_frag", "FRAG", "targets with a fragmentation of stp, the paper's subset,"),
-    _of("same_gap", "same predictor", lambda e: e.same_predictor_gap("all"), unit="share", better="higher",
-        group="gap closed", help=_SAME_GAP),
-    _of("association_gap", "association", lambda e: e.standing.association_gaps.get("all"), unit="share",
-        better="higher", group="gap closed", help=_ASSOCIATION),
+    *_paper("all", "all targets"),
+    *_paper("paper_ids", "targets with an identity switch of stp, the paper's subset,"),
+    *_paper("paper_frag", "targets with a fragmentation of stp, the paper's subset,"),
+    _of("same_gap", "gap closed", lambda e: e.same_predictor_gap("all"), unit="share", better="higher", help=_SAME_GAP),
+    _of("association_gap", "association gap closed", lambda e: e.standing.association_gaps.get("all"), unit="share",
+        better="higher", help=_ASSOCIATION),
     _of_row(_ROW["coverage"], heading="covered", help="Share of the targets that have a forecast."),
     _of("ms", "ms", lambda e: e.record.measured.ms_per_frame, unit="ms", better="lower", format=".1f", help=_MS),
+    _of("weights", "weights", weights_text, help=_WEIGHTS),
     _of("gap", "gap closed", lambda e: e.standing.gaps.get("all"), unit="share", better="higher", help=_GAP),
     _of("hypotheses", "H", lambda e: e.record.hypotheses, help="Hypotheses of the tracker."),
     _of("samples", "K", lambda e: e.record.samples, help="Samples per object."),

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from ..._bundle import card_ids
+from ..._bundle import baseline_names, card_ids
 from ...cards import load_card
+from ...records import Record
 from ...records.attestation import Checked, Level
+from ...records.eligibility import why_not_genuine
 from ...records.ranking import Standing, standings
 from ...scoring.definitions import SIGNIFICANT, Subset
-from ...scoring.rank import rank_text
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
 from ...submission.loader import ON_SCORED
@@ -70,13 +71,20 @@ class Entry(Found):
     @property
     def rank(self) -> str | None:
         """Its place with the ranks that the tests leave open, "2 (1–3)"; None: shown, not ranked."""
-        return rank_text(self.place, self.standing.places["all"].span)
+        return self.standing.places["all"].rank
 
     @property
     def among_best(self) -> bool:
         """True if it is ranked and not significantly worse than the best."""
         span = self.standing.places["all"].span
         return span is not None and span[0] == 1
+
+    @property
+    def part(self) -> str:
+        """The scenes of a partial record, "1/10 scenes"; empty for a whole one."""
+        env = self.record.env
+        whole = env.scenes == env.scenes_of_split or not env.scenes_of_split
+        return "" if whole else f"{env.scenes}/{env.scenes_of_split} scenes"
 
     @property
     def why(self) -> str:
@@ -150,11 +158,16 @@ class Entry(Found):
 
 
 def entries_of(found: Sequence[Found]) -> list[Entry]:
-    """The entries in the order of the leaderboard: by definitions, environment, rank, error and name."""
+    """The entries in their order: by definitions, environment, place, bADE and name; partial ones behind whole ones."""
     levels = {each.record.digest: each.signed for each in found if each.signed is not None}
     places = standings([each.record for each in found], levels)
     entries = (Entry(**vars(each), standing=places[each.record.digest]) for each in found)
     return sorted(entries, key=_order)
+
+
+def is_baseline(record: Record) -> bool:
+    """Return True if a record is of a baseline that ships, and not of another submission of its name."""
+    return record.submission.name in baseline_names() and why_not_genuine(record) is None
 
 
 def empty_error(entries: Sequence[Entry]) -> float | None:
@@ -170,11 +183,11 @@ def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     return boards
 
 
-def _order(entry: Entry) -> tuple[str, tuple[int, str], float, bool, float, str, str]:
+def _order(entry: Entry) -> tuple[object, ...]:
     rank = math.inf if entry.place is None else entry.place
     error = math.inf if entry.error is None else entry.error
     place = _env_place(entry.env)
-    return entry.earlier, place, rank, not entry.compared, error, entry.name, entry.record.digest
+    return entry.earlier, place, entry.part != "", rank, not entry.compared, error, entry.name, entry.record.digest
 
 
 @cache

@@ -18,10 +18,11 @@ from ...scoring.rows import Row
 from ...sources import about
 from ...tables import BLANK, Column, Table, columns_of
 from ..terminal.notes import parts_text
-from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
+from .answer import answer_of, p_value, short_name
+from .columns import COLUMN, PAGE, SUBSET_NAMES, best_text, further_columns, page_columns
 from .drawings import bar_of, curve_chart, scale_of, scene_chart, zero_of
 from .entries import Entry, empty_error, simulated
-from .overview import p_value
+from .weights import training_commands, weights_text
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
 _SIGNED = COLUMN["difference"]
@@ -44,15 +45,16 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "id": entries[0].board,
         "env": env_id,
         "earlier": entries[0].earlier,
+        "name": short_name(env_id),
         "about": _about(env_id),
         "simulated": simulated(env_id),
         "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
         "split": first.record.env.split,
         "total": len(entries),
         "ranked": ranked,
-        "unranked_because": first.why if compared and not ranked else "",
-        "sizes": {row.subset: first.row_of(row.subset) for row in first.record.rows},
+        "size": first.row,
         "empty_error": empty_error(entries),
+        "answer": answer_of(entries, ids),
         "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].place is None for each in entries)},
         "columns": columns,
         "groups": [(group, list(each)) for (group, _), each in groupby(columns, lambda c: (c.group, PAGE[c.key]))],
@@ -78,6 +80,8 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
         "parts": [(*part, value) for part in _PARTS.items() if (value := getattr(entry.row, part[0]))],
         "costs": parts_text(entry.row),
         "scenes": scene_chart(entry, reference),
+        "training": training_commands(entry),
+        "weights": weights_text(entry),
     }
 
 
@@ -94,9 +98,8 @@ def subset_table(entry: Entry) -> Table:
         return None if difference is None else p_value(difference.p)
 
     columns = [
-        row["subset"],
-        replace(row["place"], read=lambda row: standing.places[row.subset].place),
-        replace(row["rank_range"], read=lambda row: standing.places[row.subset].span),
+        replace(row["subset"], read=lambda row: SUBSET_NAMES.get(row.subset, row.subset)),
+        Column("rank", key="rank", read=lambda row: standing.places[row.subset].rank),
         row["error"],
         row["interval"],
         replace(paired(COLUMN["difference"], "mean"), heading="to stp"),
@@ -105,10 +108,8 @@ def subset_table(entry: Entry) -> Table:
         row["minADE"],
         row["minFDE"],
         row["coverage"],
-        replace(COLUMN["gap"], read=lambda row: standing.gaps.get(row.subset)),
-        replace(COLUMN["same_gap"], read=lambda row: entry.same_predictor_gap(row.subset)),
-        replace(COLUMN["association_gap"], read=lambda row: standing.association_gaps.get(row.subset)),
-        Column("no association gap because", "-", key="why", read=lambda row: entry.association_blank(row.subset)),
+        replace(COLUMN["same_gap"], optional=True, read=lambda row: entry.same_predictor_gap(row.subset)),
+        replace(COLUMN["association_gap"], optional=True, read=lambda row: standing.association_gaps.get(row.subset)),
         Column("events / objects / scenes", "-", key="sizes", read=_sizes),
         *(column for column in further_columns([entry]) if not column.key.startswith("cost_")),
     ]
@@ -146,20 +147,21 @@ def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
         "authors": clean_text(authors, _SHORT),
         "all_authors": clean_text(authors, len(authors)) if len(authors) > _SHORT else "",  # for the search
         "links": [(label, address) for label, address in _links(entry) if len(address) <= _SHORT],
+        "license": clean_text(record.submission.license, _SHORT),
         "trained": clean_text(entry.trained_on_scored, _SHORT),
-        "why": "" if entry.compared else clean_text(entry.why.removeprefix(f"{record.status}: "), _SHORT),
+        "why": "" if entry.compared or entry.part else clean_text(entry.why.removeprefix(f"{record.status}: "), _SHORT),
         "cells": cells,
         "best": {key for key, text in cells.items() if entry.compared and text == best[key]},
         "level": LEVELS.index(entry.level),
         "signer": entry.signed.signer if entry.signed else "",
         "bar": bar_of(board["scale"], entry.difference()),
         "difference": difference_text(entry),
-        "old": record.scorer.definitions != DEFINITIONS,
+        "old": not entry.earlier and record.scorer.definitions != DEFINITIONS,
     }
 
 
 def _links(entry: Entry) -> list[tuple[str, str]]:
-    """Addresses of the code and the paper of an entry; the code of a baseline is that which ships."""
+    """Addresses of the code and the paper of an entry; the code of a baseline is its folder."""
     submission = entry.record.submission
     code = submission.source or address_of(entry.code)
     return [(label, address) for label, address in (("code", code), ("paper", submission.paper)) if address]

@@ -21,7 +21,7 @@ from .columns import COLUMN, PAGE, data_table
 from .drawings import WIDTH
 from .entries import LEVEL_TEXT, Entry, by_board
 from .lines import Ids, address_of, board_of, details_of
-from .overview import leader_of, overview_of
+from .overview import overview_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -31,12 +31,20 @@ SUFFIX = ".parts"  # of the folder beside a page
 _MARK = "leaderboard.json"  # in every such folder
 _FURTHER = {
     "rank": (
-        "#",
-        "The place by bADE; in brackets ranks from 1 + the number of significantly better entries to n - the worse.",
+        "rank",
+        "The place by bADE, and the ranks that the tests leave open. Green: not significantly worse than the best.",
     ),
-    "name": ("submission", "Open it for its details. Below its name: authors, code and paper."),
+    "name": ("submission", "Its name opens its details. Below: authors, licence, code and paper."),
     "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
 }  # columns of a table beside those of numbers
+
+
+@dataclass(frozen=True)
+class Pages:
+    """Relative addresses of pages that the page links to."""
+
+    guide: str | None = None  # how to submit
+    definition: str | None = None  # of bADE
 
 
 @dataclass(frozen=True)
@@ -47,11 +55,11 @@ class BoardFiles:
     parts: dict[str, str]
 
 
-def board_files(entries: Sequence[Entry], folder: str = "index.parts", guide: str | None = None) -> BoardFiles:
+def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pages | None = None) -> BoardFiles:
     """The page of ``entries`` (from `entries_of`): an overview, then a table per environment; earlier definitions last.
 
-    ``folder``: name of the folder of the parts, beside the page. ``guide``: relative address of the guide to
-    submitting. No date, path or random id is added.
+    ``folder``: name of the folder of the parts, beside the page. ``pages``: addresses of other pages. No date,
+    path or random id is added.
     """
     ids = _ids(entries)
     boards = [board_of(listed, ids) for listed in by_board(entries).values()]
@@ -67,7 +75,7 @@ def board_files(entries: Sequence[Entry], folder: str = "index.parts", guide: st
     for env_id in sorted({entry.env for entry in entries}):
         parts |= _table_files([entry for entry in entries if entry.env == env_id], env_id)
         parts[f"{env_id}.js"] = "".join(_pieces(board, known) for board in boards if board["env"] == env_id)
-    return BoardFiles(_page(entries, known, address_of(guide)), parts)
+    return BoardFiles(_page(entries, known, pages or Pages()), parts)
 
 
 def _table_files(entries: Sequence[Entry], name: str) -> dict[str, str]:
@@ -75,19 +83,19 @@ def _table_files(entries: Sequence[Entry], name: str) -> dict[str, str]:
     return {f"{name}.csv": to_csv(table), f"{name}.json": to_json(table)}
 
 
-def _page(entries: Sequence[Entry], known: dict[str, Any], guide: str | None) -> str:
+def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
     style, script = text_of(_HERE, "board.css"), text_of(_HERE, "board.js")
     return _render(
         "page.html",
         **known,
-        leader=leader_of(entries, known["ids"]),
         columns=[COLUMN[key] for key in PAGE if any(COLUMN[key] in board["columns"] for board in known["boards"])],
         further=_FURTHER,
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
         definitions=DEFINITIONS,
         latest=max((entry.record.measured.made for entry in entries), default=""),
-        guide=guide,
+        guide=address_of(pages.guide),
+        definition=address_of(pages.definition),
         icon=text_of(_HERE, "icon.svg").strip(),
         style=style,
         script=script,
@@ -133,6 +141,7 @@ def _policy(style: str, script: str) -> str:
 def _templates() -> Environment:
     environment = templates_of(_HERE)
     environment.globals.update(width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE)
+    environment.filters["thousands"] = lambda number: f"{number:,}".replace(",", " ")
     environment.filters["number"] = lambda value, digits=3: Column(format=f".{digits}f").text(value)
     return environment
 

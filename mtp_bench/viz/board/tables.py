@@ -6,21 +6,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ...files import clean_text
+from ...records.attestation import LEVELS
 from ...scoring.definitions import SIGNIFICANT
 from ...scoring.rank import span_text
 from ...tables import Column, Table, short
 from .columns import COLUMN
-from .entries import Entry, by_board, empty_error
+from .entries import LEVEL_TEXT, Entry, by_board, empty_error
 
 _SURE = "*"  # after a significant difference to STP
 _SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
-_HEADINGS = {"ids": "ids", "reacquired": "reac-\nquired", "gap": "gap\nclosed", "p95": "p95\nms"}  # by key
 
 
 def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
-    """A table per environment, the best first, with the notes below it.
+    """A table per environment, the best first and partial records last, with the notes below it.
 
-    A note states a reason for missing ranks, training on scored scenes or a seal, with the names of the submissions.
+    A note states a reason for missing ranks, training on scored scenes or a seal, with the names of the submissions;
+    one lists the levels.
     """
     return [(_short_table(listed), _notes(listed)) for listed in by_board(entries).values()]
 
@@ -34,17 +35,13 @@ def _short_table(entries: Sequence[Entry]) -> Table:
     empty = empty_error(entries)
     empty_text = "" if empty is None else f"; {empty:.3f} if nothing is predicted"
     title = f"{entries[0].env}{earlier_text(entries[0])}: bADE (m){empty_text}"
-    numbers = [
-        replace(COLUMN[key], heading=f"{text}\n{COLUMN[key].arrow}", group="") for key, text in _HEADINGS.items()
-    ]
     columns = [
-        Column("submission", key="submission", read=lambda entry: _printable(entry.name) + " (added)" * entry.added),
+        Column("submission", key="submission", read=_name),
         Column("ranks", key="rank", read=lambda entry: span_text(entry.standing.places["all"].span)),
         Column("bADE\n↓", key="error", read=lambda entry: entry.error),
         Column("95 %\ninterval", "m", key="interval", read=lambda e: (i := e.row.interval) and "–".join(map(short, i))),
         Column(f"to stp\n{_SIGNIFICANT}", "m", key="difference", read=_difference),
-        *numbers,
-        Column("verified", key="level", read=lambda entry: entry.level),
+        replace(COLUMN["ids"], heading="identity\nswitch ↓", group=""),
     ]
     return Table(entries[0].board, title, "", entries, columns)
 
@@ -52,6 +49,11 @@ def _short_table(entries: Sequence[Entry]) -> Table:
 def earlier_text(entry: Entry) -> str:
     """The definitions of an entry behind a name, where they are earlier ones."""
     return f" (definitions {entry.earlier})" if entry.earlier else ""
+
+
+def _name(entry: Entry) -> str:
+    marks = [mark for mark in ("added" * entry.added, entry.part) if mark]
+    return " ".join([_printable(entry.name), *(f"({mark})" for mark in marks)])
 
 
 def _difference(entry: Entry) -> str:
@@ -68,6 +70,10 @@ def _notes(entries: Sequence[Entry]) -> list[str]:
             names.setdefault(_printable(entry.trained_on_scored), []).append(_printable(entry.name))
     notes = [f"{text}: {', '.join(dict.fromkeys(listed))}" for text, listed in names.items()]
     seals = sorted({entry.seal for entry in entries if entry.seal})
+    for level in LEVELS:
+        listed = [_printable(entry.name) for entry in entries if entry.level == level]
+        named = "" if len(listed) == len(entries) else f": {', '.join(listed)}"
+        notes += [f"level {level} ({LEVEL_TEXT[level]}){named}"] if listed else []
     return [*notes, *(f"hidden scenes of seal {seal}" for seal in seals)]
 
 
