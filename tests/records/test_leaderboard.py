@@ -77,7 +77,8 @@ def test_the_pages_are_made_of_the_records(repository: Path, tmp_path: Path, cli
     committed, copy = repository / "leaderboard", tmp_path / "leaderboard"
     made = ("index.*", "*.rollouts", "*.part")
     shutil.copytree(committed, copy, ignore=shutil.ignore_patterns(*made))
-    (tmp_path / "baselines").symlink_to(repository / "baselines")  # the page links to them
+    for linked in ("baselines", "docs"):  # by the page
+        (tmp_path / linked).symlink_to(repository / linked)
     cli.ok("board", "--records", copy / "records", "-o", copy / "index.html")
     assert _files(copy) == _files(committed)
     entries = read_board(None, (), None, None, trusted(None), NO_PROGRESS).entries
