@@ -19,7 +19,7 @@ PAGE = {
     "error": "error", "difference": "difference", "public": "wide", "ids": "mid", "reacquired": "mid",
     "minADE": "wide", "minFDE": "wide", "paper_ids_minADE": "wide", "paper_ids_minFDE": "wide",
     "paper_frag_minADE": "widest", "paper_frag_minFDE": "widest", "same_gap": "mid", "coverage": "mid", "ms": "wide",
-    "weights": "mid",
+    "weights": "weights",
 }  # fmt: skip
 SUBSET_NAMES: Mapping[Subset, str] = {
     "all": "all targets", "ids": "identity switch", "frag": "lost or reacquired",
