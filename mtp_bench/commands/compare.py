@@ -8,10 +8,10 @@ import typer
 
 from ..running.compare import compare as run_comparison
 from ..running.compare import control_names
-from ..viz.terminal.output import counted, show, show_lines
-from ..viz.terminal.verdict import verdict
-from .options import SEEDS, AgentScenes, FullOption, JsonOption, SeedsOption, TableOption, WorkerChoice, submissions
+from ..viz.terminal.output import counted
+from .options import SEEDS, AgentScenes, JsonOption, SeedsOption, WorkerChoice, submissions
 from .output import prepare, show_report, working, write_json
+from .shown import Shown
 
 
 def compare(
@@ -20,18 +20,16 @@ def compare(
     ],
     on: AgentScenes,
     workers: WorkerChoice,
+    shown: Shown,
     seeds: SeedsOption = SEEDS,
-    full: FullOption = False,
-    table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """Run agents, ground-truth tracks and the controls on the same scenes; print the verdict and one table."""
+    """Run agents, ground-truth tracks and the controls on the same scenes; print one table and the verdict."""
     options = on.options(workers, range(seeds))
     prepare(on.env, options, agents)
     with working(f"comparing on {on.env}", options) as watched:
         result = run_comparison(agents, on.env, watched)
     write_json(json_file, result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped})
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)
-    show_lines(verdict(result.report, [name for name in ran if name in agents or name not in control_names()]), "- ")
-    show("")
-    show_report(result.report, counted(seeds, "seed"), result.skipped, full, table_file)
+    names = [name for name in ran if name in agents or name not in control_names()]
+    show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)

@@ -97,10 +97,10 @@ TableOption = Annotated[
     file_option(
         "--table",
         suffixes=SUFFIXES,
-        text="Write the table to this file: .csv or .json with all numbers, .md or .tex as it is shown.",
+        text="Write the table to this file: .csv or .json with all numbers, .md or .tex as it is shown. With --columns "
+        "or --subsets all four hold these.",
     ),
 ]
-FullOption = Annotated[bool, typer.Option("--full", help="All tables, not only the first.")]
 EnvOption = Annotated[
     str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.", autocompletion=env_ids)
 ]

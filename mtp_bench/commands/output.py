@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,11 +19,12 @@ import typer
 from ..errors import MtpBenchError
 from ..files import FULL_DISK, clean_text, describe_write_error, require_file, write_text
 from ..parallel import reported
-from ..tables import Table, tables_text
+from ..tables import Table, tables_text, to_text
 
 if TYPE_CHECKING:
     from ..running.options import RunOptions
     from ..scoring import Report
+    from .shown import Shown
 
 STANDARD_OUTPUT = Path("-")  # of `--json`
 _FAILURES = 10  # that one line tells
@@ -78,28 +80,45 @@ def say(text: str) -> None:
     print(clean_text(line, len(line) + 1), file=sys.stderr)
 
 
-def show_report(report: Report, of: str, skipped: Mapping[str, int], full: bool, file: Path | None = None) -> None:
-    """Print the table of a report ``of`` something, the conditions of its numbers, and with ``full`` all other tables.
+def show_report(
+    report: Report, of: str, skipped: Mapping[str, int], asked: Shown, names: Sequence[str] | None = None
+) -> None:
+    """Print the main table of a report ``of`` something, one sentence of verdict and warnings; with ``full`` all else.
 
-    ``file``: where they are written too, in the format of its suffix.
+    ``names``: submissions that the verdict is about; None for a report of one agent, which has none.
     """
     from ..running.reading import skipped_line
-    from ..viz.terminal.notes import notes
+    from ..viz.terminal.notes import notes, warnings
     from ..viz.terminal.output import show, show_lines, show_table
-    from ..viz.terminal.tables import data_table, full_tables, main_table
+    from ..viz.terminal.tables import full_tables
+    from ..viz.terminal.verdict import short_verdict, verdict
 
     condition = report.condition
-    main, further = main_table(report), list(full_tables(report)) if full else []
-    write_table(file, [main, *further], data_table(report))
-    show_table(main, style=lambda row: "dim" if row.is_from_paper else "")
+    main, further = asked.main(report), list(full_tables(report)) if asked.full else []
+    write_table(asked.table_file, [main, *further], asked.data(report))
+    show(to_text(main).rstrip())
+    trained = condition.get("trained")
+    told = [short_verdict(report, names or ()), *warnings(report), trained, skipped_line(skipped)]
+    show_lines(filter(None, told))
+    if not asked.full:
+        show_lines([_way_on()])
+        return
+    show("")
+    show_lines(verdict(report, names or ()), "- ")
     show_lines(notes(report))
-    own = "own scenes, settings of the environment; " if condition["source"] == "files" else ""
-    data = f"{own}split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
-    show_lines([f"{of}; {data}", condition["weights"], *([condition["trained"]] if "trained" in condition else [])])
-    show_lines([line for line in [skipped_line(skipped)] if line is not None])
+    data = f"split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
+    show_lines([f"{of}; {data}", condition["weights"]])
     for table in further:
         show("")
         show_table(table)
+
+
+def _way_on() -> str:
+    """One line that says where to go next; with the way to the command where a shell would not find it."""
+    activate = Path(sys.executable).with_name("activate")
+    if shutil.which("mtp-bench") or not activate.is_file():
+        return "Parts, other settings and conditions: --full"
+    return f"Next: source {os.path.relpath(activate)}; mtp-bench --help. Parts and conditions: --full"
 
 
 def write_table(path: Path | None, shown: Sequence[Table], data: Table) -> None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from ..running.options import RunOptions
 from ..running.stored import score as score_run
-from .options import DataOption, FolderArgument, FullOption, JsonOption, RunCardOption, TableOption
+from .options import DataOption, FolderArgument, JsonOption, RunCardOption
 from .output import show_report, working, write_json
+from .shown import Shown
 
 
 def score(
     folder: FolderArgument,
+    shown: Shown,
     root: DataOption = None,
     env: RunCardOption = None,
-    full: FullOption = False,
-    table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
     """Score stored rollouts."""
@@ -21,4 +21,4 @@ def score(
         scored = score_run(folder, options, env)
     report = scored.report
     write_json(json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped})
-    show_report(report, folder.name, scored.skipped, full, table_file)
+    show_report(report, folder.name, scored.skipped, shown)

@@ -20,7 +20,11 @@ MEANING = (
     "bADE (budgeted ADE): mean over targets and false-forecast budgets of min(minADE, c), c the error if nothing is "
     "predicted. #: range of ranks."
 )
-_ALL, _IDS = "all targets", "identity switch"
+NAMES: dict[Subset, str] = {
+    "all": "all targets", "ids": "identity switch", "lost": "loss", "reacquired": "re-acquisition",
+    "frag": "fragmentation", "paper_ids": "IDS as in the paper", "paper_frag": "FRAG as in the paper",
+}  # fmt: skip
+_ALL, _IDS = NAMES["all"], NAMES["ids"]
 
 
 @dataclass(frozen=True)
@@ -45,22 +49,33 @@ def main_table(report: Report) -> Table:
     An agent has its setting with the most hypotheses at equal k; `Report.shown` names the agents.
     """
     blocks = sorted(main_settings(report).values(), key=lambda rows: _by_error(rows["all"]))
-    failed = [MainRow(agent, error=FAILED) for agent in getattr(report, "failures", {})]
+    failed = [MainRow(agent, error=FAILED) for agent in report.failures]
     rows = [*map(_main_row, blocks), *failed]
     return Table("main", f"{heading(report)}: m, less is better", MEANING, rows, columns_of(MainRow))
 
 
 def heading(report: Report) -> str:
-    """The env of a report, or the folder of own scenes."""
-    if "files" in report.condition:
-        return f"{report.condition['files']} (own scenes, own detections)"
-    return report.env if is_shipped(report) else f"{report.env}, changed"
+    """The env of a report, or the folder of own scenes, with the number of scenes and seeds."""
+    condition, row = report.condition, next(iter(report.rows), None)
+    name = report.env if shipped_env(report) else f"{report.env}, changed"
+    if "folder" in condition:
+        simulated = "simulated" if "simulated" in condition["detections"] else "own"
+        name = f"{condition['folder']}, {simulated} detections"
+    counts = [] if row is None else [(row.scenes, "scene"), (row.seeds, "seed")]
+    return ", ".join([name, *(f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in counts)])
 
 
-def is_shipped(report: Report) -> bool:
-    """True unless the report is of another split, of other detections or of own scenes: its card is the shipped one."""
-    digest = report.condition.get("card")
-    return report.env not in card_ids() or digest in (None, load_card(report.env).digest)
+def shipped_env(report: Report) -> str:
+    """The env whose numbers are comparable with those of ``report``; empty where its card is not the shipped one."""
+    return unchanged(report.env, report.condition.get("card"))
+
+
+def unchanged(env_id: str, digest: str | None) -> str:
+    """``env_id``; empty where a card of this ``digest`` is not the one that ships.
+
+    Own scenes, another split and other detections keep the name of the env, not its content.
+    """
+    return env_id if env_id not in card_ids() or digest in (None, load_card(env_id).digest) else ""
 
 
 def blocks_of(report: Report) -> Iterator[Mapping[Subset, Row]]:

@@ -6,11 +6,13 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..cards import Card
+from ..cards.source import FilesSource
 from ..errors import MtpBenchError
 from ..tables import to_html, to_text
 from .definitions import DEFINITIONS, SUBSETS, Subset
@@ -34,7 +36,9 @@ class Report:
     rows: list[Row]
     paired: list[PairedRow]  # differences to the controls
     details: list[Details]  # per agent
-    condition: dict[str, str] = field(default_factory=dict)  # source, split, detector, card, detections, truth, weights
+    condition: dict[str, str] = field(
+        default_factory=dict
+    )  # source, split, detector, card, detections, truth, weights; of own scenes their folder
     tables: Sequence[AgentTable] = ()  # sources of the rows, per agent
     shown: Sequence[str] = ()  # names of the agents of the main table; empty: all
     failures: Mapping[str, str] = field(default_factory=dict)  # agents that failed, which have no rows: where and why
@@ -147,7 +151,9 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
     scenes = tables[0].setting.seeds[0] if tables else ()
     made = Counter(score.detections for score in scenes)
     complete = all(table.complete for table in tables)
+    own = Path(card.source.folder or "own scenes").name if isinstance(card.source, FilesSource) else ""
     return {
+        **({"folder": own} if own else {}),
         "source": card.source.name,
         "split": card.source.split,
         "detector": card.detector_name,

@@ -23,9 +23,9 @@ from ..running.run import jobs_of, run_jobs
 from ..running.settings import Setting
 from ..running.stored import run_info
 from ..scoring import SceneScore, score_scene
+from ..scoring.main_table import unchanged
 from ..sources import open_source
 from ..types import Rollout, Scene
-from ..viz.terminal.paper import unchanged
 from .event_counts import EventCounts, count_events
 from .plan import key_of
 

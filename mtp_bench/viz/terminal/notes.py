@@ -1,4 +1,4 @@
-"""Notes below the table of a report: parts of bADE, what the columns mean, numbers of targets, and warnings."""
+"""Notes below the tables of a report: warnings, parts of bADE, what the columns mean, numbers of targets."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 from ...scoring import Report
 from ...scoring.definitions import FORECASTS_PER_FRAME, Subset
+from ...scoring.main_table import blocks_of, shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
 from ...scoring.rows import Details, Row
 from ...tables import BLANK, Column, short
 from .output import counted
-from .paper import paper_figures, shipped_env
-from .tables import blocks_of
+from .paper import paper_figures
 
 REFERENCES = (SAW_TRUTH, ASSOCIATED)  # reasons of `why_unranked`
 _LEAST = 0.005  # m: smaller parts are left out of a line
@@ -20,8 +20,8 @@ _METRES = Column(format=".2f")
 
 
 def notes(report: Report) -> list[str]:
-    """Parts of bADE, the meaning of the columns of the main table, its numbers of targets, and warnings."""
-    return [*part_lines(report), _about(report), *_sizes(report), *_warnings(report)]
+    """Parts of bADE, the meaning of the columns of the tables, and numbers of targets."""
+    return [*part_lines(report), _about(report), *_sizes(report)]
 
 
 def label_of(row: Row) -> str:
@@ -56,17 +56,17 @@ def _about(report: Report) -> str:
     empty = next((details.silence for details in report.details), None)
     nothing = "" if empty is None else f" If nothing is predicted: {short(empty)}."
     env = shipped_env(report)
-    paper = " Dim: the paper's numbers." if any(paper_figures(env, row) for row in report.rows) else ""
+    paper = " (paper): the paper's numbers." if any(paper_figures(env, row) for row in report.rows) else ""
     return (
         f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} bADE "
-        f"(budgeted ADE): {allowed}; on ids as many as STP makes.{nothing} #: range of ranks, {BLANK} shown only. "
-        f"Definitions {report.definitions}."
+        f"(budgeted ADE): {allowed}; on identity switches as many as STP makes.{nothing} #: range of "
+        f"ranks, {BLANK} shown only. Definitions {report.definitions}."
     )
 
 
 def _sizes(report: Report) -> Iterator[str]:
-    names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "ids"}
-    for rows in blocks_of(report)[:1]:
+    names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "identity switch"}
+    for rows in list(blocks_of(report))[:1]:
         for subset, name in names.items():
             row = rows[subset]
             few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
@@ -74,7 +74,10 @@ def _sizes(report: Report) -> Iterator[str]:
             yield f"{name}: {on} in {counted(row.scenes, 'scene')}"
 
 
-def _warnings(report: Report) -> Iterator[str]:
+def warnings(report: Report) -> Iterator[str]:
+    """Lines that no reader may miss: agents that failed, no targets, no forecasts near them, rejected rows."""
+    for agent, why in report.failures.items():
+        yield f"! {agent} {why}"
     honest = [row for row in report.rows if row.subset == "all" and row.unranked_because not in REFERENCES]
     agents = {row.agent for row in honest}
     details = [each for each in report.details if each.agent in agents]

@@ -7,9 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..._bundle import card_ids
-from ...cards import load_card
-from ...scoring import Report
 from ...scoring.definitions import Subset
 from ...scoring.rows import Row
 from ...submission.loader import controls
@@ -32,19 +29,6 @@ def paper_gap(env_id: str, row: Row) -> float | None:
     if own is None or truth is None or stp is None:
         return None
     return (stp[0] - own[0]) / (stp[0] - truth[0])
-
-
-def shipped_env(report: Report) -> str:
-    """The env whose numbers are comparable with those of ``report``; empty where its card is not the shipped one."""
-    return unchanged(report.env, report.condition.get("card"))
-
-
-def unchanged(env_id: str, digest: str | None) -> str:
-    """``env_id``; empty where a card of this ``digest`` is not the one that ships.
-
-    Own scenes, another split and other detections keep the name of the env, not its content.
-    """
-    return env_id if env_id not in card_ids() or digest in (None, load_card(env_id).digest) else ""
 
 
 def shared_events(env_id: str) -> dict[str, dict[str, int]]:

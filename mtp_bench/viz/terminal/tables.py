@@ -1,21 +1,22 @@
-"""Tables of a report: the one that a comparison shows, all others, and the one that holds every number."""
+"""Tables of a report behind its main one, and the one that holds every number."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from textwrap import wrap
 from typing import Annotated, Any
 
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS, SUBSETS, Subset
+from ...scoring.main_table import NAMES, blocks_of, heading, main_settings, shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rank import span_text
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
-from .paper import PAPER_SUBSETS, paper_figures, shipped_env
+from .paper import PAPER_SUBSETS, paper_figures
 
 _EVENTS: tuple[Subset, ...] = ("ids", "reacquired", "lost", "frag")  # the first two may rank
 _COSTS = [f"cost_{part}" for part in PARTS]
@@ -33,8 +34,8 @@ Displacements = Annotated[str | None, Column(group="minADE/FDE", unit="m")]
 
 
 @dataclass(frozen=True)
-class MainRow:
-    """An agent in one setting in the main table, or what the paper says of it."""
+class SettingRow:
+    """An agent in one setting beside what the paper says of it."""
 
     agent: Annotated[str, Column()]
     hypotheses: Annotated[int | None, Column("H")]
@@ -44,41 +45,31 @@ class MainRow:
     coverage: Annotated[float | None, Column("cov.", "share")] = None
     error: Annotated[float | None, Column("all", "m", group="bADE")] = None
     rank: Annotated[str | None, Column("#", group="bADE")] = None
-    ids_error: Annotated[float | None, Column("ids", "m", group="bADE")] = None
+    ids_error: Annotated[float | None, Column("switch", "m", group="bADE")] = None
     ids_rank: Annotated[str | None, Column("#", group="bADE")] = None
-
-    @property
-    def is_from_paper(self) -> bool:
-        """True for numbers of the paper."""
-        return self.agent == IN_PAPER
-
-
-IN_PAPER = "  in the paper"
 
 
 @dataclass(frozen=True)
 class AgentLine:
     """An agent in one setting: its rows by subset, and its details."""
 
-    rows: dict[Subset, Row]
+    rows: Mapping[Subset, Row]
     details: Details
 
 
-def main_table(report: Report) -> Table:
-    """Errors as in the paper, and bADE, by which agents are listed, with ranks; the paper's numbers below ours."""
-    env, blocks = shipped_env(report), blocks_of(report)
-    rows = []
+def settings_table(report: Report) -> Table:
+    """All settings with equal k: minADE/minFDE on the paper's subsets, and bADE; the paper's numbers below ours."""
+    env, blocks, rows = shipped_env(report), list(blocks_of(report)), []
     shown = [each for each in blocks if each["all"].budget == "equal"] or blocks
     for block in sorted(shown, key=lambda each: math.inf if (error := each["all"].error) is None else error):
         first, ids = block["all"], block["ids"]
         of_all, of_ids, of_frag = (_displacements(block[subset]) for subset in PAPER_SUBSETS)
         ranks = first.coverage, first.error, _ranks(first), ids.error, _ranks(ids)
-        rows.append(MainRow(first.agent, first.hypotheses, of_all, of_ids, of_frag, *ranks))
+        rows.append(SettingRow(first.agent, first.hypotheses, of_all, of_ids, of_frag, *ranks))
         if figures := paper_figures(env, first):
             texts = ("/".join(map(short, figures.get(name, ()))) or None for name in PAPER_SUBSETS.values())
-            rows.append(MainRow(IN_PAPER, None, next(texts), next(texts), next(texts)))
-    title = f"{report.env}{'' if env else ', changed'}: m, less is better"
-    return Table("main", title, "", rows, columns_of(MainRow))
+            rows.append(SettingRow(f"{first.agent} (paper)", first.hypotheses, next(texts), next(texts), next(texts)))
+    return Table("settings", "All settings (m)", "", rows, columns_of(SettingRow))
 
 
 def _ranks(row: Row) -> str | None:
@@ -92,9 +83,39 @@ def data_table(report: Report) -> Table:
     return Table("rows", report.env, "", report.rows, _row_columns(report))
 
 
+def column_keys() -> list[str]:
+    """Keys of the columns that `chosen_table` can show."""
+    return [column.key for kind in (Row, Details, Clear) for column in columns_of(kind) if column.key != "subset"]
+
+
+def chosen_table(report: Report, keys: Sequence[str], subsets: Sequence[Subset], all_settings: bool) -> Table:
+    """A table of the columns ``keys`` on ``subsets``: a row per agent in its main setting, or in all of them.
+
+    Columns that do not depend on the subset stand once, at the end.
+    """
+    chosen = main_settings(report).values()
+    lines = [line for line in _lines_of(report) if all_settings or line.rows in chosen]
+    lines.sort(key=lambda line: math.inf if (error := line.rows["all"].error) is None else error)
+    of_row = {column.key: column for column in _row_columns(report)}
+    once = [_of(column, lambda line: line.details) for column in columns_of(Details)]
+    once += [_of(column, lambda line: line.details.tracking.all) for column in columns_of(Clear)]
+    names = [
+        column for column in once if column.key in {"agent", "hypotheses", *keys} & AgentSetting.model_fields.keys()
+    ]
+    last = [column for key in keys for column in once if column.key == key and column not in names]
+    numbers = [key for key in keys if key in of_row and key not in AgentSetting.model_fields]
+    columns = [replace(_on(of_row[key], name), group=NAMES[name]) for name in subsets for key in numbers]
+    return Table("chosen", heading(report), "", lines, [*names, *columns, *last])
+
+
+def _lines_of(report: Report) -> list[AgentLine]:
+    return [AgentLine(block, details) for block, details in zip(blocks_of(report), report.details, strict=True)]
+
+
 def full_tables(report: Report) -> Iterator[Table]:
     """All tables but the main one."""
-    lines = [AgentLine(block, details) for block, details in zip(blocks_of(report), report.details, strict=True)]
+    yield settings_table(report)
+    lines = _lines_of(report)
     known = {column.key: column for column in _row_columns(report)}
     subsets = list(lines[0].rows.values()) if lines else []
     counts = [known[name] for name in ("subset", "events", *_COUNTS)]
@@ -114,7 +135,7 @@ def full_tables(report: Report) -> Iterator[Table]:
         columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED]
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
     gaps = [_on(known[name], subset) for subset in ("all", "ids") for name in _GAPS]
-    yield _lines_table("Shares of gaps closed (all targets, then ids; below: 95 % interval)", lines, gaps)
+    yield _lines_table("Shares of gaps closed (all targets, then identity switches; below: 95 % interval)", lines, gaps)
     reasons = [_on(_narrow(known[name]), "all") for name in _BLANK]
     yield _lines_table("Reasons of missing shares (all targets)", lines, reasons)
     for title, names in _MADE_OF.items():
@@ -132,12 +153,6 @@ def full_tables(report: Report) -> Iterator[Table]:
         bins = [part for line in equal[:1] for part in line.details.bins if part.by == by]
         if bins:
             yield _lines_table(f"bADE (m) by {by}, targets", equal, [_bin(part) for part in bins], names=2)
-
-
-def blocks_of(report: Report) -> list[dict[Subset, Row]]:
-    """The rows of each agent and setting, by subset."""
-    starts = range(0, len(report.rows), len(SUBSETS))
-    return [{row.subset: row for row in report.rows[start : start + len(SUBSETS)]} for start in starts]
 
 
 def _row_columns(report: Report) -> tuple[Column, ...]:

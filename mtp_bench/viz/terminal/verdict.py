@@ -1,4 +1,4 @@
-"""The verdict of a comparison in sentences."""
+"""The verdict of a comparison: one sentence, and all sentences."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ from collections.abc import Sequence
 
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS, SIGNIFICANT
+from ...scoring.main_table import main_settings, shipped_env
+from ...scoring.report import paired_row
 from ...scoring.rows import Interval, PairedRow, Row
 from ...submission.loader import controls
 from ...submission.manifest import Role
 from ...tables import Column
 from .notes import REFERENCES, label_of
-from .paper import paper_gap, shipped_env
+from .paper import paper_gap
 
-_ROLES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples")
-STP, TRUTH, CONTROL, ASSOCIATED = (controls()[role] for role in _ROLES)
+_ROLES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples", "several")
+STP, TRUTH, CONTROL, ASSOCIATED, SEVERAL = (controls()[role] for role in _ROLES)
 CONTROL_DRAWS = 20  # times k samples
 _SAME = "gap_closed_same_predictor"
 _GAPS = {  # field of a share -> the beginning of the other fields of its gap, and its name
@@ -23,7 +25,49 @@ _GAPS = {  # field of a share -> the beginning of the other fields of its gap, a
     "association_gap_closed": ("association_gap", "association gap"),
 }
 _SIGNED, _METRES = Column(format="+.3f"), Column(format=".3f")
-WHERE = {"all": "over all targets", "ids": "on ids", "reacquired": "on reacquired"}
+WHERE = {"all": "over all targets", "ids": "on identity switches", "reacquired": "on re-acquisitions"}
+
+
+def short_verdict(report: Report, names: Sequence[str]) -> str:
+    """One sentence about the submissions ``names``; empty where nothing can be compared.
+
+    Of baselines: the cost of wrong association on identity switches, and the part that several hypotheses win back.
+    Of others: the best agent over all targets, and its difference to the next one, or to the best of ``names``.
+    """
+    own = [name for name in names if name not in controls().values()]
+    cost, won = (_paired(report, name, CONTROL, "ids", None) for name in (ASSOCIATED, SEVERAL))
+    if own or SEVERAL not in names or cost is None or won is None:
+        return _best(report, own or names)
+    gain = -(won.error or 0.0)
+    back = (
+        f"wins {_METRES.text(gain)} m of it back"
+        if gain > 0
+        else f"wins nothing back, but loses {_METRES.text(-gain)} m"
+    )
+    return (
+        f"On identity switches wrong association costs {_METRES.text(-(cost.error or 0.0))} m "
+        f"({_chance(_turned(cost.interval), cost.p)}); {SEVERAL} {back} against the same samples "
+        f"({_chance(_turned(won.interval) if gain > 0 else won.interval, won.p)})."
+    )
+
+
+def _best(report: Report, names: Sequence[str]) -> str:
+    """The best agent over all targets that may be ranked, and how sure that is."""
+    settings = {name: rows["all"] for name, rows in main_settings(report).items()}
+    able = [name for name, row in settings.items() if row.error is not None and row.unranked_because not in REFERENCES]
+    first, *others = sorted(able, key=lambda name: settings[name].error or 0.0) or [""]
+    other = next((name for name in others if first in names or name in names), None)
+    if other is None:
+        return ""
+    tables = {(t.setting.agent, t.setting.hypotheses, t.setting.samples): t for t in report.tables}
+    best, next_best = (tables.get((r.agent, r.hypotheses, r.samples)) for r in (settings[first], settings[other]))
+    if best is None or next_best is None:
+        return ""
+    pair = paired_row(next_best, best, "all")
+    return (
+        f"Over all targets {first} has the lowest bADE, {_METRES.text(settings[first].error)} m; {other} has "
+        f"{_METRES.text(pair.error)} m more ({_chance(pair.interval, pair.p)})."
+    )
 
 
 def verdict(report: Report, names: Sequence[str]) -> list[str]:
@@ -68,17 +112,22 @@ def _costs(report: Report) -> str | None:
     return ". ".join(sentences) + "." if sentences else None
 
 
-def _paired(report: Report, agent: str, other: str, subset: str, hypotheses: int = 1) -> PairedRow | None:
-    """The difference of an agent to a control on a subset; None without both."""
-    key = (agent, hypotheses, "equal", other, subset)
-    rows = (r for r in report.paired if (r.agent, r.hypotheses, r.budget, r.other, r.subset) == key)
-    return next((row for row in rows if row.error is not None), None)
+def _paired(report: Report, agent: str, other: str, subset: str, hypotheses: int | None = 1) -> PairedRow | None:
+    """The difference of an agent to a control on a subset; None without both. ``hypotheses``: None takes the most."""
+    key = (agent, "equal", other, subset)
+    rows = [r for r in report.paired if (r.agent, r.budget, r.other, r.subset) == key and r.error is not None]
+    rows = [row for row in rows if hypotheses in (None, row.hypotheses)]
+    return max(rows, key=lambda row: row.hypotheses, default=None)
 
 
 def _cost(pair: PairedRow, of_what: str = "") -> str:
     """The error of the control less that of the agent; ``of_what`` is said before the interval."""
-    interval = None if pair.interval is None else (-pair.interval[1], -pair.interval[0])
-    return f"{_SIGNED.text(-(pair.error or 0.0))} m ({of_what}{_chance(interval, pair.p)})"
+    return f"{_SIGNED.text(-(pair.error or 0.0))} m ({of_what}{_chance(_turned(pair.interval), pair.p)})"
+
+
+def _turned(interval: Interval | None) -> Interval | None:
+    """The interval of the number with its sign reversed."""
+    return None if interval is None else (-interval[1], -interval[0])
 
 
 def _against_stp(report: Report, row: Row) -> str | None:
@@ -108,26 +157,31 @@ def _against_control(report: Report, row: Row) -> str | None:
 def _gap(report: Report, row: Row) -> str | None:
     """Shares of the gaps that an agent closes, with that in the paper, and reasons of those that are blank."""
     rows = [each for each in (row, _on_subset(report, row, "ids")) if each is not None]
-    closed, blank = [], []
+    parts: dict[str, list[str]] = {"closes": [], "widens": [], "closes no share of": []}
     for key, (gap, name) in _GAPS.items():
         shares = _shares(rows, key, f"{gap}_interval")
-        if shares and not (key == _SAME and shares == _shares(rows, "gap_closed", "gap_interval")):
-            closed.append(f"{shares} of the {name}")
-        elif not shares and (why := getattr(row, f"{gap}_blank_because", None)):
-            blank.append(f"{name}: {why}")
+        if key == _SAME and shares == _shares(rows, "gap_closed", "gap_interval"):
+            continue
+        for verb, texts in shares.items():
+            parts[verb].append(f"the {name} by {' and '.join(texts)}")
+        if not shares and (why := getattr(row, f"{gap}_blank_because", None)):
+            parts["closes no share of"].append(f"the {name}: {why}")
     paper = paper_gap(shipped_env(report), row)
-    in_paper = "" if paper is None else f"; in the paper, by minADE on IDS, {_percent(paper)}"
-    sentences = [f"{label_of(row)} closes {'; '.join(closed)}{in_paper}"] if closed else []
-    sentences += [f"{label_of(row)} closes no share of the {'; '.join(blank)}"] if blank else []
-    return ". ".join(sentences) + "." if sentences else None
+    if paper is not None and parts["closes"]:
+        parts["closes"][-1] += f" (in the paper, by minADE on IDS: {_percent(paper)})"
+    sentences = [f"{label_of(row)} {verb} {'; '.join(texts)}." for verb, texts in parts.items() if texts]
+    return " ".join(sentences) or None
 
 
-def _shares(rows: Sequence[Row], share: str, interval: str) -> str:
-    """Shares on the subsets of the rows, with intervals; empty where none is known."""
-    known = [(row, value) for row in rows if (value := getattr(row, share)) is not None]
-    return " and ".join(
-        f"{_percent(value)}{_percents(getattr(row, interval))} {WHERE[row.subset]}" for row, value in known
-    )
+def _shares(rows: Sequence[Row], share: str, interval: str) -> dict[str, list[str]]:
+    """Shares on the subsets of the rows, with intervals, of gaps that are closed and of those that are widened."""
+    shares: dict[str, list[str]] = {}
+    for row in rows:
+        value, ends = getattr(row, share), getattr(row, interval)
+        if value is not None:
+            ends, verb = (ends, "closes") if value >= 0 else (_turned(ends), "widens")
+            shares.setdefault(verb, []).append(f"{_percent(abs(value))}{_percents(ends)} {WHERE[row.subset]}")
+    return shares
 
 
 def _unranked(report: Report) -> str | None:

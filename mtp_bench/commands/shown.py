@@ -1,0 +1,56 @@
+"""Options of what is shown of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import typer
+
+from ..scoring import SUBSETS, Report
+from ..scoring.main_table import main_table
+from ..tables import Table
+from ..viz.terminal.tables import chosen_table, column_keys, data_table
+from .options import TableOption, one_of
+
+
+def words(*names: str, known: Callable[[], Sequence[str]], text: str) -> Any:
+    """An option that takes words of ``known`` with commas between them; ``text``: its help."""
+
+    def check(value: str | None) -> str | None:
+        for word in value.split(",") if value is not None else ():
+            one_of(word, known())
+        return value
+
+    return typer.Option(*names, help=text, callback=check)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is shown of a report, and the file that it is written to."""
+
+    full: Annotated[
+        bool, typer.Option("--full", help="Also all sentences, settings, parts of bADE, conditions and further tables.")
+    ] = False
+    table_file: TableOption = None
+    columns: Annotated[
+        str | None,
+        words("--columns", known=column_keys, text="Columns of the table, keys of --json with commas between them."),
+    ] = None
+    subsets: Annotated[
+        str | None,
+        words("--subsets", known=lambda: SUBSETS, text="Subsets of the table, such as all,ids; with --columns."),
+    ] = None
+
+    def main(self, report: Report) -> Table:
+        """The first table: of the chosen columns and subsets, if there are any."""
+        if self.columns is None and self.subsets is None:
+            return main_table(report)
+        columns = (self.columns or "error,interval,minADE,minFDE").split(",")
+        subsets = [subset for subset in SUBSETS if subset in (self.subsets or "all,ids").split(",")]
+        return chosen_table(report, columns, subsets, self.full)
+
+    def data(self, report: Report) -> Table:
+        """The table of files for programs: every number, or those that are chosen."""
+        return data_table(report) if self.columns is None and self.subsets is None else self.main(report)
