@@ -17,7 +17,7 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from docs.generate import commands, environments, gallery, recordings, reference, repository  # noqa: E402
+from docs.generate import commands, environments, gallery, json_keys, recordings, reference, repository  # noqa: E402
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -30,6 +30,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages and pictures that do not lie in docs/."""
     pages = {**environments.pages(), gallery.PAGE: gallery.page(), **reference.pages(), commands.PAGE: commands.page()}
+    pages[json_keys.PAGE] = json_keys.page()
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
     for place, content in repository.board(config.repo_url or "").items():

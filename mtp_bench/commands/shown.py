@@ -28,7 +28,7 @@ def words(*names: str, known: Callable[[], Sequence[str]], text: str) -> Any:
 
 @dataclass(frozen=True)
 class Shown:
-    """What is shown of a report, and the file that it is written to."""
+    """Options of the shown tables of a report, and the file that they are written to."""
 
     full: Annotated[
         bool, typer.Option("--full", help="Also all sentences, settings, parts of bADE, conditions and further tables.")

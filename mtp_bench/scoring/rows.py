@@ -1,6 +1,7 @@
 """Rows of a report. Their fields are the keys of its JSON and declare the columns of its tables.
 
-None stands for undefined, never NaN. `Report.to_json` writes them.
+None stands for undefined, never NaN. `Report.to_json` writes them. Every field has a sentence, of its column or of its
+`Field`: the page of JSON keys is made of them.
 """
 
 from __future__ import annotations
@@ -24,15 +25,24 @@ Share = Annotated[float | None, Column(unit="share", better="higher")]
 ErrorPart = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 Difference = Annotated[float | None, Column(unit="m", better="lower", format="+.3f")]
 Cost = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
-IntervalColumn = Annotated[Interval | None, Column(interval=True, help="95 % interval.")]
+IntervalColumn = Annotated[Interval | None, Column(interval=True, help="95 % interval of the number before.")]
 Score = Annotated[float | None, Column(better="higher")]
-PValue = Annotated[float | None, Column(format=".3f", help="Sign-flip test over units.")]
+_SUBSET = Column(help="Subset of the targets: all, or weighted by how often an event happens there.")
+_SEEDS = "Runs with different random draws, of which numbers are means."
+_TARGETS = Annotated[Count, Column(help="Targets with a weight above 0.")]
+_SCENES = Annotated[Count, Column(help="Scenes that have these targets.")]
+PValue = Annotated[float | None, Column(format=".3f", help="p of the sign-flip test over units.")]
+
+
+def told(meaning: str) -> Any:
+    """A field that no table shows, with the ``meaning`` of its key."""
+    return Field(description=meaning)
 
 
 class AgentSetting(Section):
     """An agent in one setting."""
 
-    agent: Annotated[str, Column()]
+    agent: Annotated[str, Column(help="Name of the submission, with the parameters that are not its default ones.")]
     hypotheses: Annotated[Count, Column("H", help="Hypotheses of the tracker.")]
     samples: Annotated[Count, Column("K", help="Samples per object.")]
     budget: Annotated[Budget, Column("samples allowed", help="equal: k of the task; free: more.")]
@@ -44,98 +54,100 @@ class Row(AgentSetting):
     A further metric is a field here, optional and None by default, and its value in `report`.
     """
 
-    subset: Annotated[Subset, Column()]
-    minADE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815  (a fixed name of the files)
-    minFDE: Annotated[Metres, Column(help="Over covered targets.")]  # noqa: N815
+    subset: Annotated[Subset, _SUBSET]
+    minADE: Annotated[Metres, Column(help="Mean distance of the best sample, over covered targets.")]  # noqa: N815
+    minFDE: Annotated[Metres, Column(help="Final distance of the best sample, over covered targets.")]  # noqa: N815
     error: Annotated[float | None, Column("bADE", "m", "lower", help="Budgeted ADE, which decides the place.")]
     interval: IntervalColumn
-    localisation: Annotated[ErrorPart, Column("with forecast", help="Part of bADE from such targets.")] = None
-    missed: Annotated[ErrorPart, Column("without forecast", help="Part of bADE from such targets.")] = None
+    localisation: Annotated[ErrorPart, Column("with forecast", help="Part of bADE: covered targets.")] = None
+    missed: Annotated[ErrorPart, Column("without forecast", help="Part of bADE: other targets.")] = None
     error_by_score: Annotated[
         ErrorPart, Column(help="bADE with the score of the nearest detection as the confidence.")
     ] = None
-    cost_ground_truth: Annotated[Cost, Column("predictor", help="On ground-truth tracks.")] = None
-    cost_localisation: Annotated[Cost, Column("localisation", help="Of the present place.")] = None
-    cost_history: Annotated[Cost, Column("history", help="Measured places in place of true ones.")] = None
-    cost_association: Annotated[Cost, Column("association", help="Beyond perfect association.")] = None
-    cost_rest: Annotated[Cost, Column("rest", help="Of forecasts that no reference splits.")] = None
-    cost_below_threshold: Annotated[Cost, Column("below threshold", help="Forecasts of too low confidence.")] = None
-    cost_no_forecast: Annotated[Cost, Column("no forecast", help="Detected, but without a forecast.")] = None
-    cost_other_class: Annotated[Cost, Column("other class", help="Detected as another class.")] = None
-    cost_off_place: Annotated[Cost, Column("off place", help="Detected within two gates.")] = None
-    cost_undetected_new: Annotated[Cost, Column("never detected so far")] = None
-    cost_undetected_seen: Annotated[Cost, Column("not detected now", help="Detected earlier.")] = None
+    cost_ground_truth: Annotated[Cost, Column("predictor", help="Part of bADE: error on ground-truth tracks.")] = None
+    cost_localisation: Annotated[Cost, Column("localisation", help="Part of bADE: present position.")] = None
+    cost_history: Annotated[Cost, Column("history", help="Part of bADE: past positions are measured.")] = None
+    cost_association: Annotated[Cost, Column("association", help="Part of bADE: beyond perfect association.")] = None
+    cost_rest: Annotated[Cost, Column("rest", help="Part of bADE: forecasts that no reference splits.")] = None
+    cost_below_threshold: Annotated[Cost, Column("below threshold", help="Part of bADE: unsure forecasts.")] = None
+    cost_no_forecast: Annotated[Cost, Column("no forecast", help="Part of bADE: only detected.")] = None
+    cost_other_class: Annotated[Cost, Column("other class", help="Part of bADE: detected as another class.")] = None
+    cost_off_place: Annotated[Cost, Column("off place", help="Part of bADE: detected within two gates.")] = None
+    cost_undetected_new: Annotated[Cost, Column("never detected so far", help="Part of bADE.")] = None
+    cost_undetected_seen: Annotated[Cost, Column("not detected now", help="Part of bADE: detected earlier.")] = None
     plain_error: Annotated[ErrorPart, Column(help="Error with every forecast kept.")] = None
     fixed_error: Annotated[ErrorPart, Column(help="Per target, forecasts of confidence 0.5 or more.")] = None
-    energy_score: ErrorPart = None
-    coverage: Annotated[Share, Column(help="Targets that have a forecast.")]
-    difference_to_stp: Annotated[Difference, Column(help="Difference of bADE.")]
+    energy_score: Annotated[ErrorPart, Column(help="Energy score, over covered targets.")] = None
+    coverage: Annotated[Share, Column(help="Share of the targets that have a forecast.")]
+    difference_to_stp: Annotated[Difference, Column(help="bADE less that of stp on the same targets.")]
     difference_interval: IntervalColumn
     p: PValue
-    gap_closed: Annotated[Share, Column(help="Between stp and prediction on ground-truth tracks.")]
+    gap_closed: Annotated[Share, Column(help="Share closed of the gap from stp to prediction on ground-truth tracks.")]
     gap_interval: IntervalColumn
-    gap_closed_same_predictor: Annotated[Share, Column(help="Between a reference pair with the agent's predictor.")]
+    gap_closed_same_predictor: Annotated[Share, Column(help="The same gap with the agent's own predictor.")]
     gap_same_predictor_interval: IntervalColumn
     association_gap_closed: Annotated[
-        Share, Column(help="Between equal samples, without and with perfect association.")
+        Share, Column(help="Share closed of the gap from the same samples to perfect association.")
     ] = None
     association_gap_interval: IntervalColumn = None
     gap_blank_because: Annotated[str | None, Column(help="Reason of a missing gap_closed.")] = None
-    association_gap_blank_because: Annotated[str | None, Column(help="Reason of a missing association gap.")] = None
-    place: Annotated[int | None, Column(better="lower", help="By bADE. Missing: shown, not ranked.")] = None
+    association_gap_blank_because: Annotated[str | None, Column(help="The same of association_gap_closed.")] = None
+    place: Annotated[int | None, Column(better="lower", help="Position by bADE. Missing: shown, not ranked.")] = None
     rank_range: Annotated[
         tuple[int, int] | None,
         Column("ranks", help="1 + the number of agents that are significantly better, to n - the number worse."),
         Field(strict=False),
     ] = None
-    unranked_because: Annotated[str | None, Column()]
-    targets: Annotated[Count, Column()]
-    effective_targets: Annotated[float, Column(format=".1f", help="Effective sample size (Kish).")]
+    unranked_because: Annotated[str | None, Column(help="Reason of a missing rank.")]
+    targets: _TARGETS
+    effective_targets: Annotated[float, Column(format=".1f", help="Effective number of targets (Kish).")]
     # expected number in a run of the reference tracker; of "paper_" subsets those of plain STP
-    events: Annotated[float | None, Column(format=".1f", help="Expected number of events.")]
-    objects: Annotated[Count, Column()]
-    effective_objects: Annotated[float, Column(format=".1f", help="Effective sample size (Kish).")]
-    scenes: Annotated[Count, Column()]
+    events: Annotated[float | None, Column(format=".1f", help="Expected number of events of the reference tracker.")]
+    objects: Annotated[Count, Column(help="Objects that have these targets.")]
+    effective_objects: Annotated[float, Column(format=".1f", help="Effective number of objects (Kish).")]
+    scenes: _SCENES
     effective_units: Annotated[float, Column(format=".1f", help="Effective number of blocks of at most 20 s.")]
-    seeds: Annotated[Count, Column()]
-    ms_per_frame: Annotated[float | None, Column("ms per frame", "ms", "lower", ".1f")]
+    seeds: Annotated[Count, Column(help=_SEEDS)]
+    ms_per_frame: Annotated[
+        float | None, Column("ms per frame", "ms", "lower", ".1f", help="Mean time of the agent's `act`.")
+    ]
 
 
 class PairedRow(AgentSetting):
     """Differences of an agent to a control on one subset."""
 
-    other: Annotated[str, Column("less", help="The control.")]
-    subset: Annotated[Subset, Column()]
-    error: Annotated[Difference, Column("bADE")]
+    other: Annotated[str, Column("less", help="The control that is subtracted.")]
+    subset: Annotated[Subset, _SUBSET]
+    error: Annotated[Difference, Column("bADE", help="bADE less that of the control.")]
     interval: IntervalColumn
     p: PValue
-    minADE: Annotated[Difference, Column(help="Over targets that both cover.")]  # noqa: N815
+    minADE: Annotated[Difference, Column(help="minADE less that of the control, over targets that both cover.")]  # noqa: N815
     minADE_interval: IntervalColumn  # noqa: N815
-    targets: Annotated[Count, Column()]
+    targets: _TARGETS
     shared: Annotated[Count, Column(help="Targets that both cover.")]
-    scenes: Annotated[Count, Column()]
+    scenes: _SCENES
 
 
 class Errors(Section):
     """Errors over some of the targets."""
 
-    minADE: float | None  # noqa: N815
-    minFDE: float | None  # noqa: N815
-    error: float | None  # at the budgets of all targets
-    plain_error: float | None
-    coverage: float | None
-    targets: Count
-    objects: Count
-    scenes: Count
+    minADE: float | None = told("Mean distance of the best sample, over covered targets, metres.")  # noqa: N815
+    minFDE: float | None = told("Final distance of the best sample, over covered targets, metres.")  # noqa: N815
+    error: float | None = told("bADE at the budgets of all targets, metres.")
+    plain_error: float | None = told("Error with every forecast kept, metres.")
+    coverage: float | None = told("Share of the targets that have a forecast.")
+    targets: Count = told("Targets.")
+    objects: Count = told("Objects that have these targets.")
+    scenes: Count = told("Scenes that have these targets.")
 
 
 class Bin(Section):
     """Errors over the targets of one distance, class or motion."""
 
-    by: Literal["distance", "class", "motion"]
-    bin: str
+    by: Literal["distance", "class", "motion"] = told("What the bins divide the targets by.")
+    bin: str = told("Metres to the ego, a class, or moving and static.")
     errors: Errors
-    EPA: float | None = None  # of classes alone
+    EPA: float | None = Field(default=None, description="End-to-end prediction accuracy, of classes alone.")
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
@@ -146,24 +158,24 @@ class Bin(Section):
 class Clear(Section):
     """Tracking numbers; None where a false positive cannot be known because the truth is not complete."""
 
-    TP: Count
-    FP: Count | None
-    FN: Count
-    IDS: Annotated[Count, Column("IDS", better="lower", group="CLEAR")]
-    FRAG: Annotated[Count, Column("FRAG", better="lower", group="CLEAR")]
-    MOTA: Score
-    MOTP: float | None  # mean IoU or mean distance in metres, as the event gate measures
-    IDF1: Score
-    HOTA: Score
+    TP: Count = told("Matched tracks (true positives), summed over frames.")
+    FP: Count | None = told("Tracks of no object (false positives), summed over frames.")
+    FN: Count = told("Objects without a track (false negatives), summed over frames.")
+    IDS: Annotated[Count, Column("IDS", better="lower", group="CLEAR", help="Identity switches.")]
+    FRAG: Annotated[Count, Column("FRAG", better="lower", group="CLEAR", help="Fragmentations.")]
+    MOTA: Annotated[Score, Column(help="Multi-object tracking accuracy.")]
+    MOTP: float | None = told("Mean IoU or mean distance in metres of the matches, as the gate measures.")
+    IDF1: Annotated[Score, Column(help="F1 of the identities.")]
+    HOTA: Annotated[Score, Column(help="Higher order tracking accuracy.")]
 
 
 class Tracking(Section):
     """Tracking numbers of the first seed."""
 
-    all: Clear
+    all: Clear = told("Numbers over all classes; those of each class stand beside.")
     classes: dict[str, Clear]
-    false_positives: Count | None
-    false_tracks: Count | None  # matched in no frame of their life
+    false_positives: Count | None = told("Tracks of no object, summed over frames.")
+    false_tracks: Count | None = told("Tracks that are matched in no frame of their life.")
 
     @model_serializer
     def _flat(self) -> dict[str, Any]:
@@ -175,30 +187,55 @@ class Tracking(Section):
 class Reliability(Section):
     """Forecasts of one range of confidence, and how many of them were of a true object."""
 
-    confidence: float  # mean
-    matched: float  # share
-    forecasts: Count
+    confidence: float = told("Mean confidence.")
+    matched: float = told("Share that is of a true object.")
+    forecasts: Count = told("Number of forecasts.")
 
 
 class Details(AgentSetting):
     """Further numbers of an agent over all targets."""
 
-    seeds: Count
-    silence: float | None  # m, error if nothing is predicted
-    miss_rate: Annotated[float | None, Column("MR", "", "lower", help="Over all targets; uncovered ones are missed.")]
-    PI_ADE: Annotated[float | None, Column("PI-ADE", better="lower")]
-    EPA: Score
-    AP_f: Annotated[Score, Column("AP_f")]
-    brier: Annotated[float | None, Column("Brier", "", "lower", help="Of the confidences in live frames.")]
-    reliability: list[Reliability]
-    forecasts_per_frame: Annotated[float, Column("forecasts", format=".1f", help="Per live frame.")]
-    false_per_frame: Annotated[float | None, Column("false", "", "lower", ".1f", help="Per live frame.")]
-    curve: list[Point]  # false forecasts per target (forecasts per live frame where those cannot be known), error in m
-    k_curve: dict[str, float | None]  # k -> expected minADE of k samples
-    bins: list[Bin]
-    own: dict[str, Errors]  # where the agent itself has an event: shown, never ranked
-    own_events: dict[str, int]
-    guessed_parents: float | None  # share of frames in which the lineage of own events had to be guessed
-    tracking: Tracking
-    invalid: dict[str, int]  # rows rejected: tracks, hypotheses, objects
-    dropped_detections: Count
+    seeds: Count = told(_SEEDS)
+    silence: float | None = told("Error if nothing is predicted, metres.")
+    miss_rate: Annotated[float | None, Column("MR", "", "lower", help="Miss rate; uncovered targets are missed.")]
+    PI_ADE: Annotated[float | None, Column("PI-ADE", better="lower", help="Error, metres, near the ego weighing more.")]
+    EPA: Annotated[Score, Column(help="End-to-end prediction accuracy.")]
+    AP_f: Annotated[Score, Column("AP_f", help="Forecasting average precision.")]
+    brier: Annotated[float | None, Column("Brier", "", "lower", help="Brier score of the confidences in live frames.")]
+    reliability: list[Reliability] = told("Calibration by range of confidence.")
+    forecasts_per_frame: Annotated[float, Column("forecasts", format=".1f", help="Forecasts per live frame.")]
+    false_per_frame: Annotated[float | None, Column("false", "", "lower", ".1f", help="False ones per live frame.")]
+    curve: list[Point] = told(
+        "False forecasts per target (forecasts per live frame where those cannot be known), and the error in metres."
+    )
+    k_curve: dict[str, float | None] = told("Expected minADE of k samples by k, metres.")
+    bins: list[Bin] = told("Errors by distance, class and motion.")
+    own: dict[str, Errors] = told("Errors where the agent itself has an event: shown, never ranked.")
+    own_events: dict[str, int] = told("Number of the agent's own events, by kind.")
+    guessed_parents: float | None = told("Share of frames in which the lineage of own events had to be guessed.")
+    tracking: Tracking = told("Tracking numbers of the first seed.")
+    invalid: dict[str, int] = told("Rejected rows of the agent's actions, by table.")
+    dropped_detections: Count = told("Detections beyond the range or the number of the task, not shown to the agent.")
+
+
+CONTENT = {  # of `compare --json` and `score --json`
+    "env": "Id of the environment.",
+    "definitions": "Version of the definitions that every number follows.",
+    "rows": "A row per agent, setting and subset.",
+    "condition": "Conditions of the numbers.",
+    "paired": "Differences of each agent to a control, by subset; `compare` alone.",
+    "details": "A row per agent and setting, over all targets.",
+    "skipped": "Rows of the data that could not be used, by reason.",
+    "failures": "Agents that failed, with the reason; `compare` alone.",
+}
+CONDITION = {
+    "source": "Kind of data.",
+    "folder": "Name of the folder of own scenes.",
+    "split": "Split of the scenes.",
+    "detector": "Detector by which agents choose their settings.",
+    "card": "Digest of the card.",
+    "detections": "Origin of the detections, with the number of scenes.",
+    "truth": "Complete, or prediction targets only.",
+    "weights": "Origin of the event weights.",
+    "trained": "Agents with parts that were trained on the scored scenes.",
+}

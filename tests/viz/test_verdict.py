@@ -13,13 +13,14 @@ from rich.console import Console
 
 from mtp_bench import load_submission
 from mtp_bench.scoring import SUBSETS, Report
+from mtp_bench.scoring.main_table import main_table
 from mtp_bench.scoring.rows import PairedRow, Row
-from mtp_bench.tables import Table
-from mtp_bench.viz.terminal.notes import notes, part_lines
+from mtp_bench.tables import Table, to_latex, to_text
+from mtp_bench.viz.terminal.notes import notes, part_lines, warnings
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, show, show_command, show_lines, show_table
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
-from mtp_bench.viz.terminal.tables import full_tables, main_table
-from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, verdict
+from mtp_bench.viz.terminal.tables import chosen_table, full_tables, settings_table
+from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, short_verdict, verdict
 from tests.support.command_line import TERMINAL
 from tests.support.report_rows import detail, pair, row, rows
 
@@ -66,9 +67,9 @@ def test_what_association_costs_is_said_of_perfect_association_alone() -> None:
     (sentence,) = verdict(report(rows(STP), paired), ["stp"])
     together = "detection and tracking together cost +0.400 m (95 % +0.200 to +0.600, p = 0.010)"
     assert sentence == (
-        f"Over all targets {together}. On ids {together}, of which association +0.100 m (perfect association of the "
-        f"same detections: 95 % −0.100 to +0.300, p = 0.200{CHANCE}). The cost of association is a lower bound: "
-        "duplicate detections still make switches."
+        f"Over all targets {together}. On identity switches {together}, of which association +0.100 m (perfect "
+        f"association of the same detections: 95 % −0.100 to +0.300, p = 0.200{CHANCE}). The cost of association is "
+        "a lower bound: duplicate detections still make switches."
     )
 
 
@@ -90,7 +91,7 @@ def test_an_agent_against_as_many_samples_from_one_hypothesis() -> None:
     paired += [pair(MTP, "stp_same_budget", "ids", error=-0.42, **CLEAR), pair(MTP, "stp", "all", error=-0.9)]
     expected = (
         "mtp (H = 20) against stp_same_budget, as many samples from one hypothesis: over all targets −0.100 "
-        f"m, 95 % −0.300 to +0.100, p = 0.400{CHANCE}; on ids −0.420 m, 95 % −0.600 to −0.200, p = 0.012"
+        f"m, 95 % −0.300 to +0.100, p = 0.400{CHANCE}; on identity switches −0.420 m, 95 % −0.600 to −0.200, p = 0.012"
     )
     assert verdict(report(rows(MTP), paired), ["mtp"]) == [f"{expected}."]
     gain = ". This difference, not the one to stp, is the gain of hypotheses."
@@ -110,21 +111,36 @@ def test_the_gap_between_both_reference_pairs_and_in_the_paper() -> None:
     ends = rows(TRUTH, plain_error=1.0) + rows(STP, plain_error=2.0)
     closed = {"gap_closed": 0.345, "gap_interval": (0.101, 0.404), "plain_error": 1.25}
     (sentence,) = verdict(report(ends + rows(MTP, **closed, gap_closed_same_predictor=0.2)), ["mtp"])[-1:]
-    shares = "34.5 % (95 % 10.1 to 40.4 %) over all targets and 34.5 % (95 % 10.1 to 40.4 %) on ids"
+    shares = "34.5 % (95 % 10.1 to 40.4 %) over all targets and 34.5 % (95 % 10.1 to 40.4 %) on identity switches"
+    gap = f"the gap between stp and ground-truth tracks by {shares}"
     assert sentence == (
-        f"mtp (H = 20) closes {shares} of the gap between stp and ground-truth tracks; 20.0 % over all targets and "
-        "20.0 % on ids of the same gap with its own predictor and presence; in the paper, by minADE on IDS, 76.2 %."
+        f"mtp (H = 20) closes {gap}; the same gap with its own predictor and presence by 20.0 % over all targets and "
+        "20.0 % on identity switches (in the paper, by minADE on IDS: 76.2 %)."
     )
     more = {"gap_closed_same_predictor": 0.345, "gap_same_predictor_interval": (0.101, 0.404)}
-    sentence = verdict(report(ends + rows(MINE, **closed, **more, association_gap_closed=-0.1)), ["mine"])[-1]
-    assert sentence == (
-        f"mine (H = 3) closes {shares} of the gap between stp and ground-truth tracks; -10.0 % over all targets and "
-        "-10.0 % on ids of the association gap."
+    worse = {"association_gap_closed": -0.1, "association_gap_interval": (-0.3, 0.1)}
+    widened = "10.0 % (95 % -10.0 to 30.0 %)"
+    assert verdict(report(ends + rows(MINE, **closed, **more, **worse)), ["mine"])[-1] == (
+        f"mine (H = 3) closes {gap}. mine (H = 3) widens the association gap by {widened} over all targets and "
+        f"{widened} on identity switches."
     )
     blank = {"gap_blank_because": "no gap", "association_gap_blank_because": "not run"}
     assert verdict(report(ends + rows(MINE, **blank)), ["mine"])[-1] == (
-        "mine (H = 3) closes no share of the gap between stp and ground-truth tracks: no gap; association gap: not run."
+        "mine (H = 3) closes no share of the gap between stp and ground-truth tracks: no gap; the association gap: not "
+        "run."
     )
+
+
+def test_one_sentence_says_what_association_costs_and_what_hypotheses_win_back() -> None:
+    perfect = ("perfect_association_same_samples", 1, 20, "equal")
+    cost = pair(perfect, "stp_same_budget", "ids", error=-0.5, interval=(-0.9, -0.1), p=0.01)
+    first = "On identity switches wrong association costs 0.500 m (95 % 0.100 to 0.900, p = 0.010); mtp "
+    for error, text in ((-0.42, "wins 0.420 m of it back"), (0.42, "wins none of it back, but loses 0.420 m")):
+        won = pair(MTP, "stp_same_budget", "ids", error=error, interval=tuple(sorted((error, 0.1))), p=0.2)
+        sentence = short_verdict(report(rows(MTP), [cost, won]), ["mtp"])
+        assert sentence.startswith(f"{first}{text} against the same samples (95 % "), sentence
+        assert sentence.endswith(f", p = 0.200{CHANCE}).")
+    assert short_verdict(report(rows(MINE), [cost]), ["mine"]) == ""
 
 
 LARGE = [
@@ -151,25 +167,52 @@ def lines_of(text: str, agent: str) -> list[list[str]]:
 def test_one_table_of_80_columns() -> None:
     paired = [pair(s, "stp", subset, error=-10.5, interval=(-13.123, 10.111), minADE=-10.2)
               for s in (MTP, CONTROL) for subset in SUBSETS]  # fmt: skip
-    for table in (main_table(report(LARGE)), *full_tables(report(LARGE, paired))):
+    for table in full_tables(report(LARGE, paired)):
         text = render(table)
         assert max(map(len, text.splitlines())) <= TEXT_WIDTH, text
         assert "…" not in text
-    text = render(main_table(report(LARGE)))
+    text = render(settings_table(report(LARGE)))
     displacements = ["0.123/0.234"] * 3
-    assert lines_of(text, "stp") == [["stp", "1", *displacements, "90", "%", "0.345", "2", "0.345", "2"]]
+    assert lines_of(text, "stp")[0] == ["stp", "1", *displacements, "90", "%", "0.345", "2", "0.345", "2"]
     # more samples than k stand elsewhere: different k never share a column
-    assert lines_of(text, "mtp") == [["mtp", "20", *displacements, "90", "%", "12.35", "10–", "12.35", "10–"]]
+    assert lines_of(text, "mtp")[0] == ["mtp", "20", *displacements, "90", "%", "12.35", "10–", "12.35", "10–"]
     assert "98.77/123.5" in text
-    assert "0.747/1.173" in text, "the paper's numbers below ours"
-    assert "2.820/4.514" in text
+    (paper,) = [line for line in text.splitlines() if "0.747/1.173" in line]
+    assert paper.split()[:3] == ["mtp", "(paper)", "20"]
     assert [line for line in text.splitlines() if "a_submission_wi" in line]
+
+
+def test_the_main_table_has_a_row_per_agent_and_twelve_lines() -> None:
+    few = ("mtp", 5, 20, "equal")
+    names = [TRUTH, ("perfect_association_same_samples", 1, 20, "equal"), STP, CONTROL]
+    known = report([*rows(*names), *rows(few, error=0.1), *rows(MTP, rank_range=(1, 2), error=12.345), *rows(FREE)])
+    lines = to_text(main_table(known)).splitlines()
+    assert (len(lines), max(map(len, lines)) <= TEXT_WIDTH) == (12, True)
+    assert lines[0] == "MTP-KITTI-v0, 11 scenes, 3 seeds: m, less is better"
+    (mtp,) = [line for line in lines if line.startswith("mtp")]
+    assert " ".join(mtp.split()) == "mtp 20 12.345 0.31–0.38 1–2 0.12/0.23 90 % 12.345 0.31–0.38 1–2"
+
+    broken = replace(known, failures={"mine": "failed on scene 'x'"}, shown=["mtp", "stp"])
+    assert [line.split()[0] for line in to_text(main_table(broken)).splitlines()[4:7]] == ["stp", "mtp", "mine"]
+    assert next(warnings(broken)) == "! mine failed on scene 'x'"
+    own = replace(known, condition={**known.condition, "folder": "logs", "detections": "megvii-own, stored"})
+    assert main_table(own).title == "logs, own detections, 11 scenes, 3 seeds: m, less is better"
+
+
+def test_columns_and_subsets_of_a_table_can_be_chosen() -> None:
+    known = report([*rows(MTP), *rows(FREE)])
+    table = chosen_table(known, ["MOTA", "error", "interval", "samples"], ["ids", "all"], all_settings=False)
+    assert [column.key for column in table.columns] == [
+        "agent", "hypotheses", "samples", "ids_error", "ids_interval", "error", "interval", "MOTA",
+    ]  # fmt: skip
+    assert r"mtp & 20 & 20 & 0.345 [0.310, 0.380] & 0.345 [0.310, 0.380] & 0.890 \\" in to_latex(table)
+    assert len(chosen_table(known, ["error"], ["all"], all_settings=True).rows) == 2
 
 
 def test_names_are_no_markup(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     for name in TERMINAL:
         monkeypatch.delenv(name, raising=False)
-    assert "[red]x[/x]" in render(main_table(report(rows(("[red]x[/x]", 1, 20, "equal")))))
+    assert "[red]x[/x]" in render(settings_table(report(rows(("[red]x[/x]", 1, 20, "equal")))))
     show("3 scenes in /tmp/[bold]/[/oh] " + "x" * 300)
     assert capsys.readouterr().out == "3 scenes in /tmp/[bold]/[/oh] " + "x" * 300 + "\n"
     show_lines(["word " * 20], "- ")
@@ -194,8 +237,8 @@ def test_the_figures_of_the_paper() -> None:
 def test_the_paper_stands_beside_its_own_scenes_alone() -> None:
     known = report([*rows(TRUTH), *rows(STP), *rows(MTP)], env="MTP-nuScenes-v0")
     own = replace(known, condition={**known.condition, "card": "0" * 64})
-    assert ("the paper's" in notes(known)[0], "13.89" in render(main_table(known))) == (True, True)
-    assert ("the paper's" in notes(own)[0], "13.89" in render(main_table(own))) == (False, False)
+    assert ("the paper's" in notes(known)[0], "13.89" in render(settings_table(known))) == (True, True)
+    assert ("the paper's" in notes(own)[0], "13.89" in render(settings_table(own))) == (False, False)
     assert "the paper's" not in notes(report(rows(MINE)))[0]  # the paper has no such agent
 
 

@@ -9,7 +9,7 @@ from ...scoring.definitions import FORECASTS_PER_FRAME, Subset
 from ...scoring.main_table import blocks_of, shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
-from ...scoring.rows import Details, Row
+from ...scoring.rows import Row
 from ...tables import BLANK, Column, short
 from .output import counted
 from .paper import paper_figures
@@ -21,7 +21,12 @@ _METRES = Column(format=".2f")
 
 def notes(report: Report) -> list[str]:
     """Parts of bADE, the meaning of the columns of the tables, and numbers of targets."""
-    return [*part_lines(report), _about(report), *_sizes(report)]
+    guessed = [
+        f"* {each.agent} states no parents: lineage of own events guessed in {each.guessed_parents:.0%} of frames"
+        for each in report.details
+        if each.guessed_parents
+    ]
+    return [*part_lines(report), _about(report), *_sizes(report), *guessed]
 
 
 def label_of(row: Row) -> str:
@@ -90,15 +95,8 @@ def warnings(report: Report) -> Iterator[str]:
     if dropped := max((each.dropped_detections for each in details), default=0):
         yield f"! {counted(dropped, 'detection')} not shown to agents: beyond the range or the number of the task"
     for each in report.details:
-        yield from _of_agent(each)
-
-
-def _of_agent(details: Details) -> Iterator[str]:
-    if details.guessed_parents:
-        share = f"{100 * details.guessed_parents:.0f} %"
-        yield f"* {details.agent} states no parents: the lineage of own events is guessed in {share} of frames"
-    if rejected := sum(details.invalid.values()):
-        yield rejected_line(details.agent, rejected)
+        if rejected := sum(each.invalid.values()):
+            yield rejected_line(each.agent, rejected)
 
 
 def rejected_line(agent: str, rejected: int) -> str:

@@ -45,7 +45,7 @@ class SettingRow:
     coverage: Annotated[float | None, Column("cov.", "share")] = None
     error: Annotated[float | None, Column("all", "m", group="bADE")] = None
     rank: Annotated[str | None, Column("#", group="bADE")] = None
-    ids_error: Annotated[float | None, Column("switch", "m", group="bADE")] = None
+    ids_error: Annotated[float | None, Column("ids", "m", group="bADE")] = None
     ids_rank: Annotated[str | None, Column("#", group="bADE")] = None
 
 
@@ -85,7 +85,8 @@ def data_table(report: Report) -> Table:
 
 def column_keys() -> list[str]:
     """Keys of the columns that `chosen_table` can show."""
-    return [column.key for kind in (Row, Details, Clear) for column in columns_of(kind) if column.key != "subset"]
+    keys = [column.key for kind in (Row, Details, Clear) for column in columns_of(kind)]
+    return [key for key in dict.fromkeys(keys) if key != "subset"]
 
 
 def chosen_table(report: Report, keys: Sequence[str], subsets: Sequence[Subset], all_settings: bool) -> Table:
@@ -104,7 +105,9 @@ def chosen_table(report: Report, keys: Sequence[str], subsets: Sequence[Subset],
     ]
     last = [column for key in keys for column in once if column.key == key and column not in names]
     numbers = [key for key in keys if key in of_row and key not in AgentSetting.model_fields]
-    columns = [replace(_on(of_row[key], name), group=NAMES[name]) for name in subsets for key in numbers]
+    columns = [
+        replace(_on(of_row[key], name, of_row[key].title), group=NAMES[name]) for name in subsets for key in numbers
+    ]
     return Table("chosen", heading(report), "", lines, [*names, *columns, *last])
 
 

@@ -42,12 +42,12 @@ def short_verdict(report: Report, names: Sequence[str]) -> str:
     back = (
         f"wins {_METRES.text(gain)} m of it back"
         if gain > 0
-        else f"wins nothing back, but loses {_METRES.text(-gain)} m"
+        else f"wins none of it back, but loses {_METRES.text(-gain)} m"
     )
     return (
         f"On identity switches wrong association costs {_METRES.text(-(cost.error or 0.0))} m "
-        f"({_chance(_turned(cost.interval), cost.p)}); {SEVERAL} {back} against the same samples "
-        f"({_chance(_turned(won.interval) if gain > 0 else won.interval, won.p)})."
+        f"({_chance(_turned(cost.interval), cost.p, _METRES)}); {SEVERAL} {back} against the same samples "
+        f"({_chance(_turned(won.interval) if gain > 0 else won.interval, won.p, _METRES)})."
     )
 
 
@@ -66,7 +66,7 @@ def _best(report: Report, names: Sequence[str]) -> str:
     pair = paired_row(next_best, best, "all")
     return (
         f"Over all targets {first} has the lowest bADE, {_METRES.text(settings[first].error)} m; {other} has "
-        f"{_METRES.text(pair.error)} m more ({_chance(pair.interval, pair.p)})."
+        f"{_METRES.text(pair.error)} m more ({_chance(pair.interval, pair.p, _METRES)})."
     )
 
 
@@ -207,13 +207,13 @@ def _difference(mean: float | None, interval: Interval | None, p: float | None) 
     return f"{_SIGNED.text(mean)} m, {_chance(interval, p)}"
 
 
-def _chance(interval: Interval | None, p: float | None) -> str:
+def _chance(interval: Interval | None, p: float | None, column: Column = _SIGNED) -> str:
     """An interval and p, in words where it could be chance."""
     if interval is None or p is None:
         return "too few recordings for an interval"
     chance = ", could be chance" if p >= SIGNIFICANT else ""
     probability = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
-    return f"95 % {_SIGNED.text(interval)}, {probability}{chance}"
+    return f"95 % {column.text(interval)}, {probability}{chance}"
 
 
 def _percent(share: float) -> str:

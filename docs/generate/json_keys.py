@@ -1,0 +1,67 @@
+"""The page of the keys of `compare --json` and `score --json`, made from the declarations of the rows."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel
+
+from mtp_bench.scoring.rows import (
+    CONDITION,
+    CONTENT,
+    Bin,
+    Clear,
+    Details,
+    Errors,
+    PairedRow,
+    Reliability,
+    Row,
+    Tracking,
+)
+from mtp_bench.tables import Column, columns_of
+
+PAGE = "definitions/json.md"
+HEAD = """\
+# Keys of --json
+
+`mtp-bench compare --json FILE` and `mtp-bench score --json FILE` write one object; `--json -` prints it. null stands
+for undefined. An interval holds two ends, at 95 %. Arrows point to better values, metres are means over targets, and
+[What is measured](index.md) defines the numbers.
+
+The keys of `rows` can be columns of `--table`: `--columns error,interval,minADE --subsets all,ids`. So can those of
+`details` that are single numbers with a direction, and MOTA, IDF1, HOTA, IDS and FRAG.
+"""
+SECTIONS: dict[str, type[BaseModel]] = {
+    "rows[]": Row, "paired[]": PairedRow, "details[]": Details, "details[].bins[]": Bin,
+    "details[].own.*, and beside the keys of a bin": Errors, "details[].reliability[]": Reliability,
+    "details[].tracking": Tracking, "details[].tracking.all, and by class": Clear,
+}  # fmt: skip
+_FLAT = ("errors", "classes")  # fields whose keys stand beside the others
+
+
+def page() -> str:
+    """The page in Markdown."""
+    parts = [HEAD, _table("The file", _plain(CONTENT)), _table("condition", _plain(CONDITION))]
+    return "\n".join([*parts, *(_table(title, keys_of(kind)) for title, kind in SECTIONS.items())])
+
+
+def keys_of(kind: type[BaseModel]) -> dict[str, tuple[str, str, str]]:
+    """Unit, direction and meaning of each key of a kind of row. Raises KeyError for one that says no meaning."""
+    columns = {column.key: column for column in columns_of(kind)}
+    keys, unit = {}, ""
+    for name, field in kind.model_fields.items():
+        if name in _FLAT:
+            continue
+        column = columns.get(name, Column(help=field.description or ""))
+        if not column.help:
+            raise KeyError(f"{kind.__name__}.{name} has no help")
+        unit = unit if column.interval else column.unit
+        keys[name] = (unit, column.arrow, column.help)
+    return keys
+
+
+def _plain(meanings: dict[str, str]) -> dict[str, tuple[str, str, str]]:
+    return {key: ("", "", meaning) for key, meaning in meanings.items()}
+
+
+def _table(title: str, keys: dict[str, tuple[str, str, str]]) -> str:
+    lines = [f"| `{key}` | {unit} {arrow} | {meaning} |" for key, (unit, arrow, meaning) in keys.items()]
+    return "\n".join([f"## {title}\n", "| key | unit | meaning |", "|---|---|---|", *lines, ""])
