@@ -29,7 +29,10 @@ def compare(
     prepare(on.env, options, agents)
     with working(f"comparing on {on.env}", options) as watched:
         result = run_comparison(agents, on.env, watched)
-    write_json(json_file, result.report.to_json("condition", "paired", "details") | {"skipped": result.skipped})
+    content = result.report.to_json("condition", "paired", "details", "failures")
+    write_json(json_file, content | {"skipped": result.skipped})
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)
     names = [name for name in ran if name in agents or name not in control_names()]
     show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)
+    if result.report.failures:
+        raise typer.Exit(1)

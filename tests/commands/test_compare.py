@@ -58,7 +58,7 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
 
     content = read_json(file)
     assert list(content) == [
-        "env", "definitions", "rows", "condition", "paired", "details", "skipped",
+        "env", "definitions", "rows", "condition", "paired", "details", "failures", "skipped",
     ]  # fmt: skip
     explained = set(re.findall(r"^\| `(\w+)`", json_keys.page(), flags=re.MULTILINE))
     assert set(keys_in(content)) - explained == set()
