@@ -7,16 +7,19 @@ real recordings).
 from __future__ import annotations
 
 import re
+import shlex
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import pytest
 
+from docs.generate.outputs import EXAMPLES as FOLDER
 from docs.generate.outputs import OUTPUTS, ROOT, run
+from tests.support.command_line import CommandLine
 
 NEEDS = re.compile(r"^# needs: (.+)$", flags=re.MULTILINE)
 ELSEWHERE = {"rl_association": "tests/wrappers/test_rl_example.py"}  # it takes a minute: there it trains on less
-EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if path.stem not in ELSEWHERE)
+EXAMPLES = sorted(path for path in FOLDER.glob("*.py") if path.stem not in ELSEWHERE)
 
 
 def needs(example: Path) -> list[str]:
@@ -60,11 +63,28 @@ def test_it_runs(example: Path, tmp_path: Path) -> None:
         assert not unknown, f"{done.stdout}\nthe documentation shows other lines: python -m docs.generate.outputs"
 
 
+@pytest.mark.parametrize("name", sorted(path.stem for path in (FOLDER / "reference").glob("*.py")))
+def test_an_example_of_the_reference_prints_what_is_shown(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = (FOLDER / f"reference/{name}.py").read_text()
+    exec(compile(code, name, "exec"), {"__name__": "__main__"})
+    assert capsys.readouterr().out == (OUTPUTS / f"reference/{name}.txt").read_text()
+
+
+def test_the_example_of_the_commands_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine) -> None:
+    monkeypatch.chdir(tmp_path)
+    for line in (FOLDER / "reference/commands.sh").read_text().splitlines():
+        cli.ok(*shlex.split(line, comments=True)[1:])
+    assert (tmp_path / "frame.png").exists()
+
+
 @pytest.mark.parametrize(("name", "test"), ELSEWHERE.items())
 def test_others_run_elsewhere(name: str, test: str) -> None:
     assert f"examples/{name}.py" in (ROOT / test).read_text()
 
 
-@pytest.mark.parametrize("shown", sorted(OUTPUTS.glob("*.txt")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("shown", sorted(OUTPUTS.rglob("*.txt")), ids=lambda path: path.stem)
 def test_what_is_shown_is_of_an_example(shown: Path) -> None:
-    assert (ROOT / "examples" / f"{shown.stem}.py").exists()
+    assert (FOLDER / shown.relative_to(OUTPUTS).with_suffix(".py")).exists()

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 from typing import Any
 
+from .outputs import EXAMPLES
+
 PAGE = "reference/commands.md"
 HEAD = """\
 # Commands
 
 Every command has `--help`. Exit status: 0, 1 for a failure that the message explains, 2 for wrong usage.
+
+## Example
+
+From an agent to a picture of a moment when it lost an object:
+
+```sh
+{example}
+```
 """
 
 
 def page() -> str:
     """The page in Markdown."""
-    return "\n".join([HEAD, *(_section(name, command) for name, command in _commands())])
+    head = HEAD.format(example=(EXAMPLES / "reference/commands.sh").read_text().strip())
+    return "\n".join([head, *(_section(name, command) for name, command in _commands())])
 
 
 def _commands() -> list[tuple[str, Any]]:

@@ -1,6 +1,7 @@
 """Run examples and write what they print, for the pages that show it.
 
-    python -m docs.generate.outputs        # all that are shown; docs/outputs/NAME.txt
+    python -m docs.generate.outputs                 # all that are shown; docs/outputs/NAME.txt
+    python -m docs.generate.outputs own_predictor reference/agents
 
 `tests/test_examples.py` compares what an example prints now with what is shown.
 """
@@ -15,6 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 OUTPUTS = ROOT / "docs" / "outputs"
+EXAMPLES = ROOT / "examples"
 COLUMNS = "110"
 
 
@@ -28,10 +30,10 @@ def run(example: Path, folder: Path, *arguments: str) -> subprocess.CompletedPro
 
 def main() -> None:
     """Write the output of every example that has one already, or of those that are named."""
-    names = sys.argv[1:] or [path.stem for path in sorted(OUTPUTS.glob("*.txt"))]
-    for name in names:
+    shown = [path.relative_to(OUTPUTS).with_suffix("") for path in sorted(OUTPUTS.rglob("*.txt"))]
+    for name in sys.argv[1:] or shown:
         with tempfile.TemporaryDirectory() as folder:
-            done = run(ROOT / "examples" / f"{name}.py", Path(folder))
+            done = run(EXAMPLES / f"{name}.py", Path(folder))
         if done.returncode:
             raise SystemExit(done.stderr)
         (OUTPUTS / f"{name}.txt").write_text("\n".join(line.rstrip() for line in done.stdout.splitlines()) + "\n")

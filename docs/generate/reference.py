@@ -5,10 +5,13 @@ Names are found in the packages themselves, so none can be forgotten; only the t
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 from dataclasses import dataclass
 from typing import Any
+
+from .outputs import EXAMPLES, OUTPUTS
 
 PACKAGES = ("wrappers", "tracking", "prediction", "training", "scoring", "testing")
 
@@ -28,20 +31,22 @@ class Group:
 OTHERS = Group("Others", "others", intro="Public names beside these.")
 GROUPS = (
     Group(
-        "Environment", "environment", ("env", "cards", "_bundle"), intro="Environments, cards, answers to a frame.",
+        "Environment", "environment", ("env", "cards", "_bundle"),
+        intro="Names that make environments, read their cards and fill actions.",
         beside=("mtp_bench.env.arguments.EnvKeywords",),
     ),
-    Group("Agents", "agents", ("agent", "tracks", "submission"), intro="What an agent is, and its parts."),
+    Group("Agents", "agents", ("agent", "tracks", "submission"), intro="Interfaces of an agent and of its parts."),
     Group(
-        "Records", "records", ("types", "sources"), intro="Scenes, and everything that was said of them.",
+        "Records", "records", ("types", "sources"), intro="Arrays of scenes, observations, actions and rollouts.",
         beside=("mtp_bench.types.Ragged",),
     ),
     Group(
         "Running and training", "running", ("running", "scoring", "training"),
-        intro="Run agents, compare them, score what was stored; what a model is trained on.",
+        intro="Functions that run, compare and score agents, and that read what a model is trained on.",
         beside=(
-            "mtp_bench.running.options.RunOptions", "mtp_bench.parallel.Workers",
-            "mtp_bench.running.stored.StoredRun", "mtp_bench.running.compare.Comparison",
+            "mtp_bench.running.options.RunKeywords", "mtp_bench.scoring.scenes.SceneResult",
+            "mtp_bench.running.compare.Comparison", "mtp_bench.running.options.RunOptions",
+            "mtp_bench.parallel.Workers", "mtp_bench.running.stored.StoredRun",
         ),
     ),
     Group("Errors", "errors", ("errors",), intro="Every error that a user can cause is an `MtpBenchError`."),
@@ -100,9 +105,18 @@ def _place(group: Group) -> str:
     return f"reference/{group.place}.md"
 
 
+def example(place: str) -> str:
+    """The example of a page: a sentence, the code, and what it prints."""
+    code = (EXAMPLES / f"reference/{place}.py").read_text()
+    sentence = ast.get_docstring(ast.parse(code))
+    code = code.split('"""', 2)[2].strip()
+    output = (OUTPUTS / f"reference/{place}.txt").read_text().strip()
+    return f"## Example\n\n{sentence}\n\n```python\n{code}\n```\n\nIt prints:\n\n```text\n{output}\n```"
+
+
 def _page(group: Group) -> str:
     whole = f"mtp_bench.{group.package}" if group.package else "mtp_bench"
-    lines = [f"# {group.title}", _intro(group)]
+    lines = [f"# {group.title}", _intro(group), example(group.place)]
     names = [*(f"{whole}.{name}" for name in _names(group)), *group.beside]
     return "\n\n".join([*lines, *(f"::: {name}" for name in names)]) + "\n"
 
