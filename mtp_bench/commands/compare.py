@@ -28,7 +28,7 @@ def compare(
     options = on.options(workers, range(seeds))
     prepare(on.env, options, agents)
     with working(f"comparing on {on.env}", options) as watched:
-        result = run_comparison(agents, on.env, watched)
+        result = run_comparison(agents, on.env, watched, full=shown.is_full or json_file is not None)
     content = result.report.to_json("condition", "paired", "details", "failures")
     write_json(json_file, content | {"skipped": result.skipped})
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)

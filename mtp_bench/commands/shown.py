@@ -31,7 +31,7 @@ class Shown:
     """Options of the shown tables of a report, and the file that they are written to."""
 
     full: Annotated[
-        bool, typer.Option("--full", help="Also all sentences, settings, parts of bADE, conditions and further tables.")
+        bool, typer.Option("--full", help="All settings and controls, parts of bADE, conditions and further tables.")
     ] = False
     table_file: TableOption = None
     columns: Annotated[
@@ -42,6 +42,11 @@ class Shown:
         str | None,
         words("--subsets", known=lambda: SUBSETS, text="Subsets of the table, such as all,ids; with --columns."),
     ] = None
+
+    @property
+    def is_full(self) -> bool:
+        """True if more is asked for than the main table on the screen."""
+        return self.full or any(part is not None for part in (self.table_file, self.columns, self.subsets))
 
     def main(self, report: Report) -> Table:
         """The first table: of the chosen columns and subsets, if there are any."""

@@ -37,6 +37,9 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
     file = tmp_path / "a.json"
     printed = cli.ok("compare", mine, *known, "--seeds", 1, "--jobs", 1, "--full", "--json", file)
     assert [line for line in printed.splitlines() if len(line.rstrip()) > 80] == []
+    short, _, way_on = cli.ok("compare", mine, *known, "--seeds", 1, "--jobs", 1).rstrip().rpartition("\n")
+    assert printed.startswith(short + "\n")  # the same numbers from fewer runs
+    assert "--full" in way_on
     table, *further = printed.split("\n\n")
     assert table.startswith("MTP-Small-v0, 2 scenes, 1 seed: m, less is better")
     agent_lines = [line.split() for line in table.splitlines()[4:] if line.count("/") == 1 and "%" in line]
