@@ -1,12 +1,64 @@
-"""Weights of networks trained on this machine: their folder and file names."""
+"""Weights of networks: their folders and file names, which of them are missing, and how to train these."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 VARIABLE = "MTP_BENCH_WEIGHTS"
+SHIPPED = Path(__file__).parent / "prediction" / "learned" / "weights"
+PACKED = ".xz"  # suffix of the files that ship
+# to train one, measured for MTP-nuScenes-v0 on two cores
+MINUTES = {
+    "modes-truth": 1, "modes-tracklets": 2, "tracking_free-tracklets": 4, "affinity-tracklets": 5, "ptp-truth": 54,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class NetworkState:
+    """A network of a submission on an env: whether its weights exist, and how to train them."""
+
+    network: str  # with its training data, such as modes-truth
+    env_id: str  # the env whose training split it learns from
+    trained: bool  # on this machine
+    ships: bool
+
+    @property
+    def missing(self) -> bool:
+        """True if there are no weights."""
+        return not (self.trained or self.ships)
+
+    @property
+    def minutes(self) -> int | None:
+        """Minutes that a training takes on two cores; None if it was not measured."""
+        return MINUTES.get(self.network)
+
+    @property
+    def command(self) -> str:
+        """The command that trains it."""
+        name, on = self.network.rsplit("-", 1)
+        return f"mtp-bench train predictor {name} --env {self.env_id} --on {on}"
+
+    @property
+    def how(self) -> str:
+        """The command with its time, for messages."""
+        return self.command if self.minutes is None else f"{self.command} (about {self.minutes} min on two cores)"
+
+
+def states_of(networks: Iterable[str], env_id: str, weights_of: str | None = None) -> list[NetworkState]:
+    """The states of ``networks``, such as modes-truth, on an env; ``weights_of``: the env whose weights it shares."""
+    networks, envs = tuple(networks), [env for env in (env_id, weights_of) if env]
+    return [
+        NetworkState(
+            network,
+            weights_of or env_id,
+            trained=bool(network_files([network], env_id, weights_of)),
+            ships=any((SHIPPED / f"{network}-{env}.safetensors{PACKED}").is_file() for env in envs),
+        )
+        for network in networks
+    ]
 
 
 def weights_folder() -> Path:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,7 +23,10 @@ from .options import (
     one_of,
     opened,
 )
-from .output import prepare, print_or_write, working
+from .output import prepare, print_or_write, say, working
+
+if TYPE_CHECKING:
+    from ..training.predictors import TrainingRequest
 
 OBSERVE = ("detections", "truth")
 ON = ("truth", "tracklets")
@@ -82,7 +86,7 @@ def predictor(
     """
     from ..prediction.learned.network import network_of, networks
     from ..training.fitting import TrainingPlan, device_of
-    from ..training.predictors import TrainingRequest, train_predictor, training_windows
+    from ..training.predictors import TrainingRequest
 
     one_of(network, tuple(networks()), "NAME")
     recipe = network_of(network).recipe
@@ -95,15 +99,45 @@ def predictor(
         options.card(env)
     for env in (on.env, *request.also):
         prepare(env, options)
-    with working("reading the scenes to learn from", options) as watched:
-        found = training_windows(request, watched)
-    with reported(f"training {network}") as progress:
-        progress.started(plan.epochs)
-        path, card = train_predictor(
-            found, request, output, lambda epoch, error: progress.done(f"minADE {error:.3f} m")
-        )
+    path, card = _trained(request, options, output)
     away = "" if card["fold"] is None else f", without the scenes of fold {card['fold']}"
     print(f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}{away}")
+
+
+def _trained(
+    request: TrainingRequest, options: RunOptions, output: Path | None = None, minutes: int | None = None
+) -> tuple[Path, dict[str, Any]]:
+    """The file of weights of a training, and its card, with progress; ``minutes``: about how long it takes."""
+    from ..training.predictors import train_predictor, training_windows
+
+    with working("reading the scenes to learn from", options) as watched:
+        found = training_windows(request, watched)
+    with reported(f"training {request.network}", 60 * (minutes or 0)) as progress:
+        progress.started(request.chosen_plan.epochs)
+        return train_predictor(found, request, output, lambda epoch, error: progress.done(f"minADE {error:.3f} m"))
+
+
+def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
+    """Train the networks of ``agents`` that have no weights for an env, on its training split, the quickest first."""
+    from ..networks import states_of
+    from ..submission.loader import load_submission
+    from ..training.predictors import TrainingRequest
+
+    card = options.card(env)
+    networks = dict.fromkeys(name for agent in agents for name in load_submission(agent).networks)
+    missing = [state for state in states_of(networks, card.id, card.weights_of) if state.missing]
+    if not missing:
+        return
+    missing.sort(key=lambda state: state.minutes or 0)
+    total = sum(state.minutes or 0 for state in missing)
+    say(f"training {', '.join(state.network for state in missing)} first: about {total} min on two cores")
+    learnt_from = RunOptions(options.data, split="train", workers=options.workers)
+    for state in missing:
+        network, on = state.network.rsplit("-", 1)
+        source = env if card.weights_of is None else card.weights_of
+        prepare(source, learnt_from)
+        path, _ = _trained(TrainingRequest(network, source, on), learnt_from, minutes=state.minutes)
+        say(f"{state.network}: {path}")
 
 
 def _require_place(output: Path | None, options: RunOptions) -> None:

@@ -17,7 +17,7 @@ from ..env.observation import LocalFrame, make_feed
 from ..env.rollouts import ARRAYS
 from ..errors import CardError, DataError, UnknownNameError
 from ..files import require_file
-from ..parallel import parallel_map
+from ..parallel import parallel_map, reported
 from ..scoring import score_scene
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.neutral import evaluated
@@ -106,19 +106,17 @@ def make_reference(
     """
     submission = load_submission(card.reference or controls()["single"])
     parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
-    progress = options.progress
-    progress.started(len(scenes) * (1 + len(parts)))
-    plain: list[tuple[MatchedDetections, _SceneFields]] = parallel_map(
-        _plain_run,
-        [(card, options.data, name, submission) for name in scenes],
-        options.workers,
-        lambda place: progress.done(scenes[place]),
-    )
-    perturbation = fit_perturbation([detections for detections, _ in plain], len(card.task.classes))
-    calls = [(card, options.data, name, submission, perturbation, part) for name in scenes for part in parts]
-    counts: list[NDArray[np.uint8]] = parallel_map(
-        _perturbed_runs, calls, options.workers, lambda place: progress.done(scenes[place // len(parts)])
-    )
+    plain: list[tuple[MatchedDetections, _SceneFields]]
+    counts: list[NDArray[np.uint8]]
+    with reported(f"event weights from {len(seeds)} runs of {submission.name}", own=options.progress) as progress:
+        progress.started(len(scenes) * (1 + len(parts)))
+        known = [(card, options.data, name, submission) for name in scenes]
+        plain = parallel_map(_plain_run, known, options.workers, lambda place: progress.done(scenes[place]))
+        perturbation = fit_perturbation([detections for detections, _ in plain], len(card.task.classes))
+        calls = [(*call, perturbation, part) for call in known for part in parts]
+        counts = parallel_map(
+            _perturbed_runs, calls, options.workers, lambda place: progress.done(scenes[place // len(parts)])
+        )
     weights = {}
     for i, (name, (_, scene_fields)) in enumerate(zip(scenes, plain, strict=True)):
         total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(axis=0, dtype=np.uint8)

@@ -17,7 +17,7 @@ from ..agent import Agent
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, SubmissionError
-from ..parallel import parallel_map, unordered_map
+from ..parallel import parallel_map, reported, unordered_map
 from ..submission.loader import Submission
 from ..types import Rollout, Scene, Task
 from .options import DEFAULTS, RunOptions
@@ -114,13 +114,14 @@ def run_jobs(
     path on every worker. ``finished`` is called in this process with every result. Raises AgentFailedError; with
     ``caught`` the error is the result of its job, and the others go on.
     """
-    options.progress.started(len(jobs))
-    results: dict[int, Any] = {}
-    for place, result in unordered_map(_one_scene, [(job, finish, caught) for job in jobs], options.workers):
-        results[place] = result
-        options.progress.done(jobs[place].scene)
-        if finished is not None:
-            finished(place, result)
+    agents, results = list(dict.fromkeys(job.agent for job in jobs)), dict[int, Any]()
+    with reported(f"running {', '.join(agents[:3])}{' and others' * (len(agents) > 3)}", own=options.progress) as told:
+        told.started(len(jobs))
+        for place, result in unordered_map(_one_scene, [(job, finish, caught) for job in jobs], options.workers):
+            results[place] = result
+            told.done(jobs[place].scene)
+            if finished is not None:
+                finished(place, result)
     return [results[place] for place in range(len(jobs))]
 
 

@@ -6,12 +6,13 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Unpack
 
 from ..cards import Card
 from ..errors import MtpBenchError
 from ..files import make_folder, require_folder, write_bytes, write_text
 from ..parallel import Done, Progress
-from ..running.options import DEFAULTS, RunOptions
+from ..running.options import DEFAULTS, RunKeywords, RunOptions, asked
 from ..running.reference import frozen_reference, reference_for
 from ..sources import open_source
 from ..tables import Table, to_csv, to_json
@@ -48,6 +49,7 @@ def study(
     options: RunOptions = DEFAULTS,
     quick: bool = False,
     command: str = "",
+    **keywords: Unpack[RunKeywords],
 ) -> Study:
     """Study agents on the scenes of an env, and write the page, tables and figures into ``folder``.
 
@@ -58,11 +60,13 @@ def study(
         options: Data, scenes, seeds (all for ranked runs, the first for others), workers and progress.
         quick: A first look: the first scenes, one seed, fewer hypotheses.
         command: Command that makes the study again, shown on the page.
+        keywords: As of `compare`, in place of options.
 
     Raises MtpBenchError for wrong arguments and broken data.
     """
     folder = Path(folder).absolute()
     require_study_folder(folder)
+    env_id, options = asked(env_id, options, keywords)
     findings = find(names, env_id, folder, quick_options(options) if quick else options, quick)
     options.progress.started(4)  # drawing takes a while, too
     tables = make_tables(findings)

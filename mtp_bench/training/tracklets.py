@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,9 @@ from ..cards import Card
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..errors import MtpBenchError, UnknownNameError
-from ..parallel import parallel_map
+from ..parallel import parallel_map, reported
 from ..prediction.windows import Surroundings, TrackWindows, windows_of
-from ..running.options import DEFAULTS, Fold, RunOptions, held_out
+from ..running.options import DEFAULTS, Fold, RunOptions, asked, held_out
 from ..scoring.holes import pieces
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
@@ -92,19 +93,22 @@ def windows(
     tracker: Tracker | int | str = 1,
     scenes: int | Sequence[str] | None = None,
     options: RunOptions = DEFAULTS,
+    data: str | PathLike[str] | None = None,
+    jobs: int | None = None,
 ) -> Windows:
     """Windows of every track of every hypothesis, at every frame of the scenes of a split.
 
     ``tracker``: your own tracker, the number of hypotheses of `HypothesisTracker`, or "truth" for true ones.
-    ``scenes``: how many, the first ones, or their names; None: those of ``options``. ``options``: data root, detector,
-    workers and progress.
+    ``scenes``: how many, the first ones, or their names; None: those of ``options``. ``data``: data root. ``jobs``:
+    processes; 0: one per core. ``options``: data root, detector, workers and progress.
 
     A track follows the true object of its class that is nearest to the last detection it took, within the forecast gate
     of the card; of true boxes, the object itself. Tracks of which that is unknown, since the truth is not complete or
     neutral there, are left out. Raises UnknownNameError for a scene that does not exist, MtpBenchError for another
     ``tracker`` and if there is no track to learn from.
     """
-    played = _tracker_of(tracker)
+    played, given = _tracker_of(tracker), {"data": data, "jobs": jobs}
+    _, options = asked(env_id, options, {name: value for name, value in given.items() if value is not None})
     count = int(scenes) if isinstance(scenes, int | np.integer) else None
     if isinstance(scenes, str | bool) or not (scenes is None or count is not None or isinstance(scenes, Sequence)):
         raise MtpBenchError(f"scenes is {scenes!r}, expected a number of scenes or a list of their names")
@@ -117,9 +121,10 @@ def windows(
             raise MtpBenchError(f"scene {name!r} is named twice, expected each once: it would be learnt twice")
     observe = "truth" if isinstance(played, TruthTracker) else "detections"
     task = MTPEnv(opened.card, data=options.data, observe=observe).task
-    options.progress.started(len(names))
     calls = [(opened.card, options.data, task, played, name) for name in names]
-    parts = parallel_map(_load_windows, calls, options.workers, lambda place: options.progress.done(names[place]))
+    with reported(f"windows of {env_id}", own=options.progress) as progress:
+        progress.started(len(names))
+        parts = parallel_map(_load_windows, calls, options.workers, lambda place: progress.done(names[place]))
     found = concatenate(parts) if parts else None
     if not found:
         raise MtpBenchError(f"{env_id}: no track of the {len(names)} scenes of split {split!r} can be learnt from")

@@ -18,14 +18,12 @@ from numpy.typing import NDArray
 
 from ...errors import SubmissionError
 from ...files import open_regular, whole_file
-from ...networks import file_name, weights_folder
+from ...networks import PACKED, SHIPPED, file_name, states_of, weights_folder
 from ...strict import parse_json
 from ...types import Task
 from .local import Arrays
 from .network import Network, Sizes
 
-SHIPPED = Path(__file__).with_name("weights")
-PACKED = ".xz"  # suffix of the files that ship
 # pairs of bytes
 _FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0, "lp": 1, "pb": 1}]
 FORMAT = "mtp-bench weights 1"
@@ -52,9 +50,10 @@ def find_weights(network: str, on: str, task: Task) -> Path:
         for path in (weights_folder() / name, SHIPPED / f"{name}{PACKED}"):
             if path.is_file():
                 return path
+    (state,) = states_of([f"{network}-{on}"], task.env_id, task.weights_of)
     raise SubmissionError(
         f"{task.env_id}: no weights {file_name(network, on, task.env_id)} in {weights_folder()}, and none ship; train "
-        f"them: mtp-bench train predictor {network} --env {task.weights_of or task.env_id} --on {on}"
+        f"them: {state.how}"
     )
 
 

@@ -16,15 +16,13 @@ from safetensors.numpy import save_file
 from mtp_bench import Pipeline, SubmissionError, card_ids
 from mtp_bench.cards import load_card
 from mtp_bench.env import MTPEnv
-from mtp_bench.networks import VARIABLE
+from mtp_bench.networks import PACKED, SHIPPED, VARIABLE
 from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.network import Network, Sizes, network_of
 from mtp_bench.prediction.learned.weights import (
     FORMAT,
-    PACKED,
-    SHIPPED,
     StoredWeights,
     find_weights,
     read_weights,
