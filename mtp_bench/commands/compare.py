@@ -23,10 +23,15 @@ def compare(
     shown: Shown,
     seeds: SeedsOption = SEEDS,
     json_file: JsonOption = None,
+    train: Annotated[bool, typer.Option("--train", help="First train the networks that have no weights here.")] = False,
 ) -> None:
     """Run agents, ground-truth tracks and the controls on the same scenes; print one table and the verdict."""
     options = on.options(workers, range(seeds))
     prepare(on.env, options, agents)
+    if train:
+        from .train import train_missing
+
+        train_missing(agents, on.env, options)
     with working(f"comparing on {on.env}", options) as watched:
         result = run_comparison(agents, on.env, watched, full=shown.is_full or json_file is not None)
     content = result.report.to_json("condition", "paired", "details", "failures")

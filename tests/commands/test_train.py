@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from mtp_bench.commands.output import fail
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions, held_out
 from mtp_bench.training import motion_noise
 from mtp_bench.training.predictors import TrainingRequest
 from mtp_bench.types import Scene
-from tests.support.command_line import CommandLine, write_training
+from tests.support.command_line import CommandLine, read_json, write_submission, write_training
 
 NAMES = ("0002", "0003", "0004", "0005")
 
@@ -72,3 +74,39 @@ def test_networks_learn_from_the_pasts_that_their_baselines_take(
     assert asked == [on]
     assert "unknown environment" in cli(*known, "--also", "MTP-Merg-v0").error
     assert len(asked) == 1
+
+
+def test_a_failing_and_a_weightless_agent_cost_the_good_one_nothing(
+    cli: CommandLine, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "empty"))
+    mine = write_submission(tmp_path / "mine", "mine")
+    bad = write_submission(tmp_path / "bad", "bad", body="raise ValueError(observation)")
+    alone, beside = tmp_path / "alone.json", tmp_path / "beside.json"
+    cli.ok("compare", mine, *known, "--seeds", 1, "--json", alone)
+    output = cli("compare", bad, mine, "affinity", *known, "--seeds", 1, "--json", beside)
+    assert (output.status, output.err) == (1, "")
+    rows, expected = read_json(beside)["rows"], read_json(alone)["rows"]
+    assert [{**row, "ms_per_frame": 0} for row in rows] == [{**row, "ms_per_frame": 0} for row in expected]
+    failures = read_json(beside)["failures"]
+    assert list(failures) == ["affinity", "bad"]
+    assert "predictor affinity --env MTP-Small-v0 --on tracklets (about 5 min on two cores)" in failures["affinity"]
+
+
+def test_missing_networks_are_trained_first_the_quickest_one_first(
+    cli: CommandLine, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path))
+    (tmp_path / "modes-truth-MTP-Small-v0.safetensors").touch()
+    asked: list[tuple[str, str]] = []
+
+    def trained(split: str, request: TrainingRequest, *_: object) -> tuple[str, dict[str, Any]]:
+        asked.append((request.network, request.on))
+        return split, {}
+
+    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", lambda request, options: options.split)
+    monkeypatch.setattr("mtp_bench.training.predictors.train_predictor", trained)
+    monkeypatch.setattr("mtp_bench.commands.compare.run_comparison", lambda *_: fail("trained"))
+    output = cli("compare", "stp_ptp", "affinity", "mtp_modes", *known, "--train")
+    assert "training affinity-tracklets, ptp-truth first: about 59 min on two cores" in output.err
+    assert asked == [("affinity", "tracklets"), ("ptp", "truth")]
