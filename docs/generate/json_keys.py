@@ -7,6 +7,7 @@ from pydantic import BaseModel
 from mtp_bench.scoring.rows import (
     CONDITION,
     CONTENT,
+    PER_SCENE,
     Bin,
     Clear,
     Details,
@@ -40,7 +41,9 @@ _FLAT = ("errors", "classes")  # fields whose keys stand beside the others
 def page() -> str:
     """The page in Markdown."""
     parts = [HEAD, _table("The file", _plain(CONTENT)), _table("condition", _plain(CONDITION))]
-    return "\n".join([*parts, *(_table(title, keys_of(kind)) for title, kind in SECTIONS.items())])
+    parts += [_table(title, keys_of(kind)) for title, kind in SECTIONS.items()]
+    scene = {column.key: (column.unit, column.arrow, column.help) for column in PER_SCENE}
+    return "\n".join([*parts, _table("Rows of score --per-scene", scene)])
 
 
 def keys_of(kind: type[BaseModel]) -> dict[str, tuple[str, str, str]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from collections.abc import Iterator
@@ -10,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from docs.generate import json_keys
+from mtp_bench import score
+from mtp_bench.scoring.rows import PER_SCENE
 from tests.support.command_line import CommandLine, read_json, write_submission
 
 
@@ -74,7 +77,14 @@ def test_a_stored_run_has_the_same_table(mine: Path, cli: CommandLine, known: li
     assert [line.split()[:2] for line in printed.splitlines() if line.startswith("mine")] == [["mine", "2"]]
     assert "--full" in printed.splitlines()[-1]
     assert "\n\nSubsets" in cli.ok("score", tmp_path / "run", *known, "--full")
-    latex = tmp_path / "table.tex"
+    latex, scenes = tmp_path / "table.tex", tmp_path / "scenes.csv"
     content = json.loads(cli.ok("score", tmp_path / "run", *known, "--json", "-", "--table", latex))
     assert latex.read_text().startswith("\\begin{table}\n\\caption{MTP-Small-v0, 2 scenes, 1 seed: m, less is better}")
     assert list(content) == ["env", "definitions", "rows", "condition", "details", "skipped"]
+    cli.ok("score", tmp_path / "run", *known, "--per-scene", scenes)
+    with scenes.open() as file:
+        lines = list(csv.DictReader(file))
+    assert [column.key for column in PER_SCENE] == list(score(tmp_path / "run", data=known[3]).report.per_scene()[0])
+    assert sum(float(line["bADE_sum [m]"]) for line in lines) == pytest.approx(
+        content["rows"][0]["error"] * content["rows"][0]["targets"]
+    )
