@@ -3,8 +3,9 @@
     python -m docs.generate.results
 
 The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
-entry of an environment, ``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, and ``costs``,
-those of detection and tracking together and of association alone.
+entry of an environment, ``story ID``, ten of them with their tracks and forecasts in words, ``SUBSET of AGENT AGENT ...``,
+bADE of these agents with a row per environment, and ``costs``, those of detection and tracking together and of
+association alone.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from mtp_bench.records import trusted
 from mtp_bench.records.held_back import difference_of
 from mtp_bench.records.ranking import conditions
 from mtp_bench.scoring.definitions import SUBSETS, Subset
+from mtp_bench.scoring.rank import rank_text
 from mtp_bench.tables import Column, Table, Value, to_markdown
 from mtp_bench.viz.board.columns import COLUMN, INTERVALS, PAGE
 from mtp_bench.viz.board.entries import Entry, by_board
@@ -31,6 +33,22 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "leaderboard" / "RESULTS.md", ROOT / "README.md")
 _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
+
+
+_SAME = "constant velocity, samples as `mtp`"
+_TRUTH, _TRACKLETS = "network, trained on ground-truth tracks", "network, trained on a tracker's tracks"
+STORY = {  # agent -> its tracks and its forecasts, in the order of the README
+    "truth_past": ("ground truth", "constant velocity"),
+    "perfect_association_same_samples": ("detections, perfect association", _SAME),
+    "stp": ("one hypothesis", "constant velocity"),
+    "stp_same_budget": ("one hypothesis", _SAME),
+    "mtp": ("20 hypotheses", "constant velocity"),
+    "mtp_modes": ("20 hypotheses", _TRUTH),
+    "stp_modes_tracklets": ("one hypothesis", _TRACKLETS),
+    "mtp_modes_tracklets": ("20 hypotheses", _TRACKLETS),
+    "affinity": ("soft assignment", "network over weighted detections"),
+    "tracking_free": ("none", "network over nearby detections"),
+}
 
 
 def filled(text: str, entries: Sequence[Entry], where: str) -> str:
@@ -55,11 +73,13 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
     first, *further = name.split()
     if first == "env" and len(further) == 1:
         return env_table(further[0], entries)
+    if first == "story" and len(further) == 1:
+        return story_table(further[0], entries)
     if name == "costs":
         return costs_table(entries)
     if first in SUBSETS and further[:1] == ["of"] and further[1:]:
         return across_table(next(subset for subset in SUBSETS if subset == first), further[1:], entries)
-    raise MtpBenchError(f"{where}: table {name!r}, expected `env ID`, `SUBSET of AGENT AGENT ...` or `costs`")
+    raise MtpBenchError(f"{where}: table {name!r}, expected `env ID`, `story ID`, `SUBSET of AGENT ...`, `costs`")
 
 
 def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
@@ -73,6 +93,37 @@ def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
     ]
     keys = [key for page_key in (*PAGE, "association_gap") for key in (page_key, INTERVALS.get(page_key, "")) if key]
     return Table(env_id, env_id, "", listed, [*names, *(replace(COLUMN[key], optional=True) for key in keys)])
+
+
+def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
+    """A row for each agent of `STORY`: its tracks and forecasts, and bADE with ranks over all targets and on ids."""
+    listed = next((each for each in by_board(entries).values() if each[0].env == env_id), [])
+    known = {entry.name: entry for entry in listed}
+    for name in STORY:
+        if name not in known:
+            raise UnknownNameError(f"agent of {env_id}", name, sorted(known))
+    columns = [
+        Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"),
+        Column("tracks", key="tracks", read=lambda entry: STORY[entry.name][0]),
+        Column("forecasts", key="forecasts", read=lambda entry: STORY[entry.name][1]),
+        *_ranked("all", "bADE, all targets"),
+        *_ranked("ids", "bADE, identity switch"),
+    ]
+    return Table("story", env_id, "", [known[name] for name in STORY], columns)
+
+
+def _ranked(subset: Subset, heading: str) -> list[Column]:
+    """Columns of bADE on a subset: value, interval and rank."""
+
+    def rank(entry: Entry) -> Value:
+        place = entry.standing.places[subset]
+        return rank_text(place.place, place.span)
+
+    return [
+        Column(heading, "m", "lower", ".2f", key=subset, read=lambda entry: entry.row_of(subset).error),
+        Column(interval=True, format=".2f", key=f"{subset}_interval", read=lambda e: e.row_of(subset).interval),
+        Column("rank", key=f"{subset}_rank", read=rank),
+    ]
 
 
 def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]) -> Table:
