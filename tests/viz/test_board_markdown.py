@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from docs.generate.results import filled
+from docs.generate.results import STORY, filled
 from mtp_bench.viz.board import Entry
 from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
 
@@ -41,6 +41,12 @@ def test_agents_stand_side_by_side_on_the_environments_that_all_of_them_have(ent
     assert [row[0] for row in rows[2:]] == [FEW, MAIN]
     (only,) = rows_of(filled(marked("ids of stp straight_on"), entries, "page.md"))[2:]
     assert only[0] == MAIN
+
+
+def test_the_story_has_its_agents_in_order_with_their_ranks() -> None:
+    rows = rows_of(filled(marked(f"story {MAIN}"), board_of(*(made_up(name) for name in STORY)), "page.md"))
+    assert [row[0] for row in rows[2:]] == [f"`{name}`" for name in STORY]
+    assert rows[0][3:] == ["bADE, all targets (m) ↓", "rank", "bADE, identity switch (m) ↓", "rank"]
 
 
 def test_costs_are_differences_of_controls_and_references() -> None:
