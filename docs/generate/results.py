@@ -3,9 +3,9 @@
     python -m docs.generate.results
 
 The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
-entry of an environment, ``story ID``, ten of them with their tracks and forecasts in words, ``SUBSET of AGENT AGENT ...``,
-bADE of these agents with a row per environment, and ``costs``, those of detection and tracking together and of
-association alone.
+entry of an environment, ``story ID``, ten of them with their tracks and forecasts in words,
+``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, and ``costs``, those of detection and
+tracking together and of association alone.
 """
 
 from __future__ import annotations
