@@ -55,14 +55,17 @@ def main_table(report: Report) -> Table:
 
 
 def heading(report: Report) -> str:
-    """The env of a report, or the folder of own scenes, with the number of scenes and seeds."""
-    condition, row = report.condition, next(iter(report.rows), None)
-    name = report.env if shipped_env(report) else f"{report.env}, changed"
-    if "folder" in condition:
-        simulated = "simulated" if "simulated" in condition["detections"] else "own"
-        name = f"{condition['folder']}, {simulated} detections"
-    counts = [] if row is None else [(row.scenes, "scene"), (row.seeds, "seed")]
-    return ", ".join([name, *(f"{number} {noun}{'' if number == 1 else 's'}" for number, noun in counts)])
+    """The place of a report, with the number of scenes and seeds."""
+    counts = [pair for row in report.rows[:1] for pair in ((row.scenes, "scene"), (row.seeds, "seed"))]
+    return ", ".join([place_of(report), *(f"{n} {noun}{'' if n == 1 else 's'}" for n, noun in counts)])
+
+
+def place_of(report: Report) -> str:
+    """The env of a report, or the folder of own scenes."""
+    if "folder" in report.condition:
+        detections = "simulated" if "simulated" in report.condition["detections"] else "own"
+        return f"{report.condition['folder']}, {detections} detections"
+    return report.env if shipped_env(report) else f"{report.env}, changed"
 
 
 def shipped_env(report: Report) -> str:

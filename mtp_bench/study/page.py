@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..running.settings import training_note
+from ..scoring.main_table import place_of
 from ..tables import Column, Table
 from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
@@ -42,7 +43,7 @@ def study_page(
         "base-uri 'none'; form-action 'none'"
     )
     content = _templates().get_template("page.html").render(
-        env=findings.bench.card.id, subject=findings.subject.name, summary=summary(findings), facts=facts(findings),
+        env=place_of(findings.report), subject=findings.subject.name, summary=summary(findings), facts=facts(findings),
         relations=tables.get("relations"), figures=figures, tables=tables, pictures=pictures, command=command,
         chapters=TEXTS["chapters"], style=style, policy=policy,
     )  # fmt: skip
@@ -76,6 +77,7 @@ def facts(findings: Findings) -> list[tuple[str, str]]:
     trained = "; ".join(f"{name}: {note}" for name, note in notes.items() if note)
     facts = [
         ("environment", f"{card.id}, split {condition['split']}"),
+        ("own scenes", place_of(findings.report) if "folder" in condition else ""),
         ("agents", ", ".join(subject.name for subject in findings.plan.subjects)),
         ("targets", n_of(findings)),
         ("detections", condition["detections"]),
