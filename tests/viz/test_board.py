@@ -121,6 +121,16 @@ def test_too_few_recordings_are_said_once_above_the_table(html: str, entries: li
     assert f'class="why"><bdi>{reason}' not in html
 
 
+def test_a_table_begins_with_the_best_how_sure_that_is_and_what_runs_it() -> None:
+    weights = {"networks": {"modes-truth-MTP-KITTI-v0.safetensors": "0" * 64}}
+    records = made_up("stp", 1.0), made_up("good", 0.502), made_up("first", 0.5, submission=weights)
+    (answer,) = re.findall(r'<p class="answer">(.*?)</p>', board_files(board_of(*records)).page)
+    assert re.sub("<.*?>", "", answer) == (
+        "Best: first, 0.500 m, significantly better than 1 of 2 others. Not significantly worse: good. "
+        "Runs after mtp-bench train predictor modes --env MTP-KITTI-v0 --on truth (about 1 min)."
+    )
+
+
 def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -> None:
     records = [made_up("knows", 0.5, "MTP-Merge-v0"), made_up("honest", 0.6, "MTP-Merge-v0")]
     parts = [hidden_part(*[error] * 50) for error in (1.2, 0.8)]
@@ -149,7 +159,9 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     assert (alone.place, alone.why, alone.public_error) == (None, "not scored on hidden scenes yet", None)
 
 
-def test_cells_hold_the_numbers_and_the_difference_to_stp_leads_them(page: Page, entries: list[Entry]) -> None:
+def test_rows_hold_numbers_ranges_levels_and_reasons(
+    page: Page, html: str, files: BoardFiles, entries: list[Entry]
+) -> None:
     first, stp = page.entries[3], page.entries[7]
     assert (first["rank"], first["error"], first["level"]) == ("1 (1–2)", "0.742", "re-run by tester")
     assert (first["difference"], stp["difference"]) == ("−0.326", "–")
@@ -161,6 +173,11 @@ def test_cells_hold_the_numbers_and_the_difference_to_stp_leads_them(page: Page,
     assert low < difference.mean < high < 0
     assert difference.mean == pytest.approx(0.742 - 1.068)
     assert entries[3].verdict == "better"
+    assert html.count("(1–2)</span></td>") == html.count('entry first"') == 2
+    assert html.count("3/4 scenes") == 2  # beside its name and in the overview
+    assert all(f"</svg>{level}<" in html for level in ("scored", "re-scored", "re-run"))
+    assert "the process ended by signal 9" in html
+    assert 'href="./records/0.json"' in pieces_of(files)[f"{MAIN}/braided_paths"]
 
 
 def test_every_column_is_explained_and_states_what_is_better(page: Page) -> None:
@@ -171,14 +188,6 @@ def test_every_column_is_explained_and_states_what_is_better(page: Page) -> None
     assert {key for key, value in better.items() if value == "higher"} == {"coverage", "same_gap", "level"}
     assert {"error", "difference", "ids", "ms"} <= better.keys()
     assert all("scope" in th or "chart" in (th.get("class") or "") for th in page.all("th"))
-
-
-def test_a_range_of_ranks_a_level_and_the_reason_show(html: str, files: BoardFiles) -> None:
-    assert html.count("(1–2)</span></td>") == html.count('entry first"') == 2
-    assert html.count("3/4 scenes") == 2  # beside its name and in the overview
-    assert all(f"</svg>{level}<" in html for level in ("scored", "re-scored", "re-run"))
-    assert "the process ended by signal 9" in html
-    assert 'href="./records/0.json"' in pieces_of(files)[f"{MAIN}/braided_paths"]
 
 
 def test_equal_entries_give_equal_bytes(files: BoardFiles) -> None:
@@ -385,7 +394,7 @@ def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
     assert max(map(len, printed)) <= 80
     assert not [line for line in printed if "…" in line]
     row = next(line for line in printed if line.startswith("forest_of_maybe"))
-    heading = next(line for line in printed if line.startswith("submission"))
+    heading = next(line for line in printed if line.startswith("agent"))
     assert "* p<.05" in heading, "what the star means"
     assert " ".join(row.split()) == "forest_of_maybe 1–2 0.744 0.690–0.797 −0.324* 1.16"
     assert any(line.startswith("short_of_breath (3/4 scenes)") for line in printed)

@@ -80,13 +80,10 @@ def sorted_by(browser: Browser) -> list[list[str]]:
     return found
 
 
-def test_it_opens_by_rank(opened: Browser) -> None:
+def test_it_opens_by_rank_a_click_sorts_and_another_turns_the_order(opened: Browser) -> None:
     assert names(opened) == RANKED + UNRANKED
     assert sorted_by(opened) == [["rank", "ascending"]]
     assert opened.script(COUNT) == "13 entries"
-
-
-def test_a_click_sorts_and_another_turns_the_order(opened: Browser) -> None:
     opened.click(header("error"))
     assert sorted_by(opened) == [["error", "ascending"]]
     best, last = ["truth_past", "pooled_many", *RANKED], ["sleeper", "short_of_breath"]  # no number; partial
@@ -130,15 +127,7 @@ def at(browser: Browser, page: Path, place: str) -> None:
     browser.script("location.href = arguments[0]", f"{page.as_uri()}#{place}")
 
 
-def test_an_address_opens_its_entry(opened: Browser, page: Path) -> None:
-    at(opened, page, f"{MAIN}/stp")
-    assert "closed" in detail(opened)
-    opened_entries = "return [...document.querySelectorAll('.detail')].map((row) => row.parentElement.id)"
-    assert opened.script(opened_entries) == [f"{MAIN}/stp"]
-    assert opened.script("return document.activeElement.textContent") == "stp"
-
-
-def test_filters_are_kept_in_the_address(opened: Browser, page: Path) -> None:
+def test_the_address_opens_an_entry_and_keeps_the_filters(opened: Browser, page: Path) -> None:
     opened.type("#_text", "a b&c?")
     choose(opened, "level", "1")
     opened.click("#_unranked")
@@ -149,6 +138,7 @@ def test_filters_are_kept_in_the_address(opened: Browser, page: Path) -> None:
     assert opened.script("return document.getElementById('_text').value") == "paths"
     at(opened, page, f"{MAIN}/sleeper?env={FEW}")
     assert "signal 9" in detail(opened)  # a place is shown whatever the filters say
+    assert opened.script("return document.activeElement.textContent") == "sleeper"
 
 
 def test_no_width_makes_the_page_scroll_sideways(opened: Browser) -> None:

@@ -7,8 +7,7 @@ from typing import Any
 
 from ...records.held_back import difference_of
 from ...scoring.statistics import PairedDifference
-from .entries import Entry, simulated
-from .weights import training_commands, weights_text
+from .entries import Entry
 
 
 def answer_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, Any] | None:
@@ -32,9 +31,6 @@ def answer_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, A
         "less_stp": _lead(first.difference()),
         "next": None if following is None else (following, ids[following]),
         "less_next": None if following is None else _lead(difference_of(first, following, "all")),
-        "weights": weights_text(first),
-        "training": training_commands(first),
-        "recordings": not simulated(first.env),
     }
 
 

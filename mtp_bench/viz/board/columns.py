@@ -11,7 +11,6 @@ from ...scoring.definitions import Subset
 from ...scoring.rows import Row
 from ...tables import Column, Table, Value, columns_of
 from .entries import Entry
-from .weights import weights_text
 
 _ROW = {column.key: column for column in columns_of(Row)}
 # Columns of the page, each with the class of its cells there: narrower screens leave out "widest", "wide" and "mid".
@@ -73,16 +72,14 @@ _DIFFERENCE = (
 _GAP = "Share of the way from stp (0 %) to prediction on ground-truth tracks (100 %), both with the predictor of stp."
 _SAME_GAP = (
     "Share of the way from the single-hypothesis pipeline (0 %) to prediction on ground-truth tracks (100 %), both "
-    "with the predictor of the entry itself."
+    "with the predictor of the entry itself. Below 0 %: worse than the pipeline."
 )
 _ASSOCIATION = (
     "Share of the way from one hypothesis with as many samples as 20 (0 %) to perfect association of the same "
     "detections (100 %), both with the predictor of the entry itself."
 )
 _MS = "Mean time of one frame on the machine that made the record, milliseconds."
-_WEIGHTS = (
-    "Ships: it runs as it is. Train: a command trains it first, in about so long on two cores; its details show it."
-)
+_WEIGHTS = "Ships: it runs as it is. Train: a command in its details trains it first; minutes of nuScenes on two cores."
 _P95 = "Time within which 95 % of the frames are answered, milliseconds."
 
 _NUMBERS: Sequence[Column] = (
@@ -103,7 +100,7 @@ _NUMBERS: Sequence[Column] = (
         better="higher", help=_ASSOCIATION),
     _of_row(_ROW["coverage"], heading="covered", help="Share of the targets that have a forecast."),
     _of("ms", "ms", lambda e: e.record.measured.ms_per_frame, unit="ms", better="lower", format=".1f", help=_MS),
-    _of("weights", "weights", weights_text, help=_WEIGHTS),
+    _of("weights", "weights", lambda e: e.weights, help=_WEIGHTS),
     _of("gap", "gap closed", lambda e: e.standing.gaps.get("all"), unit="share", better="higher", help=_GAP),
     _of("hypotheses", "H", lambda e: e.record.hypotheses, help="Hypotheses of the tracker."),
     _of("samples", "K", lambda e: e.record.samples, help="Samples per object."),

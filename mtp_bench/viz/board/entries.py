@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
 from ..._bundle import baseline_names, card_ids
 from ...cards import load_card
+from ...networks import NetworkState
 from ...records import Record
 from ...records.attestation import Checked, Level
 from ...records.eligibility import why_not_genuine
@@ -18,6 +20,7 @@ from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
 from ...submission.loader import ON_SCORED
 
+_NETWORK = re.compile(r"(\w+-(?:truth|tracklets))-(MTP-[\w-]+)\.safetensors")  # as `networks.file_name` writes it
 _LAST = 1000  # behind all envs whose card states a place
 LEVEL_TEXT: dict[Level, str] = {
     "scored": "checked by its authors alone",
@@ -108,6 +111,20 @@ class Entry(Found):
     def trained_on_scored(self) -> str:
         """The part of it that was trained on the scored scenes, as it declares; empty where no part was."""
         return next((text for text in self.record.training_data if text.endswith(ON_SCORED)), "")
+
+    @property
+    def trainings(self) -> list[NetworkState]:
+        """Networks that a command trains before it runs; empty where all of its weights ship."""
+        files = (_NETWORK.fullmatch(name) for name in self.record.submission.networks)
+        return [NetworkState(file[1], file[2], trained=False, ships=False) for file in files if file]
+
+    @property
+    def weights(self) -> str | None:
+        """The text "ships" or "train in 4 min"; None for another submission than a baseline without such networks."""
+        minutes = [network.minutes for network in self.trainings]
+        if not minutes:
+            return "ships" if is_baseline(self.record) else None
+        return "train" if None in minutes else f"train in {sum(filter(None, minutes))} min"
 
     @property
     def checked(self) -> str:

@@ -22,7 +22,6 @@ from .answer import answer_of, p_value, short_name
 from .columns import COLUMN, PAGE, SUBSET_NAMES, best_text, further_columns, page_columns
 from .drawings import bar_of, curve_chart, scale_of, scene_chart, zero_of
 from .entries import Entry, empty_error, simulated
-from .weights import training_commands, weights_text
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
 _SIGNED = COLUMN["difference"]
@@ -80,8 +79,6 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
         "parts": [(*part, value) for part in _PARTS.items() if (value := getattr(entry.row, part[0]))],
         "costs": parts_text(entry.row),
         "scenes": scene_chart(entry, reference),
-        "training": training_commands(entry),
-        "weights": weights_text(entry),
     }
 
 

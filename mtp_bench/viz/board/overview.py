@@ -39,11 +39,8 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     return Overview(entries[0].earlier if entries else "", heads, rows)
 
 
-def _place(entry: Entry | None) -> tuple[float, float]:
-    """Place and error in one environment; a missing entry comes last."""
-    if entry is None:
-        return math.inf, math.inf
-    return (
-        math.inf if entry.place is None else entry.place,
-        math.inf if entry.error is None or not entry.compared else entry.error,
-    )
+def _place(entry: Entry | None) -> tuple[float, ...]:
+    """Sort key in one environment: by place, then bADE; partial and missing entries come last."""
+    if entry is None or entry.part or entry.error is None:
+        return math.inf, True, math.inf
+    return entry.place or math.inf, not entry.compared, entry.error

@@ -34,7 +34,7 @@ _FURTHER = {
         "rank",
         "The place by bADE, and the ranks that the tests leave open. Green: not significantly worse than the best.",
     ),
-    "name": ("submission", "Its name opens its details. Below: authors, licence, code and paper."),
+    "name": ("agent", "Its name opens its details. Below: authors, licence, code and paper."),
     "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
 }  # columns of a table beside those of numbers
 

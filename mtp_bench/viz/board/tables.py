@@ -36,7 +36,7 @@ def _short_table(entries: Sequence[Entry]) -> Table:
     empty_text = "" if empty is None else f"; {empty:.3f} if nothing is predicted"
     title = f"{entries[0].env}{earlier_text(entries[0])}: bADE (m){empty_text}"
     columns = [
-        Column("submission", key="submission", read=_name),
+        Column("agent", key="submission", read=_name),
         Column("ranks", key="rank", read=lambda entry: span_text(entry.standing.places["all"].span)),
         Column("bADE\n↓", key="error", read=lambda entry: entry.error),
         Column("95 %\ninterval", "m", key="interval", read=lambda e: (i := e.row.interval) and "–".join(map(short, i))),
