@@ -118,7 +118,8 @@ def _way_on() -> str:
     activate = Path(sys.executable).with_name("activate")
     if shutil.which("mtp-bench") or not activate.is_file():
         return "Parts, other settings and conditions: --full"
-    return f"Next: source {os.path.relpath(activate)}; mtp-bench --help. Parts and conditions: --full"
+    path = min(os.path.relpath(activate), str(activate), key=len)
+    return f"Next: source {path}; mtp-bench --help. Parts and conditions: --full"
 
 
 def write_table(path: Path | None, shown: Sequence[Table], data: Table) -> None:

@@ -63,8 +63,9 @@ def heading(report: Report) -> str:
 def place_of(report: Report) -> str:
     """The env of a report, or the folder of own scenes."""
     if "folder" in report.condition:
-        detections = "simulated" if "simulated" in report.condition["detections"] else "own"
-        return f"{report.condition['folder']}, {detections} detections"
+        detections = report.condition["detections"]
+        own = "own detections" if detections.startswith("own detections") else detections
+        return f"{report.condition['folder']}, {own}"
     return report.env if shipped_env(report) else f"{report.env}, changed"
 
 

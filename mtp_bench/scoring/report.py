@@ -151,7 +151,11 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
     scenes = tables[0].setting.seeds[0] if tables else ()
     made = Counter(score.detections for score in scenes)
     complete = all(table.complete for table in tables)
-    own = Path(card.source.folder or "own scenes").name if isinstance(card.source, FilesSource) else ""
+    own = ""
+    if isinstance(card.source, FilesSource):
+        own = Path(card.source.folder or "own scenes").name
+        stored = made.pop(f"{card.source.detector}, stored detections", 0)
+        made += Counter({f"own detections, settings of {card.source.detector}": stored})
     return {
         **({"folder": own} if own else {}),
         "source": card.source.name,

@@ -195,7 +195,9 @@ def test_the_main_table_has_a_row_per_agent_and_twelve_lines() -> None:
     broken = replace(known, failures={"mine": "failed on scene 'x'"}, shown=["mtp", "stp"])
     assert [line.split()[0] for line in to_text(main_table(broken)).splitlines()[4:7]] == ["stp", "mtp", "mine"]
     assert next(warnings(broken)) == "! mine failed on scene 'x'"
-    own = replace(known, condition={**known.condition, "folder": "logs", "detections": "megvii-own, stored"})
+    own = replace(
+        known, condition={**known.condition, "folder": "logs", "detections": "own detections, settings of x (2 scenes)"}
+    )
     assert main_table(own).title == "logs, own detections, 11 scenes, 3 seeds: m, less is better"
 
 

@@ -97,7 +97,7 @@ def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
     if card.detector is None and not detected:
         raise DataError(f"{where}: no detections{instead_of_stored(card)}")
     if card.detector is None:
-        label = scene.detector or f"own detections, settings of {section_of(card, FilesSource).detector}"
+        label = scene.detector or f"{section_of(card, FilesSource).detector}, stored detections"
         return replace(scene, detector=label)
     if not scene.truth_complete:
         raise DataError(
