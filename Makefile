@@ -74,7 +74,7 @@ import-linter:
 
 # compiled once per machine, in half a minute: else it is the first thing that tests wait for
 kernels:
-	@$(BIN)/python -c 'from mtp_bench.gateway.layout import compile_kernels; compile_kernels()'
+	@$(BIN)/python -c 'from mtp_bench.running.kernels import *; compile_kernels(Workers(2))'
 
 # All test processes read all tests, which pytest compiles: once here, else each of them does it at the same time.
 # What fails here fails again in `pytest`, which shows it.

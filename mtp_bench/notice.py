@@ -27,11 +27,11 @@ BAR_SECONDS = 0.25  # between two states of the bar
 _KEPT_SECONDS = 0.005  # an item that takes less was finished before
 _BAR = 20  # columns
 
-_jobs: list[Job] = []  # unfinished ones of this process, the innermost last
+_jobs: list[Notice] = []  # unfinished ones of this process, the innermost last
 _lock = threading.RLock()  # of the jobs and of the error stream
 
 
-class Job:
+class Notice:
     """Work that takes a while; see `work`."""
 
     def __init__(self, text: str, seconds: float, around: bool) -> None:
@@ -83,14 +83,14 @@ class Job:
 
 
 @contextmanager
-def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Job]:
+def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice]:
     """Tell the user of work while it lasts; one without ``text`` is silent, such as waiting for the user.
 
     ``seconds``: about how long it takes; 0: not known yet. ``around``: other work inside it speaks for it.
     """
     from multiprocessing import parent_process
 
-    job = Job(text, seconds, around)
+    job = Notice(text, seconds, around)
     if os.environ.get(QUIET, "0") not in ("", "0") or parent_process() is not None:
         yield job
         return
@@ -118,7 +118,7 @@ def duration(seconds: float) -> str:
     return f"{round(seconds / 60)} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
-def _watch(outermost: Job) -> None:
+def _watch(outermost: Notice) -> None:
     while outermost in _jobs:
         with _lock:
             _speak()
@@ -145,7 +145,7 @@ def _over(line: str) -> str:
     return f"\r{line[:width].ljust(width)}"
 
 
-def _has_bar(job: Job) -> bool:
+def _has_bar(job: Notice) -> bool:
     with suppress(ValueError, AttributeError):
         return not job.around and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
     return False

@@ -21,7 +21,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.util import Finalize
 from pathlib import Path
-from typing import Any
 
 from filelock import FileLock
 
@@ -30,6 +29,7 @@ from ..files import FULL_DISK, WriteError, cache_root, file_digest, open_regular
 from ..networks import VARIABLE as WEIGHTS
 from ..networks import network_files
 from ..notice import QUIET
+from ..running.kernels import PLAYERS, all_kernels
 from ..sources.dataset import data_root
 from ..submission.contents import digest_of, files_of
 from ..submission.loader import Submission
@@ -49,8 +49,7 @@ _MASKED = (
 MASKED = tuple(f"/proc/{name}" for name in _MASKED)
 DEVICES = ("/dev/null", "/dev/zero", "/dev/urandom")
 _SYSTEM = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib")  # shared libraries
-_PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")  # packages whose import registers all kernels
-LOADED = ("mtp_bench.submission.loader", *_PLAYERS)  # modules that a fork server imports
+LOADED = ("mtp_bench.submission.loader", *PLAYERS)  # modules that a fork server imports
 _THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 _PASSED = ("LD_LIBRARY_PATH", "NUMBA_DISABLE_JIT", *_THREADS)
 
@@ -207,25 +206,11 @@ def packages() -> tuple[str, ...]:
     return tuple(entry for entry in sys.path if entry.endswith(("site-packages", "dist-packages")))
 
 
-def compile_kernels() -> None:
-    """Fill the user's cache of compiled kernels, which every agent reads; kernels that an agent compiles are lost."""
-    for kernel in _kernels():
-        kernel.compile()
-
-
 def compiled_kernels() -> list[Path]:
     """Existing folders of the compiled kernels of this version."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return []
-    return [kernel.folder for kernel in _kernels() if kernel.folder.is_dir()]
-
-
-def _kernels() -> list[Any]:
-    """All kernels; imported here, since the judge itself does not import trackers and predictors."""
-    for package in _PLAYERS:
-        importlib.import_module(package)
-    kernels: list[Any] = importlib.import_module("mtp_bench.tracking.kernels.compile").KERNELS
-    return kernels
+    return [kernel.folder for kernel in all_kernels() if kernel.folder.is_dir()]
 
 
 def _system_libraries() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:

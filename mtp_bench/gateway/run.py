@@ -16,11 +16,12 @@ from ..env.building import make_action
 from ..env.environment import MTPEnv
 from ..errors import SubmissionError
 from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers, unordered_map
+from ..running.kernels import compile_kernels
 from ..running.run import agent_task, derived_seed
 from ..sources.cache import scene_digest
 from ..submission.loader import load_submission
 from .exchange import Exchange, answer_bytes
-from .layout import compile_kernels, image_of, layout_for
+from .layout import image_of, layout_for
 from .limits import Limits, SandboxBackend, SceneRun
 from .process import AgentProcess, SandboxSpec
 from .sandbox import sandbox_backend
@@ -102,7 +103,7 @@ def run_isolated_scenes(
     with every finished scene, in the order of completion and in this process. ``digest``: of the submission in
     all scenes; None: the one that it has now.
     """
-    compile_kernels()
+    compile_kernels(workers)
     card = MTPEnv(env_id, **env_keywords).card
     digest = digest or image_of(load_submission(submission), card.id, card.weights_of).digest
     # Decided once, so that all scenes run in the same sandbox; other machines decide for themselves.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.gateway.layout import compile_kernels
+from mtp_bench.running.kernels import compile_kernels
 from tests.support.hostile import Court
 
 

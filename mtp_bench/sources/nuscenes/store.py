@@ -70,7 +70,7 @@ class CachedFolder:
             raise DataError(f"{path} cannot be read back after writing it")
         return arrays
 
-    def _told(self) -> AbstractContextManager[notice.Job]:
+    def _told(self) -> AbstractContextManager[notice.Notice]:
         """Tell the user what is read."""
         names = [path.name for path in self.sources.values()]
         size = sum(path.stat().st_size for path in self.sources.values())

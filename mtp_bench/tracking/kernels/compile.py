@@ -36,7 +36,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config
 _lock = threading.RLock()
 _announced: set[str] = set()
-_SECONDS = {"joint_k_best": 30, "k_means": 5, "all": 45}  # of the slow ones, measured
+_SECONDS = {"joint_k_best": 30, "k_means": 5}  # of the slow ones, measured
 
 
 @final
@@ -65,23 +65,27 @@ class Kernel(Generic[R]):
         """Folder of the compiled kernel in the cache."""
         return cache.folder_of(self.function, self.signature)
 
+    @property
+    def is_cached(self) -> bool:
+        """True if nothing has to be compiled."""
+        return bool(_config.DISABLE_JIT) or cache.is_sound(self.folder, self.function.__code__.co_filename)
+
     def _load(self) -> Callable[..., R]:
-        source = self.function.__code__.co_filename
         try:
-            if cache.is_sound(self.folder, source):
+            if self.is_cached:
                 return self._jit(self.folder)
             name = self.function.__name__
-            text = f"compiling kernel {name} once per machine (all of trackers and samplers: {_SECONDS['all']} s)"
+            text = f"compiling kernel {name} of trackers and samplers, once per machine"
             with notice.work(text, _SECONDS.get(name, 0)), cache.locked(self.folder):
                 # no other process has compiled it meanwhile
-                if not cache.is_sound(self.folder, source) and cache.clear(self.folder):
+                if not self.is_cached and cache.clear(self.folder):
                     _announce(f"a compiled kernel in {self.folder} is damaged and compiled again")
                 compiled = self._jit(self.folder)
                 cache.seal(self.folder)
                 return compiled
         except (OSError, RuntimeError):  # the cache cannot be written; a RuntimeError is Numba's
             _announce(
-                f"compiling the kernels of trackers and samplers: {_SECONDS['all']} s in every process, "
+                "compiling the kernels of trackers and samplers: about 45 s in every process, "
                 "since the cache cannot be written; set NUMBA_CACHE_DIR to another folder"
             )
             return self._jit(None)

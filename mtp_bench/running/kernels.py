@@ -1,0 +1,37 @@
+"""Compiled kernels of trackers and samplers, filled into the user's cache before workers need them."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from .. import notice
+from ..parallel import SERIAL, Workers, parallel_map
+
+PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")  # packages whose import registers all kernels
+_SECONDS = 35  # in several processes: one kernel takes most of it
+
+
+def all_kernels() -> list[Any]:
+    """All kernels; imported here, since the judge itself does not import trackers and predictors."""
+    for package in PLAYERS:
+        importlib.import_module(package)
+    kernels: list[Any] = importlib.import_module("mtp_bench.tracking.kernels.compile").KERNELS
+    return kernels
+
+
+def compile_kernels(workers: Workers = SERIAL) -> None:
+    """Fill the user's cache of compiled kernels over the processes of this machine.
+
+    Workers are silent and an agent's sandbox keeps nothing, so it is done before them.
+    """
+    missing = [(place,) for place, kernel in enumerate(all_kernels()) if not kernel.is_cached]
+    if workers.count == 1:  # each kernel speaks for itself
+        parallel_map(_compile, missing)
+    elif missing:
+        with notice.work("compiling kernels of trackers and samplers, once per machine", _SECONDS):
+            parallel_map(_compile, missing, Workers(workers.count))
+
+
+def _compile(place: int) -> None:
+    all_kernels()[place].compile()
