@@ -9,6 +9,7 @@ from typing import Unpack
 
 from ..cards import Card
 from ..errors import SubmissionError
+from ..parallel import reported
 from ..scoring import AgentScores, Reference, References, Report, summarise
 from ..submission.loader import controls
 from ..submission.manifest import Role
@@ -61,8 +62,12 @@ def compare(
     user can mend, and if a control or every agent fails.
     """
     require_list(agents)
-    agents = list(agents)
     env_id, options = asked(env_id, options, keywords)
+    with reported(f"comparing on {getattr(env_id, 'id', env_id)}", own=options.progress) as progress:
+        return _compared(list(agents), env_id, replace(options, progress=progress), full)
+
+
+def _compared(agents: Sequence[object], env_id: str | Card, options: RunOptions, full: bool) -> Comparison:
     # first, for an error in a file of weights
     ranked = RankedScenes.of(env_id, options)
     card, scenes, role = ranked.card, ranked.chosen, controls()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Unpack
 
 from ..cards import Card
 from ..env.environment import MTPEnv
-from ..parallel import SERIAL
+from ..parallel import SERIAL, reported
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.scenes import SceneResult
 from ..submission.objects import ObjectSubmission, submission_of
@@ -30,6 +30,11 @@ def evaluate(
     Raises MtpBenchError for errors that the user can mend, such as an agent that fails.
     """
     env_id, options = asked(env_id, options, keywords)
+    with reported(f"evaluating on {getattr(env_id, 'id', env_id)}", own=options.progress) as progress:
+        return _evaluated(agent, env_id, replace(options, progress=progress))
+
+
+def _evaluated(agent: object, env_id: str | Card, options: RunOptions) -> Report:
     ranked = RankedScenes.of(env_id, options)
     setting = setting_of(submission_of(agent), ranked.card)
     options.require_tracks_used([setting.submission])

@@ -18,8 +18,9 @@ from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, SubmissionError
 from ..parallel import parallel_map, reported, unordered_map
-from ..submission.loader import Submission
+from ..submission.loader import Submission, SubmissionFactory
 from ..types import Rollout, Scene, Task
+from .kernels import compile_kernels
 from .options import DEFAULTS, RunOptions
 
 MakeAgent = Callable[[Task], Agent]
@@ -114,6 +115,8 @@ def run_jobs(
     path on every worker. ``finished`` is called in this process with every result. Raises AgentFailedError; with
     ``caught`` the error is the result of its job, and the others go on.
     """
+    if options.workers.count > 1 and any(isinstance(job.make_agent, SubmissionFactory) for job in jobs):
+        compile_kernels(options.workers)
     agents, results = list(dict.fromkeys(job.agent for job in jobs)), dict[int, Any]()
     with reported(f"running {', '.join(agents[:3])}{' and others' * (len(agents) > 3)}", own=options.progress) as told:
         told.started(len(jobs))
