@@ -82,6 +82,9 @@ def test_a_window_opens_at_the_event(
                 raise RuntimeError(f"{times}, expected frame 3")
 
         until(opened)
+        views = {view.name: view.reports for view in viewer.get_state().views}
+        assert "lost-0 alone" in views
+        assert not any(views.values()), "every view is drawn without a report"
 
 
 def test_pages_are_served_on_this_machine_only(folder: Path, known: list[str]) -> None:

@@ -1,4 +1,4 @@
-"""Rerun's viewer without a screen, for pictures of recordings that are drawn in software."""
+"""Rerun's viewer without a screen, which draws in software."""
 
 from __future__ import annotations
 
@@ -11,15 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
 import pytest
-from numpy.typing import NDArray
-from PIL import Image
 
-from mtp_bench.viz.palette import Color
 from mtp_bench.viz.rerun import viewer as rerun_viewer
-from mtp_bench.viz.rerun.sdk import ViewerClient
-from mtp_bench.viz.rerun.viewer import LOCAL, free_port, start_viewer
+from mtp_bench.viz.rerun.viewer import LOCAL, free_port
 
 T = TypeVar("T")
 
@@ -41,18 +36,6 @@ def require_driver() -> None:
 
 
 @contextmanager
-def headless_viewer() -> Iterator[ViewerClient]:
-    """A new viewer, which listens on this machine only."""
-    port = free_port()
-    viewer = start_viewer(port, ["--headless", "--window-size", "1600x900", "--hide-welcome-screen", "--threads", "2"])
-    try:
-        yield until(lambda: ViewerClient.connect(address_of(port)))
-    finally:
-        viewer.terminate()
-        viewer.wait()
-
-
-@contextmanager
 def windows_without_a_screen(patch: pytest.MonkeyPatch) -> Iterator[str]:
     """Address of a headless viewer that starts in place of a window; it ends with the context."""
     port, started, popen = free_port(), [], subprocess.Popen
@@ -70,19 +53,6 @@ def windows_without_a_screen(patch: pytest.MonkeyPatch) -> Iterator[str]:
         for viewer in started:
             viewer.terminate()
             viewer.wait()
-
-
-def picture(viewer: ViewerClient, path: Path, view_id: str | None = None) -> NDArray[np.uint8]:
-    """A picture [height, width, 3] of one view or of the whole window; also written to ``path``."""
-    viewer.save_screenshot(str(path), view_id)
-    with Image.open(path) as image:
-        return np.asarray(image.convert("RGB"))
-
-
-def near(image: NDArray[np.uint8], color: Color, tolerance: int = 12) -> int:
-    """Number of pixels of a colour."""
-    gap = np.abs(image.astype(np.int64) - np.array(color)).max(axis=-1)
-    return int((gap <= tolerance).sum())
 
 
 def until(action: Callable[[], T]) -> T:

@@ -164,17 +164,6 @@ def write_root(data: Path) -> Path:
     return data
 
 
-def link_root(data: Path, real: Path) -> Path:
-    """A data root with the real nuScenes at ``real`` behind links, beside which a test may put files of its own."""
-    root = data / "nuscenes"
-    (root / "maps").mkdir(parents=True)
-    for path in (real / "nuscenes").iterdir():
-        if path.name != "maps":
-            (root / path.name).symlink_to(path)
-    (root / "maps/prediction").symlink_to(real / "nuscenes/maps/prediction")
-    return data
-
-
 def nuscenes_card(classes: tuple[str, ...] = ("car", "pedestrian"), rate: float = 2.0, **source: Any) -> Card:
     """A card of the small root: every box of all scenes unless ``source`` says otherwise."""
     every = {"version": VERSION, "split": "all", "truth": "all", **source}
