@@ -103,15 +103,6 @@ def test_samples_weigh_as_much_as_their_hypothesis() -> None:
     assert len(np.unique(posterior["forecast"][0].reshape(240, -1), axis=0)) == 240
 
 
-def test_objects_of_small_mass_are_left_out() -> None:
-    few, many = (answers(pipeline(20, min_mass=mass)) for mass in (0.9, 0.0))
-    counts = np.array([[a["object_valid"].sum() for a in actions] for actions in (few, many)])
-    assert (counts[0] <= counts[1]).all()
-    assert counts[0].sum() < counts[1].sum()
-    for a, b in zip(few, many, strict=True):
-        np.testing.assert_array_equal(a["track_box"], b["track_box"])  # the tracks are all there
-
-
 class Halves:
     """Every second track is certainly there, the others by one half."""
 
@@ -137,13 +128,6 @@ def test_confidence_is_the_mean_presence_over_hypotheses() -> None:
         np.testing.assert_allclose(action["object_confidence"][: len(expected)], expected, rtol=1e-6)
         several += sum(0.5 < value < 0.99 for value in expected)
     assert several > 20
-
-
-def test_frames_without_detections() -> None:
-    for action in answers(pipeline(5), frames=[frame()] * 3):
-        assert not action["track_valid"].any()
-        assert not action["object_valid"].any()
-        assert action["hypothesis_log_weight"][0] == 0.0
 
 
 def test_a_function_is_a_predictor() -> None:

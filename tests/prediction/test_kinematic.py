@@ -12,10 +12,9 @@ from mtp_bench.agent import Frame
 from mtp_bench.geometry import transform_boxes
 from mtp_bench.prediction import HedgedPredictor, KinematicPredictor, NoiseTable
 from mtp_bench.prediction.kalman import filtered, heading_frame
-from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Bools, Floats
-from tests.support.tracking_scenes import SIZE, kitti_task, random_frames, run, tracks_with_past
+from tests.support.tracking_scenes import SIZE, kitti_task, tracks_with_past
 
 DT = 0.1
 TASK = kitti_task(dt=DT, seed=5)
@@ -24,12 +23,6 @@ NOISE = NoiseTable(
     jerkiness=np.array([[0.5, 0.2], [0.3, 0.4], [1.0, 0.1]]),
     speed=np.array([[5.0, 0.5], [1.0, 1.0], [3.0, 0.2]]),
     acceleration=np.array([[0.4, 0.1], [0.2, 0.2], [0.5, 0.3]]),
-)
-QUIET = NoiseTable(
-    measurement=np.full(3, 1e-6),
-    jerkiness=np.full((3, 2), 1e-6),
-    speed=NOISE.speed,
-    acceleration=np.full((3, 2), 1e-6),
 )
 
 
@@ -186,21 +179,6 @@ def test_pasts_are_cut_to_what_the_task_gives() -> None:
     assert len(np.unique(hedged(9, past=2)[:, -1], axis=0)) == 9
 
 
-def test_a_straight_line_goes_on() -> None:
-    futures = predict(tracks_with_past(arc(6.0, 0.0)[None]), noise=QUIET)
-    truth = arc(6.0, 0.0, first=1)[:, :2]
-    np.testing.assert_allclose(futures[0], np.broadcast_to(truth, (20, 10, 2)), atol=1e-3)
-
-
-def test_a_track_of_one_detection_does_not_explode() -> None:
-    past, valid = np.zeros((1, 10, 7)), np.zeros((1, 10), dtype=bool)
-    past[0, -1], valid[0, -1] = arc(0.0, 0.0)[0], True
-    futures = predict(tracks_with_past(past, valid), 5000)
-    spread = np.linalg.norm(futures[0, :, -1] - [30, -20], axis=1)
-    assert np.quantile(spread, 0.5) < 5.0  # the prior speed of a car: 5 m/s, for one second
-    assert spread.max() < 30.0
-
-
 def test_a_shorter_past_is_the_past_cut_off() -> None:
     rng = np.random.default_rng(2)
     past = arc(3.0, 0.3)[None] + rng.normal(0, 0.05, (1, 10, 7))
@@ -216,19 +194,6 @@ def test_noise_of_objects_that_never_change_their_motion() -> None:
     assert np.isfinite(predict(tracks_with_past(past), noise=still)).all()
     unseen = tracks_with_past(past, np.arange(10)[None] < 5)  # it coasts longer than the window that is read
     assert np.isfinite(predict(unseen, noise=still, past=2)).all()
-
-
-def test_all_tracks_of_a_tracker_get_finite_samples() -> None:
-    predictor, task = KinematicPredictor(), kitti_task()
-    predictor.reset(task)
-    frames = random_frames(np.random.default_rng(9), 25, objects=12, area=6.0)
-    total = 0
-    for number, tracks in enumerate(run(HypothesisTracker(6), frames, task)):
-        forecasts = predictor.predict(Frame(number, tracks, ()))
-        assert forecasts.samples.shape == (tracks.member.sum(), task.k, 10, 2)
-        assert np.isfinite(forecasts.samples).all()
-        total += len(tracks.box)
-    assert total > 100
 
 
 def test_turning_the_world_turns_the_samples() -> None:

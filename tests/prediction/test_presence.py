@@ -30,7 +30,7 @@ from mtp_bench.running.reference import frozen_reference
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
-from tests.support.tracking_scenes import CYCLIST, at_once, frame, kitti_task, observation, run
+from tests.support.tracking_scenes import CYCLIST, at_once, frame, kitti_task, run
 
 SHIPPED = sorted(path.stem for path in MODELS.glob("*.json"))
 CHANGES = {"last_score": 1.0, "mean_score": 2.0, "hits": 3, "age": 6, "unseen": 0, "range": 20.0, "speed": 1.0}
@@ -57,23 +57,6 @@ def test_the_history_of_a_track() -> None:
             "log_misses": np.log(3), "log_range": np.log1p(got.range[0]), "log_speed": np.log1p(got.speed[0]),
         }
     )  # fmt: skip
-
-
-def test_the_tracker_remembers_the_last_score_and_the_age() -> None:
-    def scored(score: float, *places: float) -> Any:
-        seen = observation(frame(*((x, 4.0, CYCLIST) for x in places)))
-        return {**seen, "detection_score": np.full(len(seen["detection_valid"]), score)}
-
-    tracker = HypothesisTracker(1, at_once())
-    tracker.reset(kitti_task())
-    steps = [tracker.step(seen) for seen in (scored(3.0, 0), scored(1.0, 0, 90), scored(0.0), scored(5.0, 0))]
-    got = [dict(zip(t.track_id.tolist(), zip(t.last_score, t.hits, t.age, strict=True), strict=True)) for t in steps]  # type: ignore[arg-type]
-    assert got == [
-        {0: (3, 1, 1)},
-        {0: (1, 2, 2), 1: (1, 1, 1)},
-        {0: (1, 2, 3), 1: (1, 1, 2)},
-        {0: (5, 3, 4), 1: (1, 1, 3)},
-    ]
 
 
 def test_a_track_that_nobody_saw_in_its_whole_past_was_not_seen_just_now() -> None:

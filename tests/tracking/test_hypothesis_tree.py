@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections import defaultdict
-from typing import Any
 
 import numpy as np
 import pytest
 
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.tracking.kernels.association import joint_k_best
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Bools, Floats, Ints
 from tests.support.tracking_scenes import CYCLIST, Frame, at_once, frame, random_frames, run
@@ -101,30 +99,6 @@ def test_the_past_of_a_leaf_is_that_of_a_leaf_before(history: list[Tracks]) -> N
                 assert any(np.array_equal(past[:-1], parent[1:]) for parent in known[identity])
             else:
                 assert now.past_valid[i].tolist() == [False] * 9 + [True]
-
-
-def best_costs(frames: list[Frame], hypotheses: int, monkeypatch: pytest.MonkeyPatch) -> Floats:
-    """Cost of the best hypothesis after each frame, since the beginning."""
-    steps: list[float] = []
-
-    def recording(*arguments: Any) -> Any:
-        found = joint_k_best(*arguments)
-        steps.append(float(found[0][0]))
-        assert (np.diff(found[0]) >= 0).all()
-        return found
-
-    with monkeypatch.context() as patch:
-        patch.setattr("mtp_bench.tracking.tracker.joint_k_best", recording)
-        list(run(HypothesisTracker(hypotheses), frames))
-    return np.cumsum(steps)
-
-
-def test_more_hypotheses_find_a_cheaper_history(crowd: list[Frame], monkeypatch: pytest.MonkeyPatch) -> None:
-    # Not a theorem: the single hypothesis may drop out of the H best and would have become the best again.
-    one, few, many = (best_costs(crowd, h, monkeypatch) for h in (1, 5, 20))
-    assert (few <= one + 1e-9).all()
-    assert (many <= one + 1e-9).all()
-    assert many[-1] < one[-1] - 0.5
 
 
 @pytest.mark.parametrize("hypotheses", [1, 6])

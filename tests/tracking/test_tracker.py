@@ -81,17 +81,6 @@ def test_greedy_takes_the_best_pair_first_whatever_the_class(assignment: str, id
     assert tracks.track_id[tracks.detection >= 0].tolist() == ids
 
 
-CAR_RULE = ClassParameters("hungarian", "iou_3d", 0.1, 1, 2)
-
-
-def test_iou_as_affinity() -> None:
-    # A step of 3 m leaves an IoU of 1/7 (4 m long): matched; one of 3.5 m leaves 1/15: not.
-    for step, ids in ((3.0, [0]), (3.5, [0, 1])):
-        frames = [frame((0.0, 0.0, CAR)), frame((step, 0.0, CAR))]
-        *_, tracks = run(HypothesisTracker(1, (CAR_RULE,)), frames, kitti_task(classes=("car",)))
-        assert tracks.track_id.tolist() == ids
-
-
 # the object and x of one car's detections; then the tracks that are output, lower case without a detection
 GIVEN: dict[str, tuple[list[tuple[int, float] | None], str]] = {
     "continues at any distance": ([(7, 0), (7, 90), (7, -900)], "AAA"),

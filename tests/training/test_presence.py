@@ -11,12 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.cards import load_card
-from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.prediction.presence import FEATURES, MODELS, TrackHistory, logistic, read_model
+from mtp_bench.prediction.presence import MODELS, TrackHistory, logistic, read_model
 from mtp_bench.running.options import RunOptions
-from mtp_bench.sources import load_scenes
 from mtp_bench.training import presence
 from mtp_bench.training.presence import design, isotonic_knots, quality
 from mtp_bench.training.presence_rows import PresenceRecipe, PresenceRows, collect
@@ -122,15 +119,6 @@ def test_labels_are_those_of_the_rule_for_forecasts() -> None:
     frames_told = len(told) // 3
     assert frames_told > 0
     assert Counter(told) == {(10, True): frames_told, (10, False): frames_told, (30, False): frames_told}
-
-
-def test_rows_of_presence_are_complete(card: str, kitti: str) -> None:
-    env = MTPEnv(card, kitti)
-    rows = collect(load_scenes(card, data=kitti), load_card(card), env.task)
-    assert rows.present.any()
-    assert set(rows.class_name) <= set(env.task.classes)
-    assert len({len(values) for values in vars(rows).values()}) == 1
-    assert all(np.isfinite(make(rows)).all() for make in FEATURES.values())
 
 
 def test_the_quality_of_probabilities() -> None:

@@ -128,17 +128,6 @@ def test_where_weights_are_looked_for(file: Path, monkeypatch: pytest.MonkeyPatc
     assert find_weights("modes", "truth", replace(TASK, env_id="MTP-Merge-v0", weights_of="MTP-Highway-v0")) == lent
 
 
-def test_an_agent_runs_the_network_of_its_task(file: Path) -> None:
-    agent = Pipeline(HypothesisTracker(4, at_once()), LearnedPredictor("modes", weights=file), KMeansSampler())
-    agent.reset(TASK)
-    frames = [frame((0.8 * step, 0.0, 0), (5.0, 9.0, 1), (30.0, 0.4 * step, 2)) for step in range(12)]
-    told = [agent.act(observation(seen)) for seen in frames][-1]
-    there = told["object_valid"] > 0
-    assert there.sum() == 3
-    assert np.isfinite(told["forecast"][there]).all()
-    np.testing.assert_allclose(np.exp(told["forecast_log_weight"][there]).sum(axis=1), 1.0, atol=1e-5)
-
-
 def test_classes_are_matched_by_name(file: Path) -> None:
     both = []
     for classes, number in ((TASK.classes, 1), (("pedestrian",), 0)):
