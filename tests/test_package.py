@@ -17,7 +17,6 @@ import yaml
 
 import mtp_bench
 from mtp_bench import _bundle
-from mtp_bench.running.options import RunOptions
 
 PUBLIC = {
     "ActionError", "CardError", "DataError", "MtpBenchError", "RecordError", "RolloutError", "ShapeError",
@@ -68,14 +67,6 @@ def test_parts_are_imported_when_they_are_used() -> None:
         "print(all(callable(getattr(mtp_bench, name)) for name in ('run', 'score', 'compare')))"
     )
     assert out.splitlines() == ["[]", "True", "True"]
-
-
-def test_a_run_is_made_and_scored_by_public_names(card: str, kitti: str, tmp_path: Path) -> None:
-    options = RunOptions(kitti, scenes=1)
-    assert mtp_bench.run("stp", card, str(tmp_path / "run"), options).scenes == 1
-    report = mtp_bench.score(str(tmp_path / "run"), options, card).report
-    assert isinstance(report, mtp_bench.Report)
-    assert report.rows[0].agent == "stp"
 
 
 def test_the_import_loads_nothing_heavy() -> None:

@@ -40,45 +40,13 @@ def test_a_sound_submission_passes(folder: Path, cli: CommandLine, tmp_path: Pat
     assert [finding["check"] for finding in content["findings"]][-1] == "gateway"
 
 
-def test_an_agent_that_raises_shows_file_line_and_text(folder: Path, cli: CommandLine) -> None:
-    edit(folder, ACT, ACT + '        if observation["time"] > 3:\n            raise ValueError("no [more] frames")\n')
-    output = cli("check", folder, "--scenes", 1)
-    assert output.error == "mine does not pass: 1 error, see the table"
-    assert "ValueError: no [more] frames" in output.out
-    line = (folder / "agent.py").read_text().splitlines().index('            raise ValueError("no [more] frames")') + 1
-    assert f'agent.py, line {line}, in act: raise ValueError("no [more] frames")' in output.out
-    assert "frame 7" in output.out
-    assert "to do: see the lines of its code" in output.out
-
-
-FAILS = {
-    "import": (
-        "import nothing_of_this_name",
-        "importing agent.py failed: ModuleNotFoundError: No module named 'nothing_of_this_name'",
-        "in <module>: import nothing_of_this_name",
-    ),
-    "syntax": ("import = 3", "SyntaxError: invalid syntax (agent.py, line 10)", "agent.py"),
-}
-
-
-@pytest.mark.parametrize(("line", "text", "where"), FAILS.values(), ids=FAILS)
-def test_code_that_cannot_be_imported_shows_the_line(
-    line: str, text: str, where: str, folder: Path, cli: CommandLine
-) -> None:
-    edit(folder, "import numpy as np", f"import numpy as np\n{line}")
-    output = cli("check", folder)
-    assert output.status == 1
-    assert text in output.out
-    assert where in output.out
-
-
 def test_what_only_the_gateway_sees(folder: Path, cli: CommandLine) -> None:
     edit(folder, ACT, ACT + "        import os\n        if 'HOME' not in os.environ and 'PATH' not in os.environ or "
          "os.environ.get('CHECK_ME') is None:\n            raise RuntimeError('no environment')\n")  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CHECK_ME", "1")
         output = cli("check", folder, "--scenes", 1)
-    assert output.status == 1
+    assert output.error == "mine does not pass: 1 error, see the table"
     assert "crashed" in output.out
     assert "no environment" in output.out
 

@@ -16,7 +16,7 @@ import pytest
 import typer.main
 
 import mtp_bench
-from mtp_bench import card_ids, load_card
+from mtp_bench import card_ids
 from mtp_bench.commands.app import app
 from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine, copy_sequence, plain_environment, read_json, write_submission
@@ -160,15 +160,6 @@ def test_a_misspelt_agent_is_refused_before_scenes_are_made(
     monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
     assert "unknown submission 'spt': did you mean 'stp'?" in cli(*arguments, "--env", "MTP-Roundabout-v0").error
     assert not list(tmp_path.iterdir())
-
-
-def test_envs(cli: CommandLine, tmp_path: Path) -> None:
-    printed = cli.ok("envs", "--json", tmp_path / "a.json")
-    content = read_json(tmp_path / "a.json")
-    assert list(content) == list(card_ids())
-    for env_id in card_ids():
-        assert env_id in printed
-        assert content[env_id]["digest"] == load_card(env_id).digest
 
 
 def test_json_on_standard_output_stands_alone(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from pathlib import Path
@@ -12,9 +11,6 @@ import pytest
 import typer.main
 
 from mtp_bench.commands.app import app
-from mtp_bench.running import stored
-from mtp_bench.running.options import RunOptions
-from mtp_bench.scoring.score import KINDS as OWN_EVENTS
 from mtp_bench.viz.replay import Incident
 from mtp_bench.viz.terminal.event_table import EventRow, in_order
 from tests.support.command_line import CommandLine, on_terminal, read_json
@@ -125,15 +121,3 @@ def test_a_run_for_another_card_is_refused(
     (tmp_path / Path(card).name).write_text(other)
     error = cli("events", events_run, "--env", tmp_path / Path(card).name, "--data", kitti).error
     assert "run the agent again" in error
-
-
-@pytest.mark.data
-@pytest.mark.parametrize("env_id", ["MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0"])
-def test_as_many_events_as_in_the_score(env_id: str, cli: CommandLine, data_root: Path, tmp_path: Path) -> None:
-    stored.run("stp", env_id, tmp_path / "run", RunOptions(str(data_root), scenes=2))
-    cli.ok("events", tmp_path / "run", "--data", data_root, "--json", tmp_path / "a.json")
-    details = stored.score(tmp_path / "run", RunOptions(str(data_root))).report.details[0]
-    content = json.loads((tmp_path / "a.json").read_text())
-    assert {kind: content["counts"][kind] for kind in OWN_EVENTS} == details.own_events
-    for kind in ("ids", "lost", "reacquired"):
-        assert sum(event["kind"] == kind for event in content["events"]) == details.own_events[kind]

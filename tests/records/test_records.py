@@ -21,7 +21,6 @@ from mtp_bench.records.storage import content_digest
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.rows import Row
 from mtp_bench.sources.cache import scene_digest
-from tests.support.command_line import CommandLine
 from tests.support.small_scenes import make_scene
 from tests.support.stored_records import save_record, scene_part, ships_of, write_record
 
@@ -42,17 +41,6 @@ def test_a_record_comes_back_as_it_was(tmp_path: Path) -> None:
     record = save_record(write_record(1.0, 2.0), tmp_path / "new" / "a.json")
     assert load_record(tmp_path / "new" / "a.json") == record
     assert len(record.digest) == 64
-
-
-def test_what_users_write_is_kept_verbatim(tmp_path: Path) -> None:
-    text = "<script>alert('ä')</script> [bold] & \"x\""
-    part = {"authors": [text], "description": text, "parameters": {text: text}}
-    save_record(write_record(1.0, submission=part, training_data=[text]), tmp_path / "a.json")
-    read = load_record(tmp_path / "a.json")
-    assert read.submission.authors == [text]
-    assert read.submission.description == text
-    assert read.training_data == [text]
-    assert "<script>" in (tmp_path / "a.json").read_text(encoding="utf-8")
 
 
 def test_the_digest_is_over_the_content_alone(tmp_path: Path) -> None:
@@ -183,13 +171,6 @@ def test_units_rank_not_scenes() -> None:
     assert ranks(write_record(1.0, per_scene=[part.model_dump()])) == [1]
 
 
-def test_four_recordings_rank_nobody() -> None:
-    two = write_record(*EIGHT[:4], name="a"), write_record(*times(2.0)[:4], name="b")
-    assert ranks(*two) == [None, None]
-    assert reasons(*two) == ["too few recordings to rank: 4.0 effective units, fewer than 6"] * 2
-    assert all(standing.compared for standing in standings(two, ships=ships_of(*two)).values())
-
-
 def on_events(record: Record) -> Record:
     """The record with as much weight on ids and reacquired as on all targets."""
     scenes = [
@@ -203,16 +184,6 @@ def on_events(record: Record) -> Record:
     ]
     rows = [row.model_copy(update={"effective_objects": 40.0}) for row in record.rows]
     return record.model_copy(update={"per_scene": scenes, "rows": rows})
-
-
-def test_who_is_worse_than_stp_over_all_targets_is_not_ranked_on_events() -> None:
-    stp, good, poor = (
-        on_events(write_record(*times(factor), name=name)) for factor, name in ((1.0, "stp"), (0.9, "a"), (1.1, "b"))
-    )
-    assert ranks(stp, good, poor) == [2, 1, 3]
-    assert ranks(stp, good, poor, subset="ids") == [2, 1, None]
-    assert reasons(stp, good, poor, subset="ids")[2] == "over all targets its bADE is above that of stp"
-    assert reasons(good, poor, subset="ids") == ["no record of stp beside it"] * 2  # nothing to compare with
 
 
 def test_envs_are_ranked_apart() -> None:
@@ -321,7 +292,3 @@ def test_a_manifest_tells_of_every_number_but_not_of_rounding() -> None:
         replace(scene, detections=replace(scene.detections, score=scene.detections.score + 1)),
     ):
         assert scene_digest(other) != scene_digest(scene)
-
-
-def test_a_folder_without_records(cli: CommandLine, tmp_path: Path) -> None:
-    assert cli("verify", tmp_path).error == f"{tmp_path}: no record there, expected files <submission>/<env id>.json"

@@ -114,14 +114,6 @@ def comparison(*others: AgentScores, stp: float = 1.0, own: Mapping[str, Referen
     return summarise([*ends, *others], CARD, ALIKE, references=own)
 
 
-def test_gap_closed_is_undefined_at_another_k_and_where_there_is_no_gap() -> None:
-    free = agent("half", run(0.6), samples=40, budget="free")
-    assert row(comparison(free), agent=2).gap_closed is None
-    assert row(comparison(agent("half", run(0.6)), stp=0.2), agent=2).gap_closed is None
-    assert row(comparison(agent("half", run(0.6)), stp=0.1), agent=2).gap_closed is None
-    assert row(summarise([agent("half", run(0.6))], CARD)).gap_closed is None
-
-
 def test_the_gaps_with_an_agent_s_own_predictor_and_why_others_are_blank() -> None:
     runs = (agent("r", run(error)) for error in (0.7, 0.3, 0.65, 0.6, 0.6, 0.3))
     kinematic = References(agent("stp", run(1.0)), agent("truth_past", run(0.2)), *[agent("r", run(0.5))] * 2)

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from mtp_bench.errors import RolloutError
 from mtp_bench.scoring import AgentScores, SceneScore, score_scene, summarise
 from mtp_bench.scoring.bade import Cuts, budgets_of, errors_at
-from mtp_bench.scoring.score import Outcome
 from mtp_bench.scoring.table import agent_table
 from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import (
@@ -116,15 +115,6 @@ def test_any_heading_up_to_the_rounding_of_forecasts(yaw: float) -> None:
 
 
 # ---- cuts
-
-
-def test_what_became_of_a_forecast() -> None:
-    truth = [Thing(1, 0, 0), Thing(2, 20, 0, eligible=False), Thing(3, 40, 0, neutral=True)]
-    said = [Thing(0, x, 0, forecast=[[[x, 1]] * 3], confidence=0.9 - x / 100) for x in (0, 20, 40, 60)]
-    score = score_scene(make_scene([truth] * 5), make_rollout([[]] * 5, [said, said]), CARD)  # frame 0 is not live
-    assert score.outcome.tolist() == [Outcome.TARGET, Outcome.NON_TARGET, Outcome.NEUTRAL, Outcome.FALSE_POSITIVE]
-    assert score.final_error.tolist() == [1.0, np.inf, np.inf, np.inf]
-    assert (score.forecasts, score.false_forecasts) == (4, 1)
 
 
 def test_the_score_of_the_nearest_detection() -> None:
@@ -230,14 +220,6 @@ def test_counts_of_the_best_hypothesis() -> None:
     assert score.own_ids.tolist() == [False, True]  # targets are frames 1 and 2
     assert score.all_h_ids.tolist() == [False, False]
     assert score.own_events == {"ids": 1, "lost": 1, "wrong": 0, "reacquired": 0}
-
-
-def test_a_track_without_a_class_fits_every_class() -> None:
-    truth = [[Thing(1, 0, 0, class_id=1)]] * 4
-    tracks = [[Thing(3, 0.1, 0, class_id=-1), Thing(4, 30, 0, class_id=-1)]] * 4
-    score = scored(truth, tracks)
-    assert score.counts.tp.tolist() == [0, 4, 0]
-    assert score.counts.fp.tolist() == [0, 0, 4]
 
 
 @pytest.mark.parametrize("right", [True, False])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.scoring.targets import recording_of, units
+from mtp_bench.scoring.targets import units
 from mtp_bench.sources import open_source
 from tests.support.scoring_scenes import make_card, make_scene
 from tests.support.source_files import with_task
@@ -41,18 +41,6 @@ def test_a_hole_counts_as_one_period(frames: int, blocks: int) -> None:
     time = np.cumsum(0.5 + 0.1 * np.sin(np.arange(frames))) + 30.0 * (np.arange(frames) > 20)  # it jitters too
     block = units(replace(make_scene([[]] * frames), time=time), with_task(CARD, rate=2.0))
     assert block.max() + 1 == blocks
-
-
-def test_a_scene_is_its_own_recording_unless_it_is_cut() -> None:
-    scene = make_scene([[]], name="a")
-    assert recording_of(scene) == "a"
-    assert recording_of(replace(scene, recording="whole")) == "whole"
-
-
-@pytest.mark.parametrize("env", ["MTP-Highway-v0", "MTP-Intersection-v0", "MTP-Merge-v0", "MTP-Roundabout-v0"])
-def test_a_simulated_scene_is_one_unit(env: str) -> None:
-    source = open_source(card := load_card(env))
-    assert not units(source.load(source.names[0]), card).any()
 
 
 # scenes, units

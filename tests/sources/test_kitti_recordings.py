@@ -17,7 +17,7 @@ from mtp_bench.sources.kitti.layout import TYPES, VALIDATION
 from mtp_bench.sources.kitti.poses import BOX_SIZES, FRAME_PERIOD, Poses, integrated_poses
 from mtp_bench.sources.kitti.source import read_poses
 from mtp_bench.types import Floats, Ints, Scene
-from tests.support.source_files import with_source, write
+from tests.support.source_files import write
 
 pytestmark = pytest.mark.data
 
@@ -42,18 +42,6 @@ def test_counts_of_the_benchmark(data_root: Path, scenes: dict[str, Scene]) -> N
     train = open_source(with_split(CARD, "train"), data_root)
     assert len(train.names) == 10
     assert sum(train.load(name).frames for name in train.names) == 8008 - 3908
-
-
-def test_both_frames_of_reference_hold_the_same_rows(data_root: Path, scenes: dict[str, Scene]) -> None:
-    source = open_source(with_source(CARD.id, ego_motion=False), data_root)
-    for name, scene in scenes.items():
-        own = source.load(name)
-        np.testing.assert_array_equal(own.truth.object_id, scene.truth.object_id)
-        np.testing.assert_array_equal(own.detections.start, scene.detections.start)
-        np.testing.assert_array_equal(own.detections.box[:, 4:], scene.detections.box[:, 4:])
-        frame = scene.truth.frame_of_rows
-        far = np.linalg.norm(scene.truth.box[:, :3] - scene.ego[frame, :3], axis=1)
-        np.testing.assert_allclose(far, np.linalg.norm(own.truth.box[:, :3], axis=1), atol=1e-9)
 
 
 def medians(folder: Path, names: Iterable[str]) -> dict[str, list[float]]:

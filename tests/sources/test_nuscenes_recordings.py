@@ -10,10 +10,10 @@ import pytest
 
 from mtp_bench.cards import Card, load_card, with_split
 from mtp_bench.errors import DataError
-from mtp_bench.geometry import center_distance, wrap_angle
+from mtp_bench.geometry import center_distance
 from mtp_bench.scoring.targets import find_targets
 from mtp_bench.sources import open_source
-from mtp_bench.types import Floats, Scene
+from mtp_bench.types import Scene
 
 pytestmark = pytest.mark.data
 
@@ -75,24 +75,6 @@ def test_centerpoint_covers_four_scenes(data_root: Path) -> None:
     with pytest.raises(DataError, match=expected):
         open_source(changed(MINI, detector="centerpoint"), data_root)
     assert open_source(CENTERPOINT, data_root).names == ("scene-0103", "scene-0553", "scene-0796", "scene-0916")
-
-
-def test_cars_and_the_ego_drive_where_they_head(mini: list[Scene], train: list[Scene]) -> None:
-    """Yaw from quaternions, positions and sizes agree: what moves moves along its heading and is longer than wide."""
-    for scenes in (mini, train):
-        step = np.concatenate([np.diff(scene.ego, axis=0) for scene in scenes])
-        yaw = np.concatenate([scene.ego[:-1, 3] for scene in scenes])
-        assert _off(step, yaw) < 0.03
-        box = np.concatenate([scene.truth.box[scene.truth.class_id == 0] for scene in scenes])
-        velocity = np.concatenate([scene.truth.velocity[scene.truth.class_id == 0] for scene in scenes])
-        assert _off(np.nan_to_num(velocity), box[:, 3]) < 0.03
-        assert (box[:, 4] > box[:, 5]).mean() > 0.999
-
-
-def _off(step: Floats, yaw: Floats) -> float:
-    """Median angle between motion and heading, rad, of what moves."""
-    moving = np.hypot(step[:, 0], step[:, 1]) > 1.0
-    return float(np.median(np.abs(wrap_angle(np.arctan2(step[moving, 1], step[moving, 0]) - yaw[moving]))))
 
 
 @pytest.mark.parametrize(

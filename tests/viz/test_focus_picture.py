@@ -115,9 +115,6 @@ def test_a_picture_needs_neither_rerun_nor_a_screen(
         assert image.size == (SIZE[0], 2 * SIZE[1])
 
 
-# ---- real recordings
-
-
 # ---- committed pictures
 
 PICTURES = ("focus_ids", "focus_lost", "focus_reacquired")
