@@ -68,7 +68,7 @@ def board(
     write_json(json_file, board_json(entries))
     write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
     for table, notes in tables:
-        show_table(table, style=style_of, first_width=None)
+        show_table(table, style=style_of)
         show("")
         show_lines(notes)
     show_lines([*content.notes, *(f"refused: {text}" for text in content.refused)])

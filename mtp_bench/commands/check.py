@@ -37,7 +37,7 @@ def check(
     with working(f"checking {path}", options) as watched:
         checked = check_submission(path, env, watched)
     write_json(json_file, checked.to_json())
-    show_table(_finding_table(checked), style=lambda row: _STYLE[row.level], wrapped=("found",))
+    show_table(_finding_table(checked), style=lambda row: _STYLE[row.level])
     if checked.errors:
         errors = counted(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {errors}, see the table")

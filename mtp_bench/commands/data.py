@@ -37,7 +37,7 @@ def data(
             statuses[card.id] = read_status(card, root)
             progress.done(card.id)
     write_json(json_file, {env_id: status_json(status) for env_id, status in statuses.items()})
-    show_table(status_table(statuses), first_width=None)
+    show_table(status_table(statuses))
     show("\n".join(data_lines(statuses)))
     lacking = [env_id for env_id, status in statuses.items() if status.problems or (env and not status.usable)]
     if lacking:

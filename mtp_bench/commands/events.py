@@ -22,7 +22,7 @@ from ..viz.terminal.event_table import (
     longest_only,
     tally_line,
 )
-from ..viz.terminal.output import SCENE_WIDTH, show, show_command, show_lines, show_table
+from ..viz.terminal.output import show, show_command, show_lines, show_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice
 from .output import write_json
 
@@ -56,7 +56,7 @@ def events(
     write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
     listed = rows if kind or top else longest_only(rows)
     if listed:
-        show_table(event_table(listed), first_width=SCENE_WIDTH, wrapped=("object", "track", "part"))
+        show_table(event_table(listed))
         show("")
         show_lines([CAPTION, LOOK])
         show_command(listed[0].view)

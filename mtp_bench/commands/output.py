@@ -89,7 +89,7 @@ def show_report(
     """
     from ..running.reading import skipped_line
     from ..viz.terminal.notes import notes, warnings
-    from ..viz.terminal.output import show, show_lines, show_table
+    from ..viz.terminal.output import show, show_lines
     from ..viz.terminal.tables import full_tables
     from ..viz.terminal.verdict import short_verdict, verdict
 
@@ -109,8 +109,7 @@ def show_report(
     data = f"split {condition['split']}, {condition['detections']}; truth: {condition['truth']}"
     show_lines([f"{of}; {data}", condition["weights"]])
     for table in further:
-        show("")
-        show_table(table)
+        show("\n" + to_text(table).rstrip())
 
 
 def _way_on() -> str:

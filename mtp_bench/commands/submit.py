@@ -88,7 +88,7 @@ def _submit_all(pieces: Sequence[Piece], options: RunOptions, arguments: Mapping
         return _one(piece.submission, piece.env, options, piece.target.parent, arguments)
 
     lines = make_all(pieces, options, make)
-    show_table(summary_table(lines), first_width=None)
+    show_table(summary_table(lines))
     if all(line.outcome == "not here" for line in lines):
         raise RecordError(f"no record can be made here, the first: {lines[0].note}")
     failed = [

@@ -111,7 +111,7 @@ def verify(
     with ExitStack() as ends:  # hidden scenes are made once for all records
         results = [_check_one(path, work, ends, alone=record == [path]) for path in paths]
     if len(results) > 1:
-        show_table(_summary(results), first_width=None, wrapped=("note",))
+        show_table(_summary(results))
     write_json(json_file, {"records": [result.verdict for result in results]})
     failed = [result.failed for result in results if result.failed]
     if failed:
@@ -153,7 +153,7 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
 def _show_differences(checked: Verification) -> None:
     shown = checked.differences[:MOST_DIFFERENCES]
     columns = [Column(key=key, read=_cut(key)) for key in ("what", "recorded", "found")]
-    show_table(Table("differences", f"{checked.path}: differences", "", shown, columns), first_width=None)
+    show_table(Table("differences", f"{checked.path}: differences", "", shown, columns))
     more = len(checked.differences) - len(shown)
     show_lines([f"and {more} more"] if more else [])
 

@@ -34,12 +34,12 @@ class MainRow:
     agent: Annotated[str, Column(help="Name as in commands.")]
     hypotheses: Annotated[int | None, Column("H", help="Hypotheses of the tracker.")] = None
     error: Annotated[float | str | None, Column("bADE", "m", "lower", ".3f", group=_ALL)] = None
-    interval: Annotated[tuple[float, float] | None, Column(format=".2f", interval=True)] = None
+    interval: Annotated[str | None, Column("95 %", "m", group=_ALL)] = None
     ranks: Annotated[str | None, Column("#", group=_ALL)] = None
     displacements: Annotated[str | None, Column("minADE/FDE", "m", group=_ALL)] = None
     coverage: Annotated[float | None, Column("cov.", "share", "higher", group=_ALL)] = None
     ids_error: Annotated[float | None, Column("bADE", "m", "lower", ".3f", group=_IDS)] = None
-    ids_interval: Annotated[tuple[float, float] | None, Column(format=".2f", interval=True)] = None
+    ids_interval: Annotated[str | None, Column("95 %", "m", group=_IDS)] = None
     ids_ranks: Annotated[str | None, Column("#", group=_IDS)] = None
 
 
@@ -115,11 +115,15 @@ def _main_row(rows: Mapping[Subset, Row]) -> MainRow:
         agent=row.agent,
         hypotheses=row.hypotheses,
         error=row.error,
-        interval=row.interval,
+        interval=_ends(row),
         ranks=span_text(row.rank_range),
         displacements=None if missing else f"{row.minADE:.2f}/{row.minFDE:.2f}",
         coverage=row.coverage,
         ids_error=ids.error,
-        ids_interval=ids.interval,
+        ids_interval=_ends(ids),
         ids_ranks=span_text(ids.rank_range),
     )
+
+
+def _ends(row: Row) -> str | None:
+    return None if row.interval is None else "{:.2f}–{:.2f}".format(*row.interval)

@@ -4,72 +4,96 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
-from itertools import chain, groupby
+from itertools import groupby
 from typing import Any
 
 from .column import Column
 from .table import Table
 
 WIDTH = 80
-_LEAST = 12  # columns of the first column, which is folded where the table would be wider than WIDTH
+_HEADING = 10  # columns of a heading; longer ones are broken between words
+_LEAST = 8  # columns of a text that is folded
+_NAME = 8  # more that the first column, of names, keeps
+Lines = list[str]  # of a cell
 
 
 def to_text(table: Table, width: int = WIDTH) -> str:
-    """Plain text with the title above and the sentence below, both wrapped at ``width``.
+    """Plain text with the title above and the sentence below, both wrapped at ``width``; see `table_lines`."""
+    title, sentence = (textwrap.wrap(text, width) for text in (table.title, table.sentence))
+    return "\n".join([*title, *(line for _, line in table_lines(table, width)), *sentence]) + "\n"
 
-    An interval stands beside its number. The first column is aligned left, and folded where the table would not fit.
+
+def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
+    """The lines of a table, each with its row; None above the first row.
+
+    Intervals stand below their numbers. Where the table would be wider than ``width``, columns of texts are folded, the
+    first one last; numbers are never cut off.
     """
-    columns = [column for pair in table.pairs for column in pair if column is not None]
-    heads = [column.heading or "95 %" if column.interval else column.title for column in columns]
-    body = [[_cell(column, row) for column in columns] for row in table.rows]
-    widths = [max(map(len, cells)) for cells in zip(heads, *body, strict=True)]
-    room = max(width - sum(widths[1:]) - len(widths) + 1, _LEAST)
-    names = [_folded(cells[0], room) for cells in body]
-    widths[:1] = [max(map(len, [*heads[:1], *chain(*names)]), default=0)]
-    lines = [_line(heads, widths), "─" * (sum(widths) + len(widths) - 1)]
-    for (first, *more), cells in zip(names, body, strict=True):
-        lines += [_line([first, *cells[1:]], widths), *more]
-    groups = [_groups(columns, widths)] if any(column.group for column in columns) else []
-    texts = [textwrap.wrap(text, width) for text in (table.title, table.sentence)]
-    return "\n".join([*texts[0], *groups, *lines, *texts[1]]) + "\n"
+    columns = [column for column, _ in table.pairs]
+    if not columns:
+        return
+    heads = [_heading(column) for column in columns]
+    cells = [[_cell(*pair, row) for pair in table.pairs] for row in table.rows]
+    widths = [_width(of_column) for of_column in zip(heads, *cells, strict=True)]
+    left = [place == 0 or table.is_text(column) for place, column in enumerate(columns)]
+    free = [place for place, text in enumerate(left) if text]
+    while sum(widths) + len(widths) - 1 > width and (wide := [place for place in free if widths[place] > _LEAST]):
+        widths[max(wide, key=lambda place: widths[place] - (_NAME if place == 0 else 0))] -= 1
+    for line in cells:
+        for place in free:
+            line[place] = [part for text in line[place] for part in _folded(text, widths[place])]
+    widths[0] = _width([heads[0], *(line[0] for line in cells)])
+    height = max(map(len, heads))
+    heads = [[""] * (height - len(head)) + head for head in heads]
+    groups = _groups(columns, widths)
+    for text in [*groups, *_block(heads, widths, left), "─" * (sum(widths) + len(widths) - 1)]:
+        yield None, text
+    for row, line in zip(table.rows, cells, strict=True):
+        yield from ((row, text) for text in _block(line, widths, left))
 
 
-def _cell(column: Column, row: Any) -> str:
-    value = column.value(row)
-    if not isinstance(value, tuple):
-        return column.text(value)
-    low, high = map(column.text, value)
-    return f"{low} to {high}" if "−" in low else f"{low}–{high}"
+def _width(cells: Iterable[Lines]) -> int:
+    return max(len(text) for cell in cells for text in cell)
 
 
-def _folded(name: str, width: int) -> list[str]:
-    """Lines of a name, broken before an underscore, a blank or a hyphen where that is possible."""
+def _heading(column: Column) -> Lines:
+    words = textwrap.wrap(column.title, _HEADING, break_long_words=False)
+    return column.title.split("\n") if "\n" in column.title else words or [""]
+
+
+def _cell(column: Column, interval: Column | None, row: Any) -> Lines:
+    ends = None if interval is None else interval.value(row)
+    below = [" ".join(map(column.text, ends))] if isinstance(ends, tuple) else []
+    return [*column.shown(row).split("\n"), *below]
+
+
+def _folded(text: str, width: int) -> Lines:
+    """Lines of a text, broken before a blank, an underscore or a hyphen where that is possible."""
     lines = [""]
-    for part in re.findall(r"[ _-]*[^ _-]*", name):
+    for part in re.findall(r"[ _-]*[^ _-]*", text):
         lines += [part] if lines[-1] and len(lines[-1] + part) > width else [lines.pop() + part]
-    return [piece.strip() for line in lines for piece in textwrap.wrap(line, width)] or [""]
+    return [piece for line in lines for piece in textwrap.wrap(line, width)] or [""]
 
 
-def _line(cells: Sequence[str], widths: Sequence[int]) -> str:
-    padded = [
-        cell.rjust(wide) if place else cell.ljust(wide)
-        for place, (cell, wide) in enumerate(zip(cells, widths, strict=True))
-    ]
-    return " ".join(padded).rstrip()
+def _block(cells: Sequence[Lines], widths: Sequence[int], left: Sequence[bool]) -> Iterator[str]:
+    """The lines of one row."""
+    for at in range(max(map(len, cells), default=0)):
+        texts = [cell[at] if at < len(cell) else "" for cell in cells]
+        padded = [t.ljust(w) if first else t.rjust(w) for t, w, first in zip(texts, widths, left, strict=True)]
+        yield " ".join(padded).rstrip()
 
 
-def _groups(columns: Sequence[Column], widths: Sequence[int]) -> str:
-    """The line of headings above groups of columns; a column of intervals belongs to the one before it."""
-    names: list[str] = []
-    for column in columns:
-        names.append(names[-1] if column.interval else column.group)
-    parts = []
-    for name, members in groupby(zip(names, widths, strict=True), key=lambda pair: pair[0]):
-        wide = [each for _, each in members]
-        parts.append(name.center(sum(wide) + len(wide) - 1))
-    return " ".join(parts).rstrip()
+def _groups(columns: Sequence[Column], widths: list[int]) -> Lines:
+    """The line of headings above groups of columns, none without a group; ``widths`` grow for long ones."""
+    parts, first = [], 0
+    for name, members in groupby(columns, key=lambda column: column.group):
+        last = first + len(list(members))
+        widths[last - 1] += max(0, len(name) - sum(widths[first:last]) - (last - first - 1))
+        parts.append(name.center(sum(widths[first:last]) + last - first - 1))
+        first = last
+    return [" ".join(parts).rstrip()] if any(column.group for column in columns) else []
 
 
 def to_html(table: Table) -> str:

@@ -7,15 +7,13 @@ import io
 from typing import Annotated
 
 import pytest
-from rich.console import Console
 
 from mtp_bench.records import Record
 from mtp_bench.scoring.rows import Row
-from mtp_bench.tables import Column, columns_of, to_csv, to_latex, to_markdown
+from mtp_bench.tables import Column, columns_of, to_csv, to_latex, to_markdown, to_text
 from mtp_bench.viz.board import board_files, board_json, data_table, entries_of
 from mtp_bench.viz.board.entries import Found
 from mtp_bench.viz.terminal import tables
-from mtp_bench.viz.terminal.output import report_table
 from tests.support.board_records import MAIN, made_up
 from tests.support.report_rows import rows
 from tests.viz.test_verdict import report
@@ -39,9 +37,7 @@ def test_a_report_shows_it(jerk: float | None, text: str) -> None:
         [further(row, jerk) for row in rows(SETTING)] + [further(row, 9.0) for row in rows(("b", 1, 20, "equal"))]
     )
     (parts,) = [table for table in tables.full_tables(known) if table.title.startswith("Further metrics")]
-    console = Console(record=True, width=100, file=io.StringIO())
-    console.print(report_table(parts))
-    (line,) = [line for line in console.export_text().splitlines() if line.startswith("mine")]
+    (line,) = [line for line in to_text(parts, 100).splitlines() if line.startswith("mine")]
     assert line.split()[-1] == text
     assert to_latex(parts).splitlines()[-5].split(" & ")[-1] == rf"{text.replace('–', '--')} \\"
     assert to_markdown(parts).splitlines()[2].endswith(f"| {text} |")

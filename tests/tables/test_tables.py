@@ -128,16 +128,17 @@ def test_no_text_of_a_csv_is_a_formula(text: str) -> None:
     assert (row["agent"], row["error [m]"]) == (f"'{text.strip()}", "-1.5")
 
 
-def test_plain_text_fits_and_stands_intervals_beside_their_numbers() -> None:
+def test_plain_text_fits_and_stands_intervals_below_their_numbers() -> None:
     long = Cost("a_quite_long_name_of_an_agent", 12, 0.7312, (-0.5, 12.345), 0.5)
-    assert to_text(Table("costs", "Costs", "What an agent costs.", [FULL, long]), 60).splitlines() == [
+    assert to_text(Table("costs", "Costs", "What an agent costs.", [FULL, long]), 50).splitlines() == [
         "Costs",
         "                       size",
-        "agent                targets error            95 % covered",
-        "─" * 58,
-        "stp_a|b                   12 0.731     0.500–12.35    50 %",
-        "a_quite_long_name_of      12 0.731 −0.500 to 12.35    50 %",
-        "_an_agent",
+        "agent                targets        error covered",
+        "─" * 49,
+        "stp_a|b                   12        0.731    50 %",
+        "                              0.500 12.35",
+        "a_quite_long_name_of      12        0.731    50 %",
+        "_an_agent                    −0.500 12.35",
         "What an agent costs.",
     ]
     html = to_html(TABLE)

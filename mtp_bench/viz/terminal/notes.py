@@ -1,12 +1,12 @@
-"""Notes below the tables of a report: warnings, parts of bADE, what the columns mean, numbers of targets."""
+"""Notes below the tables of a report: warnings, and what the columns mean."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from ...scoring import Report
-from ...scoring.definitions import FORECASTS_PER_FRAME, Subset
-from ...scoring.main_table import blocks_of, shipped_env
+from ...scoring.definitions import FORECASTS_PER_FRAME
+from ...scoring.main_table import shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
 from ...scoring.rows import Row
@@ -20,13 +20,13 @@ _METRES = Column(format=".2f")
 
 
 def notes(report: Report) -> list[str]:
-    """Parts of bADE, the meaning of the columns of the tables, and numbers of targets."""
+    """Meaning of the columns of the tables, and of a star in them."""
     guessed = [
         f"* {each.agent} states no parents: lineage of own events guessed in {each.guessed_parents:.0%} of frames"
         for each in report.details
         if each.guessed_parents
     ]
-    return [*part_lines(report), _about(report), *_sizes(report), *guessed]
+    return [_about(report), *guessed]
 
 
 def label_of(row: Row) -> str:
@@ -38,16 +38,6 @@ def parts_text(row: Row) -> str:
     """The parts of bADE of a row in one line, without those below half a centimetre."""
     parts = ((name, getattr(row, f"cost_{key}")) for key, name in PARTS.items())
     return ", ".join(f"{name} {_METRES.text(part)}" for name, part in parts if abs(part or 0.0) >= _LEAST)
-
-
-def part_lines(report: Report) -> list[str]:
-    """The parts of bADE of each agent with k samples and the most hypotheses, over all targets, but of references."""
-    rows = [row for row in report.rows if row.subset == "all" and row.budget == "equal"]
-    most = {row.agent: row for row in sorted(rows, key=lambda row: row.hypotheses)}
-    rows = [row for row in rows if row is most[row.agent] and row.unranked_because not in REFERENCES]
-    lines = [f"{label_of(row)}: {text}" for row in rows if (text := parts_text(row))]
-    rest = "; rest: of forecasts, where no reference runs split it" if any(row.cost_rest for row in rows) else ""
-    return [f"Parts of bADE over all targets, m{rest}", *lines] if lines else []
 
 
 def _about(report: Report) -> str:
@@ -67,16 +57,6 @@ def _about(report: Report) -> str:
         f"(budgeted ADE): {allowed}; on identity switches as many as STP makes.{nothing} #: range of "
         f"ranks, {BLANK} shown only. Definitions {report.definitions}."
     )
-
-
-def _sizes(report: Report) -> Iterator[str]:
-    names: dict[Subset, str] = {"all": "all", "paper_ids": "IDS", "paper_frag": "FRAG", "ids": "identity switch"}
-    for rows in list(blocks_of(report))[:1]:
-        for subset, name in names.items():
-            row = rows[subset]
-            few = "" if subset != "ids" else f" ({row.effective_targets:.1f} and {row.effective_objects:.1f} effective)"
-            on = f"{counted(row.targets, 'target')} on {counted(row.objects, 'object')}{few}"
-            yield f"{name}: {on} in {counted(row.scenes, 'scene')}"
 
 
 def warnings(report: Report) -> Iterator[str]:

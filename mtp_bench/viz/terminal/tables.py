@@ -89,10 +89,17 @@ def column_keys() -> list[str]:
     return [key for key in dict.fromkeys(keys) if key != "subset"]
 
 
-def chosen_table(report: Report, keys: Sequence[str], subsets: Sequence[Subset], all_settings: bool) -> Table:
+def chosen_table(
+    report: Report,
+    keys: Sequence[str],
+    subsets: Sequence[Subset],
+    all_settings: bool = True,
+    names: Mapping[Subset, str] = NAMES,
+    title: str = "",
+) -> Table:
     """A table of the columns ``keys`` on ``subsets``: a row per agent in its main setting, or in all of them.
 
-    Columns that do not depend on the subset stand once, at the end.
+    Columns that do not depend on the subset stand once, at the end. ``names``: of subsets, above their columns.
     """
     chosen = main_settings(report).values()
     lines = [line for line in _lines_of(report) if all_settings or line.rows in chosen]
@@ -100,15 +107,12 @@ def chosen_table(report: Report, keys: Sequence[str], subsets: Sequence[Subset],
     of_row = {column.key: column for column in _row_columns(report)}
     once = [_of(column, lambda line: line.details) for column in columns_of(Details)]
     once += [_of(column, lambda line: line.details.tracking.all) for column in columns_of(Clear)]
-    names = [
-        column for column in once if column.key in {"agent", "hypotheses", *keys} & AgentSetting.model_fields.keys()
-    ]
-    last = [column for key in keys for column in once if column.key == key and column not in names]
-    numbers = [key for key in keys if key in of_row and key not in AgentSetting.model_fields]
-    columns = [
-        replace(_on(of_row[key], name, of_row[key].title), group=NAMES[name]) for name in subsets for key in numbers
-    ]
-    return Table("chosen", heading(report), "", lines, [*names, *columns, *last])
+    naming = {"agent", "hypotheses", *keys} & AgentSetting.model_fields.keys()
+    first = [column for column in once if column.key in naming]
+    last = [column for key in keys for column in once if column.key == key and key not in naming]
+    pairs = [(name, of_row[key]) for name in subsets for key in keys if key in of_row and key not in naming]
+    columns = [replace(_on(column, name, column.title), group=names[name]) for name, column in pairs]
+    return Table("chosen", title or heading(report), "", lines, [*first, *columns, *last])
 
 
 def _lines_of(report: Report) -> list[AgentLine]:
@@ -117,60 +121,45 @@ def _lines_of(report: Report) -> list[AgentLine]:
 
 def full_tables(report: Report) -> Iterator[Table]:
     """All tables but the main one."""
+
+    def table(title: str, keys: Sequence[str], *subsets: Subset) -> Table:
+        names: Mapping[Subset, str] = {name: name if len(subsets) > 1 else "" for name in subsets}
+        return chosen_table(report, ["samples", *keys], subsets, names=names, title=title)
+
     yield settings_table(report)
     lines = _lines_of(report)
     known = {column.key: column for column in _row_columns(report)}
     subsets = list(lines[0].rows.values()) if lines else []
     counts = [known[name] for name in ("subset", "events", *_COUNTS)]
     yield Table("subsets", "Subsets (units: blocks of at most 20 s)", "", subsets, counts)
-    errors = [
-        column
-        for subset in ("all", *_EVENTS)
-        for column in (_on(known["error"], subset, heading=subset), _on(known["interval"], subset))
-    ]
-    yield _lines_table("Error on events (bADE in m; below: 95 % interval)", lines, errors)
-    displacements = Column(unit="m", read=_displacements)
-    pairs = [_on(replace(displacements, key=subset), subset, heading=subset) for subset in _EVENTS]
-    yield _lines_table("minADE/minFDE on events (m, of targets with a forecast)", lines, pairs)
+    yield table("Error on events (m; below: 95 % interval)", ("error", "interval"), "all", *_EVENTS)
+    yield table("minADE/minFDE on events (m, of targets with a forecast)", ("minADE", "minFDE"), *_EVENTS)
     if report.paired:
         shown = [row for row in report.paired if row.error is not None and row.subset in ("all", *RANKED_SUBSETS)]
         shown.sort(key=lambda row: (row.other, SUBSETS.index(row.subset)))
         columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED]
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
-    gaps = [_on(known[name], subset) for subset in ("all", "ids") for name in _GAPS]
-    yield _lines_table("Shares of gaps closed (all targets, then identity switches; below: 95 % interval)", lines, gaps)
-    reasons = [_on(_narrow(known[name]), "all") for name in _BLANK]
-    yield _lines_table("Reasons of missing shares (all targets)", lines, reasons)
+    yield table("Shares of gaps closed (below: 95 % interval)", _GAPS, "all", "ids")
+    yield table("Reasons of missing shares (all targets)", _BLANK, "all")
     for title, names in _MADE_OF.items():
-        yield _lines_table(f"{title} (all targets, m)", lines, [_on(known[name], "all") for name in names])
+        yield table(f"{title} (all targets, m)", names, "all")
     shown_already = {name for names in _MADE_OF.values() for name in names}
-    optional = [_on(column, "all") for column in known.values() if column.optional and column.key not in shown_already]
-    yield _lines_table("Further metrics (all targets)", lines, optional)
-    others = [_of(column, lambda line: line.details) for column in columns_of(Details)[len(columns_of(AgentSetting)) :]]
-    title = "Other numbers (all targets; forecasts and false ones per live frame)"
-    yield _lines_table(title, lines, [*others, _on(known["ms_per_frame"], "all")])
-    tracking = [_of(column, lambda line: line.details.tracking.all) for column in columns_of(Clear)]
-    yield _lines_table("Tracking of the first seed", lines, [*tracking, *_OWN])
+    optional = [key for key, column in known.items() if column.optional and key not in shown_already]
+    yield table("Further metrics (all targets)", optional, "all")
+    others = [column.key for column in columns_of(Details) if column.key not in AgentSetting.model_fields]
+    yield table("Other numbers (all targets; forecasts per live frame)", [*others, "ms_per_frame"], "all")
+    tracking = table("Tracking of the first seed", [column.key for column in columns_of(Clear)])
+    yield replace(tracking, columns=[*tracking.columns, *_OWN])
     for by in ("distance", "class", "motion"):
         equal = [line for line in lines if line.details.budget == "equal"] or lines
         bins = [part for line in equal[:1] for part in line.details.bins if part.by == by]
         if bins:
-            yield _lines_table(f"bADE (m) by {by}, targets", equal, [_bin(part) for part in bins], names=2)
+            named = [_on(column, "all") for column in columns_of(Row)[:2]]
+            yield Table(by, f"bADE (m) by {by}, targets", "", equal, [*named, *map(_bin, bins)])
 
 
 def _row_columns(report: Report) -> tuple[Column, ...]:
     return columns_of(type(report.rows[0]) if report.rows else Row)
-
-
-def _narrow(column: Column) -> Column:
-    """A column of texts in short lines, so that two of them fit a terminal of 80 columns."""
-    return replace(column, read=lambda row: "\n".join(wrap(str(column.value(row) or ""), 26)) or None)
-
-
-def _lines_table(title: str, lines: Sequence[AgentLine], columns: Sequence[Column], names: int = 3) -> Table:
-    """A row per agent and setting; ``names``: number of columns that name it."""
-    named = [_on(column, "all") for column in columns_of(Row)[:names]]
-    return Table(title, title, "", lines, [*named, *columns])
 
 
 def _of(column: Column, part_of: Callable[[AgentLine], Any], **changes: Any) -> Column:

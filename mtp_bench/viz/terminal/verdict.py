@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from ...scoring import Report
-from ...scoring.definitions import RANKED_SUBSETS, SIGNIFICANT
+from ...scoring.definitions import RANKED_SUBSETS, SIGNIFICANT, Subset
 from ...scoring.main_table import main_settings, shipped_env
 from ...scoring.report import paired_row
 from ...scoring.rows import Interval, PairedRow, Row
@@ -24,7 +24,7 @@ _GAPS = {  # field of a share -> the beginning of the other fields of its gap, a
     _SAME: ("gap_same_predictor", "same gap with its own predictor and presence"),
     "association_gap_closed": ("association_gap", "association gap"),
 }
-_SIGNED, _METRES = Column(format="+.3f"), Column(format=".3f")
+_SIGNED, _METRES, _SHARE = Column(format="+.3f"), Column(format=".3f"), Column(format=".1%")
 WHERE = {"all": "over all targets", "ids": "on identity switches", "reacquired": "on re-acquisitions"}
 
 
@@ -38,16 +38,13 @@ def short_verdict(report: Report, names: Sequence[str]) -> str:
     cost, won = (_paired(report, name, CONTROL, "ids", None) for name in (ASSOCIATED, SEVERAL))
     if own or SEVERAL not in names or cost is None or won is None:
         return _best(report, own or names)
-    gain = -(won.error or 0.0)
-    back = (
-        f"wins {_METRES.text(gain)} m of it back"
-        if gain > 0
-        else f"wins none of it back, but loses {_METRES.text(-gain)} m"
-    )
+    lost = won.error or 0.0
+    size, ends = _METRES.text(abs(lost)), _turned(won.interval) if lost < 0 else won.interval
+    back = f"wins {size} m of it back" if lost < 0 else f"wins none of it back, but loses {size} m"
     return (
         f"On identity switches wrong association costs {_METRES.text(-(cost.error or 0.0))} m "
         f"({_chance(_turned(cost.interval), cost.p, _METRES)}); {SEVERAL} {back} against the same samples "
-        f"({_chance(_turned(won.interval) if gain > 0 else won.interval, won.p, _METRES)})."
+        f"({_chance(ends, won.p, _METRES)})."
     )
 
 
@@ -75,25 +72,13 @@ def verdict(report: Report, names: Sequence[str]) -> list[str]:
 
     Of a submission with several settings they state the one with the most hypotheses, at equal k.
     """
-    studied = [name for name in names if name not in (STP, TRUTH, ASSOCIATED)]
-    rows = [row for name in studied if (row := _main_row(report, name)) is not None]
+    blocks = main_settings(report)
     sentences = [_costs(report)]
-    for row in rows:
-        sentences += [_against_stp(report, row), _against_control(report, row), _gap(report, row)]
+    for rows in (blocks[name] for name in names if name in blocks and name not in (STP, TRUTH, ASSOCIATED)):
+        other = blocks[STP]["all"].error if STP in blocks else None
+        sentences += [_against_stp(rows["all"], other), _against_control(report, rows["all"]), _gap(report, rows)]
     sentences.append(_unranked(report))
     return [sentence for sentence in sentences if sentence]
-
-
-def _main_row(report: Report, name: str) -> Row | None:
-    """The row of all targets for the submission ``name``, in its main setting."""
-    rows = [r for r in report.rows if r.subset == "all" and r.budget == "equal" and r.agent.split(" ")[0] == name]
-    return max(rows, key=lambda row: (row.agent == name, row.hypotheses), default=None)
-
-
-def _on_subset(report: Report, row: Row, subset: str) -> Row | None:
-    """The row of the same agent and setting on another subset."""
-    key = (row.agent, row.hypotheses, row.samples, row.budget, subset)
-    return next((r for r in report.rows if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key), None)
 
 
 def _costs(report: Report) -> str | None:
@@ -130,15 +115,12 @@ def _turned(interval: Interval | None) -> Interval | None:
     return None if interval is None else (-interval[1], -interval[0])
 
 
-def _against_stp(report: Report, row: Row) -> str | None:
-    other = _main_row(report, STP)
+def _against_stp(row: Row, other: float | None) -> str | None:
     if row.difference_to_stp is None or other is None:
         return None
-    return (
-        f"{label_of(row)} against {STP} {WHERE['all']}: {_METRES.text(row.error)} m instead of "
-        f"{_METRES.text(other.error)} m "
-        f"({_difference(row.difference_to_stp, row.difference_interval, row.p)})."
-    )
+    difference = _difference(row.difference_to_stp, row.difference_interval, row.p)
+    errors = f"{_METRES.text(row.error)} m instead of {_METRES.text(other)} m"
+    return f"{label_of(row)} against {STP} {WHERE['all']}: {errors} ({difference})."
 
 
 def _against_control(report: Report, row: Row) -> str | None:
@@ -154,9 +136,9 @@ def _against_control(report: Report, row: Row) -> str | None:
     return f"{label_of(row)} against {CONTROL}, {drawn}: {'; '.join(parts)}{gain}."
 
 
-def _gap(report: Report, row: Row) -> str | None:
+def _gap(report: Report, of_subsets: Mapping[Subset, Row]) -> str | None:
     """Shares of the gaps that an agent closes, with that in the paper, and reasons of those that are blank."""
-    rows = [each for each in (row, _on_subset(report, row, "ids")) if each is not None]
+    rows = row, _ = of_subsets["all"], of_subsets["ids"]
     parts: dict[str, list[str]] = {"closes": [], "widens": [], "closes no share of": []}
     for key, (gap, name) in _GAPS.items():
         shares = _shares(rows, key, f"{gap}_interval")
@@ -168,7 +150,7 @@ def _gap(report: Report, row: Row) -> str | None:
             parts["closes no share of"].append(f"the {name}: {why}")
     paper = paper_gap(shipped_env(report), row)
     if paper is not None and parts["closes"]:
-        parts["closes"][-1] += f" (in the paper, by minADE on IDS: {_percent(paper)})"
+        parts["closes"][-1] += f" (in the paper, by minADE on IDS: {_SHARE.text(paper)})"
     sentences = [f"{label_of(row)} {verb} {'; '.join(texts)}." for verb, texts in parts.items() if texts]
     return " ".join(sentences) or None
 
@@ -180,7 +162,8 @@ def _shares(rows: Sequence[Row], share: str, interval: str) -> dict[str, list[st
         value, ends = getattr(row, share), getattr(row, interval)
         if value is not None:
             ends, verb = (ends, "closes") if value >= 0 else (_turned(ends), "widens")
-            shares.setdefault(verb, []).append(f"{_percent(abs(value))}{_percents(ends)} {WHERE[row.subset]}")
+            known = "" if ends is None else f" (95 % {_SHARE.text(ends)})"
+            shares.setdefault(verb, []).append(f"{_SHARE.text(abs(value))}{known} {WHERE[row.subset]}")
     return shares
 
 
@@ -214,11 +197,3 @@ def _chance(interval: Interval | None, p: float | None, column: Column = _SIGNED
     chance = ", could be chance" if p >= SIGNIFICANT else ""
     probability = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
     return f"95 % {column.text(interval)}, {probability}{chance}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.1f} %"
-
-
-def _percents(interval: Interval | None) -> str:
-    return "" if interval is None else f" (95 % {100 * interval[0]:.1f} to {100 * interval[1]:.1f} %)"
