@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from docs.generate import commands, environments, gallery, json_keys, recordings, reference, repository  # noqa: E402
+from mtp_bench import notice  # noqa: E402
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -27,6 +28,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     return config
 
 
+@notice.work("making the pages and pictures of the site")
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages and pictures that do not lie in docs/."""
     pages = {**environments.pages(), gallery.PAGE: gallery.page(), **reference.pages(), commands.PAGE: commands.page()}

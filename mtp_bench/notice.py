@@ -45,14 +45,14 @@ class Notice:
         with _lock:
             self._total, self._count, self._kept, self._name, self._since = total, 0, 0, "", time.monotonic()
 
-    def done(self, name: str = "") -> None:
-        """Count one more finished item; ``name`` is shown."""
+    def done(self, name: str = "", count: int = 1) -> None:
+        """Count more finished items; ``name`` is shown."""
         now = time.monotonic()
         with _lock:
-            self._count, self._name = self._count + 1, name
+            self._count, self._name = self._count + count, name
             if now - self._since < _KEPT_SECONDS:  # finished earlier, so it tells nothing of the others
                 self._kept, self._since = self._count, now
-            elif self._count == self._kept + 1:  # soon say how long it takes
+            elif self._count == self._kept + count:  # soon say how long it takes
                 self.next = min(self.next, now + SILENT_SECONDS)
 
     def speak(self, now: float) -> None:

@@ -1,17 +1,17 @@
-"""Notices about long work: on a pipe, on a terminal, in workers, and where the error stream is broken."""
+"""Notices about long work: in this process, in workers, where the error stream is broken, and of commands on a pipe."""
 
 from __future__ import annotations
 
 import io
-import os
-import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from mtp_bench import notice
 from mtp_bench.parallel import Workers, parallel_map, reported
+from tests.support.command_line import CommandLine
 
 
 @pytest.fixture
@@ -22,43 +22,35 @@ def fast(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(notice, name, getattr(notice, name) / 100)
 
 
-def speaks(text: str, seconds: float = 0) -> None:
-    """Work of 30 ms, which is long."""
+def work_long(text: str, seconds: float = 0) -> None:
     with notice.work(text, seconds):
         time.sleep(0.03)
 
 
 @pytest.mark.usefixtures("fast")
-def test_long_work_speaks_and_says_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+def test_long_work_says_what_it_does_and_how_far_it_is(capsys: pytest.CaptureFixture[str]) -> None:
     with notice.work("everything", around=True), reported("reading\x1b[2J") as progress:
         progress.started(4)
         for name in ("a", "b"):
             time.sleep(0.15)
             progress.done(name)
-        speaks("a table", seconds=300)
+        work_long("a table", seconds=300)
         time.sleep(0.15)
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "mtp_bench: reading?[2J, 0 of 4"
-    assert lines[1].startswith("mtp_bench: reading?[2J, 0 of 4, 1 s so far")
-    assert any(line.startswith("mtp_bench: reading?[2J, 1 of 4, a, about 1 s left") for line in lines)
+    assert lines[1] == "mtp_bench: reading?[2J, 0 of 4, 1 s so far"
+    assert "mtp_bench: reading?[2J, 1 of 4, a, about 1 s left" in lines
     assert "mtp_bench: a table, about 5 min" in lines, "known to be long: at once"
     assert lines[-1].startswith("mtp_bench: reading?[2J, 2 of 4, b, about ")
 
 
 @pytest.mark.usefixtures("fast")
-def test_short_work_workers_and_those_who_want_it_are_silent(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_short_work_and_workers_are_silent(capfd: pytest.CaptureFixture[str]) -> None:
     with notice.work("short"):
         pass
     with notice.work("around"), notice.work(""):
         time.sleep(0.05)
-    parallel_map(speaks, [("in a worker", 300), ("in a worker", 300)], Workers(2))
-    assert not capfd.readouterr().err
-    speaks("here")
-    assert capfd.readouterr().err.startswith("mtp_bench: here\n")
-    monkeypatch.setenv("MTP_BENCH_QUIET", "1")
-    speaks("quiet")
+    parallel_map(work_long, [("in a worker", 300), ("in a worker", 300)], Workers(2))
     assert not capfd.readouterr().err
 
 
@@ -68,16 +60,26 @@ def test_an_error_stream_that_cannot_be_written_to_stops_nothing(monkeypatch: py
     closed = io.StringIO()
     closed.close()
     monkeypatch.setattr(sys, "stderr", closed if stream == "closed" else None)
-    speaks("unheard")
+    work_long("unheard")
 
 
 @pytest.mark.usefixtures("fast")
-def test_a_terminal_shows_a_bar_that_leaves_no_trace() -> None:
-    pty = pytest.importorskip("pty")
-    ours, theirs = pty.openpty()
-    code = "from tests.test_notice import *; notice.SILENT_SECONDS = 0\n"
-    code += "with reported('x') as p: p.started(2); time.sleep(.1); p.done(); time.sleep(.4)"
-    subprocess.run([sys.executable, "-c", code], stderr=theirs, check=True)
-    shown = os.read(ours, 1 << 16).decode()
-    assert "\r[##########----------] 1 of 2, about " in shown
-    assert shown.rpartition("\r")[0].rpartition("\r")[2].strip() == ""
+def test_long_commands_speak_on_a_pipe_and_leave_the_output_alone(
+    cli: CommandLine, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(notice, "SILENT_SECONDS", 0.0)
+    run, known = tmp_path / "run", ["--env", card, "--data", kitti]
+    for arguments in (
+        ["run", "stp", *known, "-o", run],
+        ["score", run, "--data", kitti, "--json", "-"],
+        ["events", run, "--data", kitti],
+        ["export", run, "--data", kitti, "-o", tmp_path / "tracks"],
+        ["video", run, "--data", kitti, "-o", tmp_path / "scene.gif"],
+        ["data", "--env", card, "--data", kitti],
+    ):
+        output = cli(*arguments)
+        lines = output.err.splitlines()
+        assert output.status == 0, output.err
+        assert {line.split()[0] for line in lines} == {"mtp_bench:"}, arguments
+        assert any("is working" not in line for line in lines), arguments
+        assert "mtp_bench:" not in output.out

@@ -95,6 +95,7 @@ def _opened(folders: Sequence[Path], data: str | None, env_id: str | None) -> li
     return runs
 
 
+@notice.work("reading the scene and finding its events")
 def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list[Replay]:
     """The runs of one scene, by default the first of the first run, with the camera ``images`` that its source has.
 

@@ -11,6 +11,7 @@ from functools import cached_property
 from operator import itemgetter
 from typing import Any
 
+from .. import notice
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.gaps import NO_GAP, NOT_KINEMATIC, UNSTATED
@@ -90,8 +91,11 @@ def standings(
     for record in records:
         groups.setdefault((record.env.id, record.earlier), []).append(record)
     standing: dict[str, Standing] = {}
-    for group in groups.values():
-        standing |= _standings_of_env(group, levels, ships)
+    with notice.work("comparing pairs of records") as work:
+        work.started(sum(len(group) ** 2 for group in groups.values()))
+        for (env_id, _), group in groups.items():
+            standing |= _standings_of_env(group, levels, ships)
+            work.done(env_id, len(group) ** 2)
     return standing
 
 

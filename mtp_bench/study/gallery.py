@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import notice
 from ..cards import Card
 from ..parallel import parallel_map
 from ..running.rollout_files import load_run
@@ -53,10 +54,14 @@ class CostlyEvent:
 def draw_worst_events(findings: Findings, folder: Path) -> list[EventPicture]:
     """Draw the costliest events of each kind into ``folder``."""
     count, pictures = dict.fromkeys(KINDS, 0), []
-    for event in worst_events(findings):
-        kind = event.incident.kind
-        count[kind] += 1
-        pictures.append(_draw(findings, event, folder / f"{kind}-{count[kind]}.png"))
+    events = worst_events(findings)
+    with notice.work("drawing the costliest events") as work:
+        work.started(len(events))
+        for event in events:
+            kind = event.incident.kind
+            count[kind] += 1
+            pictures.append(_draw(findings, event, folder / f"{kind}-{count[kind]}.png"))
+            work.done(event.scene)
     return pictures
 
 

@@ -267,6 +267,7 @@ def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path
     os.close(terminal)
     assert list(tomllib.loads(done.stdout)) == ["pointrcnn-world"]
     assert "] 1 of 1, " in shown
+    assert shown.rpartition("\r")[0].rpartition("\r")[2].strip() == "", "the bar leaves no trace"
 
 
 def test_a_full_disk_behind_standard_output_is_one_line() -> None:
