@@ -4,20 +4,41 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
-from mtp_bench.scoring.rows import (
-    CONDITION,
-    CONTENT,
-    PER_SCENE,
-    Bin,
-    Clear,
-    Details,
-    Errors,
-    PairedRow,
-    Reliability,
-    Row,
-    Tracking,
-)
+from mtp_bench.scoring.rows import Bin, Clear, Details, Errors, PairedRow, Reliability, Row, Tracking
 from mtp_bench.tables import Column, columns_of
+
+CONTENT = {  # of `compare --json` and `score --json`
+    "env": "Id of the environment.",
+    "definitions": "Version of the definitions that every number follows.",
+    "rows": "A row per agent, setting and subset.",
+    "condition": "Conditions of the numbers.",
+    "paired": "Differences of each agent to a control, by subset; `compare` alone.",
+    "details": "A row per agent and setting, over all targets.",
+    "skipped": "Rows of the data that could not be used, by reason.",
+    "failures": "Agents that failed, with the reason; `compare` alone.",
+}
+CONDITION = {
+    "source": "Kind of data.",
+    "folder": "Name of the folder of own scenes.",
+    "split": "Split of the scenes.",
+    "detector": "Detector by which agents choose their settings.",
+    "card": "Digest of the card.",
+    "detections": "Origin of the detections, with the number of scenes.",
+    "truth": "Complete, or prediction targets only.",
+    "weights": "Origin of the event weights.",
+    "trained": "Agents with parts that were trained on the scored scenes.",
+}
+PER_SCENE = {  # of `score --per-scene` and `Report.per_scene`, beside columns of rows
+    "seed": "Number of the run, from 0 on.",
+    "scene": "Name of the scene.",
+    "frames": "Frames of the scene.",
+    "covered": "Targets that have a forecast.",
+    "bADE": "Budgeted ADE at the budgets of all scenes together, metres.",
+    "bADE_sum": "The same, summed over the targets, metres.",
+    "forecasts": "Number of forecasts.",
+    "false_forecasts": "Forecasts of no true object.",
+    "identity_switches": "The agent's own ones.",
+}
 
 PAGE = "definitions/json.md"
 HEAD = """\
@@ -42,8 +63,7 @@ def page() -> str:
     """The page in Markdown."""
     parts = [HEAD, _table("The file", _plain(CONTENT)), _table("condition", _plain(CONDITION))]
     parts += [_table(title, keys_of(kind)) for title, kind in SECTIONS.items()]
-    scene = {column.key: (column.unit, column.arrow, column.help) for column in PER_SCENE}
-    return "\n".join([*parts, _table("Rows of score --per-scene", scene)])
+    return "\n".join([*parts, _table("Rows of score --per-scene (other keys as in rows[])", _plain(PER_SCENE))])
 
 
 def keys_of(kind: type[BaseModel]) -> dict[str, tuple[str, str, str]]:

@@ -7,8 +7,8 @@ from typing import Annotated
 
 from ..running.options import RunOptions
 from ..running.stored import score as score_run
-from ..scoring.rows import PER_SCENE
-from ..tables import Table
+from ..scoring.rows import Row
+from ..tables import Column, Table, columns_of
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, file_option
 from .output import show_report, working, write_json, write_table
 from .shown import Shown
@@ -30,6 +30,7 @@ def score(
         scored = score_run(folder, options, env)
     report = scored.report
     write_json(json_file, {**report.to_json("condition", "details"), "skipped": scored.skipped})
-    scenes = Table("scenes", f"Scenes of {folder.name}", "", report.per_scene(), PER_SCENE)
-    write_table(per_scene, [], scenes)
+    scenes, known = report.per_scene(), {column.key: column for column in columns_of(Row)}
+    columns = [known.get(key, Column(key=key)) for key in dict.fromkeys(key for row in scenes for key in row)]
+    write_table(per_scene, [], Table("scenes", f"Scenes of {folder.name}", "", scenes, columns))
     show_report(report, folder.name, scored.skipped, shown)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_serializer
 
 from ..strict import Section
-from ..tables import Column, columns_of
+from ..tables import Column
 from .definitions import Subset
 
 Count = Annotated[int, Field(ge=0)]
@@ -216,43 +216,3 @@ class Details(AgentSetting):
     tracking: Tracking = told("Tracking numbers of the first seed.")
     invalid: dict[str, int] = told("Rejected rows of the agent's actions, by table.")
     dropped_detections: Count = told("Detections beyond the range or the number of the task, not shown to the agent.")
-
-
-CONTENT = {  # of `compare --json` and `score --json`
-    "env": "Id of the environment.",
-    "definitions": "Version of the definitions that every number follows.",
-    "rows": "A row per agent, setting and subset.",
-    "condition": "Conditions of the numbers.",
-    "paired": "Differences of each agent to a control, by subset; `compare` alone.",
-    "details": "A row per agent and setting, over all targets.",
-    "skipped": "Rows of the data that could not be used, by reason.",
-    "failures": "Agents that failed, with the reason; `compare` alone.",
-}
-CONDITION = {
-    "source": "Kind of data.",
-    "folder": "Name of the folder of own scenes.",
-    "split": "Split of the scenes.",
-    "detector": "Detector by which agents choose their settings.",
-    "card": "Digest of the card.",
-    "detections": "Origin of the detections, with the number of scenes.",
-    "truth": "Complete, or prediction targets only.",
-    "weights": "Origin of the event weights.",
-    "trained": "Agents with parts that were trained on the scored scenes.",
-}
-PER_SCENE = (  # columns of `score --per-scene`, keys of `Report.per_scene`
-    *columns_of(AgentSetting),
-    Column(key="seed", help="Number of the run, from 0 on."),
-    Column(key="scene", help="Name of the scene."),
-    Column(key="frames", help="Frames of the scene."),
-    Column(key="targets", help="Targets of the scene."),
-    Column(key="covered", help="Targets that have a forecast."),
-    Column(key="coverage", unit="share", better="higher", help="Share of the targets that have a forecast."),
-    Column(key="minADE", unit="m", better="lower", help="Mean distance of the best sample, over covered targets."),
-    Column(key="minFDE", unit="m", better="lower", help="Final distance of the best sample, over covered targets."),
-    Column(key="bADE", unit="m", better="lower", help="Budgeted ADE at the budgets of all scenes together."),
-    Column(key="bADE_sum", unit="m", better="lower", help="The same, summed over the targets."),
-    Column(key="forecasts", help="Number of forecasts."),
-    Column(key="false_forecasts", better="lower", help="Forecasts of no true object."),
-    Column(key="identity_switches", better="lower", help="The agent's own ones."),
-    Column(key="ms_per_frame", unit="ms", better="lower", help="Mean time of the agent's `act`."),
-)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ...scoring import Report
-from ...scoring.definitions import FORECASTS_PER_FRAME
 from ...scoring.main_table import shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
@@ -41,21 +40,15 @@ def parts_text(row: Row) -> str:
 
 
 def _about(report: Report) -> str:
-    allowed = "averaged over allowed numbers of false forecasts, up to one per target or as many as STP makes"
-    if report.condition.get("truth", "complete") != "complete":
-        budgets = ", ".join(f"{budget:g}" for budget in FORECASTS_PER_FRAME)
-        allowed = (
-            "false forecasts are not known, as the truth holds prediction targets only; averaged over budgets of "
-            f"forecasts per live frame, {budgets} and the number of STP"
-        )
+    known = report.condition.get("truth", "complete") == "complete"
+    budgets = "" if known else " Budgets are of all forecasts per live frame, as it is not known which are false."
     empty = next((details.silence for details in report.details), None)
-    nothing = "" if empty is None else f" If nothing is predicted: {short(empty)}."
+    nothing = "" if empty is None else f" c, if nothing is predicted: {short(empty)}."
     env = shipped_env(report)
     paper = " (paper): the paper's numbers." if any(paper_figures(env, row) for row in report.rows) else ""
     return (
-        f"minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event.{paper} bADE "
-        f"(budgeted ADE): {allowed}; on identity switches as many as STP makes.{nothing} #: range of "
-        f"ranks, {BLANK} shown only. Definitions {report.definitions}."
+        "minADE/FDE: of the targets with a forecast (cov.); IDS, FRAG: where plain STP has that event, as in the paper."
+        f"{paper}{budgets}{nothing} {BLANK} as a rank: shown only. Definitions {report.definitions}."
     )
 
 
