@@ -115,10 +115,9 @@ def show_report(
 def _way_on() -> str:
     """One line that says where to go next; with the way to the command where a shell would not find it."""
     activate = Path(sys.executable).with_name("activate")
-    if shutil.which("mtp-bench") or not activate.is_file():
+    if shutil.which("mtp-bench") or not (activate.is_file() and activate.is_relative_to(Path.cwd())):
         return "Parts, other settings and conditions: --full"
-    path = min(os.path.relpath(activate), str(activate), key=len)
-    return f"Next: source {path}; mtp-bench --help. Parts and conditions: --full"
+    return f"Next: source {activate.relative_to(Path.cwd())}; mtp-bench --help. Parts and conditions: --full"
 
 
 def write_table(path: Path | None, shown: Sequence[Table], data: Table) -> None:

@@ -1,4 +1,4 @@
-"""Tables: columns that are declared once, rows, and writers of CSV, JSON, Markdown and LaTeX.
+"""Tables: columns that are declared once, rows, and writers of text, HTML, CSV, JSON, Markdown and LaTeX.
 
 The fields of a row declare the columns:
 
