@@ -67,7 +67,9 @@ def estimated_boxes(true: Floats, offset: Floats, grid: Grid, draws: Draws) -> F
     box[:, :2] += offset
     mean, deviation = grid.of_rows(lambda noise: noise.z).T
     box[:, 2] += mean + deviation * draws.normal(NoiseKind.Z, Component.WHITE, grid.row_keys)
-    box[:, 3] = wrap_angle(box[:, 3] + _heading_errors(grid, draws))
+    scale = grid.of_rows(lambda noise: noise.heading.scale) / ROBUST_T4
+    flipped = _flips(grid, draws)[grid.frame, grid.column]
+    box[:, 3] = wrap_angle(box[:, 3] + (scale * _student_t4(grid, draws) + np.pi * flipped))
     box[:, 4:] = _estimated_sizes(box[:, 4:], grid, draws)
     return box
 
@@ -79,13 +81,6 @@ def measured_velocities(true: Floats, grid: Grid, direction: Floats, draws: Draw
         return np.full(true.shape, np.nan)
     error = draws.normal(NoiseKind.VELOCITY, Component.WHITE, keys_of(grid.row_keys[:, None], np.arange(2)))
     return np.asarray(true + rotate(deviation[:, None] * error, direction))
-
-
-def _heading_errors(grid: Grid, draws: Draws) -> Floats:
-    """Heading errors ``[R]`` rad, with turns by pi."""
-    flipped = _flips(grid, draws)[grid.frame, grid.column]
-    scale = grid.of_rows(lambda noise: noise.heading.scale) / ROBUST_T4
-    return np.asarray(scale * _student_t4(grid, draws) + np.pi * flipped)
 
 
 def _flips(grid: Grid, draws: Draws) -> Bools:

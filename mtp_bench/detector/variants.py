@@ -49,10 +49,8 @@ def _harder(noise: ClassNoise) -> dict[str, Any]:
     # the relative difference between scenes stays
     dispersion = 1.0 if free is None else 1.0 + WORSE * (free.dispersion - 1.0)
     return {
-        **{
-            name: _with(axis, {"s0": WORSE * axis.s0, "s1": WORSE * axis.s1})
-            for name, axis in (("radial", noise.radial), ("tangential", noise.tangential))
-        },
+        "radial": _with(noise.radial, {"s0": WORSE * noise.radial.s0, "s1": WORSE * noise.radial.s1}),
+        "tangential": _with(noise.tangential, {"s0": WORSE * noise.tangential.s0, "s1": WORSE * noise.tangential.s1}),
         "quality": _with(noise.quality, {"location": (location[0] - LOWER, *location[1:])}),
         "free": _with(free, {} if free is None else {"rate": WORSE * free.rate, "dispersion": dispersion}),
         "near": _with(near, {} if near is None else {"chance": min(WORSE * near.chance, 1.0)}),

@@ -31,7 +31,10 @@ class Channel:
         self._lengths: tuple[int, int] | None = None
         for descriptor in (orders, answers, log):
             os.set_blocking(descriptor, False)
-            _widen(descriptor)
+            with suppress(ImportError, AttributeError, OSError):
+                import fcntl
+
+                fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)
         self._poll = select.poll()
         self._poll.register(answers, select.POLLIN)
         self._poll.register(log, select.POLLIN)
@@ -111,10 +114,3 @@ class Channel:
                     with suppress(KeyError):
                         self._poll.unregister(self._log)
                     return
-
-
-def _widen(descriptor: int) -> None:
-    with suppress(ImportError, AttributeError, OSError):
-        import fcntl
-
-        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, _PIPE)

@@ -120,7 +120,10 @@ _servers: dict[int, ForkServer] = {}  # native id of the thread that started it 
 
 def server_for(layout: Layout) -> ForkServer:
     """This thread's fork server for a layout, started at the first call; raises ForkServerError."""
-    _discard_ended()
+    for other, server in list(_servers.items()):  # such as those of threads that ended
+        if not server.running:
+            server.stop()
+            _servers.pop(other, None)
     thread = threading.get_native_id()
     if thread in _servers and not _servers[thread].fits(layout):
         discard()
@@ -134,14 +137,6 @@ def discard() -> None:
     server = _servers.pop(threading.get_native_id(), None)
     if server is not None:
         server.stop()
-
-
-def _discard_ended() -> None:
-    """Stop servers that ended, such as those of threads that ended."""
-    for thread, server in list(_servers.items()):
-        if not server.running:
-            server.stop()
-            _servers.pop(thread, None)
 
 
 @atexit.register

@@ -47,7 +47,8 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> SubmissionC
     names = options.chosen(MTPEnv(env_id, **keywords).scene_names)
     progress.started(1 + len(names))
     runs = run_isolated_scenes(submission.path, env_id, keywords, scenes=names, progress=progress)
-    if any(_unsafe(run) for run in runs):  # it would take this process with it
+    # an agent that hung, broke the rules or ended its process would take this process with it
+    if any(run.status in ("hung", "rejected") or run.reason.startswith("the process ") for run in runs):
         return SubmissionCheck(submission.name, env_id, tuple(gateway_findings(runs, None)))
     make = SubmissionFactory(str(submission.path), submission.parameters)
     findings = check_agent(make, env_id, names[:2], keywords)
@@ -55,11 +56,6 @@ def check_submission(path: str, env_id: str, options: RunOptions) -> SubmissionC
     if not any(finding.level == "error" for finding in findings):
         findings += gateway_findings(runs, run_jobs(jobs_of(submission, env_id, keywords, names)))
     return SubmissionCheck(submission.name, env_id, tuple(findings))
-
-
-def _unsafe(run: SceneRun) -> bool:
-    """True if the agent hung, broke the rules or ended its process."""
-    return run.status in ("hung", "rejected") or (run.status == "crashed" and run.reason.startswith("the process "))
 
 
 def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -> list[Finding]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,8 +43,8 @@ class Evaluation:
 
     @property
     def data_manifest(self) -> str:
-        """Digest over those of the scenes."""
-        return data_manifest(self.scene_digests)
+        """Hex sha256 over the digests of the scenes, in their order."""
+        return hashlib.sha256("\n".join(self.scene_digests).encode()).hexdigest()
 
     def record_parts(self, missed: MissedPart, runs: int, scenes_of_split: int) -> dict[str, Any]:
         """Fields of a record that follow from the evaluation, under today's scorer: its numbers and its status.
@@ -132,11 +132,6 @@ def status_of(scenes: int, scenes_of_split: int, missed: MissedPart, runs: int) 
 def scorer_digest() -> str:
     """Hex sha256 of the version of the definitions and of the scorer's golden results."""
     return hashlib.sha256(f"{DEFINITIONS}\n{GOLDEN}".encode()).hexdigest()
-
-
-def data_manifest(digests: Iterable[str]) -> str:
-    """Hex sha256 over the digests of the scenes, in their order."""
-    return hashlib.sha256("\n".join(digests).encode()).hexdigest()
 
 
 def per_scene_of(table: AgentTable) -> list[ScenePart]:

@@ -54,11 +54,6 @@ class Plan:
         """The submission with its own parameters and k samples."""
         return setting_of(self.submission, self.card)
 
-    @property
-    def observed(self) -> dict[str, Any]:
-        """Keyword of the env for what the submission observes."""
-        return {"observe": self.submission.compare.observe}
-
 
 def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
     """The scenes of an env for a submission, with its own parameters and k samples.
@@ -111,7 +106,7 @@ def run_seed(
         run_isolated_scenes(
             plan.submission.path,
             plan.env,
-            {**plan.keywords, **plan.observed, "data": plan.options.data, "rigid_motion": True},
+            {**plan.keywords, "observe": plan.setting.observe, "data": plan.options.data, "rigid_motion": True},
             seed=seed,
             limits=limits,
             scenes=remaining,
@@ -138,8 +133,9 @@ def evaluate_plan(plan: Plan, runs: Runs, reference: Reference, *, with_progress
 
 def info_of(plan: Plan, seed: int) -> RunInfo:
     """Description of a stored run of the plan, without the data root."""
-    env = MTPEnv(plan.env, data=plan.options.data, evaluation=True, **plan.observed, **plan.keywords)
-    info = run_info(env, plan.setting, seed, {**plan.keywords, "rigid_motion": True})
+    setting = plan.setting
+    env = MTPEnv(plan.env, data=plan.options.data, evaluation=True, observe=setting.observe, **plan.keywords)
+    info = run_info(env, setting, seed, {**plan.keywords, "rigid_motion": True})
     return info.model_copy(update={"submission_digest": plan.image.digest})
 
 
@@ -163,11 +159,7 @@ def unanswered(runs: Runs) -> MissedPart:
         for run in results
         if run.status != "finished"
     }
-    return MissedPart(
-        malformed=sum(run.malformed for run in every),
-        crashed_scenes=len(reasons),
-        reasons=reasons,
-    )
+    return MissedPart(malformed=sum(run.malformed for run in every), crashed_scenes=len(reasons), reasons=reasons)
 
 
 def isolation(runs: Runs) -> IsolationPart:
@@ -188,11 +180,6 @@ def latency(rollouts: Sequence[Rollout]) -> LatencyPart:
         return LatencyPart(p50_ms=None, p95_ms=None, max_ms=None)
     p50, p95, most = (float(value) for value in np.percentile(1e3 * seconds, [50, 95, 100]))
     return LatencyPart(p50_ms=p50, p95_ms=p95, max_ms=most)
-
-
-def peak_memory(runs: Runs) -> float:
-    """Memory of the largest agent process, MiB."""
-    return max((run.peak_memory for results in runs.values() for run in results), default=0) / 2**20
 
 
 def hardware() -> HardwarePart:

@@ -86,13 +86,10 @@ def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
     record is named by its env.
     """
     folder = Path(folder)
-    paths = [path for path in sorted(folder.rglob("[!.]*.json")) if not path.name.endswith(LEVEL_SUFFIX)]
-    paths = [path for path in paths if env_id in ("", path.stem)]
-    return [path for path in paths if not any(_is_aside(part) for part in path.relative_to(folder).parts)]
-
-
-def _is_aside(name: str) -> bool:
-    return name.startswith(".") or name.endswith((ROLLOUTS, PARTS))
+    aside = (ROLLOUTS, PARTS, LEVEL_SUFFIX)  # ends of names
+    paths = {path: path.relative_to(folder).parts for path in sorted(folder.rglob("*.json"))}
+    found = [path for path, parts in paths.items() if not any(p[0] == "." or p.endswith(aside) for p in parts)]
+    return [path for path in found if env_id in ("", path.stem)]
 
 
 def seed_folder(folder: Path, seed: int) -> Path:

@@ -129,7 +129,8 @@ def verify(
         return Verification(path, record, "scored", notes=(f"{stated}: its rollouts are not scored again",))
     options = replace(options, split=None, scenes=None)
     card = options.card(env_id or record.env.id)
-    stale = _card_differences(record, card)
+    now = {"id": card.id, "card_digest": card.digest, "split": card.source.split}
+    stale = tuple(differences("env", record.env.model_dump(include={*now}), now))
     if stale:
         return Verification(path, record, "scored", stale)
     scenes = [scene.scene for scene in record.per_scene]
@@ -281,15 +282,6 @@ def _plan(path: Path, record: Record, env_id: str | None, folder: str | Path | N
     if list(plan.scenes) != [scene.scene for scene in record.per_scene]:
         raise RecordError(f"{path}: its scenes are not the first {len(record.per_scene)} of {env_id}")
     return plan
-
-
-def _card_differences(record: Record, card: Card) -> tuple[Difference, ...]:
-    pairs = (
-        ("env.id", record.env.id, card.id),
-        ("env.card_digest", record.env.card_digest, card.digest),
-        ("env.split", record.env.split, card.source.split),
-    )
-    return tuple(Difference(*pair) for pair in pairs if pair[1] != pair[2])
 
 
 def _notes(record: Record, reference: Reference) -> tuple[str, ...]:

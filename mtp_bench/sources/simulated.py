@@ -38,6 +38,9 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     truth, period = scene.truth, 1.0 / card.task.rate
     if card.velocity and card.source.traits.velocity_ahead:
         truth = looking_back(truth, scene.time, period)
+    if seed is None:  # equal in every process and on every machine
+        digest = hashlib.sha256(f"{section.seed}|detector|{scene.name}".encode()).digest()
+        seed = int.from_bytes(digest[:8], "big")
     world = in_world(replace(scene, truth=truth))
     if card.velocity:
         moving = world.truth if scene.world is None else looking_back(world.truth, scene.time, period)
@@ -48,7 +51,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         card.task.classes,
         profile,
         sensor,
-        _noise_seed(section.seed, scene.name) if seed is None else seed,
+        seed,
         dt=period,
         visibility=visibility_of(world.truth, world.ego, sensor, visible),
     )
@@ -60,11 +63,6 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     return replace(
         scene, truth=truth, detections=detections, detector=label, simulated=True, skipped={}, visible=visible
     )
-
-
-def _noise_seed(seed: int, name: str) -> int:
-    """Seed of the noise of a scene, equal in every process and on every machine."""
-    return int.from_bytes(hashlib.sha256(f"{seed}|detector|{name}".encode()).digest()[:8], "big")
 
 
 def in_world(scene: Scene) -> Scene:

@@ -145,8 +145,8 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
     return read
 
 
-def _fits(path: Path) -> bool:
-    return path.is_dir() and any(any(path.glob(f"*.{form}")) for form in FORMS)
-
-
-TABLE = TrackForm("a folder with a table <scene>.csv or <scene>.parquet for each scene", _fits, _open)
+TABLE = TrackForm(
+    "a folder with a table <scene>.csv or <scene>.parquet for each scene",
+    lambda path: path.is_dir() and any(any(path.glob(f"*.{form}")) for form in FORMS),
+    _open,
+)

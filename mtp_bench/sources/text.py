@@ -211,18 +211,14 @@ def wrong_count(cells: Sequence[str], columns: Sequence[str], last: bool) -> str
 
 
 def read_json(path: Path, kind: type[Content]) -> Content:
-    """The content of a JSON file, decoded as ``kind``; NaN counts as null. DataError names the place in the file."""
-    return decode(read_bytes(path), kind, path)
+    """The content of a JSON file, decoded as ``kind``; DataError names the place in the file.
 
-
-def read_bytes(path: Path) -> bytes:
-    """The text of a JSON file, with null in place of NaN, which official files have for unknown velocities.
-
-    Infinity becomes 1e300, which no number may be: the error about it then names the place.
+    NaN, which official files have for unknown velocities, counts as null. Infinity becomes 1e300, which no number may
+    be: the error about it then names the place.
     """
     content = _content(path)
     content = _NAN.sub(b"null", content) if b"NaN" in content else content
-    return _INFINITY.sub(b"1e300", content) if b"Infinity" in content else content
+    return decode(_INFINITY.sub(b"1e300", content) if b"Infinity" in content else content, kind, path)
 
 
 def decode(content: bytes | msgspec.Raw, kind: type[Content], where: object) -> Content:

@@ -150,7 +150,8 @@ def _parts(findings: Findings, rows: Sequence[Any]) -> Sketch:
     series.append(Series("", places, ends, "ink", "dots", (), texts, {"marker": ""}))
     series.append(_level("", [0.0], "soft", linewidth=0.8))
     x = "bADE, m, averaged over budgets of false forecasts"
-    panel = Panel(series, "", x, _named_ticks(map(_called, rows)), stacked=True)
+    agents = [f"{row.agent}, H = {row.H}" if row.H > 1 else str(row.agent) for row in rows]
+    panel = Panel(series, "", x, _named_ticks(agents), stacked=True)
     return Sketch([panel], size=(8.1, 1.3 + 0.36 * len(rows)), legend=4)
 
 
@@ -162,11 +163,6 @@ def _where(rows: Iterable[Any], **values: Any) -> list[Any]:
 def _pick(rows: Iterable[Any], name: str) -> list[Any]:
     """Values of the attribute ``name`` of each row."""
     return [getattr(row, name) for row in rows]
-
-
-def _called(row: Any) -> str:
-    """Label of the agent of a row."""
-    return f"{row.agent}, H = {row.H}" if row.H > 1 else str(row.agent)
 
 
 def _series_of(rows: Sequence[Any], label: str, color: str, x: str | Sequence[float], y: str, **more: Any) -> Series:

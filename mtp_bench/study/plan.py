@@ -42,11 +42,6 @@ class StudyPlan:
     controls: tuple[Setting, ...]
 
     @property
-    def shown_controls(self) -> list[Setting]:
-        """The controls that are shown beside every subject."""
-        return [s for s in self.controls if s.submission.compare.role in ("same_samples", "hedged")]
-
-    @property
     def same_samples(self) -> Setting | None:
         """The control that draws as many samples from one hypothesis as others from many."""
         return next((s for s in self.controls if s.submission.compare.role == "same_samples"), None)

@@ -14,10 +14,10 @@ from ..scoring.parts import PARTS
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..tables import Column, Table
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
-from .event_counts import KINDS
 from .findings import Findings
 from .plan import StudiedAgent, unique
 from .relations import relation_rows
+from .runs import KINDS
 
 TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 PAPER = "the paper's"  # group of the columns with figures of the paper
@@ -66,8 +66,9 @@ def subset_name(subset: str) -> str:
 
 def settings_of_rows(findings: Findings) -> Iterator[tuple[StudiedAgent, Setting]]:
     """Settings of the tables over H and k, each with the studied agent whose rows it belongs to."""
+    shown = [s for s in findings.plan.controls if s.submission.compare.role in ("same_samples", "hedged")]
     for subject in findings.plan.subjects:
-        equal = [subject.reference, subject.single, *findings.plan.shown_controls, *subject.equal.values()]
+        equal = [subject.reference, subject.single, *shown, *subject.equal.values()]
         for setting in unique([subject.truth, *equal, *subject.free.values()]):
             yield subject, setting
 

@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..cards import Card
 from ..cards.own import scenes_digest
 from ..env.environment import MTPEnv
@@ -23,19 +25,32 @@ from ..running.run import jobs_of, run_jobs
 from ..running.settings import Setting
 from ..running.stored import run_info
 from ..scoring import SceneScore, score_scene
+from ..scoring.holes import separated_truth
+from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from ..scoring.main_table import unchanged
+from ..scoring.neutral import evaluated
 from ..sources import open_source
 from ..types import Rollout, Scene
-from .event_counts import EventCounts, count_events
 from .plan import key_of
 
 RUNS = "runs"  # folder of the stored runs
+KINDS = ("ids", "lost", "reacquired", "frag")  # the last: lost or reacquired
 _LIBRARY = Path(__file__).resolve().parent.parent
 # Parts of the library that only judge and show; baselines have digests of their own.
 _NO_MAKERS = {
     "_bundled", "__pycache__", "commands", "gateway", "records", "scoring", "study", "tables", "testing", "training",
     "viz",
 }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EventCounts:
+    """Numbers of events of one rollout of one scene, on targets or not, by KINDS."""
+
+    own: dict[str, int]  # along the lineage of the best hypothesis
+    shared: dict[str, int]  # that every hypothesis has
+    objects: int  # evaluated true objects
+    frames: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +112,10 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable
         stored = _stored(folder, bench.scenes)
         if stored is None:
             judged = run_jobs(jobs, options, _judge)
-            _store(bench, setting, seed, folder, [rollout for rollout, *_ in judged])
+            env = MTPEnv(bench.env_id, **keywords)
+            info = run_info(env, setting, seed, {**env_changes(bench, setting), **bench.options.changes})
+            rollouts = [rollout for rollout, *_ in judged]
+            save_run(folder, info.model_copy(update={"card": env.card.stored()}), rollouts)
         else:
             calls = [(bench.card, rollout, bench.options.data) for rollout in stored]
             judged = parallel_map(_judge_stored, calls, bench.options.workers, lambda i: done(bench.scenes[i]))
@@ -107,19 +125,26 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable
     return Measured(setting, tuple(scores), tuple(events), tuple(folders))
 
 
+def count_events(scene: Scene, rollout: Rollout, card: Card) -> EventCounts:
+    """Count the events of a rollout that `score_scene` takes."""
+    scene = evaluated(scene)
+    truth, lineage = separated_truth(scene, card), hypotheses(rollout, card)
+    events = lineage_events(truth, rollout, lineage, match_hypotheses(truth, rollout, lineage.member, card))
+    own = events.of(lineage.best[truth.frame_of_rows])
+    return EventCounts(
+        own={kind: int(getattr(own, kind)[:, 0].sum()) for kind in KINDS},
+        shared={kind: int(in_all(truth, lineage, events, kind).sum()) for kind in KINDS},
+        objects=len(np.unique(scene.truth.object_id[~truth.neutral])),
+        frames=scene.frames,
+    )
+
+
 def _judge(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, SceneScore, EventCounts]:
     return rollout, score_scene(scene, rollout, card), count_events(scene, rollout, card)
 
 
 def _judge_stored(card: Card, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, EventCounts]:
     return None, *_judge(open_source(card, data).load(rollout.scene), rollout, card)[1:]
-
-
-def _store(bench: Bench, setting: Setting, seed: int, folder: Path, rollouts: Sequence[Rollout]) -> None:
-    changes = env_changes(bench, setting)
-    env = MTPEnv(bench.env_id, **bench.options.env_keywords, **changes)
-    info = run_info(env, setting, seed, {**changes, **bench.options.changes})
-    save_run(folder, info.model_copy(update={"card": env.card.stored()}), rollouts)
 
 
 def env_changes(bench: Bench, setting: Setting) -> dict[str, Any]:
@@ -140,17 +165,13 @@ def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:
 def _folder_name(bench: Bench, setting: Setting, seed: int) -> str:
     """Name of the folder of a run; its digest is of everything that decides what the agent answers."""
     files = network_files(setting.submission.networks, bench.card.id, bench.card.weights_of)
-    files = [*files, *(_track_files(bench.options) if setting.observe == "tracks" else [])]
+    if setting.observe == "tracks":
+        given = Path(bench.options.track_file or "")
+        files = [*files, *(sorted(path for path in given.rglob("*") if path.is_file()) if given.is_dir() else [given])]
     parts = [bench.content, key_of(setting), str(seed), *map(file_digest, files), library_digest()]
     digest = digest_of(parts)[:12]
     shown = "-truth" if setting.observe == "truth" else f"-H{setting.hypotheses}" if setting.hypotheses else ""
     return f"{setting.submission.name}{shown}-k{setting.samples}-seed{seed}-{digest}"
-
-
-def _track_files(options: RunOptions) -> list[Path]:
-    """Files of stored tracks that agents are shown."""
-    given = Path(options.track_file or "")
-    return sorted(path for path in given.rglob("*") if path.is_file()) if given.is_dir() else [given]
 
 
 @cache

@@ -53,22 +53,18 @@ def check_agent(
     suite = Suite(make_agent, env_id, keywords, seed, env, chosen)
     findings: list[Finding] = []
     for name, check, passed in _CHECKS:
-        results, failed = _run(name, check, suite)
+        results: list[Finding] = []
+        failed = False
+        try:
+            for finding in check(suite):
+                results.append(replace(finding, check=name))
+        except AgentError as error:
+            results.append(replace(error.finding, check=name))
+            failed = True
         findings += results or [Finding("ok", name, passed)]
         if failed and name in ("build", "contract"):
             break  # all other checks would fail likewise
     return findings
-
-
-def _run(name: str, check: Callable[[Suite], Findings], suite: Suite) -> tuple[list[Finding], bool]:
-    """Findings of one check, and True if the agent raised in it."""
-    results: list[Finding] = []
-    try:
-        for finding in check(suite):
-            results.append(replace(finding, check=name))
-    except AgentError as failed:
-        return [*results, replace(failed.finding, check=name)], True
-    return results, False
 
 
 def _builds(suite: Suite) -> Findings:

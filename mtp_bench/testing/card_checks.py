@@ -6,7 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from ..cards import Card, load_card
+from ..cards import load_card
 from ..env.environment import MTPEnv
 from ..errors import DataError, MtpBenchError
 from ..scoring import find_targets
@@ -31,18 +31,14 @@ def check_card(path: str | Path, data: str | None = None) -> list[Finding]:
         env = MTPEnv(str(path), data, scenes=env.scene_names[:1])
         env.reset(seed=0)
     except DataError as error:
-        return [*findings, _of_data(error, card, data, str(path))]
+        status = describe(card, data)
+        if status.root is not None and not status.missing:
+            return [*findings, Finding("error", "data", str(error), "data that can be read", str(path))]
+        got = "the env was not checked: its data is missing"
+        return [*findings, Finding("warning", "data", got, "", str(path), str(error))]
     except MtpBenchError as error:
         return [*findings, Finding("error", "env", str(error), "an env", str(path))]
     return [*findings, *_gymnasium(env), *_content(env)]
-
-
-def _of_data(error: DataError, card: Card, data: str | None, where: str) -> Finding:
-    """Finding for unreadable data: a warning if it is missing, else an error."""
-    status = describe(card, data)
-    if status.root is not None and not status.missing:
-        return Finding("error", "data", str(error), "data that can be read", where)
-    return Finding("warning", "data", "the env was not checked: its data is missing", "", where, str(error))
 
 
 def _gymnasium(env: MTPEnv) -> list[Finding]:

@@ -46,14 +46,13 @@ class SceneLabels:
         self._target = np.zeros(self._place.shape[:2], dtype=bool)
         self._target[self._object[targets.row], targets.frame] = True
         # The last row is of "no detection in the past that is kept".
-        self._start, self._of_row = feed.start, np.append(self._objects_of(feed), UNKNOWN)
-
-    def _objects_of(self, feed: Feed) -> Ints:
-        """The object [R] of each detection: the nearest of its class inside the gate."""
         if feed.object_id is not None:
-            return np.searchsorted(self._ids, feed.object_id)
-        parts = [self._nearest(t, feed.box[feed.rows(t)], feed.class_id[feed.rows(t)]) for t in range(feed.frames)]
-        return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
+            known = np.searchsorted(self._ids, feed.object_id)
+        else:
+            frames = map(feed.rows, range(feed.frames))
+            nearest = [self._nearest(t, feed.box[rows], feed.class_id[rows]) for t, rows in enumerate(frames)]
+            known = np.concatenate([np.zeros(0, dtype=np.int64), *nearest])
+        self._start, self._of_row = feed.start, np.append(known, UNKNOWN)
 
     def _nearest(self, t: int, box: Floats, class_id: Ints) -> Ints:
         """The object [n] of boxes in frame ``t``, NO_OBJECT or UNKNOWN."""

@@ -51,7 +51,10 @@ def autoencoder(
     """Squared error of the future decoded from its own code, and divergence of that code from the prior (PTP)."""
     context = context_of(weights, batch, sizes)
     residual = batch["future"] - straight(batch, sizes)
-    mean, log_variance = posterior(weights, context, *_scaled_steps(weights, residual, batch["known"]))
+    # steps of corrections in units of their spread, where both ends are known
+    steps = torch.diff(residual, dim=1, prepend=torch.zeros_like(residual[:, :1])) / weights["step.spread"]
+    both = batch["known"] * torch.cat([batch["known"][:, :1], batch["known"][:, :-1]], 1)
+    mean, log_variance = posterior(weights, context, steps * both[:, :, None], both)
     noise = torch.randn(mean.shape, generator=generator).to(mean.device)
     code = mean + (0.5 * log_variance).exp() * noise
     decoded = decode(weights, context, code[:, None], sizes)[:, 0]
@@ -84,13 +87,6 @@ def _present_error(present: torch.Tensor, batch: Tensors) -> torch.Tensor:
 
 def _weighted_mean(loss: torch.Tensor, batch: Tensors) -> torch.Tensor:
     return (loss * batch["weight"]).sum() / batch["weight"].sum().clip(1e-9)
-
-
-def _scaled_steps(weights: Tensors, residual: torch.Tensor, known: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Steps [n, T, 2] of corrections in units of their spread, and where both ends are known, [n, T]."""
-    steps = torch.diff(residual, dim=1, prepend=torch.zeros_like(residual[:, :1])) / weights["step.spread"]
-    both = known * torch.cat([known[:, :1], known[:, :-1]], 1)
-    return steps * both[:, :, None], both
 
 
 def _scale(weights: Tensors) -> torch.Tensor:

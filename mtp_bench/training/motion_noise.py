@@ -104,22 +104,18 @@ def forecast_score(position: Floats, valid: Bools, future: Floats, noise: NoiseT
     ``position`` [n, P, 2] and ``valid`` [n, P]: pasts, heading frame; ``future`` [n, T, 2]: the truth, m; ``noise``: of
     that class; ``dt``: frame period, s.
     """
+    from scipy.special import ndtr
+
     state = filtered(position, valid, np.zeros(len(position), dtype=np.int64), noise, dt)
     tau = dt * np.arange(1, future.shape[1] + 1)[:, None]
     mean = state.position[:, None] + tau * state.velocity[:, None]
     cov = state.covariance[:, None]
     variance = cov[..., 0, 0] + 2 * tau * cov[..., 0, 1] + tau**2 * cov[..., 1, 1]
     deviation = np.sqrt(variance + noise.acceleration[0] ** 2 * tau**4 / 4)
-    return float(np.mean(_crps((future - mean) / deviation) * deviation))
-
-
-def _crps(z: Floats) -> Floats:
-    """Score of a standard normal forecast at the outcome ``z``."""
-    from scipy.special import ndtr
-
+    z = (future - mean) / deviation
     density = np.exp(-(z**2) / 2) / math.sqrt(2 * math.pi)
-    score: Floats = z * (2 * ndtr(z) - 1) + 2 * density - 1 / math.sqrt(math.pi)
-    return score
+    score = z * (2 * ndtr(z) - 1) + 2 * density - 1 / math.sqrt(math.pi)  # of a standard normal forecast
+    return float(np.mean(score * deviation))
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,7 +61,11 @@ def fit_noise(
     )
     missing = [one for one in card.task.classes if one not in (*profile.classes, *profile.alike)]
     lines = [f"# too few detections to fit: {', '.join(missing)}; --alike names a class whose noise they have"]
-    return "\n".join([*(lines if missing else []), _section_text(profile_text(profile), section)])
+    lines = lines if missing else []
+    lines += ["[detector]", f"reach = {section.reach}", f"field_of_view = {section.field_of_view}", ""]
+    # headings start a line
+    nested = re.sub(r"^\[", "[detector.noise.", profile_text(profile), flags=re.MULTILINE)
+    return "\n".join([*lines, "[detector.noise]", nested])
 
 
 def _complete_scene(scene: Scene) -> Scene:
@@ -72,12 +76,6 @@ def _complete_scene(scene: Scene) -> Scene:
         f"scene {scene.name!r} has the truth of prediction targets only, so detections of other objects would be "
         "fitted as false positives; fit on an environment with complete truth"
     )
-
-
-def _section_text(profile: str, section: DetectorSection) -> str:
-    """The text of a profile as the noise of a card's section."""
-    head = f"[detector]\nreach = {section.reach}\nfield_of_view = {section.field_of_view}\n\n[detector.noise]\n"
-    return head + re.sub(r"^\[", "[detector.noise.", profile, flags=re.MULTILINE)  # headings start a line
 
 
 def _alike(texts: Sequence[str], card: Card) -> dict[str, str]:

@@ -111,7 +111,8 @@ def isotonic_knots(probability: Floats, present: Bools) -> Floats:
     value, step = np.unique(level, return_inverse=True)
     center = np.bincount(step, x * weight) / np.bincount(step, weight)
     inside = (value > 0) & (value < 1) & (center > 0) & (center < 1)
-    return _between_ends(np.stack([center[inside], value[inside]]))
+    knots = _rounded(np.stack([center[inside], value[inside]]))
+    return np.concatenate([[[0.0], [0.0]], knots, [[1.0], [1.0]]], axis=1)
 
 
 def quality(probability: Floats, present: Bools) -> dict[str, Any]:
@@ -159,11 +160,6 @@ def model_text(
     content |= {key: getattr(model, key).tolist() for key in ("low", "high", "center", "scale", "shared")}
     content["classes"] = {name: row.tolist() for name, row in model.classes.items()}
     content |= {"knots": model.knots.tolist(), "held_out": held_out}
-    return _json_lines(content)
-
-
-def _json_lines(content: dict[str, Any]) -> str:
-    """JSON with a line per key."""
     rows = [f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items()]
     return "{\n" + ",\n".join(rows) + "\n}\n"
 
@@ -172,11 +168,6 @@ def probabilities(model: PresenceModel, rows: PresenceRows) -> Floats:
     """Probabilities [n] of rows."""
     names, class_id = np.unique(rows.class_name, return_inverse=True)
     return model.probability(rows, class_id, names.tolist())
-
-
-def _between_ends(knots: Floats) -> Floats:
-    """Knots [2, n], rounded, between (0, 0) and (1, 1)."""
-    return np.concatenate([[[0.0], [0.0]], _rounded(knots), [[1.0], [1.0]]], axis=1)
 
 
 def _rounded(values: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mtp_bench.study.event_counts import EventCounts, count_events
+from mtp_bench.study.runs import EventCounts, count_events
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
 
 

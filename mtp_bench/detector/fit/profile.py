@@ -15,7 +15,7 @@ from ..visibility import Sensor
 from .false_positives import fit_false_positives
 from .objects import fit_objects
 from .quality import NEIGHBOUR_LENGTH
-from .samples import Samples, collect_samples
+from .samples import collect_samples
 
 LEAST_HITS = 100  # detected true boxes that a class needs
 
@@ -46,7 +46,11 @@ def fit_profile(
             f"no detector profile can be fitted: detections of true boxes: {hits}; expected at least {LEAST_HITS} of "
             "one class. Give more scenes, or a lower floor of the scores"
         )
-    noise = {one: fit_objects(samples[one][0], (floor or {}).get(one, _lowest_score(samples[one]))) for one in fitted}
+    noise = {}
+    for one in fitted:
+        objects, false = samples[one]
+        lowest = min(objects.score[objects.hit].min(), false.score.min(initial=np.inf))
+        noise[one] = fit_objects(objects, (floor or {}).get(one, math.floor(1e4 * float(lowest)) / 1e4))
     profile = Profile(
         name=name,
         summary=summary,
@@ -64,12 +68,6 @@ def fit_profile(
         one: fit_false_positives(scenes, known, profile, one, samples[one][1], sensor) for one in profile.classes
     }
     return profile.model_copy(update={"classes": complete})
-
-
-def _lowest_score(samples: Samples) -> float:
-    """Lowest score of a class, rounded down."""
-    objects, false = samples
-    return math.floor(1e4 * float(min(objects.score[objects.hit].min(), false.score.min(initial=np.inf)))) / 1e4
 
 
 def _of_classes(scene: Scene, ids: Sequence[int]) -> Scene:

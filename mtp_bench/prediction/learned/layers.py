@@ -56,24 +56,15 @@ def lstm_states(weights: Weights, name: str, steps: Array, mask: Array) -> Array
     ``name.weight`` [in + h, 4 h] and ``name.bias`` [4 h], in the order input, forget, cell, output (Hochreiter,
     Schmidhuber 1997; Gers et al. 2000).
     """
-    hidden = cell = zero_state(steps[:, 0], weights[f"{name}.bias"])
+    xp, bias = namespace(steps), weights[f"{name}.bias"]
+    hidden = cell = xp.zeros_like(steps[:, 0, :1]) + xp.zeros_like(bias[: len(bias) // 4])  # [n, h]
     states = []
     for step in range(steps.shape[1]):
         new = lstm_cell(weights, name, steps[:, step], hidden, cell)
-        hidden, cell = (where_alive(mask[:, step], *pair) for pair in zip(new, (hidden, cell), strict=True))
+        alive = mask[:, step, None]
+        hidden, cell = (alive * now + (1 - alive) * old for now, old in zip(new, (hidden, cell), strict=True))
         states.append(hidden)
-    return namespace(steps).stack(states, 1)
-
-
-def zero_state(like: Array, bias: Array) -> Array:
-    """A hidden state [n, h] of zeros, for ``like`` [n, ...] and the ``bias`` [4 h] of an LSTM."""
-    zeros = namespace(like).zeros_like
-    return zeros(like[:, :1]) + zeros(bias[: len(bias) // 4])
-
-
-def where_alive(alive: Array, new: Array, old: Array) -> Array:
-    """The rows [n, h] of ``new`` where ``alive`` [n] is 1, of ``old`` where it is 0."""
-    return alive[:, None] * new + (1 - alive[:, None]) * old
+    return xp.stack(states, 1)
 
 
 def lstm_cell(weights: Weights, name: str, x: Array, hidden: Array, cell: Array) -> tuple[Array, Array]:

@@ -53,8 +53,12 @@ class Ptp:
     recipe = Recipe((Stage("autoencoder", "cvae.", 0.6), Stage("diverse", "sampler.", 0.4)), epochs=80, by_frame=True)
 
     def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
-        """The past of each window, and the other objects of its frame."""
-        return frame_inputs(windows, moment)
+        """`local_inputs`, and of each window the place of its heading frame and the number of its frame.
+
+        place [n, 3] x y m, yaw rad, in the frame of the observations · best [n] · moment [n], equal in the same frame.
+        """
+        place = windows.box[:, -1, [0, 1, 3]].astype(np.float32)
+        return {**local_inputs(windows), "place": place, "best": windows.best.astype(np.float32), "moment": moment}
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
         """Autoencoder ``cvae.*``, sampling function ``sampler.*``, and statistics."""
@@ -148,7 +152,8 @@ def _among_others(weights: Weights, inputs: dict[str, Array], node: Array, sizes
 def _messages(inputs: dict[str, Array], sizes: Sizes, like: Array) -> tuple[Array, Array]:
     """Reachability [n, n] as 1 and 0, and sums [n, PER_MESSAGE] over the objects in reach, in units of REACH."""
     xp = namespace(like)
-    between = offsets(inputs, inputs["place"][:, :2])
+    xy = inputs["place"][:, :2]
+    between = turned(inputs, xy[None] - xy[:, None], -1)  # [n, n, 2] m from i to j, in the heading frame of i
     near = in_view(inputs) & ((between**2).sum(-1) <= REACH**2)
     near = near + xp.zeros_like(like[:, :1])
     velocity = turned(inputs, mean_velocity(inputs, sizes.dt)[:, None], 1)[:, 0]
@@ -192,15 +197,6 @@ def posterior(weights: Weights, context: Array, steps: Array, known: Array) -> t
     return out[:, :CODE], xp.clip(out[:, CODE:], -8, 8)
 
 
-def frame_inputs(windows: TrackWindows, moment: Ints) -> Arrays:
-    """`local_inputs`, and of each window the place of its heading frame and the number of its frame.
-
-    place [n, 3] x y m, yaw rad, in the frame of the observations · best [n] · moment [n], equal in the same frame.
-    """
-    place = windows.box[:, -1, [0, 1, 3]].astype(np.float32)
-    return {**local_inputs(windows), "place": place, "best": windows.best.astype(np.float32), "moment": moment}
-
-
 def in_view(inputs: dict[str, Array]) -> Array:
     """Mask [n, n]: window i sees window j.
 
@@ -210,11 +206,6 @@ def in_view(inputs: dict[str, Array]) -> Array:
     xy, moment = inputs["place"][:, :2], inputs["moment"]
     elsewhere = (xy[:, None] != xy[None]).any(-1)
     return (moment[:, None] == moment[None]) & (inputs["best"][None] > 0) & elsewhere
-
-
-def offsets(inputs: dict[str, Array], xy: Array) -> Array:
-    """Offsets [n, n, 2] m from i to j, in the heading frame of i; ``xy`` [n, 2] absolute."""
-    return turned(inputs, xy[None] - xy[:, None], -1)
 
 
 def turned(inputs: dict[str, Array], vectors: Array, sense: int) -> Array:

@@ -102,7 +102,8 @@ def encoded(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> tuple[A
     vote = sigmoid(output[..., 0]) * near
     velocity = voted(inputs, vote, sizes.dt)
     value = xp.concatenate([off_line(inputs, velocity, age), output[..., 2:], xp.ones_like(near)[..., None]], 3)
-    by_frame = (_shares_in_frames(output[..., 1], near)[..., None] * value).sum(2).reshape(len(near), -1)
+    share = shares(output[..., 1].reshape(-1, near.shape[2]), near.reshape(-1, near.shape[2])).reshape(near.shape)
+    by_frame = (share[..., None] * value).sum(2).reshape(len(near), -1)  # shares within each frame
     highest = xp.amax(xp.amax(token * near[..., None], 1), 1)
     count = xp.log(1 + xp.stack([near.sum((1, 2)), vote.sum((1, 2))], 1))
     return velocity, xp.concatenate([by_frame, highest, velocity / 10, count, of_object], 1)
@@ -112,11 +113,6 @@ def off_line(inputs: dict[str, Array], velocity: Array, age: Array) -> Array:
     """Distance [n, P, M, 2] of detections from where an object of a ``velocity`` [n, 2] was; see FINE."""
     off = inputs["position"] + velocity[:, None, None] * age[..., None]
     return namespace(off).arcsinh(off * inputs["near"][..., None] / FINE)
-
-
-def _shares_in_frames(logit: Array, near: Array) -> Array:
-    """`shares` [n, P, M] within each frame."""
-    return shares(logit.reshape(-1, logit.shape[2]), near.reshape(-1, near.shape[2])).reshape(near.shape)
 
 
 def voted(inputs: dict[str, Array], vote: Array, dt: float) -> Array:

@@ -33,13 +33,6 @@ class LaneGeometry:
         self.length: Floats = np.array([float(lane.length) for lane in self.lanes])
         self.limit: Floats = np.array([float(lane.speed_limit) for lane in self.lanes])
         self._arc: Bools = np.array([isinstance(lane, CircularLane) for lane in self.lanes])
-        self._read_arcs()
-        self._read_lines()
-
-    def __len__(self) -> int:
-        return len(self.lanes)
-
-    def _read_arcs(self) -> None:
         arcs = [lane for lane in self.lanes if isinstance(lane, CircularLane)]
         self._center: Floats = np.array([lane.center for lane in arcs], dtype=np.float64).reshape(-1, 2)
         self.radius: Floats = np.full(len(self), np.inf)
@@ -48,8 +41,6 @@ class LaneGeometry:
         self.radius[self._arc] = [lane.radius for lane in arcs]
         self.turn[self._arc] = [lane.direction for lane in arcs]
         self._phase[self._arc] = [lane.start_phase for lane in arcs]
-
-    def _read_lines(self) -> None:
         lines = [lane for lane in self.lanes if isinstance(lane, StraightLane)]
         self._start: Floats = np.array([lane.start for lane in lines], dtype=np.float64).reshape(-1, 2)
         self._along: Floats = np.array([lane.direction for lane in lines], dtype=np.float64).reshape(-1, 2)
@@ -59,6 +50,9 @@ class LaneGeometry:
         for k, lane in enumerate(self.lanes):
             if isinstance(lane, SineLane):
                 self._wave[k] = lane.amplitude, lane.pulsation, lane.phase
+
+    def __len__(self) -> int:
+        return len(self.lanes)
 
     def coordinates(self, points: Floats) -> tuple[Floats, Floats]:
         """Longitudinal and lateral coordinates ``[L, P]`` of points ``[P, 2]`` in every lane."""

@@ -72,7 +72,6 @@ class RightOfWay:
         vehicle gets the right of way; ``time``: s.
         """
         self._observe(state, ahead)
-        self._forget()
         stop = np.full(len(state), np.inf)
         waiting = self._first_waiting(state)
         self._grant(waiting, walks, claimed, time)
@@ -109,8 +108,6 @@ class RightOfWay:
         for number in self._granted:
             if number in self._vehicles:
                 self._vehicles[number].stop = before[number].stop
-
-    def _forget(self) -> None:
         inside = {n for n, me in self._vehicles.items() if me.rear <= self.passages[me.route].end}
         self._granted = {n: yields for n, yields in self._granted.items() if n in inside}
         self._asked = {n: time for n, time in self._asked.items() if n in self._vehicles}

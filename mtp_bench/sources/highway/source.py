@@ -13,7 +13,7 @@ from ...types import Bools, Floats, Scene, Truth, starts_of
 from ..base import Work, class_ids, no_detections, require_classes, section_of
 from ..dataset import Dataset, DataStatus
 from .store import WorldStore
-from .world import CLASSES, RATE, HighwaySource, Traffic, World
+from .world import CLASSES, RATE, HighwaySource, Traffic
 
 IN_VIEW = 0.05  # least visible share of a box in view
 DATASET = Dataset(
@@ -49,19 +49,12 @@ class HighwayTraffic:
 
     def load(self, name: str) -> Scene:
         """One scene, from the cache or simulated now (one or two seconds)."""
-        return self._scene(name, self.store.get(seed_of(name)))
-
-    def discard(self) -> None:
-        """Remove all scenes of the split from the cache."""
-        for name in self.names:
-            self.store.path(seed_of(name)).unlink(missing_ok=True)
-
-    def _scene(self, name: str, world: World) -> Scene:
         from ...detector.visibility import Sensor, covered
 
         detector = self.card.detector
         if detector is None:
             raise CardError(f"{self.card.id}: simulated traffic needs a [detector]")
+        world = self.store.get(seed_of(name))
         sensor = Sensor(detector.reach, float(np.deg2rad(detector.field_of_view)))
         frames = np.arange(0, len(world.time), self.stride)
         class_id = class_ids(CLASSES, self.card.task.classes)[world.truth.class_id]
@@ -79,6 +72,11 @@ class HighwayTraffic:
             visible=world.visible[keep],
             lanes=world.lanes,
         )
+
+    def discard(self) -> None:
+        """Remove all scenes of the split from the cache."""
+        for name in self.names:
+            self.store.path(seed_of(name)).unlink(missing_ok=True)
 
 
 def generate(card: Card, data: object, scenes: int | None, workers: int) -> Work:

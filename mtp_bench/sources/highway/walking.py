@@ -149,7 +149,11 @@ def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats,
     strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
     strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
     push: Floats = (strength[..., None] * unit).sum(axis=1)
-    force: Floats = (wanted - velocity) / _RELAX + push + _pull_to_group(between, friends)
+    count = friends.sum(axis=1)
+    to_middle = -(between * friends[..., None]).sum(axis=1) / np.maximum(count, 1)[:, None]  # of the group
+    away = np.hypot(to_middle[:, 0], to_middle[:, 1]) > _TOGETHER
+    pull = to_middle * np.where(away, _PULL, 0.0)[:, None]
+    force: Floats = (wanted - velocity) / _RELAX + push + pull
     return limit_length(force, _STRONGEST)
 
 
@@ -165,13 +169,6 @@ def limit_length(vector: Floats, most: Floats | float) -> Floats:
     """Vectors ``[M, 2]`` shortened to at most ``most``."""
     length = np.hypot(vector[:, 0], vector[:, 1])
     return vector * np.minimum(1.0, most / np.maximum(length, _TINY))[:, None]
-
-
-def _pull_to_group(between: Floats, friends: Bools) -> Floats:
-    count = friends.sum(axis=1)
-    to_middle = -(between * friends[..., None]).sum(axis=1) / np.maximum(count, 1)[:, None]
-    away = np.hypot(to_middle[:, 0], to_middle[:, 1]) > _TOGETHER
-    return np.asarray(to_middle * np.where(away, _PULL, 0.0)[:, None])
 
 
 def slow_before_others(place: Floats, velocity: Floats, vehicles: Floats, dt: float) -> Floats:

@@ -159,7 +159,9 @@ def read_calibration(path: Path, names: tuple[str, ...], columns: int) -> Floats
 
 
 def read_sequence_map(path: Path) -> dict[str, int]:
-    """Frames of each sequence of a split, in the order of the file (``0001 empty 000000 000447``)."""
+    """Frames of each sequence, in the order of the file (``0001 empty 000000 000447``); empty without a file."""
+    if not path.is_file():
+        return {}
     rows = [line.split() for line in numbered_lines(path)[1]]
     if not rows or not all(len(row) == 4 and row[3].isdigit() and int(row[3]) for row in rows):
         raise DataError(

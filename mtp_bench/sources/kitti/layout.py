@@ -45,15 +45,9 @@ class KittiSource(DetectionsSection):
         )
 
 
-def validation_lengths(root: Path) -> dict[str, int]:
-    """Frames of the validation sequences by the sequence map; empty without one."""
-    path = root / SEQUENCE_MAP
-    return read_sequence_map(path) if path.is_file() else {}
-
-
 def split_names(root: Path, split: str) -> tuple[str, ...]:
     """Validation: the sequence map, if there is one; training: every other sequence that has labels."""
-    validation = tuple(validation_lengths(root)) or VALIDATION
+    validation = tuple(read_sequence_map(root / SEQUENCE_MAP)) or VALIDATION
     if split == "val":
         return validation
     labelled = sorted(path.stem for path in (root / LABELS).glob("*.txt"))

@@ -127,7 +127,8 @@ def image_field(
     origin, heading = state[:, :3], state[:, 3]
     turn = poses.rotation.swapaxes(1, 2)  # scene to sensor
     if not ego_motion:
-        turn, origin, heading = turn @ _about_z(heading), np.zeros_like(origin), np.zeros_like(heading)
+        level = np.column_stack([np.zeros((len(heading), 2)), heading])
+        turn, origin, heading = turn @ _rotations(level), np.zeros_like(origin), np.zeros_like(heading)
     turn = camera[:, :3] @ SENSOR_FROM_CAMERA.T @ turn
     shift = camera[:, 3] - np.einsum("fij,fj->fi", turn, origin)
     focal = min(SIZES, key=lambda known: abs(known - camera[0, 0]))
@@ -142,12 +143,6 @@ def image_field(
     )
 
 
-def _about_z(yaw: Floats) -> Floats:
-    """Rotations [F, 3, 3] by ``yaw`` [F] about z."""
-    cos, sin, zero, one = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw), np.ones_like(yaw)
-    return np.stack([cos, -sin, zero, sin, cos, zero, zero, zero, one], axis=-1).reshape(-1, 3, 3)
-
-
 def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage, ...]:
     """The images of the frames of a sequence whose files are there."""
     section, root = section_of(card, KittiSource), DATASET.find(data, LABELS)
@@ -157,13 +152,9 @@ def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage,
     projection = scene.image.projection
     if scene.world is not None:  # every frame in its own sensor frame, which the labels are given in
         camera = read_calibration(root / f"training/calib/{scene.name}.txt", ("P2",), 4)[:3]
-        projection = np.broadcast_to(_from_sensor(camera), (scene.frames, 3, 4))
+        camera = np.column_stack([camera[:, :3] @ SENSOR_FROM_CAMERA.T, camera[:, 3]])
+        projection = np.broadcast_to(camera, (scene.frames, 3, 4))
     paths = [folder / f"{t * section.stride:06d}.png" for t in range(scene.frames)]
     return tuple(
         CameraImage(t, CAMERA, path, scene.image.size, projection[t]) for t, path in enumerate(paths) if path.is_file()
     )
-
-
-def _from_sensor(camera: Floats) -> Floats:
-    """The projection ``camera`` [3, 4] of camera axes, for places in the sensor frame."""
-    return np.column_stack([camera[:, :3] @ SENSOR_FROM_CAMERA.T, camera[:, 3]])

@@ -21,8 +21,9 @@ from .files import (
     read_labels,
     read_odometry,
     read_oxts,
+    read_sequence_map,
 )
-from .layout import DATASET, LABELS, RENAME, TYPES, KittiSource, require_detector, split_names, validation_lengths
+from .layout import DATASET, LABELS, RENAME, SEQUENCE_MAP, TYPES, KittiSource, require_detector, split_names
 from .poses import FRAME_PERIOD, Poses, image_field, integrated_poses, odometry_poses
 
 # Types that KITTI's own evaluation leaves out of account: their annotation overlaps with the class.
@@ -51,7 +52,7 @@ class KittiTracking:
         section, classes = self.section, self.card.task.classes
         poses = self.poses(name)
         length = len(poses.position)
-        if validation_lengths(self.root).get(name, length) != length:
+        if read_sequence_map(self.root / SEQUENCE_MAP).get(name, length) != length:
             path = self.root / f"training/oxts/{name}.txt"
             raise DataError(f"{path} has {length} rows, expected one for each frame of the sequence map{RENAME}")
         frames = Frames(length, section.stride, poses if section.ego_motion else None)

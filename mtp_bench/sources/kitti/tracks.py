@@ -80,8 +80,8 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
     return read
 
 
-def _fits(path: Path) -> bool:
-    return path.is_dir() and any(path.glob("*.txt"))
-
-
-FORM = TrackForm("a folder with a KITTI tracking result <sequence>.txt for each scene", _fits, _open)
+FORM = TrackForm(
+    "a folder with a KITTI tracking result <sequence>.txt for each scene",
+    lambda path: path.is_dir() and any(path.glob("*.txt")),
+    _open,
+)

@@ -54,11 +54,6 @@ def folder_of(card: Card) -> str:
     return f"train/{section_of(card, Mot3dSource).sequence}"
 
 
-def needed(card: Card) -> tuple[str, ...]:
-    """Files that the card needs of its sequence; a simulated detector needs no detections."""
-    return (SEQINFO, TRUTH, DETECTIONS) if card.detector is None else (SEQINFO, TRUTH)
-
-
 class Mot3d:
     """Scenes of one sequence of 3DMOT2015, cut from it one after the other into ``scene_frames`` kept frames.
 
@@ -77,7 +72,7 @@ class Mot3d:
         self.folder = DATASET.find(data, folder) / folder
         self._info = read_sequence_info(self.folder / SEQINFO)
         require_rate(card, self.section.sequence, self._info.rate, self.section.stride)
-        for name in needed(card):
+        for name in (SEQINFO, TRUTH, *([DETECTIONS] if card.detector is None else [])):
             if not (self.folder / name).is_file():
                 advice = instead_of_stored(card) if name == DETECTIONS else ""
                 raise MissingDataError(f"no file {self.folder / name}{advice}")

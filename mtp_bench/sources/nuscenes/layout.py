@@ -139,12 +139,6 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
     return paths
 
 
-def class_index(category: str) -> int:
-    """Index of the class of a category, neutral ones included; -1 for a category that is not used."""
-    name = CLASS_OF.get(category) or NEUTRAL_OF.get(category)
-    return -1 if name is None else CLASSES.index(name)
-
-
 @cache
 def official_scenes() -> Mapping[str, tuple[str, ...]]:
     """Scene names of each of `SPLITS`, in the official order (``nuscenes.eval.prediction.splits``)."""

@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from ..text import read_json, refuse, repeated
-from .layout import NEUTRAL_OF, class_index
+from .layout import CLASS_OF, CLASSES, NEUTRAL_OF
 from .tables import (
     Keyframes,
     Quaternion,
@@ -85,7 +85,8 @@ def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyfram
     if prediction is not None:
         key = instance * len(keyframes.token) + sample
         listed = np.isin(key, _read_targets(prediction, row, keyframes, key))
-    class_of = np.array([class_index(name) for name in names], dtype=np.int64)
+    used_as = [CLASS_OF.get(name) or NEUTRAL_OF.get(name) for name in names]
+    class_of = np.array([-1 if name is None else CLASSES.index(name) for name in used_as], dtype=np.int64)
     neutral = np.array([name in NEUTRAL_OF for name in names], dtype=bool)[instance]
     neutral |= np.array([record.num_lidar_pts == record.num_radar_pts == 0 for record in records], dtype=bool)
     used = np.flatnonzero(class_of[instance] >= 0)

@@ -20,7 +20,7 @@ from ...types import Floats, Lane, Scene
 from ..base import DataRoot, section_of
 from ..text import read_json
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
-from .tables import TableRecord, Vector, by_token, find, read_records
+from .tables import SceneRecord, TableRecord, Vector, by_token, find, read_records
 
 REACH = 100.0  # m from the way of the ego, within which the road is drawn
 STEP = 2.0  # m, between points of a middle line, at most
@@ -33,8 +33,7 @@ class _Log(TableRecord):
     location: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
-class _Scene(TableRecord):
-    name: str
+class _Scene(SceneRecord):
     log_token: str
 
 

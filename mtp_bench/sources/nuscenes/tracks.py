@@ -92,8 +92,8 @@ def _read(path: Path, tables: TableStore) -> SubmittedBoxes:
     return _last_read[key]
 
 
-def _fits(path: Path) -> bool:
-    return path.is_file() and path.suffix == ".json"
-
-
-FORM = TrackForm("a .json file in the submission form of the nuScenes tracking task", _fits, _open)
+FORM = TrackForm(
+    "a .json file in the submission form of the nuScenes tracking task",
+    lambda path: path.is_file() and path.suffix == ".json",
+    _open,
+)

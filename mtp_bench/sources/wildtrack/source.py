@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -102,30 +101,21 @@ def _truth(folder: Path, numbers: Ints) -> Truth:
 
 def _detections(path: Path) -> Detections:
     """MVDet's detections, sorted by frame, otherwise in the order of the file."""
-    rows = read_detections(path)
-    frame, beside = np.divmod(rows.frame - SCENES[STORED], STEP)
+    table, number, place = read_detections(path)
+    frame, beside = np.divmod(number - SCENES[STORED], STEP)
     expected = f"{SCENES[STORED]}, {SCENES[STORED] + STEP}, ..., {SCENES[STORED] + STEP * (SCENE_FRAMES - 1)}"
-    rows.table.refuse(
+    table.refuse(
         (beside != 0) | (frame < 0) | (frame >= SCENE_FRAMES),
-        lambda row: f"frame {rows.frame[row]} is not among the annotated test frames, {expected}",
+        lambda row: f"frame {number[row]} is not among the annotated test frames, {expected}",
     )
     order = np.argsort(frame, kind="stable")
     # The file has no scores.
-    return people_detections(frame[order], rows.place[order], np.ones(len(frame)), SCENE_FRAMES)
+    return people_detections(frame[order], place[order], np.ones(len(frame)), SCENE_FRAMES)
 
 
 class _Person(msgspec.Struct):
     id: Annotated[int, msgspec.Meta(ge=-(10**9), le=10**9)] = msgspec.field(name="personID")
     position: Annotated[int, msgspec.Meta(ge=0, lt=GRID[0] * GRID[1])] = msgspec.field(name="positionID")  # the cell
-
-
-@dataclass(frozen=True, eq=False)
-class GroundDetections:
-    """Rows of a file ``frame gx gy``."""
-
-    table: RowTable
-    frame: Ints  # [R] the number of the annotation file
-    place: Floats  # [R, 2] m on the ground plane
 
 
 def read_annotations(path: Path) -> tuple[Ints, Floats]:
@@ -139,8 +129,11 @@ def read_annotations(path: Path) -> tuple[Ints, Floats]:
     return person, metres(np.column_stack([cell % GRID[0], cell // GRID[0]]))
 
 
-def read_detections(path: Path) -> GroundDetections:
-    """Detections, rows ``frame gx gy`` on the grid of the annotations; DataError names the line that is wrong."""
+def read_detections(path: Path) -> tuple[RowTable, Ints, Floats]:
+    """Detections, rows ``frame gx gy`` on the grid of the annotations; DataError names the line that is wrong.
+
+    The table, the number [R] of the annotation file of each row, and its place [R, 2] on the ground plane, m.
+    """
     table = read_table(path, "frame gx gy")
     frame, cell = table.whole("frame"), table.matrix("gx gy")
     off = np.asarray(~((cell >= 0) & (cell < GRID)).all(axis=1))  # NaN is off the grid, too
@@ -151,7 +144,7 @@ def read_detections(path: Path) -> GroundDetections:
         original < np.arange(len(original)),
         lambda row: f"a second detection at the place of line {table.line[original[row]]}",
     )
-    return GroundDetections(table, frame, metres(cell))
+    return table, frame, metres(cell)
 
 
 def metres(cell: Floats | Ints) -> Floats:
