@@ -1,7 +1,5 @@
 """Content of an environment card: source, detector, task and sizes, with a digest; see ``envs/README.md``."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from typing import Annotated, Any, Literal

@@ -1,7 +1,5 @@
 """Changed copies of a card: another split or detector, other detections, other scenes."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

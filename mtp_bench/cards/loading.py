@@ -1,7 +1,5 @@
 """Cards as TOML: by env id, from a file, and back to text."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Digests of own scenes and own detections, which stand for their content in a card's digest."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Sequence

@@ -4,8 +4,6 @@ A source is a package ``mtp_bench.sources.<name>``. Its subclass of `SourceSecti
 `SOURCES` and imported when a card names it, so this package does not depend on any source.
 """
 
-from __future__ import annotations
-
 import pkgutil
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal

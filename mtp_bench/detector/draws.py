@@ -4,8 +4,6 @@ A number is a hash of the seed, the kind of noise, the object and the frame. Nei
 objects changes it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property, lru_cache

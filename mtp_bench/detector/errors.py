@@ -1,7 +1,5 @@
 """Errors of detected boxes: position, heading, size, height and velocity."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Common parts of both kinds of false positives: places, classes, sizes and their detections."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """False positives away from objects: families that are born together, stand still and are visible now and then."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """False positives beside true boxes, which they follow: duplicates, shadows, boxes of a wrong class."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter

@@ -3,8 +3,6 @@
 ``README.md`` beside this file explains the model and its symbols. Distances d are in units of 10 m.
 """
 
-from __future__ import annotations
-
 import itertools
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Profile files: the shipped ones, and reading and writing profiles as TOML."""
 
-from __future__ import annotations
-
 import json
 import re
 from functools import cache

@@ -1,7 +1,5 @@
 """Quality of every object in every frame, and the score that follows from it."""
 
-from __future__ import annotations
-
 from operator import attrgetter
 from typing import NamedTuple
 

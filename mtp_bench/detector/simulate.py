@@ -1,7 +1,5 @@
 """Simulation of a detector; ``README.md`` beside this file describes the model."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

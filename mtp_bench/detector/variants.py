@@ -1,7 +1,5 @@
 """Variants of a profile: without memory, and harder."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Visibility of true boxes to a sensor: distance, bearing, truncation and occlusion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Messages over the pipes to and from an agent, and its output."""
 
-from __future__ import annotations
-
 import os
 import select
 import time

@@ -4,8 +4,6 @@ Started as a script, or called in a fork of `fork_server_main`. Only the library
 the submission is imported.
 """
 
-from __future__ import annotations
-
 import ctypes
 import importlib.util
 import json

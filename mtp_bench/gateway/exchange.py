@@ -1,7 +1,5 @@
 """Questions and answers of one scene: malformed answers, broken rules, and the hash chain over all answers."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import secrets

@@ -4,8 +4,6 @@ One per thread, since a sandbox of bubblewrap ends with the thread that started 
 a time. The process itself is `fork_server_main`.
 """
 
-from __future__ import annotations
-
 import atexit
 import base64
 import json

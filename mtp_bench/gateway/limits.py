@@ -1,7 +1,5 @@
 """Limits of an agent process, and the finished scene."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

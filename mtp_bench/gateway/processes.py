@@ -4,8 +4,6 @@ On systems other than Linux the numbers are 0 or empty. Control groups are of ve
 process, of version 1 if their folders can be written; else the judge watches the processes (`AgentProcess`).
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import secrets

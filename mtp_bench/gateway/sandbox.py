@@ -4,8 +4,6 @@ The filter forbids calls that reach other processes or use resources that no lim
 EPERM, one that is newer than this list with ENOSYS, as on an older kernel.
 """
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import os

@@ -5,8 +5,6 @@ little-endian. The header holds fields by the kind of message and, under "arrays
 of the body, in order.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import struct

@@ -1,7 +1,5 @@
 """Motion noise fitted on training splits: TOML files in ``motion_noise/``, one per domain where objects move alike."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Mapping, Sequence

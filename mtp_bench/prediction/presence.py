@@ -4,8 +4,6 @@ A logistic regression over the history of a track, with coefficients per class, 
 one small file per detector in ``presence_models/``, made by ``mtp-bench train presence``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

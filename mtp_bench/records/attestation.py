@@ -4,8 +4,6 @@ A record does not state its own level. Whoever checks one signs the level that w
 scenes, and digests of all that was run. A statement on another record, or on an earlier version of it, does not fit.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Canonical JSON, its digests and its differences: equal contents have equal bytes."""
 
-from __future__ import annotations
-
 import datetime
 import hashlib
 import json

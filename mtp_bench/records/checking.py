@@ -1,7 +1,5 @@
 """Check that a submission keeps the contract of an agent, in this process and behind the gateway."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any

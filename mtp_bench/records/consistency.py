@@ -1,7 +1,5 @@
 """Full check of a record's file: digests, and numbers that must follow from its other numbers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reasons why records are not ranked: other scenes, seeds, limits or weights than those that ship, or taken names."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Numbers of a record from rollouts: the same when it is made and when it is verified."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 A table of the public scenes could make such a record. A maintainer who has looked at it states so in a signed level.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from ..scoring.definitions import SUBSETS, Subset

@@ -1,7 +1,5 @@
 """Intake: check the proposed leaderboard of a pull request. Files are read; no code of a submission is run."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """The records of a whole leaderboard: every baseline that ships, on every environment that it can run on."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Their folder lies beside the record and is removed once the record is written. I
 a command with the same plan can resume them.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Iterator

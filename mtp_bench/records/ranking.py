@@ -3,8 +3,6 @@
 Recorded envs are ranked by the sums of the records; simulated ones by those of hidden scenes, from signed levels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

@@ -8,8 +8,6 @@ Hidden scenes, which rank on simulated envs, are made for one or more checks and
 are published, since the name of a scene contains its seed.
 """
 
-from __future__ import annotations
-
 import secrets
 from collections.abc import Sequence
 from contextlib import ExitStack

@@ -1,7 +1,5 @@
 """Runs of a submission behind the gateway, one per seed, and their digests and measurements."""
 
-from __future__ import annotations
-
 import os
 import platform
 from collections.abc import Mapping, Sequence

@@ -5,8 +5,6 @@ later run on those scenes. When the seal is retired its secret is published: the
 commitment, and it ranks no further submission.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import secrets

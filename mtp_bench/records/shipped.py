@@ -1,7 +1,5 @@
 """Environments and baselines as they ship: the digests and settings that records are compared with."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache

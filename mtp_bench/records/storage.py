@@ -1,7 +1,5 @@
 """Records on disk: JSON with digests, and the stored rollouts beside it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

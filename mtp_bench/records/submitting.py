@@ -1,7 +1,5 @@
 """Make a record: run a submission behind the gateway, score it, and store its rollouts beside the record."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast

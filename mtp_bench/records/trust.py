@@ -1,7 +1,5 @@
 """The trusted leaderboard: keys that may sign levels (``ssh-keygen -Y``), listed seals, and owners of names."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import tempfile

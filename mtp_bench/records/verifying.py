@@ -1,7 +1,5 @@
 """Verify a record: in itself, by its stored rollouts scored again, or by its submission run again."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace

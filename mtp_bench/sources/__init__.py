@@ -1,7 +1,5 @@
 """Sources of scenes: recorded logs in their official layouts and simulated traffic, as `mtp_bench.types.Scene`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Interface of every source of scenes, and the checks of cards that several sources share."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace

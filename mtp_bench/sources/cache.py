@@ -1,7 +1,5 @@
 """Files of arrays in the cache with a hash that shows when they are broken, and the digest of a scene."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 from typing import Any

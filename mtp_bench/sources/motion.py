@@ -1,7 +1,5 @@
 """Velocities from positions, and people as boxes of one nominal size, of whom the place on the ground is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

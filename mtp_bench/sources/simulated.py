@@ -1,7 +1,5 @@
 """Simulated detections in place of stored ones, for any source and for scenes whose frames have separate axes."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from typing import TypeVar

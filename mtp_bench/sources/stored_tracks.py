@@ -5,8 +5,6 @@ writes). For every source: a folder with a ``.csv`` or ``.parquet`` for each sce
 `sources.files.columns.TRACKS`. A slash in the name of a scene is ``%2F`` in its file name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

@@ -4,7 +4,5 @@
 figures, `relations` compares with the paper, and `page` shows all of it.
 """
 
-from __future__ import annotations
-
 from .conduct import Study as Study
 from .conduct import study as study

@@ -1,7 +1,5 @@
 """A whole study, from the runs to the files that it writes."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

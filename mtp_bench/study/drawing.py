@@ -1,7 +1,5 @@
 """Look of every figure: colours for colour blindness and print, letters, and the files of a drawn figure."""
 
-from __future__ import annotations
-
 import io
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Figures of a study, as data: each is made of the rows of tables, and drawn by the drawers of `panels`."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Everything that a study has measured: scores of all settings, and the report over them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """The costliest events of each kind, as pictures, with the command that opens each in the viewer."""
 
-from __future__ import annotations
-
 import os
 from base64 import b64encode
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Panels of figures, as data, and the few drawers of them: lines, bars, dots with intervals, and levels."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Settings of a study: each agent with one to many hypotheses, with and without sampling, and the controls."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 

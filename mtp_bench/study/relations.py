@@ -1,7 +1,5 @@
 """Relations between numbers of the paper, tested here with intervals; the absolute numbers are not comparable."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from types import SimpleNamespace as Row
 from typing import NamedTuple

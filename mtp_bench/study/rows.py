@@ -1,7 +1,5 @@
 """Tables of a study: rows are made by functions, texts and units are data (`texts.toml`)."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterator, Sequence
 from pathlib import Path

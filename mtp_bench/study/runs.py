@@ -1,7 +1,5 @@
 """Runs of a study: stored as `mtp-bench run` stores them, and read back while nothing has changed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache

@@ -1,7 +1,5 @@
 """`check_agent`: checks of the contract of an agent, under ordinary and extreme conditions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any

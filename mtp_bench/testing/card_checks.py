@@ -1,7 +1,5 @@
 """`check_card`: checks that a card makes an env that Gymnasium accepts, with targets to score."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 from typing import Any

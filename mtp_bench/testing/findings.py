@@ -1,7 +1,5 @@
 """`Finding`: one result of a check, with the calls that led to an exception of an agent."""
 
-from __future__ import annotations
-
 import importlib
 import traceback
 from dataclasses import dataclass

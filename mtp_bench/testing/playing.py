@@ -1,7 +1,5 @@
 """Passes of an agent over frames: its actions, their problems, and observations that it overwrites."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, field

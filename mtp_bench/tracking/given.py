@@ -1,7 +1,5 @@
 """Trackers of identities that come from elsewhere: another program's tracks, or the true ones."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field

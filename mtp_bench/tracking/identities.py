@@ -1,7 +1,5 @@
 """Perfect association: tracks that continue by the true objects of their detections, as the env states them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..types import Floats, Ints

@@ -1,7 +1,5 @@
 """The k cheapest partial matchings of a cost matrix, over all hypotheses at once."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Reading and checking the rows that an online tracker returns."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Hashable, Iterable
 from reprlib import repr as _short

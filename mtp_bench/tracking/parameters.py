@@ -1,7 +1,5 @@
 """Parameters of trackers per detector and class: TOML files in ``detectors/``, one per detector."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ Each hypothesis spawns its best children, the H best of all survive, children wi
 share their tracks (`tree`). With one hypothesis this is the Hungarian tracker.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from numbers import Real

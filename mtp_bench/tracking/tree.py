@@ -4,8 +4,6 @@ A leaf is a distinct track state. Leaves of one frame are a layer; every leaf kn
 that the past of a track is a walk up the tree (paper, "Multi-Hypothesis Data Association").
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Random variation of training batches, in torch: mirrored windows, turned headings, missing frames and detections."""
 
-from __future__ import annotations
-
 import torch
 
 from .losses import Tensors

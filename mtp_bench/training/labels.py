@@ -1,7 +1,5 @@
 """Labels of tracks: the true object that a track follows, and what that object does next."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Losses of networks, in torch. Each is the mean over the windows of a batch, by their weight."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import torch

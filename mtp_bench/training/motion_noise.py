@@ -4,8 +4,6 @@ The criterion is the continuous ranked probability score of the forecast of each
 proper, needs no sampling, and a few broken tracks do not dominate it as in a likelihood (Gneiting, Raftery 2007).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Fit of a noise profile to the detections of an env, as a section of a card."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Training of a predictor: from the training split of an env to a file of weights with its model card."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ A logistic regression on all scenes, calibrated by isotonic regression on held-o
 were fitted without the scene.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from typing import Any

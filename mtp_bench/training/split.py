@@ -1,7 +1,5 @@
 """Scenes that parameters are fitted to: of the training split of an env, or another one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Fit of false positives: counted parameters, and those whose simulated figures are nearest to the real ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Fit of the quality and the errors of true objects."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

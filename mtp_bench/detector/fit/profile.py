@@ -1,7 +1,5 @@
 """Fit of a whole profile to the detections of known objects."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

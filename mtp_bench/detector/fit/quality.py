@@ -1,7 +1,5 @@
 """Fit of the quality: mean and scores by maximum likelihood, memory and sharing by simulation."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

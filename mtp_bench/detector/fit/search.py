@@ -1,7 +1,5 @@
 """Search for parameters whose simulated figures are nearest to those of a real detector."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -5,8 +5,6 @@ AffiniPred: prediction from detections and affinities, without association). `mo
 of a track.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -3,8 +3,6 @@
 Of a window only the last box and the class are used: the rest of the track does not change the output.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...geometry import wrap_angle

@@ -3,8 +3,6 @@
 A network is written once: torch differentiates it in training, NumPy runs it in agents, which need no torch.
 """
 
-from __future__ import annotations
-
 import itertools
 import sys
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Windows in the heading frame of their last box, the frame of networks, and back."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...geometry import wrap_angle

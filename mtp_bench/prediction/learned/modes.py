@@ -4,8 +4,6 @@ One future of several must be right, so the modes divide the possibilities among
 Guzman-Rivera et al. 2012; for trajectories Cui et al. 2019).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...types import Ints

@@ -1,7 +1,5 @@
 """A network in an agent: NumPy alone, once per frame over the distinct windows of all tracks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path

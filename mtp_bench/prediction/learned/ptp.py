@@ -10,8 +10,6 @@ Neither code nor weights of PTP are public. What differs: all is in the heading 
 corrections of constant velocity, and messages between objects hold the position of the other one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...types import Ints

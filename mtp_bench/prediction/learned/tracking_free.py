@@ -4,8 +4,6 @@ A set encoder in place of a track (after Trabelsi et al. 2021, "Drowned out by t
 frames is described relative to the object's present box, and pooled by attention.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...types import Ints

@@ -3,8 +3,6 @@
 A file is searched for in the user's folder, then among those that ship, which are packed.
 """
 
-from __future__ import annotations
-
 import json
 import lzma
 import os

@@ -1,7 +1,5 @@
 """Checks of own scenes: frames, the ego, boxes and objects."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Columns of the tables of own scenes; reading, writing and the documentation use them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 FORMS = ("csv", "parquet")  # suffixes of tables

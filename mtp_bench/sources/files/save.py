@@ -1,7 +1,5 @@
 """Writing of own scenes as tables."""
 
-from __future__ import annotations
-
 import reprlib
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes from their tables, and the checks of own scenes."""
 
-from __future__ import annotations
-
 import difflib
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The source of own scenes, and its status for ``mtp-bench data``."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

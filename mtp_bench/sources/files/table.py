@@ -1,7 +1,5 @@
 """Reading and writing of tables as CSV and Parquet; errors name the file, the line and the column."""
 
-from __future__ import annotations
-
 import os
 import reprlib
 from collections.abc import Mapping, Sequence

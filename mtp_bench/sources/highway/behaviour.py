@@ -1,7 +1,5 @@
 """Random behaviour of drivers and people on foot, beside the driver model and the social forces."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Gaps are measured from bumper to bumper along the path. Treiber, Hennecke, Helbi
 empirical observations and microscopic simulations" (intelligent driver model).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

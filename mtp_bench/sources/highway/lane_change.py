@@ -3,8 +3,6 @@
 Kesting, Treiber, Helbing (2007), "General lane-changing model MOBIL for car-following models".
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...types import Bools, Floats

@@ -1,7 +1,5 @@
 """Lanes of a road network: their geometry, all at once, and the routes through them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ A program can change attributes of highway-env's classes, for example ``Vehicle.
 the installed release: worlds, which remain in the cache, are the same in every program.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from typing import Any
 

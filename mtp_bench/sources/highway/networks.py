@@ -1,7 +1,5 @@
 """Road maps of the four scenarios: lanes, routes, crossings and kerbs, in highway-env's frame (y down)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any

@@ -3,8 +3,6 @@
 At the kerb they wait until no vehicle with the right of way comes in time; after a long wait vehicles wait for them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Recording of the frames of a run as a world: right-handed with z up, while highway-env's y points down."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

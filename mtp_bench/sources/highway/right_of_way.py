@@ -5,8 +5,6 @@ that have it have left (or, if the map allows it, well before they come), and if
 it stops at its line; with the right of way it still waits before a stretch that is not free in time.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

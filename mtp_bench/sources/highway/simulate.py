@@ -1,7 +1,5 @@
 """Simulation of a world from a seed: traffic warms up and is recorded; worlds with a crash are rejected."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

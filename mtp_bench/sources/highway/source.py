@@ -1,7 +1,5 @@
 """Scenes of simulated traffic: worlds from the cache, reduced to the card's frame rate, reach and classes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

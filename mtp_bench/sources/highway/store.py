@@ -1,7 +1,5 @@
 """Worlds on disk: stored with a hash of their content, and simulated again if a file is broken."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterator, Sequence

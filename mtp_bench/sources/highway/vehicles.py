@@ -1,7 +1,5 @@
 """Vehicles: random sizes and driving styles, their entries to the map, and parked cars."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Any

@@ -5,8 +5,6 @@ in Moussaïd et al. (2010), "The walking behaviour of pedestrian social groups".
 each other, so that their boxes do not overlap.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 

@@ -4,8 +4,6 @@ Boxes come out in the sensor frame of their own image: the rectified camera 0 wi
 (camera z), y left (-camera x), z up (-camera y).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """KITTI tracking in a card and in a folder: the section ``[source]``, splits and detections."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -4,8 +4,6 @@ The sensor frame is the rectified camera 0 with x forward, y left, z up (see `fi
 (z against gravity), has its origin in the first sensor position and its x axis along the first heading.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

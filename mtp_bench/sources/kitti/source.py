@@ -1,7 +1,5 @@
 """KITTI tracking logs with stored detections, from the official folder layout."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path

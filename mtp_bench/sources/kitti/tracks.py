@@ -4,8 +4,6 @@ A line is that of a label with a score behind it: ``frame id type truncated occl
 width length x y z rotation_y score``. AB3DMOT writes such files.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 They are kept per scene, since their tables have millions of records, and read when an event is drawn.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Annotated

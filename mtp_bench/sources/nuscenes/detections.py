@@ -1,7 +1,5 @@
 """Detection files of a card, cached per file and tables, and the scenes that they cover."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """nuScenes in a card and in a folder: the section ``[source]``, official names, tables and detection files."""
 
-from __future__ import annotations
-
 import glob
 import json
 from collections.abc import Collection, Mapping

@@ -1,7 +1,5 @@
 """Boxes of all objects: the tables of categories, instances and annotations, and the list of prediction targets."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ Of a map the layers ``lane`` and ``lane_connector`` (a way through a junction) a
 middle line of each by its token, in parts of three arcs or straights.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """nuScenes logs with stored detections, from the official tables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A file in the official submission form of the detection or the tracking task, read into arrays."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 A file is read whole: ``sample_data.json`` of v1.0-trainval takes 1.2 GB for its text and 1.1 GB for its records.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

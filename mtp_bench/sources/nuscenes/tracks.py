@@ -1,7 +1,5 @@
 """Tracks in the official submission form of the nuScenes tracking task: one JSON file, boxes in the global frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

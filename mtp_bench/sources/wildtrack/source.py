@@ -1,7 +1,5 @@
 """WILDTRACK: people on a square, seen by seven fixed cameras; stored detections of the last 40 frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -3,8 +3,6 @@
 Tracks are numbered, false tracks and forecasts red, an event is a ring with its name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

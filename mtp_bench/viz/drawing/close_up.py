@@ -1,7 +1,5 @@
 """Picture of an event alone: the object, its tracks and forecasts bright, all else dim, seen from above."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The column beside a picture: a heading, the meaning of the marks, and remarks."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

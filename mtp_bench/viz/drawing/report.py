@@ -1,7 +1,5 @@
 """Picture of an event for a report: a sentence, the event, a key, and close-ups of the frames around it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Videos of bird's-eye pictures: ``.gif`` by Pillow, ``.mp4`` by PyAV."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Colours of recordings: those of `palette` on a dark ground, and one for every track."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

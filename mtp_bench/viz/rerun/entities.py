@@ -1,7 +1,5 @@
 """Entities of a recording: boxes and polylines over frames, the map, the sensor platform, tracks and forecasts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Judgement of a run in a recording: events, identity lanes and counts of the best hypothesis."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """An event alone in a recording: its things, bright; small pictures, sentence and key beside them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Layout of a recording: the scene, bird's-eye views per hypothesis, an event alone, counts, identity lanes, events."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

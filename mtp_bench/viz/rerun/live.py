@@ -1,7 +1,5 @@
 """An episode in rerun while it is played: every frame as soon as it is answered."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

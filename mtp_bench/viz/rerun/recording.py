@@ -4,8 +4,6 @@ Positions are logged in the scene's frame of reference, as 32 bit floats: number
 A recording is the same for the same runs: no clock, no random name is in it.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path

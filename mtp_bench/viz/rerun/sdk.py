@@ -3,8 +3,6 @@
 Importing this module takes about a second: only commands that draw import it, inside their functions.
 """
 
-from __future__ import annotations
-
 from ...errors import MtpBenchError
 
 VERSION = "0.41"

@@ -1,7 +1,5 @@
 """Runs as a recording shows them: names, paths and the hypotheses of each agent."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass

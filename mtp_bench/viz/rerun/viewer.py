@@ -1,7 +1,5 @@
 """The viewer that comes with rerun, opened on a recording: a window, or pages for browsers on this machine."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import signal
