@@ -205,8 +205,18 @@ class Card(Section):
 def check_consistency(card: Card, where: str) -> None:
     """Raise CardError, naming the card by ``where``, unless its sections fit each other."""
     check_detector(card, where)
-    _check_length(card, where)
-    _check_detections(card, where)
+    seconds, needed = card.source.traits.scene_seconds, card.task.past + card.task.future
+    if seconds is not None and seconds * card.task.rate < needed:
+        raise CardError(
+            f"{where}: scenes of {seconds:g} s at {card.task.rate:g} Hz have {seconds * card.task.rate:g} frames, "
+            f"expected at least {needed}: task.past and task.future"
+        )
+    path, content = (getattr(card.source, f"detections_{name}", None) for name in ("file", "sha256"))
+    if path is not None and content is None:  # the card's digest covers the content, not the path
+        raise CardError(
+            f"{where}: source.detections_file needs source.detections_sha256, the digest of the file; or leave it out "
+            "and name the file with --detections"
+        )
 
 
 def check_detector(card: Card, where: str) -> None:
@@ -227,26 +237,3 @@ def check_detector(card: Card, where: str) -> None:
             noise.noise(name)
     except MtpBenchError as error:
         raise CardError(f"{where}: {error}") from None
-
-
-def _check_length(card: Card, where: str) -> None:
-    """Raise CardError if the card makes its scenes too short for a target."""
-    seconds = card.source.traits.scene_seconds
-    if seconds is None:
-        return
-    frames, needed = seconds * card.task.rate, card.task.past + card.task.future
-    if frames < needed:
-        raise CardError(
-            f"{where}: scenes of {seconds:g} s at {card.task.rate:g} Hz have {frames:g} frames, expected "
-            f"at least {needed}: task.past and task.future"
-        )
-
-
-def _check_detections(card: Card, where: str) -> None:
-    """Raise CardError for a detection file without its sha256: the card's digest covers the content, not the path."""
-    path, content = (getattr(card.source, f"detections_{name}", None) for name in ("file", "sha256"))
-    if path is not None and content is None:
-        raise CardError(
-            f"{where}: source.detections_file needs source.detections_sha256, the digest of the file; or leave it out "
-            "and name the file with --detections"
-        )

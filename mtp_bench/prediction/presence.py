@@ -7,16 +7,18 @@ one small file per detector in ``presence_models/``, made by ``mtp-bench train p
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
-from typing import final
+from typing import Annotated, Any, Self, final
 
 import numpy as np
+from pydantic import AfterValidator, Field, model_validator
 
 from ..errors import SubmissionError, nearest
+from ..strict import Section, read_json, validate
 from ..tracking.parameters import family_of
 from ..tracks import Tracks
 from ..types import Floats, Ints, Observation, Task
-from .presence_file import read_file
 
 MODELS = Path(__file__).with_name("presence_models")
 # Per class, scores [2, n] of a detector and those of another one that finds as many boxes above them, both increasing.
@@ -156,6 +158,62 @@ class LearnedPresence:
         last = map_scores(history.last_score, self._scores, class_id, classes)
         mean = map_scores(history.mean_score, self._scores, class_id, classes)
         return self._model.probability(replace(history, last_score=last, mean_score=mean), class_id, classes)
+
+
+def _increasing(rows: list[list[float]]) -> list[list[float]]:
+    if len(rows) != 2 or len(rows[0]) != len(rows[1]) or len(rows[0]) < 2:
+        raise ValueError(f"lengths {[len(row) for row in rows]}, expected two lists of one length, at least 2")
+    if any(later <= earlier for earlier, later in pairwise(rows[0])):
+        raise ValueError("expected a first list whose numbers rise")
+    return rows
+
+
+Table = Annotated[list[list[float]], AfterValidator(_increasing)]  # [2, n] input and output, n >= 2
+_Probability = Annotated[float, Field(ge=0, le=1)]
+
+
+class Origin(Section):
+    """Scenes of a split that were learnt from."""
+
+    env: str
+    split: str
+    detector: str
+    scenes: list[str]
+
+
+class ModelFile(Section):
+    """Numbers of a `mtp_bench.prediction.presence.PresenceModel`."""
+
+    detector: str = ""
+    terms: str = ""
+    fitted_on: list[Origin] = Field(default_factory=list)
+    features: Annotated[list[str], Field(min_length=1)]  # F
+    low: list[float]  # [F]
+    high: list[float]  # [F]
+    center: list[float]  # [F]
+    scale: list[Annotated[float, Field(gt=0)]]  # [F]
+    shared: list[float]  # [1 + F] or [1 + F + F (F + 1) / 2]
+    classes: dict[str, list[float]]  # [1 + F] each
+    knots: Annotated[list[list[_Probability]], AfterValidator(_increasing)]
+    held_out: dict[str, Any] = Field(default_factory=dict)  # quality on scenes outside its fit
+    score_map: dict[str, Table] = Field(default_factory=dict)  # per class; scores are mapped by it first
+
+    @model_validator(mode="after")
+    def _lengths_fit(self) -> Self:
+        f = len(self.features)
+        rows = {name: (getattr(self, name), [f]) for name in ("low", "high", "center", "scale")}
+        rows["shared"] = (self.shared, [1 + f, 1 + f + f * (f + 1) // 2])
+        rows |= {f"classes.{name}": (row, [1 + f]) for name, row in self.classes.items()}
+        for name, (row, lengths) in rows.items():
+            if len(row) not in lengths:
+                expected = " or ".join(map(str, lengths))
+                raise ValueError(f"{name} has {len(row)} numbers, expected {expected} for {f} features")
+        return self
+
+
+def read_file(path: Path) -> ModelFile:
+    """The content of a file; raises SubmissionError, naming the file and the key, if it is not a presence model."""
+    return validate(ModelFile, read_json(path, SubmissionError), str(path), SubmissionError)
 
 
 def file_of(detector: str) -> Path:

@@ -15,7 +15,7 @@ from ..agent import Observation, Tracks
 from ..errors import ShapeError, UnknownNameError
 from ..tracks import Affinity
 from ..types import Floats, Ints, Task
-from .identities import GivenIdentities
+from .given import GivenIdentities
 from .joint import k_best
 from .kernels.affinity_kernels import CENTER_DISTANCE, GIOU_3D, IOU_3D, sparse_pairs
 from .kernels.association import joint_k_best
@@ -52,7 +52,12 @@ class HypothesisTracker:
             raise ShapeError(f"assignment is {assignment!r}, expected {' or '.join(map(repr, ASSIGNMENTS))}")
         if assignment != "hungarian" and hypotheses > 1:
             raise ShapeError(f"assignment {assignment!r} works with 1 hypothesis, got {hypotheses}")
-        _require_scores(min_detection_score)
+        least = min_detection_score
+        for value in least.values() if isinstance(least, Mapping) else () if least is None else (least,):
+            if isinstance(value, bool) or not isinstance(value, Real) or np.isnan(float(value)):
+                raise ShapeError(
+                    f"min_detection_score is {least!r}, expected a number, a number per class name, or None for no cut"
+                )
         self._hypotheses = hypotheses
         self._given = parameters
         self._temperature = temperature
@@ -145,15 +150,6 @@ class HypothesisTracker:
             covariance=tree.covariance(out),
             affinity=Affinity(tree.before[out], *self._pairs),
         )
-
-
-def _require_scores(least: float | Mapping[str, float] | None) -> None:
-    """Raise ShapeError unless the least scores are numbers."""
-    for value in least.values() if isinstance(least, Mapping) else () if least is None else (least,):
-        if isinstance(value, bool) or not isinstance(value, Real) or np.isnan(float(value)):
-            raise ShapeError(
-                f"min_detection_score is {least!r}, expected a number, a number per class name, or None for no cut"
-            )
 
 
 def _per_class(least: float | Mapping[str, float] | None, task: Task) -> Floats:

@@ -88,19 +88,15 @@ class HypothesisTree:
             leaf, detection, self.memory, self.score, seen.class_id, seen.score, self.next_id, memory, score
         )
         write_boxes(detection, seen.box, state, self._measured[layer])
-        self._remember(leaf, detection, seen.score)
+        old, taken = leaf >= 0, detection >= 0
+        age, last_score = np.ones(n, dtype=np.int64), np.zeros(n)
+        age[old] += self.age[leaf[old]]
+        last_score[old] = self.last_score[leaf[old]]
+        last_score[taken] = seen.score[detection[taken]]
+        self.age, self.last_score = age, last_score
         self._detections[layer, :n] = np.append(seen.row, -1)[detection]
         self._parents[layer, :n] = self.before = leaf
         self.state, self.memory, self.score, self.detection = state, memory, score, detection
-
-    def _remember(self, leaf: Ints, detection: Ints, score: Floats) -> None:
-        """Age and last score of the new leaves: old leaf (-1: a new track) and detection (-1: none) of each, [E]."""
-        old, taken = leaf >= 0, detection >= 0
-        age, last_score = np.ones(len(leaf), dtype=np.int64), np.zeros(len(leaf))
-        age[old] += self.age[leaf[old]]
-        last_score[old] = self.last_score[leaf[old]]
-        last_score[taken] = score[detection[taken]]
-        self.age, self.last_score = age, last_score
 
     def merge_equal(self) -> Ints:
         """Keep the first of the hypotheses that hold the same leaves; their numbers before."""

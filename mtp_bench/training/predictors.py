@@ -59,21 +59,19 @@ def training_windows(request: TrainingRequest, options: RunOptions = DEFAULTS) -
     """
     if request.also and options.files is not None:
         raise MtpBenchError(f"--also {request.also[0]} cannot go with --files: its scenes would be learnt once per env")
-    _require_distinct([options.card(env_id).id for env_id in (request.env_id, *request.also)])
-    away = _scenes_of_fold(request, options)
+    env_ids = [options.card(env_id).id for env_id in (request.env_id, *request.also)]
+    twice = next((env_id for place, env_id in enumerate(env_ids) if env_id in env_ids[:place]), None)
+    if twice is not None:  # its scenes would count twice
+        raise MtpBenchError(
+            f"{twice} is named twice among the envs to learn from ({', '.join(env_ids)}), expected each once"
+        )
+    away: tuple[str, ...] = ()  # another run scores them, so they are left out of every env
+    if request.fold is not None:
+        away = held_out(open_split(request.env_id, options.on_split("train")).source.names, request.fold)
     parts = [_windows_of_env(env_id, request, options, away) for env_id in (request.env_id, *request.also)]
     for part in parts[1:]:
         _require_same_task(parts[0].task, part.task)
     return concatenate(parts)
-
-
-def _require_distinct(env_ids: Sequence[str]) -> None:
-    """Raise MtpBenchError for an env that is named twice: its scenes would count twice in training."""
-    for place, env_id in enumerate(env_ids):
-        if env_id in env_ids[:place]:
-            raise MtpBenchError(
-                f"{env_id} is named twice among the envs to learn from ({', '.join(env_ids)}), expected each once"
-            )
 
 
 def _require_same_task(task: Task, other: Task) -> None:
@@ -88,13 +86,6 @@ def _require_same_task(task: Task, other: Task) -> None:
         raise MtpBenchError(
             f"{other.env_id} has other classes than {task.env_id}: one network cannot be trained on both"
         )
-
-
-def _scenes_of_fold(request: TrainingRequest, options: RunOptions) -> tuple[str, ...]:
-    """Scenes of the fold of the first env: another run scores them, so they are left out of every env."""
-    if request.fold is None:
-        return ()
-    return held_out(open_split(request.env_id, options.on_split("train")).source.names, request.fold)
 
 
 def _windows_of_env(env_id: str, request: TrainingRequest, options: RunOptions, away: Sequence[str]) -> Windows:

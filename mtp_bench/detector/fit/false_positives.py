@@ -15,8 +15,8 @@ from ..near import BESIDE, classes_of_same_noise, near_false_positives
 from ..profile import QUANTILES, RANKS, SLOTS, ClassNoise, FreeFalsePositives, NearFalsePositives, Profile
 from ..quality import Qualities, draw_qualities
 from ..visibility import Sensor, covered, visibility_of
+from .quality import from_log_odds, nearest_parameters
 from .samples import FalsePositiveSamples, nearest_true_boxes
-from .search import from_log_odds, nearest_parameters
 
 NEAR = 3.0  # m: a false positive this near to a true box of its classes belongs to it
 _SAME_PLACE = 1.0  # m: a false positive this near in a later frame is the same one

@@ -1,9 +1,10 @@
 """Fit of the quality: mean and scores by maximum likelihood, memory and sharing by simulation."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import least_squares, minimize
 from scipy.special import ndtri
 
 from ...types import Bools, Floats, Ints
@@ -12,7 +13,6 @@ from ..grid import Grid, Neighbours
 from ..profile import ClassNoise, Lapses, Quality
 from ..quality import random_quality
 from .samples import ObjectSamples
-from .search import from_log_odds, nearest_parameters
 
 NEIGHBOUR_LENGTH = 20.0  # m; objects farther apart share no noise
 _SHARES = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.98, 0.995)  # of the scores below the cuts
@@ -28,6 +28,10 @@ _SCALE = 0.03  # of all compared figures, which are correlations
 _LEAST_STEP = 1e-4  # between two cuts
 _RIDGE = 1.0  # inverse variance of a weight around 0; keeps the weight of a feature that never occurs at 0
 _TINY = 1e-12
+_STEP = 0.25  # of every unknown, for slopes: simulated figures are not smooth
+_PRIOR = 0.15  # pull towards the start, for unknowns that the figures do not determine
+_FARTHEST = 4.5  # unknowns are log-odds or logarithms
+_SEARCH_ROUNDS = 8
 
 
 def fit_quality(objects: ObjectSamples, floor: float) -> Quality:
@@ -186,3 +190,23 @@ def _level_loss(unknown: Floats, feature: Floats, level: Ints, lapses: float) ->
     weight_slope[1:] += _RIDGE * weight[1:]
     count = len(level)
     return (penalty - float(np.log(chance).sum())) / count, np.concatenate([weight_slope, gap_slope]) / count
+
+
+def nearest_parameters(figures: Callable[[Floats], Floats], real: Floats, scale: Floats, start: Floats) -> Floats:
+    """Unknowns with ``figures`` nearest to the ``real`` ones that are known, in units of ``scale``."""
+    finite = np.isfinite(real)
+
+    def loss(unknown: Floats) -> Floats:
+        difference = (np.nan_to_num(figures(unknown)) - real)[finite] / scale[finite]
+        return np.concatenate([difference, _PRIOR * (unknown - start)])
+
+    def slope(unknown: Floats) -> Floats:
+        current = loss(unknown)
+        return np.stack([loss(unknown + step) - current for step in _STEP * np.eye(len(start))], axis=-1) / _STEP
+
+    return np.asarray(least_squares(loss, start, slope, (-_FARTHEST, _FARTHEST), "dogbox", max_nfev=_SEARCH_ROUNDS).x)
+
+
+def from_log_odds(log_odds: float) -> float:
+    """Share with these log-odds."""
+    return float(1.0 / (1.0 + np.exp(-log_odds)))

@@ -1,6 +1,7 @@
 """Tracks in the official submission form of the nuScenes tracking task: one JSON file, boxes in the global frame."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -69,12 +70,7 @@ _last_read: dict[tuple[Path, int, int, Path], SubmittedBoxes] = {}  # one file
 
 def _open(card: Card, data: DataRoot, path: Path) -> ReadTracks:
     tables = NuScenes(card, data).tables
-    boxes = _read(path, tables)
-
-    def read(scene: Scene) -> StoredTracks:
-        return scene_tracks(boxes, tables, path, scene, card.task.classes)
-
-    return read
+    return partial(scene_tracks, _read(path, tables), tables, path, classes=card.task.classes)
 
 
 def _read(path: Path, tables: TableStore) -> SubmittedBoxes:
