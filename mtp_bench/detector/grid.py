@@ -1,10 +1,9 @@
 """Boxes of a scene as a grid of frames and objects, their lasting noise, and the noise shared by neighbours."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -25,7 +24,7 @@ class Neighbours:
     weight: Floats  # [Q] 1 at distance 0, 0 where the pair shares no noise
 
     @classmethod
-    def within(cls, length: float, place: Floats, moment: Ints, object_id: Ints) -> Neighbours:
+    def within(cls, length: float, place: Floats, moment: Ints, object_id: Ints) -> Self:
         """Pairs within ``length`` m of rows at ``place`` ``[R, 2]`` with equal ``moment`` ``[R]``.
 
         ``object_id`` ``[R]`` decides the order of the pairs of a row.
@@ -94,7 +93,7 @@ class Grid:
         number = self.noise_number[self.column]
         return [(noise, np.flatnonzero(number == k)) for k, noise in enumerate(self.noise)]
 
-    def select(self, row: Ints) -> Grid:
+    def select(self, row: Ints) -> Self:
         """The grid of some rows, without objects that have none of them."""
         old = self.column[row]
         kept = np.bincount(old, minlength=len(self.ids)) > 0

@@ -1,7 +1,5 @@
 """The judge's side of an agent process: it starts the process, exchanges messages by a deadline, and ends it."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -14,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from ..errors import MtpBenchError
 from . import processes
@@ -70,7 +68,7 @@ class AgentProcess:
     def _sandboxed(self) -> bool:
         return self._spec.backend != "none"
 
-    def __enter__(self) -> AgentProcess:
+    def __enter__(self) -> Self:
         if sys.platform == "win32":
             raise MtpBenchError(
                 "agents run in processes of their own on Linux and macOS only; use `mtp-bench run` here"

@@ -1,9 +1,8 @@
 """Windows of tracks: the input of a learned predictor, the same in training and in an agent."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 
@@ -54,7 +53,7 @@ class TrackWindows:
     def __len__(self) -> int:
         return len(self.class_id)
 
-    def select(self, rows: Ints | Bools | slice) -> TrackWindows:
+    def select(self, rows: Ints | Bools | slice) -> Self:
         """The windows ``rows``."""
         return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(TrackWindows)})
 

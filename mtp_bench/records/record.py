@@ -1,7 +1,5 @@
 """The schema of a record, and of the results on hidden scenes that its signed level may add."""
 
-from __future__ import annotations
-
 from functools import reduce
 from operator import or_
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -57,6 +55,9 @@ _Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 _NotNegative = Annotated[float, Field(ge=0)]
 
 
+UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
+
+
 def _without_rank(rows: Any) -> Any:
     """Rows without the key that those of definitions 2.0 have, always null."""
     if not isinstance(rows, list):
@@ -79,7 +80,6 @@ def _equally_long(sums: UnitSums) -> UnitSums:
     return sums
 
 
-UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
 Rows = Annotated[
     list[Row], Field(max_length=MOST_NAMES), BeforeValidator(_without_rank), AfterValidator(_one_per_subset)
 ]

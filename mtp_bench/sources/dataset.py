@@ -1,7 +1,5 @@
 """Facts about a dataset, its folder on this machine, and the status of its files."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections import Counter
@@ -9,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
 
 from ..errors import DataError, MissingDataError
 
@@ -43,7 +42,7 @@ class Dataset:
     generated: bool = False  # made by the library: there are no files to read and check
 
     @classmethod
-    def of(cls, module: str) -> Dataset:
+    def of(cls, module: str) -> Self:
         """The facts in ``dataset.toml`` beside the file ``module``."""
         content = tomllib.loads(Path(module).with_name("dataset.toml").read_text(encoding="utf-8"))
         return cls(**{**content, "folders": tuple(content["folders"])})
@@ -64,7 +63,7 @@ class Dataset:
             f"; name another root with --data or MTP_BENCH_DATA, or get the data: {self.how_to_get}"
         )
 
-    def status(self, data: str | Path | None, holds: str) -> DataStatus:
+    def status(self, data: str | Path | None, holds: str) -> "DataStatus":
         """Status of the folder that has a folder ``holds``, still to be completed; without it the root is unknown."""
         try:
             root = self.find(data, holds)

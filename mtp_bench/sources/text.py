@@ -1,7 +1,5 @@
 """Text and JSON files of datasets, read into arrays and records; every error names the file and the place in it."""
 
-from __future__ import annotations
-
 import codecs
 import re
 import reprlib
@@ -55,7 +53,7 @@ class RowTable:
         """The numbers [R, n] of columns, their names with blanks between them."""
         return np.column_stack([self.numbers[name] for name in columns.split()])
 
-    def select(self, rows: Bools) -> RowTable:
+    def select(self, rows: Bools) -> "RowTable":
         """The table of some of the rows [R]."""
         numbers, words = ({name: own[rows] for name, own in part.items()} for part in (self.numbers, self.words))
         return RowTable(self.source, self.unit, self.line[rows], numbers, words)  # type: ignore[arg-type]

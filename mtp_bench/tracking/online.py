@@ -1,10 +1,8 @@
 """An adapter for online trackers of other libraries: detections in, ``(id, box, score)`` out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 
@@ -63,7 +61,7 @@ class OnlineDetections:
     def __len__(self) -> int:
         return len(self.box)
 
-    def select(self, kept: Bools) -> OnlineDetections:
+    def select(self, kept: Bools) -> Self:
         """The detections where ``kept`` [D]."""
         named = ("box", "rectangle", "class_id", "score", "velocity")
         return replace(self, **{name: getattr(self, name)[kept] for name in named})

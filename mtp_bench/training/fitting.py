@@ -1,11 +1,10 @@
 """Training of a network: batches, schedule, early stop. Equal plans, data and machines give equal weights."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 import torch
@@ -125,7 +124,7 @@ class _TrainingInputs:
     @classmethod
     def of(
         cls, network: Network, sizes: Sizes, training_set: TrainingSet, plan: TrainingPlan, device: torch.device
-    ) -> _TrainingInputs:
+    ) -> Self:
         learnt = ~training_set.validation
         own = {name: value[learnt] for name, value in training_set.inputs.items()}
         known = training_set.known[learnt].astype(bool)

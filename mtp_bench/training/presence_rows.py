@@ -1,10 +1,8 @@
 """Training rows of the presence model: tracks of training scenes, and whether a true object was there."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -34,7 +32,7 @@ class PresenceRecipe:
     terms: str = ""  # of the data
 
     @classmethod
-    def of(cls, detector: str) -> PresenceRecipe:
+    def of(cls, detector: str) -> Self:
         """The recipe of a detector; raises UnknownNameError for a detector without one."""
         table: Mapping[str, Any] | None = (read_detector(detector) or {}).get("presence")
         if table is None:

@@ -3,13 +3,11 @@
 They are those that a predictor would be shown (`mtp_bench.prediction.windows`), with the truth that belongs to them.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from os import PathLike
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -60,7 +58,7 @@ class Windows(TrackWindows):
         size = f"{len(self.frame)} windows of {len(self.names)} scenes, {int(self.target.sum())} at targets"
         return f"Windows of {', '.join(self.envs)}: {size}\n{', '.join(shapes)}"
 
-    def select(self, rows: Ints | Bools | slice) -> Windows:
+    def select(self, rows: Ints | Bools | slice) -> Self:
         """The windows ``rows``; frames and scenes keep their numbers."""
         return replace(self, **{name: getattr(self, name)[rows] for name in BY_WINDOW})
 
@@ -69,7 +67,7 @@ class Windows(TrackWindows):
         """Mask [n] of the tracks that follow no true object; all False if the truth is not complete."""
         return np.asarray(self.object_id < 0)
 
-    def split(self, fold: Fold) -> tuple[Windows, Windows]:
+    def split(self, fold: Fold) -> tuple[Self, Self]:
         """The windows to learn from, and those of the scenes of a fold, which are held out.
 
         It is a fold of the scenes that are here. Commands (``--fold``) take it of the whole split: their scenes may

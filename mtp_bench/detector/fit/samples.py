@@ -1,7 +1,5 @@
 """Samples to fit a detector to: hits and errors of the true boxes of each class, and its false positives."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -68,6 +66,15 @@ class FalsePositiveSamples:
     beside: Floats  # [D] m to the nearest true box of the pooled classes; inf without one
     of_class: Bools  # [D] that box has the class of the detection
     parent: Floats  # [D] score of that box' own detection, NaN where it is undetected
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Pairs of true boxes and detections of a scene."""
+
+    detection: Ints  # [R] row of each true box' detection, -1 where it is undetected
+    false: Bools  # [D] detections without a true box, except those beside neutral true boxes
+    duplicate: Bools  # [D] false ones beside the detection of a true box
 
 
 Samples = tuple[ObjectSamples, FalsePositiveSamples]
@@ -174,15 +181,6 @@ def nearest_true_boxes(truth: Truth, kept: Bools, frame: Ints, box: Floats) -> t
             distances = center_distance(box[index, None], truth.box[None, true])
             nearest[index], distance[index] = true[distances.argmin(axis=1)], distances.min(axis=1)
     return nearest, distance
-
-
-@dataclass(frozen=True, eq=False)
-class Matches:
-    """Pairs of true boxes and detections of a scene."""
-
-    detection: Ints  # [R] row of each true box' detection, -1 where it is undetected
-    false: Bools  # [D] detections without a true box, except those beside neutral true boxes
-    duplicate: Bools  # [D] false ones beside the detection of a true box
 
 
 def above_floor(detections: Detections, classes: Sequence[str], floor: Mapping[str, float] | None) -> Detections:

@@ -1,13 +1,11 @@
 """Interface of a network, for agents and for training, and the networks of this folder."""
 
-from __future__ import annotations
-
 import pkgutil
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -29,7 +27,7 @@ class Sizes:
     dt: float  # s
 
     @classmethod
-    def of(cls, task: Task) -> Sizes:
+    def of(cls, task: Task) -> Self:
         """Sizes for a task: as many modes as samples that are ranked."""
         return cls(task.classes, task.past, task.future, task.k, task.dt)
 

@@ -1,7 +1,5 @@
 """Conflicts of routes through a junction, computed once per map, in metres from the start of a route."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +28,7 @@ class ConflictZone:
     merging: bool  # both routes continue together from the end
 
     @property
-    def mirrored(self) -> ConflictZone:
+    def mirrored(self) -> "ConflictZone":
         """The same zone from the side of the other route."""
         return ConflictZone(self.other_start, self.other_end, self.start, self.end, self.merging)
 

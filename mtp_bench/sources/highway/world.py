@@ -3,11 +3,9 @@
 A change of a setting changes the worlds: then `GENERATOR` gets its next number.
 """
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
@@ -91,7 +89,7 @@ class SeedRanges(Section):
     test: SeedRange
 
     @model_validator(mode="after")
-    def _apart(self) -> SeedRanges:
+    def _apart(self) -> Self:
         ranges = sorted((self.train, self.val, self.test))
         if any(end > first for (_, end), (first, _) in itertools.pairwise(ranges)):
             raise ValueError("expected splits without a common seed")

@@ -1,7 +1,5 @@
 """3DMOT2015: people on the ground plane with stored ACF detections, one sequence cut into scenes; its card section."""
 
-from __future__ import annotations
-
 import configparser
 from dataclasses import dataclass
 from pathlib import Path
@@ -142,13 +140,6 @@ def _reference_point(ground: Floats) -> Floats:
     return np.array([x, y, 0.0, 0.0])
 
 
-def _select(rows: Rows, kept: Ints) -> tuple[Ints, Ints]:
-    """Rows ``[n]`` of the kept frames, sorted by frame, and the index of each row's frame ``[n]``."""
-    row = np.flatnonzero(np.isin(rows.frame, kept))
-    row = row[np.argsort(rows.frame[row], kind="stable")]
-    return row, np.searchsorted(kept, rows.frame[row])
-
-
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Rows of ``gt.txt`` or ``det.txt`` in the order of the file."""
@@ -158,6 +149,13 @@ class Rows:
     object_id: Ints  # [R] -1 for detections
     confidence: Floats  # [R] detections: score; truth: 0 = not to be evaluated
     ground: Floats  # [R, 3] m, X Y Z of the foot point
+
+
+def _select(rows: Rows, kept: Ints) -> tuple[Ints, Ints]:
+    """Rows ``[n]`` of the kept frames, sorted by frame, and the index of each row's frame ``[n]``."""
+    row = np.flatnonzero(np.isin(rows.frame, kept))
+    row = row[np.argsort(rows.frame[row], kind="stable")]
+    return row, np.searchsorted(kept, rows.frame[row])
 
 
 def read_sequence_info(path: Path) -> SequenceInfo:

@@ -1,7 +1,5 @@
 """The compact copy of nuScenes in the cache: folders of files of arrays, and that of the tables of one version."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Mapping
@@ -9,6 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +36,7 @@ class CachedFolder:
     path: Path
 
     @classmethod
-    def of(cls, prefix: str, sources: Mapping[str, Path], fill: Callable[[Path], None]) -> CachedFolder:
+    def of(cls, prefix: str, sources: Mapping[str, Path], fill: Callable[[Path], None]) -> Self:
         """The folder for these files in their present state; raises DataError if one of them cannot be read."""
         return cls(prefix, sources, fill, _path(prefix, sources))
 
