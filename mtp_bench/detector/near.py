@@ -29,8 +29,14 @@ def near_false_positives(
     ``grid`` and ``qualities``: of the true boxes; ``similar``: see `classes_of_same_noise`. A duplicate appears only
     beside a detected object.
     """
-    draws = Draws(seed, NoiseSubject.NEAR)
-    slots = _slots(grid)
+    draws, slot = Draws(seed, NoiseSubject.NEAR), np.arange(SLOTS)
+    slots = replace(  # the places beside every true box, each treated as an object
+        grid,
+        ids=(grid.ids[:, None] * SLOTS + slot).ravel(),
+        frame=np.repeat(grid.frame, SLOTS),
+        column=(grid.column[:, None] * SLOTS + slot).ravel(),
+        noise_number=np.repeat(grid.noise_number, SLOTS),
+    )
     row = np.repeat(np.arange(len(grid.frame)), SLOTS)
     visible, rank = _visible(slots, qualities.random[row], draws)
     slots, row = slots.select(visible), row[visible]
@@ -60,18 +66,6 @@ def classes_of_same_noise(truth: Truth, noise_names: Sequence[str]) -> list[Ints
 
 def _parameters(noise: ClassNoise) -> NearFalsePositives:
     return _NONE if noise.near is None else noise.near
-
-
-def _slots(grid: Grid) -> Grid:
-    """Grid of the places beside every true box, each treated as an object."""
-    slot = np.arange(SLOTS)
-    return replace(
-        grid,
-        ids=(grid.ids[:, None] * SLOTS + slot).ravel(),
-        frame=np.repeat(grid.frame, SLOTS),
-        column=(grid.column[:, None] * SLOTS + slot).ravel(),
-        noise_number=np.repeat(grid.noise_number, SLOTS),
-    )
 
 
 def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, Floats]:

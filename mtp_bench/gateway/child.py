@@ -39,7 +39,10 @@ def main(orders: int, answers: int) -> None:
 def prepare(setup: dict[str, Any]) -> None:
     """Make the library and the compiled kernels importable."""
     _link_kernels(setup["kernels"], os.environ["NUMBA_CACHE_DIR"])
-    _extend_path(setup["path"])
+    # the judge's copy of the library after the standard library, and installed packages at the end
+    first = next((i for i, entry in enumerate(sys.path) if entry.endswith(_SITE)), len(sys.path))
+    sys.path[first:first] = [entry for entry in setup["path"][:1] if entry not in sys.path]
+    sys.path += [entry for entry in setup["path"][1:] if entry not in sys.path]
 
 
 def end_with(parent: int | None) -> None:
@@ -136,13 +139,6 @@ def _limit(limits: dict[str, int]) -> None:
         least = value if hard == resource.RLIM_INFINITY else min(value, hard)
         with suppress(OSError, ValueError):
             resource.setrlimit(kind, (least, least))
-
-
-def _extend_path(path: list[str]) -> None:
-    """Add the judge's copy of the library after the standard library, and installed packages at the end."""
-    first = next((i for i, entry in enumerate(sys.path) if entry.endswith(_SITE)), len(sys.path))
-    sys.path[first:first] = [entry for entry in path[:1] if entry not in sys.path]
-    sys.path += [entry for entry in path[1:] if entry not in sys.path]
 
 
 def _link_kernels(source: str | None, target: str) -> None:

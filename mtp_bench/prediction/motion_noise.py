@@ -49,11 +49,6 @@ def noise_table(rows: Sequence[Noise]) -> NoiseTable:
     return NoiseTable(**{name: np.array([row[name] for row in rows], dtype=np.float64) for name in names})
 
 
-def domain(task: Task) -> str:
-    """The domain that the task's card names, else the env itself."""
-    return task.motion_noise or task.env_id
-
-
 def observed(task: Task) -> str:
     """Name of the task's fit in the file of its domain: source of the pasts, and frame."""
     pasts = "truth" if task.observe == "truth" else family_of(task.detector)
@@ -61,8 +56,8 @@ def observed(task: Task) -> str:
 
 
 def condition(task: Task) -> str:
-    """Name of the fit for a task."""
-    return f"{domain(task)}-{observed(task)}"
+    """Name of the fit for a task: the domain that its card names, else the env itself, and what is observed."""
+    return f"{task.motion_noise or task.env_id}-{observed(task)}"
 
 
 def _similarity(name: str, task: Task) -> int:

@@ -15,7 +15,7 @@ from ...scoring.forecasts import sample_weights
 from ...types import Floats, Lane, Scene, to_metres
 from ..framing import TRAIL_SECONDS, Window
 from ..palette import BLACK, EGO, EVENT, FALSE, FORECAST, TRACK, Color
-from ..replay import Incident, Replay, ego_boxes
+from ..replay import Replay, ego_boxes
 from .canvas import (
     DETECTED,
     EDGE,
@@ -70,7 +70,11 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
 
 def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     """Frame ``t`` of a run as a picture [height, width, 3] of SIZE."""
-    scene, events = run.scene, _marked(run, t)
+    scene, truth = run.scene, run.scene.truth
+    # the newest event of each object lately, and its place [2] now
+    place = dict(zip(truth.object_id[truth.rows(t)].tolist(), truth.box[truth.rows(t), :2], strict=True))
+    recent = run.recent(t, EVENT_SECONDS * run.card.task.rate)
+    events = [(event, place.get(event.object_id, np.array(event.position[:2]))) for event in recent]
     canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], window)
     ring = min(max(10.0, 2.5 * canvas.scale), 20.0)  # pixels
     draw_lanes(canvas, scene.lanes)
@@ -93,14 +97,6 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     whole.paste(panel, (image.width, 0))
     ImageDraw.Draw(whole).line([image.width, 0, image.width, SIZE[1]], fill=EDGE)
     return np.array(whole, dtype=np.uint8)  # a copy, which can be drawn on
-
-
-def _marked(run: Replay, t: int) -> list[tuple[Incident, Floats]]:
-    """The newest event of each object lately, but for the many false forecasts, and its place [2] now."""
-    truth, rows = run.scene.truth, run.scene.truth.rows(t)
-    place = dict(zip(truth.object_id[rows].tolist(), truth.box[rows, :2], strict=True))
-    recent = run.recent(t, EVENT_SECONDS * run.card.task.rate)
-    return [(event, place.get(event.object_id, np.array(event.position[:2]))) for event in recent]
 
 
 def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:

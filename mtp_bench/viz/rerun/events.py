@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 
-from ...types import Ints, Scene
+from ...types import Scene
 from ..focus import Focus
 from ..replay import KINDS, Replay
 from ..sentence import sentence
@@ -24,19 +24,14 @@ def log_judgement(log: Log, agent: ShownAgent, number: int) -> None:
     _log_texts(log, run)
     for object_id, lane in lanes(run).items():
         _log_lane(log, run.scene, object_id, lane)
-    for name, values in _series(run).items():
+    counts = {name: count for name, count in run.counts.items() if name != "FP" or run.scene.truth_complete}
+    for kind in KINDS[:-1]:  # numbers of events until each frame
+        happened = np.bincount([i.frame for i in run.events if i.kind == kind], minlength=run.frames)
+        counts[kind] = np.cumsum(happened)
+    for name, values in counts.items():
         color = packed(tone(SERIES[name], number))
         style = rr.SeriesLines(colors=color, names=f"{agent.name} {name}".strip(), widths=2)
         log.columns(f"metrics/{name}", style, rr.Scalars.columns(scalars=values.astype(np.float64)))
-
-
-def _series(run: Replay) -> dict[str, Ints]:
-    """Numbers of boxes in each frame [F], and of events until then; FP only if the truth is complete."""
-    counts = {name: count for name, count in run.counts.items() if name != "FP" or run.scene.truth_complete}
-    for kind in KINDS[:-1]:
-        happened = np.bincount([i.frame for i in run.events if i.kind == kind], minlength=run.frames)
-        counts[kind] = np.cumsum(happened)
-    return counts
 
 
 def _log_texts(log: Log, run: Replay) -> None:

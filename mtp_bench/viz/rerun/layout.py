@@ -84,7 +84,9 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     behind = [[oblique, *_birds(first, eye)], *(_birds(agent, eye) for agent in agents[1:])]
     columns = [_alone(agent, tabs) for agent, tabs in zip(agents, behind, strict=True)]
     shares = [2.2, 1.0] if alone else [1.8, 1.0, *[1.8] * (len(agents) - 1)]
-    above = rrb.Horizontal(columns[0], _texts(agents), *columns[1:], column_shares=shares)
+    names = {agent.root: agent.titled("what happened") for agent in agents}
+    texts = rrb.Vertical(*(rrb.TextDocumentView(origin=f"/{r}focus/text", name=name) for r, name in names.items()))
+    above = rrb.Horizontal(columns[0], texts, *columns[1:], column_shares=shares)
     parts = rrb.Vertical(above, below, row_shares=[3.2, 1])
     if at.frame == replay.frames - 1:
         return _blueprint(parts, "Following", replay.card)
@@ -194,9 +196,3 @@ def _alone(agent: ShownAgent, others: Sequence[Any]) -> Any:
     pictures = rrb.Spatial2DView(origin=f"/{agent.root}focus/pictures", name=name)
     shares = [1.2 if focus.replay.images else 2.3, 1]
     return rrb.Vertical(rrb.Tabs(view, *others, active_tab=0), pictures, row_shares=shares)
-
-
-def _texts(agents: Sequence[ShownAgent]) -> Any:
-    """The sentence and the key of each run."""
-    names = {agent.root: agent.titled("what happened") for agent in agents}
-    return rrb.Vertical(*(rrb.TextDocumentView(origin=f"/{r}focus/text", name=name) for r, name in names.items()))
