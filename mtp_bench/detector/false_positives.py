@@ -115,11 +115,7 @@ class ReportedClasses:
 
 
 def reported_classes(
-    truth: Truth,
-    classes: Sequence[str],
-    noise_names: Sequence[str],
-    noise_name: str,
-    free: FreeFalsePositives | None,
+    truth: Truth, classes: Sequence[str], noise_names: Sequence[str], noise_name: str, free: FreeFalsePositives | None
 ) -> ReportedClasses | None:
     """The ``classes`` that have the noise ``noise_name``, in proportion to their true boxes in the scene.
 

@@ -53,9 +53,7 @@ def header_of(text: bytes | bytearray | memoryview) -> dict[str, Any]:
 
 
 def arrays_of(
-    header: dict[str, Any],
-    body: bytes | bytearray | memoryview,
-    expected: Mapping[str, tuple[int, ...]] | None = None,
+    header: dict[str, Any], body: bytes | bytearray | memoryview, expected: Mapping[str, tuple[int, ...]] | None = None
 ) -> dict[str, NDArray[Any] | None]:
     """Writable arrays of a message: views of a writable body, else copies; WireError if header and body do not fit.
 

@@ -211,12 +211,7 @@ def _score_again(
 
 
 def _run_again(
-    path: Path,
-    record: Record,
-    plan: Plan,
-    reference: Reference,
-    sealed: Sealed | None,
-    ends: ExitStack,
+    path: Path, record: Record, plan: Plan, reference: Reference, sealed: Sealed | None, ends: ExitStack
 ) -> Verification:
     """The check by running the submission: as in the record, under a secret motion, and on hidden scenes."""
     runs = run_again(plan, record.seeds)

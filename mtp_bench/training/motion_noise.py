@@ -24,10 +24,7 @@ from .split import observations, open_split
 
 
 def fit_env(
-    env_id: str,
-    options: RunOptions = DEFAULTS,
-    observe: str = "detections",
-    without: Fold | None = None,
+    env_id: str, options: RunOptions = DEFAULTS, observe: str = "detections", without: Fold | None = None
 ) -> str:
     """TOML of the motion noise fitted on the training split of an env: tables for the file of its domain.
 

@@ -34,11 +34,7 @@ class LearnedPredictor:
     """
 
     def __init__(
-        self,
-        network: str = "modes",
-        on: str = "truth",
-        weights: str | Path | None = None,
-        association: str = "network",
+        self, network: str = "modes", on: str = "truth", weights: str | Path | None = None, association: str = "network"
     ) -> None:
         if association not in ASSOCIATIONS:
             raise SubmissionError(f"association is {association!r}, expected one of: {', '.join(ASSOCIATIONS)}")

@@ -13,15 +13,7 @@ from ...errors import DataError
 from ...types import Floats, Ints
 from ..text import LIMIT, MOST_LETTERS, decode, read_json
 from .layout import CLASSES, ClassName
-from .tables import (
-    LONGEST,
-    Number,
-    Quaternion,
-    Vector,
-    floats,
-    require_rotations,
-    upright_boxes,
-)
+from .tables import LONGEST, Number, Quaternion, Vector, floats, require_rotations, upright_boxes
 
 MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
 _UNKNOWN = np.nan, np.nan

@@ -4,8 +4,4 @@ from ..base import SourcePackage
 from .source import ANNOTATIONS, DATASET, Wildtrack
 from .source import WildtrackSource as WildtrackSource
 
-PACKAGE = SourcePackage(
-    open=Wildtrack,
-    dataset=DATASET,
-    locate=lambda card, data: DATASET.status(data, ANNOTATIONS),
-)
+PACKAGE = SourcePackage(open=Wildtrack, dataset=DATASET, locate=lambda card, data: DATASET.status(data, ANNOTATIONS))
