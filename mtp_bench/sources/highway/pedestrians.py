@@ -9,21 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...types import Bools, Floats, Ints
+from . import walking
 from .behaviour import PedestrianBehaviour
 from .networks import Pavement, RoadMap
 from .right_of_way import CrossingPedestrian
-from .walking import (
-    Footway,
-    draw_sidewalk,
-    keep_off_road,
-    keep_out_of_vehicles,
-    limit_length,
-    push_apart,
-    remaining_way,
-    slow_at_kerb,
-    slow_before_others,
-    social_force,
-)
 from .world import ARM_WEIGHTS
 
 ARRIVING, WAITING, CROSSING, LEAVING = range(4)
@@ -152,17 +141,17 @@ class Crowd:
         quiet = 1.0 / np.array(ARM_WEIGHTS)  # people cross quieter arms more often
         crossing = int(rng.choice(len(self._crossings), p=quiet / quiet.sum()))
         size = int(min(rng.choice(4, p=(0.5, 0.3, 0.15, 0.05)) + 1, self._target - len(self.people)))
-        way = Footway(
+        way = walking.Footway(
             self._crossings[crossing], self._pavement, direction=1.0 if rng.uniform() < 0.5 else -1.0,
             middle=float(rng.uniform(-0.8, 0.8)) if size == 1 else float(rng.uniform(-0.95, 0.05)),
-            coming=draw_sidewalk(True, rng), going=draw_sidewalk(False, rng),
+            coming=walking.draw_sidewalk(True, rng), going=walking.draw_sidewalk(False, rng),
         )  # fmt: skip
         pace, patience = float(rng.uniform(1.05, 1.55)), float(rng.uniform(*_PATIENCE))
         strolls = bool(rng.uniform() < _STROLL)
         others = self.xy()[0]
         for k in range(size):
             points = way.stroll(k) if strolls else way.arrival(k) if stage == ARRIVING else way.departure(k)
-            place, *ahead = remaining_way(points, share)
+            place, *ahead = walking.remaining_way(points, share)
             xy = self._origin[crossing] + place @ self._axes[crossing]
             if len(others) and np.hypot(*(others - xy).T).min() < _ROOM:
                 continue
@@ -173,7 +162,7 @@ class Crowd:
             self.people.append(person)
         self._groups += 1
 
-    def _new_person(self, crossing: int, way: Footway, k: int, stage: int, place: Floats, ahead: list[Floats],
+    def _new_person(self, crossing: int, way: walking.Footway, k: int, stage: int, place: Floats, ahead: list[Floats],
                     pace: float, patience: float) -> Person:  # fmt: skip
         rng = self._rng
         sizes = rng.uniform((0.35, 0.45, 1.5), (0.5, 0.6, 1.9)).tolist()
@@ -231,11 +220,11 @@ class Crowd:
         beside = np.array([p.stage != CROSSING for p in self.people])
         way = self._behaviour.turned(goal - place, number, ~beside)
         pace = self._behaviour.pace(np.array([p.pace for p in self.people]), number, group, ~beside)
-        new = limit_length(velocity + dt * social_force(place, velocity, way, pace, group), 1.25 * pace)
-        new = slow_at_kerb(place, slow_before_others(place, new, vehicles, dt), pavement, beside)
-        new = velocity + limit_length(new - velocity, _HARDEST * dt)
-        moved = keep_off_road(push_apart(place + dt * new), pavement, beside)
-        moved = keep_out_of_vehicles(place, moved, vehicles)
+        new = walking.limit_length(velocity + dt * walking.social_force(place, velocity, way, pace, group), 1.25 * pace)
+        new = walking.slow_at_kerb(place, walking.slow_before_others(place, new, vehicles, dt), pavement, beside)
+        new = velocity + walking.limit_length(new - velocity, _HARDEST * dt)
+        moved = walking.keep_off_road(walking.push_apart(place + dt * new), pavement, beside)
+        moved = walking.keep_out_of_vehicles(place, moved, vehicles)
         new = (moved - place) / dt
         own = np.round(np.einsum("nij,nkj->nki", axes, np.stack([moved - origin, new], axis=1)), 6) + 0.0
         waiting = np.array([p.stage == WAITING for p in self.people])
