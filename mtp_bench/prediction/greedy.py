@@ -4,8 +4,6 @@ It suits pools of learned modes: few, distinct and weighted. The chosen samples 
 cluster would be a future that no mode has.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Compiled code clusters the pools of all objects without a distance matrix. Sampl
 clustered by six coordinates each, which have the same distances as their T positions.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..tracking.kernels.compile import kernel, part

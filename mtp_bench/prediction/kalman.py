@@ -4,8 +4,6 @@ Along and across the heading the motion is taken as independent: a nearly consta
 acceleration (Bar-Shalom, Li, Kirubarajan 2001, ch. 6). Its noise is fitted, see ``motion_noise``.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Predictors without learning: constant velocity, with calibrated spread."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..agent import Forecasts, Frame, Tracks

@@ -1,7 +1,5 @@
 """Pools of samples in the form of the samplers' kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..tracking.kernels.compile import part

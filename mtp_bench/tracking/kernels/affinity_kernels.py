@@ -4,8 +4,6 @@ The areas are those of ``geometry.py``: edges clipped by the other rectangle and
 Cauchy's formula for the hull. The scalar code needs no arrays, and computes what depends on one box only once per box.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ one row. What hypotheses have in common is solved once: see README.md.
 Sources: Murty 1968; Jonker and Volgenant 1987; Miller, Stone and Cox 1997; Motro and Ghosh 2019.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...types import Bools, Floats, Ints

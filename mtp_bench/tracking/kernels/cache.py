@@ -5,8 +5,6 @@ alone, not at the files of the functions that it calls. Numba does not notice a 
 crashes, so that sums are compared before it loads anything.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

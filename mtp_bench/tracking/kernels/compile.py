@@ -13,8 +13,6 @@ Numba. So does ``total(x, 3)`` under NUMBA_DISABLE_JIT. Every kernel is in ``KER
 `cache` says where compiled kernels are kept. Processes that need the same kernel wait for the one that compiles it.
 """
 
-from __future__ import annotations
-
 import gc
 import sys
 import threading

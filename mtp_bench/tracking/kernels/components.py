@@ -4,8 +4,6 @@ Rows of two components share no column, so that each component is a problem of i
 component share its solutions: such a subset of rows is a piece.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...types import Bools, Floats, Ints

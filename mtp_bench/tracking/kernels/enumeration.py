@@ -1,7 +1,5 @@
 """The cheapest solutions of a small piece, by depth-first search with reduced costs as lower bounds."""
 
-from __future__ import annotations
-
 from ...types import Floats, Ints
 from .compile import inlined
 from .tables import Block, Bound, Choices, Kept, Matching

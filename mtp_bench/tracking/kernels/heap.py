@@ -1,7 +1,5 @@
 """A binary heap of numbers in the order of their keys, equal keys in the order of the numbers."""
 
-from __future__ import annotations
-
 from ...types import Floats, Ints
 from .compile import part
 

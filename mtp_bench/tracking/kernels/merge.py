@@ -6,8 +6,6 @@ next solution of that piece; the second solution of the next piece as well; if j
 than its origin, and each sum is reached in one way.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ covariance shared by x, y and z, and one variance shared by yaw, l, w and h: 15 
 a velocity it is one more measurement, which AB3DMOT has not: at 2 Hz a fast vehicle is out of every gate without it.
 """
 
-from __future__ import annotations
-
 import math
 
 from ...types import Floats, Ints

@@ -8,8 +8,6 @@ leaving their choice costs at least), so that the likely children have many rows
 that lower bound and are solved only when nothing cheaper is left (Motro and Ghosh 2019).
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The solutions of all pieces: all those of small pieces first, then those of the others below a falling bound."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

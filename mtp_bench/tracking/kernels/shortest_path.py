@@ -11,8 +11,6 @@ column (which becomes unmatched) at -v, a column that is unmatched goes to the h
 row.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...types import Floats, Ints

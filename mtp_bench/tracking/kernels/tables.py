@@ -1,7 +1,5 @@
 """Records of arrays that the kernels of the association hand to each other; README.md explains the words."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from ...types import Bools, Floats, Ints

@@ -3,8 +3,6 @@
 A leaf is a distinct track state after a frame; it belongs to all hypotheses that took the same detections for it.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
