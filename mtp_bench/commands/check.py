@@ -32,7 +32,7 @@ def check(
 ) -> None:
     """Check that a submission keeps the contract, on up to three scenes. Status 1 for errors."""
     options = RunOptions(root, scenes, track_file=absolute(tracks), workers=Workers(cores()))
-    options.require_tracks_used([load_submission(path)])
+    options.require_usable([load_submission(path)])
     prepare(env, options)
     with working(f"checking {path}", options) as watched:
         checked = check_submission(path, env, watched)

@@ -67,7 +67,7 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
             f"{submission.name} observes stored tracks, which may have seen the future: it has no record; use "
             "`mtp-bench compare --tracks`"
         )
-    options.require_tracks_used([submission])
+    options.require_usable([submission])
     env = MTPEnv(env_id, evaluation=True, data=options.data, **options.shown_to(submission))
     keywords = setting_of(submission, env.card).env_keywords(env.card)
     del keywords["observe"]  # the record has it in a field of its own

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any, Unpack
 
 from ..cards import Card
 from ..env.environment import MTPEnv
-from ..parallel import SERIAL, reported
-from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
+from ..parallel import reported
+from ..scoring import AgentScores, Reference, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.scenes import SceneResult
-from ..submission.objects import ObjectSubmission, submission_of
+from ..submission.objects import submission_of
 from .options import DEFAULTS, RunKeywords, RunOptions, asked
 from .reference import ranked_scenes, reference_for
-from .run import AgentFailedError, Job, jobs_of, run_jobs
+from .run import AgentFailedError, Job, first_errors, jobs_of, run_jobs
 from .settings import Setting, setting_of, training_note
+
+Scores = AgentScores | AgentFailedError
 
 
 def evaluate(
@@ -29,87 +32,76 @@ def evaluate(
     ``env_id``: id of the env, path of its card, or a card. One agent alone has no rank: `compare` gives it one.
     Raises MtpBenchError for errors that the user can mend, such as an agent that fails.
     """
-    env_id, options = asked(env_id, options, keywords)
-    with reported(f"evaluating on {getattr(env_id, 'id', env_id)}", own=options.progress) as progress:
-        return _evaluated(agent, env_id, replace(options, progress=progress))
-
-
-def _evaluated(agent: object, env_id: str | Card, options: RunOptions) -> Report:
-    ranked = RankedScenes.of(env_id, options)
-    setting = setting_of(submission_of(agent), ranked.card)
-    options.require_tracks_used([setting.submission])
-    require_copies([setting], options)
-    (scores,) = score_settings([setting], env_id, ranked.card, ranked.chosen, options)
-    report = summarise([scores], ranked.card, reference_for(ranked.card, ranked.chosen, options))
-    report.condition.update(training_notes([setting], ranked.card) | ranked.note(report))
-    return report
+    with Evaluation.opened("evaluating", env_id, options, keywords) as evaluation:
+        setting = setting_of(submission_of(agent), evaluation.card)
+        evaluation.options.require_usable([setting.submission])
+        return evaluation.report(evaluation.scores([setting], caught=False), [setting])[0]
 
 
 @dataclass(frozen=True)
-class RankedScenes:
-    """Scenes of an env that agents are ranked on."""
+class Evaluation:
+    """An env, the scenes of it that agents are scored on, and the options of their runs."""
 
+    env: str | Card  # id, path or card
+    options: RunOptions
     card: Card  # with all changes
-    names: tuple[str, ...]  # of the split
-    chosen: tuple[str, ...]  # of those with event weights, the ones to run
-    missing: int  # scenes of the split without event weights, left out
+    scenes: tuple[str, ...]
+    left_out: str  # note on scenes without event weights
 
     @classmethod
-    def of(cls, env_id: str | Card, options: RunOptions) -> RankedScenes:
-        """The scenes of an env under ``options``."""
-        env = MTPEnv(env_id, **options.env_keywords)
-        ranked = ranked_scenes(env.card, env.scene_names)
-        return cls(env.card, env.scene_names, options.chosen(ranked), len(env.scene_names) - len(ranked))
+    @contextmanager
+    def opened(
+        cls, verb: str, env_id: str | Card, options: RunOptions, keywords: Mapping[str, Any]
+    ) -> Iterator[Evaluation]:
+        """The scenes that agents are ranked on, under the options and `RunKeywords` of a call."""
+        env_id, options = asked(env_id, options, keywords)
+        with reported(f"{verb} on {getattr(env_id, 'id', env_id)}", own=options.progress) as progress:
+            env = MTPEnv(env_id, **options.env_keywords)
+            names = env.scene_names
+            ranked = ranked_scenes(env.card, names)  # before anything runs, for an error in a file of weights
+            note = f"; {len(names) - len(ranked)} of {len(names)} scenes of the split have none and are left out"
+            left_out = note if len(ranked) < len(names) else ""
+            yield cls(env_id, replace(options, progress=progress), env.card, options.chosen(ranked), left_out)
 
-    def note(self, report: Report) -> dict[str, str]:
-        """The condition "weights" of a report, with the number of scenes that are left out."""
-        left_out = f"; {self.missing} of {len(self.names)} scenes of the split have none and are left out"
-        return {"weights": report.condition["weights"] + (left_out if self.missing else "")}
+    def first_errors(self, settings: Sequence[Setting]) -> list[AgentFailedError | None]:
+        """Errors of building the agents of settings and of resetting them for the first scene."""
+        jobs = (self._jobs(each, self.options.seeds[0], self.scenes[:1]) for each in settings)
+        return first_errors(list(itertools.chain(*jobs)), self.options)
 
+    def scores(self, settings: Sequence[Setting], caught: bool = True) -> list[Scores]:
+        """Scores of settings under all seeds, or the first error of a setting; without ``caught`` it is raised."""
+        pairs = itertools.product(settings, self.options.seeds)
+        jobs = list(itertools.chain(*(self._jobs(setting, seed, self.scenes) for setting, seed in pairs)))
 
-def jobs_of_setting(
-    setting: Setting, seed: int, env_id: str | Card, card: Card, scenes: Sequence[str], options: RunOptions
-) -> list[Job]:
-    """Jobs of a setting under one seed, one per scene."""
-    shown = options.shown_to(setting.submission) if setting.observe == "tracks" else {}
-    keywords = {**options.env_keywords, **setting.env_keywords(card), **shown}
-    return jobs_of(setting.submission, env_id, keywords, scenes, seed, setting.parameters, setting.label)
+        def finished(place: int, result: SceneScore | AgentFailedError) -> None:
+            if self.options.on_scene is not None and isinstance(result, SceneScore):
+                self.options.on_scene(SceneResult.of(jobs[place].agent, jobs[place].seed, result))
 
+        results = iter(run_jobs(jobs, self.options, score_scene, finished, caught))
+        scored: list[Scores] = []
+        for setting in settings:
+            seeds = [tuple(itertools.islice(results, len(self.scenes))) for _ in self.options.seeds]
+            error = next((each for each in itertools.chain(*seeds) if isinstance(each, AgentFailedError)), None)
+            scored.append(error or scores_of(setting, seeds))
+        return scored
 
-def score_settings(
-    settings: Sequence[Setting], env_id: str | Card, card: Card, scenes: Sequence[str], options: RunOptions
-) -> list[AgentScores]:
-    """Run and score each setting on the ``scenes`` with all seeds of ``options``; ``card``: of the env.
+    def report(self, scores: Sequence[Any], settings: Sequence[Setting], **further: Any) -> tuple[Report, Reference]:
+        """Report of the ``scores`` of ``settings``, and the event weights; ``further``: of `summarise`."""
+        reference = reference_for(self.card, self.scenes, self.options)
+        report = summarise(scores, self.card, reference, **further)
+        notes: dict[str, list[str]] = {}
+        for submission in {setting.submission.name: setting.submission for setting in settings}.values():
+            if note := training_note(submission, self.card):
+                notes.setdefault(note, []).append(submission.name)
+        report.condition["weights"] += self.left_out
+        if notes:
+            report.condition["trained"] = "; ".join(f"{note}: {', '.join(names)}" for note, names in notes.items())
+        return report, reference
 
-    Raises AgentFailedError.
-    """
-    results = caught_scores(settings, env_id, card, scenes, options, caught=False)
-    return [result for result in results if isinstance(result, AgentScores)]
-
-
-def caught_scores(
-    settings: Sequence[Setting],
-    env_id: str | Card,
-    card: Card,
-    scenes: Sequence[str],
-    options: RunOptions,
-    caught: bool = True,
-) -> list[AgentScores | AgentFailedError]:
-    """The scores of `score_settings`, or the first error of a setting, by scenes."""
-    pairs = itertools.product(settings, options.seeds)
-    jobs = list(itertools.chain(*(jobs_of_setting(each, seed, env_id, card, scenes, options) for each, seed in pairs)))
-
-    def finished(place: int, result: SceneScore | AgentFailedError) -> None:
-        if options.on_scene is not None and isinstance(result, SceneScore):
-            options.on_scene(SceneResult.of(jobs[place].agent, jobs[place].seed, result))
-
-    results = iter(run_jobs(jobs, options, score_scene, finished, caught))
-    scored: list[AgentScores | AgentFailedError] = []
-    for setting in settings:
-        seeds = [tuple(itertools.islice(results, len(scenes))) for _ in options.seeds]
-        error = next((each for each in itertools.chain(*seeds) if isinstance(each, AgentFailedError)), None)
-        scored.append(error or scores_of(setting, seeds))
-    return scored
+    def _jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:
+        shown = self.options.shown_to(setting.submission) if setting.observe == "tracks" else {}
+        keywords = {**self.options.env_keywords, **setting.env_keywords(self.card), **shown}
+        return jobs_of(setting.submission, self.env, keywords, scenes, seed, setting.parameters, setting.label)
 
 
 def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: str = "") -> AgentScores:
@@ -122,20 +114,3 @@ def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: 
         seeds=tuple(seeds),
         observe=setting.observe,
     )
-
-
-def require_copies(settings: Sequence[Setting], options: RunOptions) -> None:
-    """Raise MtpBenchError for an object that cannot be sent to the other processes of ``options``."""
-    for setting in settings if options.workers != SERIAL else ():
-        if isinstance(setting.submission, ObjectSubmission):
-            setting.submission.require_copy()
-
-
-def training_notes(settings: Sequence[Setting], card: Card) -> dict[str, str]:
-    """Submissions trained on scenes that are scored here, under the one key "trained"; empty without any."""
-    notes: dict[str, list[str]] = {}
-    for submission in {setting.submission.name: setting.submission for setting in settings}.values():
-        note = training_note(submission, card)
-        if note is not None:
-            notes.setdefault(note, []).append(submission.name)
-    return {"trained": "; ".join(f"{note}: {', '.join(names)}" for note, names in notes.items())} if notes else {}

@@ -127,8 +127,10 @@ class RunOptions:
             )
         return {"observe": observe, "track_file": self.track_file}
 
-    def require_tracks_used(self, submissions: Sequence[Submission]) -> None:
-        """Raise MtpBenchError if stored tracks are named and none of the submissions observes them."""
+    def require_usable(self, submissions: Sequence[Submission]) -> None:
+        """Raise MtpBenchError for objects that the workers cannot get, and for stored tracks that none observes."""
+        for each in submissions if self.workers != SERIAL else ():
+            each.require_copy()
         if self.track_file is not None and not any(each.compare.observe == "tracks" for each in submissions):
             names = ", ".join(dict.fromkeys(each.name for each in submissions))
             raise MtpBenchError(

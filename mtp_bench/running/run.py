@@ -32,11 +32,11 @@ class AgentFailedError(SubmissionError):
     """An agent raised; ``reason`` says where and what, on one line."""
 
     def __init__(self, agent: str, reason: str) -> None:
-        self.agent, self.reason = agent, " ".join(reason.split())
-        super().__init__(f"agent {agent!r} {self.reason}")
+        super().__init__(agent, reason)  # both: workers send their errors home
+        self.reason = " ".join(reason.split())
 
-    def __reduce__(self) -> tuple[type[AgentFailedError], tuple[str, str]]:
-        return type(self), (self.agent, self.reason)  # workers send their errors home
+    def __str__(self) -> str:
+        return f"agent {self.args[0]!r} {self.reason}"
 
 
 def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str | None = None) -> Rollout:
@@ -75,12 +75,7 @@ class Job:
     env_keywords: dict[str, Any]
     scene: str
     seed: int = 0
-    name: str | None = None  # of the agent, in errors
-
-    @property
-    def agent(self) -> str:
-        """Name of the agent."""
-        return self.name or "of this run"
+    agent: str = "of this run"  # its name
 
 
 def jobs_of(
@@ -117,8 +112,9 @@ def run_jobs(
     """
     if options.workers.count > 1 and any(isinstance(job.make_agent, SubmissionFactory) for job in jobs):
         compile_kernels(options.workers)
-    agents, results = list(dict.fromkeys(job.agent for job in jobs)), dict[int, Any]()
-    with reported(f"running {', '.join(agents[:3])}{' and others' * (len(agents) > 3)}", own=options.progress) as told:
+    agents, results = {job.agent for job in jobs}, dict[int, Any]()
+    label = "running " + (f"{len(agents)} agents" if len(agents) > 1 else "".join(agents))
+    with reported(label, own=options.progress) as told:
         told.started(len(jobs))
         for place, result in unordered_map(_one_scene, [(job, finish, caught) for job in jobs], options.workers):
             results[place] = result
@@ -162,7 +158,7 @@ def library_versions() -> dict[str, str]:
 def _one_scene(job: Job, finish: Finish | None, caught: bool) -> Any:
     env = MTPEnv(job.env, **job.env_keywords)
     try:
-        rollout = run_scene(_built(job, env), env, job.scene, job.seed, job.name)
+        rollout = run_scene(_built(job, env), env, job.scene, job.seed, job.agent)
     except AgentFailedError as error:
         if not caught:
             raise
@@ -172,8 +168,7 @@ def _one_scene(job: Job, finish: Finish | None, caught: bool) -> Any:
 
 def _first_error(job: Job) -> AgentFailedError | None:
     try:
-        env = MTPEnv(job.env, **job.env_keywords)
-        _built(job, env, reset=True)
+        _built(job, MTPEnv(job.env, **job.env_keywords), reset=True)
     except AgentFailedError as error:
         return error.with_traceback(None)
     except MtpBenchError as error:  # of its sizes, or of what it observes
@@ -185,9 +180,8 @@ def _built(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
     """The agent of a job, and ``reset`` once; raises AgentFailedError."""
     task, step = agent_task(env, job.seed, job.scene), "built"
     try:
-        agent = job.make_agent(task)
+        agent, step = job.make_agent(task), "reset"
         if reset:
-            step = "reset"
             agent.reset(task)
     except (Exception, SystemExit) as error:
         raise AgentFailedError(job.agent, f"cannot be {step}: {_text(error)}") from error

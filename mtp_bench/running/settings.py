@@ -17,6 +17,7 @@ from ..submission.manifest import Role
 from ..submission.objects import ObjectSubmission, submission_of
 
 _REFERENCES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples", "associated")
+Key = tuple[str, str, str, int | None, int, str]
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,12 @@ class Setting:
     hypotheses: int | None  # as declared; None: as many as the agent states
     samples: int  # K
     observe: str = "detections"
+
+    @property
+    def key(self) -> Key:
+        """The same for settings that differ in their label alone."""
+        parameters = repr(sorted(self.parameters.items()))
+        return self.submission.name, parameters, self.budget, self.hypotheses, self.samples, self.observe
 
     @property
     def gap_references(self) -> tuple[Setting, Setting] | tuple[()] | None:

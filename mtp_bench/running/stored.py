@@ -19,7 +19,6 @@ from ..scoring.targets import left_out
 from ..sources import CameraImage, SceneSource, camera_images, open_source, with_map, with_tracks
 from ..submission.objects import submission_of
 from ..types import Rollout, Scene
-from .evaluate import require_copies
 from .options import CHANGES, DEFAULTS, RunKeywords, RunOptions, asked
 from .reading import total_skipped
 from .reference import reference_for
@@ -114,13 +113,12 @@ def run(
     require_free(folder, replace)
     env_id, options = asked(env_id, options, keywords)
     submission, seed = submission_of(agent), options.seeds[0]
-    options.require_tracks_used([submission])
+    options.require_usable([submission])
     shown = options.shown_to(submission)
     env = MTPEnv(env_id, evaluation=True, **shown, **options.env_keywords)
     setting = setting_of(submission, env.card)
     settings = {**setting.env_keywords(env.card), **shown, **options.changes}
     names = options.chosen(env.scene_names)
-    require_copies([setting], options)
     jobs = jobs_of(submission, env_id, {"data": options.data, **settings}, names, seed)
     info = run_info(env, setting, seed, settings).model_copy(update={"card": env.card.stored()})
     results: list[tuple[Rollout, dict[str, int]]] = run_jobs(jobs, options, _with_skipped)

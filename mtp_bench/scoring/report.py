@@ -14,7 +14,7 @@ import numpy as np
 from ..cards import Card
 from ..cards.source import FilesSource
 from ..errors import MtpBenchError
-from ..tables import to_html, to_text
+from ..tables import Table, to_html, to_text
 from .definitions import DEFINITIONS, SUBSETS, Subset
 from .details import details
 from .gaps import GapPairs, Pair, References, gap_columns, pairs_of
@@ -44,28 +44,25 @@ class Report:
     failures: Mapping[str, str] = field(default_factory=dict)  # agents that failed, which have no rows: where and why
 
     def __repr__(self) -> str:
-        names = {row.agent.split(" ")[0] for row in self.rows}
-        first = next(iter(self.rows), None)
-        size = f"{first.scenes} scenes, {first.targets} targets, {first.seeds} seeds" if first else "no rows"
-        agents = f"{len(names)} agent{'' if len(names) == 1 else 's'}"
+        agents = len({row.agent.split(" ")[0] for row in self.rows})
         failed = f"; failed: {', '.join(self.failures)}" if self.failures else ""
         return (
-            f"Report on {self.env}: {agents}, {size}{failed}\n"
+            f"Report on {self._main_table().title.partition(':')[0]}, {agents} agent{'s' * (agents != 1)}{failed}\n"
             "print(report) shows the table, report.to_frame() and report.per_scene() have the numbers"
         )
 
     def __str__(self) -> str:
-        from .main_table import main_table
-
-        failed = "".join(f"\n{agent} {reason}" for agent, reason in self.failures.items())
-        return to_text(main_table(self)) + failed
+        return "\n".join([to_text(self._main_table()), *map(" ".join, self.failures.items())])
 
     def _repr_html_(self) -> str:
         """The table, for a notebook."""
+        lines = (f"<p>{escape(' '.join(failure))}</p>" for failure in self.failures.items())
+        return to_html(self._main_table()) + "".join(lines)
+
+    def _main_table(self) -> Table:
         from .main_table import main_table
 
-        failed = (f"<p>{escape(agent)} {escape(reason)}</p>" for agent, reason in self.failures.items())
-        return to_html(main_table(self)) + "".join(failed)
+        return main_table(self)
 
     def to_frame(self) -> Any:
         """The rows as a DataFrame: a row per agent, setting and subset, a column per key of ``compare --json``.

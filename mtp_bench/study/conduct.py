@@ -83,7 +83,7 @@ def find(names: Sequence[str], env_id: str | Card, folder: Path, options: RunOpt
     hypotheses = QUICK_HYPOTHESES if quick else HYPOTHESES
     card = options.card(env_id)
     plan = make_plan(names, card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
-    options.require_tracks_used([setting.submission for setting in plan.equal])
+    options.require_usable([setting.submission for setting in plan.equal])
     scenes = options.chosen(open_source(card, options.data).names)
     frozen = frozen_reference(card)
     weights = 0 if frozen is not None and frozen.holds(scenes) else _OF_WEIGHTS

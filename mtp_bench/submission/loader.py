@@ -61,6 +61,9 @@ class Submission(Manifest):
             )
         return agent
 
+    def require_copy(self) -> None:
+        """Raise MtpBenchError unless other processes can make its agents."""
+
     def factory(self, parameters: dict[str, Any]) -> Callable[[Task], Agent]:
         """A function that makes agents of this submission in any process."""
         return SubmissionFactory(str(self.path), parameters)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import pickle
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,7 +50,7 @@ class ObjectSubmission(Submission):
 
     def factory(self, parameters: dict[str, Any]) -> Callable[[Task], Agent]:
         """A function that makes agents of it; in other processes only if it can be copied."""
-        return ObjectFactory(self.name, self.copied, self.given if self.copied is None else None)
+        return partial(_make, self.name, self.copied, self.given if self.copied is None else None)
 
     def require_copy(self) -> None:
         """Raise MtpBenchError unless it can be sent to another process."""
@@ -66,18 +66,9 @@ class ObjectSubmission(Submission):
         return _without_task(self.given) if isinstance(self.given, type) else self.given
 
 
-@dataclass(frozen=True)
-class ObjectFactory:
-    """Makes agents from a copy, or from the object itself."""
-
-    name: str
-    copied: bytes | None
-    given: Any
-
-    def __call__(self, task: Task) -> Agent:
-        """A new agent for ``task``."""
-        given = self.given if self.copied is None else pickle.loads(self.copied)
-        return ObjectSubmission.model_construct(name=self.name, agent=self.name, given=given).build(task)
+def _make(name: str, copied: bytes | None, given: object, task: Task) -> Agent:
+    given = given if copied is None else pickle.loads(copied)
+    return ObjectSubmission.model_construct(name=name, agent=name, given=given).build(task)
 
 
 def submission_of(agent: object) -> Submission:

@@ -106,7 +106,7 @@ def test_missing_networks_are_trained_first_the_quickest_one_first(
 
     monkeypatch.setattr("mtp_bench.training.predictors.training_windows", lambda request, options: options.split)
     monkeypatch.setattr("mtp_bench.training.predictors.train_predictor", trained)
-    monkeypatch.setattr("mtp_bench.commands.compare.run_comparison", lambda *_: fail("trained"))
+    monkeypatch.setattr("mtp_bench.commands.compare.run_comparison", lambda *_, **__: fail("trained"))
     output = cli("compare", "stp_ptp", "affinity", "mtp_modes", *known, "--train")
     assert "training affinity-tracklets, ptp-truth first: about 59 min on two cores" in output.err
     assert asked == [("affinity", "tracklets"), ("ptp", "truth")]

@@ -31,7 +31,7 @@ from tests.support.small_scenes import CARD, write_card
 def _weights(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Event weights are made once, but of a card that ships: there they may be frozen."""
     if "shipped" not in request.fixturenames:
-        for module in ("stored", "compare"):
+        for module in ("stored", "evaluate"):
             monkeypatch.setattr(f"mtp_bench.running.{module}.reference_for", remembered_reference)
 
 
