@@ -46,7 +46,7 @@ def _in_time() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def _weights(monkeypatch: pytest.MonkeyPatch) -> None:
     """Event weights are made once."""
-    for module in ("running.compare", "records.submitting"):
+    for module in ("running.evaluate", "records.submitting"):
         monkeypatch.setattr(f"mtp_bench.{module}.reference_for", remembered_reference)
 
 

@@ -33,7 +33,7 @@ NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 @pytest.fixture(autouse=True)
 def _weights(monkeypatch: pytest.MonkeyPatch) -> None:
     """Event weights are made once."""
-    for module in ("running.stored", "running.compare"):
+    for module in ("running.stored", "running.evaluate"):
         monkeypatch.setattr(f"mtp_bench.{module}.reference_for", remembered_reference)
 
 
