@@ -44,7 +44,11 @@ def made(tmp_path_factory: pytest.TempPathFactory, repository: Path, card: str, 
     """The study of docs/visualization/study.md, of the small card; tests must not change its folder."""
     (block,) = blocks(repository / "docs" / "visualization" / "study.md", "python")
     folder = tmp_path_factory.mktemp("study")
-    here = {'"MTP-Intersection-v0"': repr(card), '"study"': repr(str(folder)), "RunOptions(": f"RunOptions({kitti!r}, "}
+    here = {
+        '"MTP-Intersection-v0"': repr(card),
+        '"study"': repr(str(folder)),
+        "scenes=50": f"scenes=50, data={kitti!r}",
+    }
     for shown, ours in here.items():
         assert block.count(shown) == 1, "the page names the env, the folder and the options once"
         block = block.replace(shown, ours)
