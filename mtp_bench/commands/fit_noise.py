@@ -28,6 +28,6 @@ def fit_noise(
     """Fit the noise of a simulated detector to the detections of an environment; the output is a section of a card."""
     options = on.options()
     prepare(on.env, options)
-    with working("reading detections", options) as watched:
+    with working("reading scenes, then fitting the noise", options) as watched:
         text = fit(on.env, watched, min_score or (), alike or (), name, reach, field_of_view)
     print_or_write(output, text)

@@ -47,7 +47,7 @@ def motion_noise(
 
     options, without = _learnt_from(on, jobs)
     prepare(on.env, options)
-    with working("reading the scenes to learn from", options) as watched:
+    with working("reading scenes, then fitting to them", options) as watched:
         text = fit_env(on.env, watched, observe, without)
     print_or_write(output, text)
 
@@ -164,7 +164,7 @@ def presence(
     options = RunOptions(data)
     for part in PresenceRecipe.of(detector).scenes:
         prepare(part.env, part.options(options))
-    with working("reading the scenes to learn from", options) as watched:
+    with working("reading scenes, then fitting to them", options) as watched:
         text = fit_detector(detector, watched)
     print_or_write(output, text)
 

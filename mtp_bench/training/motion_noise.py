@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import notice
 from ..agent import Tracker
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, UnknownNameError
@@ -53,10 +54,13 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
     tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker()
     windows = collect(scenes, task, tracker)
     rows = {}
-    for class_id, name in enumerate(task.classes):
-        own = select(windows, windows.class_id == class_id)
-        if len(own.class_id):
-            rows[name] = fit_motion_noise(own.position, own.valid, own.future, task.dt)
+    with notice.work("fitting the motion noise by class") as work:
+        work.started(len(task.classes))
+        for class_id, name in enumerate(task.classes):
+            own = select(windows, windows.class_id == class_id)
+            if len(own.class_id):
+                rows[name] = fit_motion_noise(own.position, own.valid, own.future, task.dt)
+            work.done(name)
     return rows
 
 

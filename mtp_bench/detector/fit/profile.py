@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ... import notice
 from ...errors import DataError
 from ...types import Scene
 from ..profile import Profile
@@ -45,10 +46,11 @@ def fit_profile(
             "one class. Give more scenes, or a lower floor of the scores"
         )
     noise = {}
-    for one in fitted:
-        objects, false = samples[one]
-        lowest = min(objects.score[objects.hit].min(), false.score.min(initial=np.inf))
-        noise[one] = fit_objects(objects, (floor or {}).get(one, math.floor(1e4 * float(lowest)) / 1e4))
+    with notice.work("fitting what the detector reports of objects"):
+        for one in fitted:
+            objects, false = samples[one]
+            lowest = min(objects.score[objects.hit].min(), false.score.min(initial=np.inf))
+            noise[one] = fit_objects(objects, (floor or {}).get(one, math.floor(1e4 * float(lowest)) / 1e4))
     profile = Profile(
         name=name,
         summary=summary,
@@ -62,9 +64,12 @@ def fit_profile(
     known = [one for one in classes if profile.alike.get(one, one) in profile.classes]
     if len(known) < len(classes):
         scenes = [_of_classes(scene, [classes.index(one) for one in known]) for scene in scenes]
-    complete = {
-        one: fit_false_positives(scenes, known, profile, one, samples[one][1], sensor) for one in profile.classes
-    }
+    complete = {}
+    with notice.work("fitting false positives by class") as work:
+        work.started(len(profile.classes))
+        for one in profile.classes:
+            complete[one] = fit_false_positives(scenes, known, profile, one, samples[one][1], sensor)
+            work.done(one)
     return profile.model_copy(update={"classes": complete})
 
 
