@@ -1,11 +1,5 @@
 """Lines on the error stream about long work: what it does, about how long it takes, and how far it is.
 
-    with notice.work("comparing on MTP-Intersection-v0") as job:
-        job.started(len(names))
-        for name in names:
-            ...
-            job.done(name)
-
 Work that is known to take over two seconds speaks at once, other work after two seconds, both every ten seconds; on a
 terminal a line with a bar is kept up to date instead. Worker processes are silent, and all with ``MTP_BENCH_QUIET=1``.
 """
@@ -24,8 +18,7 @@ QUIET = "MTP_BENCH_QUIET"  # environment variable
 SILENT_SECONDS = 2.0  # of work that may be short
 LINE_SECONDS = 10.0  # between lines
 BAR_SECONDS = 0.25  # between two states of the bar
-_KEPT_SECONDS = 0.005  # an item that takes less was finished before
-_BAR = 20  # columns
+_KEPT_SECONDS = 0.005  # an item that takes less was finished before: it tells nothing of the others
 
 _jobs: list[Notice] = []  # unfinished ones of this process, the innermost last
 _lock = threading.RLock()  # of the jobs and of the error stream
@@ -36,9 +29,10 @@ class Notice:
 
     def __init__(self, text: str, seconds: float, around: bool) -> None:
         self.text, self.around, self.has_spoken = text, around, False
-        self._begun = self._since = time.monotonic()  # of the work, and of the items that are counted now
-        self._seconds, self._total, self._count, self._kept, self._name = seconds, 0, 0, 0, ""
+        self._begun = time.monotonic()
         self.next = self._begun + (0 if seconds > SILENT_SECONDS else SILENT_SECONDS)  # time of the next line
+        self._seconds = seconds
+        self.started(0)
 
     def started(self, total: int) -> None:
         """Count ``total`` items from now on, of which none is finished."""
@@ -50,7 +44,7 @@ class Notice:
         now = time.monotonic()
         with _lock:
             self._count, self._name = self._count + count, name
-            if now - self._since < _KEPT_SECONDS:  # finished earlier, so it tells nothing of the others
+            if now - self._since < _KEPT_SECONDS:
                 self._kept, self._since = self._count, now
             elif self._count == self._kept + count:  # soon say how long it takes
                 self.next = min(self.next, now + SILENT_SECONDS)
@@ -58,28 +52,33 @@ class Notice:
     def speak(self, now: float) -> None:
         """Write the line of the time ``now`` if it is due."""
         if now >= self.next:
-            bar = _has_bar(self)
-            _write(_over(self._line(now, bar)) if bar else f"mtp_bench: {self._line(now, bar)}\n")
+            line = "".join(
+                letter if letter.isprintable() else "?" for letter in ", ".join(filter(None, self._parts(now)))
+            )
+            bar = self.has_bar()
+            _write(_over(line) if bar else f"mtp_bench: {line}\n")
             self.next, self.has_spoken = now + (BAR_SECONDS if bar else LINE_SECONDS), True
 
-    def _line(self, now: float, bar: bool) -> str:
-        filled = _BAR * min(self._count, self._total) // max(1, self._total)
-        counted = f"{self._count} of {self._total}" if self._total else ""
-        parts = (self.text, counted, self._name, self._time(now))
-        if bar and self._total:  # the end is cut off where the terminal is narrow
-            counted = f"[{'#' * filled}{'-' * (_BAR - filled)}] {counted}"
-            parts = (counted, self._time(now), self.text, self._name)
-        line = ", ".join(filter(None, parts))
-        return "".join(letter if letter.isprintable() else "?" for letter in line)
-
-    def _time(self, now: float) -> str:
-        """The time that is left by the rate of this work, else by the estimate; else the time that has passed."""
+    def _parts(self, now: float) -> tuple[str, ...]:
+        """The text, the items, and the time that is left, by their rate or the estimate, or else has passed."""
         passed, left = now - self._begun, self._seconds - (now - self._begun)
         if self._count > self._kept:
             left = (now - self._since) / (self._count - self._kept) * (self._total - self._count)
-        if left > 0:
-            return f"about {duration(left)}{' left' if self.has_spoken or self._count else ''}"
-        return f"{duration(passed)} so far" if self.has_spoken else ""
+        still = self.has_spoken or self._count
+        told = f"about {_duration(left)}{' left' if still else ''}" if left > 0 else ""
+        told = told or (f"{_duration(passed)} so far" if self.has_spoken else "")
+        if not self._total:
+            return self.text, told
+        counted, tenths = f"{self._count} of {self._total}", min(10, 10 * self._count // self._total)
+        if self.has_bar():  # the end is cut off where the terminal is narrow
+            return f"[{'##' * tenths}{'--' * (10 - tenths)}] {counted}", told, self.text, self._name
+        return self.text, counted, self._name, told
+
+    def has_bar(self) -> bool:
+        """True on a terminal, where other output does not follow at once."""
+        with suppress(ValueError, AttributeError):  # closed or missing
+            return not self.around and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        return False
 
 
 @contextmanager
@@ -105,17 +104,10 @@ def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice
     finally:
         with _lock:
             _jobs.remove(job)
-            if job.has_spoken and _has_bar(job):
-                _write(f"{_over('')}\r")
-            for outer in _jobs if job.has_spoken else ():
-                outer.next = max(outer.next, time.monotonic() + SILENT_SECONDS)
-
-
-def duration(seconds: float) -> str:
-    """A number of seconds in rounded words, such as "40 s" or "3 min"."""
-    if seconds < 90:
-        return f"{max(1, round(seconds))} s"
-    return f"{round(seconds / 60)} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+            if job.has_spoken:
+                _write(f"{_over('')}\r" if job.has_bar() else "")
+                for outer in _jobs:
+                    outer.next = max(outer.next, time.monotonic() + SILENT_SECONDS)
 
 
 def _watch(outermost: Notice) -> None:
@@ -126,11 +118,11 @@ def _watch(outermost: Notice) -> None:
 
 
 def _speak() -> None:
-    """Let the innermost work speak that is due or has spoken before; work without words keeps all around it silent."""
+    """Let the innermost work speak that is due or has spoken before; work without text keeps all around it silent."""
     now = time.monotonic()
-    spoken = [job for job in _jobs if not job.text or job.has_spoken or now >= job.next]
-    if spoken and spoken[-1].text:
-        spoken[-1].speak(now)
+    due = [job for job in _jobs if not job.text or job.has_spoken or now >= job.next]
+    if due and due[-1].text:
+        due[-1].speak(now)
 
 
 def _write(text: str) -> None:
@@ -145,7 +137,7 @@ def _over(line: str) -> str:
     return f"\r{line[:width].ljust(width)}"
 
 
-def _has_bar(job: Notice) -> bool:
-    with suppress(ValueError, AttributeError):
-        return not job.around and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
-    return False
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    return f"{round(seconds / 60)} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
