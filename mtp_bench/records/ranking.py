@@ -130,8 +130,8 @@ def _standings_of_env(
     entrants = []
     for record in records:
         level, other = levels.get(record.digest), taken.get(record.digest)
-        whys = (why(record, level, ships) or other for why in (why_unranked, why_not_comparable))
-        entrants.append(_Entrant(record, level, *whys))
+        reasons = (why(record, level, ships) or other for why in (why_unranked, why_not_comparable))
+        entrants.append(_Entrant(record, level, *reasons))
     ranked = [each for each in entrants if each.unranked is None]
     comparable = [each for each in entrants if each.not_comparable is None]
     main = _main_conditions(ranked or comparable)  # before a round: on public scenes
@@ -139,8 +139,9 @@ def _standings_of_env(
     truths = _truths(peers)
     alike = [each for each in ranked if conditions(each.sums) == main]
     group = [each for each in alike if not is_held_back(each, truths)]
-    places = {each.record.digest: _unranked(each.unranked or OTHERS) for each in entrants}
-    places |= {each.record.digest: _unranked(HELD_BACK) for each in alike if each not in group}
+    whys = {each.record.digest: each.unranked or OTHERS for each in entrants}
+    whys |= {each.record.digest: HELD_BACK for each in alike if each not in group}
+    places = {digest: dict.fromkeys(SUBSETS, Place(why=why)) for digest, why in whys.items()}
     if group:
         places |= {each.record.digest: place for each, place in zip(group, _places(group, peers), strict=True)}
     waiting = [each for each in peers if each.unranked == NOT_ON_HIDDEN]
@@ -165,10 +166,6 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
     signed, name = entrant.signed, entrant.baseline
     made = signed.seal.made if signed is not None and signed.seal is not None else ""
     return made, LEVELS.index(entrant.level), name == STP, name in baseline_names(), entrant.record.digest
-
-
-def _unranked(why: str) -> dict[Subset, Place]:
-    return dict.fromkeys(SUBSETS, Place(why=why))
 
 
 def _places(group: Sequence[_Entrant], peers: Sequence[_Entrant]) -> list[dict[Subset, Place]]:

@@ -137,7 +137,12 @@ def verify(
         reference = reference_for(card, scenes, options)
         options.progress.started(len(scenes))
         return _score_again(path, record, card, runs, reference, options)
-    _require_sandbox(path, record, options)
+    name, digest = record.submission.name, record.submission.digest
+    ours = baseline_digest(name, record.submission.networks) == digest
+    if not ours and options.workers.scheduler is None and sandbox_backend() == "none":
+        raise RecordError(
+            f"{path}: no sandbox is available here, so {name!r} would run with your rights: install bubblewrap"
+        )
     if len(record.seeds) > len(SEEDS):
         raise RecordError(f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to run it again")
     plan = _plan(path, record, env_id, submission, options)
@@ -234,16 +239,6 @@ def _run_again(
     if sealed is None:
         return replace(checked, level="re-run")
     return replace(checked, level="hidden", hidden=run_hidden(plan, record, sealed, ends))
-
-
-def _require_sandbox(path: Path, record: Record, options: RunOptions) -> None:
-    """Raise RecordError if a stranger's code would be run without a sandbox."""
-    known = baseline_digest(record.submission.name, record.submission.networks) == record.submission.digest
-    if not known and options.workers.scheduler is None and sandbox_backend() == "none":
-        raise RecordError(
-            f"{path}: no sandbox is available here, so {record.submission.name!r} would run with your rights: install "
-            "bubblewrap"
-        )
 
 
 def _differences_on_rerun(record: Record, plan: Plan, runs: Runs) -> Iterator[Difference]:

@@ -115,7 +115,8 @@ def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) ->
         if changed and not played.written:
             played.written = f"{place}, {changed[0]}"
         if scribble:
-            action = _copied(action)
+            if isinstance(action, Mapping):  # its arrays may be those of the observation
+                action = {k: value.copy() if isinstance(value, np.ndarray) else value for k, value in action.items()}
             for array in shown.values():
                 if array.flags.writeable:  # an agent may have made it read-only
                     array[...] = 1
@@ -136,13 +137,6 @@ def _note_action(played: Played, action: object, task: Task, place: str) -> None
 
 def _same(array: NDArray[Any], other: object) -> bool:
     return isinstance(other, np.ndarray) and np.array_equal(array, other, equal_nan=array.dtype.kind == "f")
-
-
-def _copied(action: Any) -> Any:
-    """The action with copies of its arrays, which may be those of the observation."""
-    if not isinstance(action, Mapping):
-        return action
-    return {key: value.copy() if isinstance(value, np.ndarray) else value for key, value in action.items()}
 
 
 @dataclass

@@ -44,7 +44,13 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: T
     tables, folder = scene_tables(scene, classes), Path(folder).expanduser()
     make_folder(folder)
     path = folder / file_stem(scene.name)
-    _require_tables_alone(path)
+    require_replaceable(path)
+    if path.exists() and not path.is_dir():
+        raise MtpBenchError(f"{path} is a file, which would be lost: choose another folder, or move it away")
+    ours = {".DS_Store", *(f"{name}.{form}" for name in TABLES for form in FORMS)}
+    other = sorted(file.name for file in path.iterdir() if file.name not in ours) if path.is_dir() else []
+    if other:
+        raise MtpBenchError(f"{path} has {other[0]!r}, which would be lost: choose another folder, or move it away")
     with whole_folder(path) as part:
         for name, columns in tables.items():
             write_table(part / f"{name}.{form}", columns)
@@ -115,14 +121,3 @@ def _check_rows(where: str, rows: Truth | Detections, frames: int, classes: int)
     if len(class_id) and (class_id.min() < 0 or class_id.max() >= classes):
         got = f"{class_id.min()} to {class_id.max()}"
         raise DataError(f"{where}.class_id has {got}, expected indices of {classes} classes")
-
-
-def _require_tables_alone(folder: Path) -> None:
-    """Raise MtpBenchError unless ``folder`` is new, or holds tables of a scene alone."""
-    require_replaceable(folder)
-    if folder.exists() and not folder.is_dir():
-        raise MtpBenchError(f"{folder} is a file, which would be lost: choose another folder, or move it away")
-    tables = {".DS_Store", *(f"{name}.{form}" for name in TABLES for form in FORMS)}
-    other = sorted(path.name for path in folder.iterdir() if path.name not in tables) if folder.is_dir() else []
-    if other:
-        raise MtpBenchError(f"{folder} has {other[0]!r}, which would be lost: choose another folder, or move it away")

@@ -55,7 +55,6 @@ class DetectionRows:
 class Oxts:
     """Rows of ``oxts/%04d.txt``, one per frame: the GPS/IMU unit."""
 
-    geodetic: Floats  # [F, 3] latitude and longitude in degrees, altitude in m
     attitude: Floats  # [F, 3] roll, pitch, yaw in rad; yaw 0 is east, counter-clockwise
     velocity: Floats  # [F, 3] m/s east, north, up
 
@@ -105,7 +104,7 @@ def read_oxts(path: Path) -> Oxts:
     """GPS/IMU rows of one sequence, at least one."""
     table = _rows_of_frames(path, OXTS)
     table.refuse_not_finite("lat lon alt roll pitch yaw vn ve vu")
-    return Oxts(table.matrix("lat lon alt"), table.matrix("roll pitch yaw"), table.matrix("ve vn vu"))
+    return Oxts(table.matrix("roll pitch yaw"), table.matrix("ve vn vu"))
 
 
 def read_odometry(path: Path) -> Floats:

@@ -1,6 +1,6 @@
 """nuScenes logs with stored detections, from the official tables."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -46,7 +46,12 @@ class NuScenes:
         splits = available_splits(self.tables, self.section.truth == "targets")
         self.names = splits.get(self.section.split, ())
         if not self.names:
-            raise DataError(f"{self.root / self.section.version} has no scene of {_of_split(self.section, splits)}")
+            listed = ", ".join(f"{split} ({len(names)})" for split, names in splits.items()) or "none"
+            targets = " with prediction targets" if self.section.truth == "targets" else ""
+            raise DataError(
+                f"{self.root / self.section.version} has no scene of split {self.section.split!r}{targets}; splits "
+                f"with scenes: {listed}; choose one with --split or split="
+            )
         self.detections = open_detections(paths, self.tables, self.names)
 
     def load(self, name: str) -> Scene:
@@ -85,13 +90,6 @@ def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, 
         scenes = [name for name, count in zip(tables.scenes, tables.targets, strict=True) if count]
     named = {split: split_scenes(split, scenes) for split in (*SPLITS, "all")}
     return {split: names for split, names in named.items() if names}
-
-
-def _of_split(section: NuScenesSource, splits: Mapping[str, Sequence[str]]) -> str:
-    """The end of an error about a split without scenes."""
-    listed = ", ".join(f"{split} ({len(names)})" for split, names in splits.items()) or "none"
-    targets = " with prediction targets" if section.truth == "targets" else ""
-    return f"split {section.split!r}{targets}; splits with scenes: {listed}; choose one with --split or split="
 
 
 def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bool) -> Truth:

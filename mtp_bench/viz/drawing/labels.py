@@ -53,7 +53,9 @@ def callout(
 
 def scale_bar(canvas: Canvas, ink: ImageDraw.ImageDraw) -> None:
     """A bar of a round number of metres at the bottom left, which no other text overlaps."""
-    metres = round_length(canvas.width / canvas.scale / 5)
+    most = canvas.width / canvas.scale / 5
+    power = 10.0 ** np.floor(np.log10(most))
+    metres = float(max(step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= most))
     left, bottom = 16, canvas.height - 16
     right = left + round(metres * canvas.scale)
     text = f"{metres:g} m"
@@ -72,9 +74,3 @@ def _take(canvas: Canvas, left: float, top: float, right: float, bottom: float) 
     if free:
         canvas.taken.append((left, top, right, bottom))
     return free
-
-
-def round_length(metres: float) -> float:
-    """The largest of 0.5, 1, 2, 5, 10, 20, ... that is at most ``metres``."""
-    power = 10.0 ** np.floor(np.log10(metres))
-    return float(max(step * power for step in (0.5, 1.0, 2.0, 5.0) if step * power <= metres))
