@@ -3,10 +3,8 @@
 from .card import Card as Card
 from .card import DetectorSection as DetectorSection
 from .card import TaskSection as TaskSection
-from .changes import VARIANTS as VARIANTS
 from .changes import changed_card as changed_card
 from .changes import instead_of_stored as instead_of_stored
-from .changes import profile_of_stored as profile_of_stored
 from .changes import with_detections as with_detections
 from .changes import with_detector as with_detector
 from .changes import with_files as with_files

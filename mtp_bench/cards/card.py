@@ -105,11 +105,6 @@ class DetectorSection(Section):
     seed: Annotated[int, Field(ge=0)] = 0  # of the noise
 
     @property
-    def name(self) -> str:
-        """Name of the profile and its variant."""
-        return self.resolved.name
-
-    @property
     def resolved(self) -> Profile:
         """The noise profile in its variant.
 
@@ -117,12 +112,9 @@ class DetectorSection(Section):
         """
         if (self.profile is None) == (self.noise is None):
             raise CardError("[detector] has both or none of 'profile' and 'noise', expected exactly one of them")
-        noise = self.noise or load_profile(str(self.profile))
-        if self.variant == "as_fitted":
-            return noise
         from ..detector.variants import with_variant
 
-        return with_variant(noise, self.variant)
+        return with_variant(self.noise or load_profile(str(self.profile)), self.variant)
 
 
 class TrackerSection(Section):
@@ -163,9 +155,7 @@ class Card(Section):
     @property
     def detector_name(self) -> str:
         """Name of the stored detector, or of the simulated one's profile: agents choose their parameters by it."""
-        if self.detector is not None:
-            return self.detector.name
-        return self.source.traits.stored_detector
+        return self.source.traits.stored_detector if self.detector is None else self.detector.resolved.name
 
     @property
     def simulated(self) -> bool:

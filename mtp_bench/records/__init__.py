@@ -5,11 +5,9 @@ is found when its stored rollouts are scored again (`verify`), and when its subm
 reached is signed, in a file beside the record.
 """
 
-from .attestation import SignedLevel as SignedLevel
 from .attestation import read_level as read_level
 from .consistency import checked_record as checked_record
 from .eligibility import why_unranked as why_unranked
-from .ranking import Standing as Standing
 from .ranking import standings as standings
 from .record import Record as Record
 from .seal import open_seal as open_seal
@@ -20,5 +18,4 @@ from .storage import record_paths as record_paths
 from .submitting import submit as submit
 from .trust import Trust as Trust
 from .trust import trusted as trusted
-from .verifying import Verification as Verification
 from .verifying import verify as verify

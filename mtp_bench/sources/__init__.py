@@ -11,7 +11,7 @@ from ..types import Scene
 from .base import CameraImage as CameraImage
 from .base import ChangedScenes, SourcePackage, usable
 from .base import SceneSource as SceneSource
-from .dataset import Dataset as Dataset
+from .dataset import Dataset
 from .dataset import DataStatus as DataStatus
 from .simulated import detected as detected
 from .stored_tracks import find_tracks

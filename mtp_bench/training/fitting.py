@@ -142,20 +142,17 @@ class _TrainingInputs:
         """The data of these rows."""
         return {name: value[rows] for name, value in self.data.items()}
 
-    def trained_weights(self, stage: Stage) -> list[torch.Tensor]:
-        """The weights that a stage trains; only these require gradients."""
-        statistics = (".mean", ".spread")  # of the data
-        names = [n for n in sorted(self.weights) if n.startswith(stage.trains) and not n.endswith(statistics)]
-        for name, value in self.weights.items():
-            value.requires_grad_(name in names)
-        return [self.weights[name] for name in names]
-
 
 def _fit_stage(inputs: _TrainingInputs, stage: Stage, fitted: FittedNetwork, callback: EpochCallback) -> None:
     """Train a stage until its epochs are over, or the error has not fallen for long."""
     plan, first = inputs.plan, len(fitted.curve)
     epochs = max(1, round(stage.share * plan.epochs))
-    optimizer = torch.optim.AdamW(inputs.trained_weights(stage), lr=plan.rate, weight_decay=plan.decay)
+    statistics = (".mean", ".spread")  # of the data
+    names = [n for n in sorted(inputs.weights) if n.startswith(stage.trains) and not n.endswith(statistics)]
+    for name, value in inputs.weights.items():
+        value.requires_grad_(name in names)
+    trained = [inputs.weights[name] for name in names]
+    optimizer = torch.optim.AdamW(trained, lr=plan.rate, weight_decay=plan.decay)
     for done in range(epochs):
         idle = first + done - max(fitted.best_epoch, first)
         if done >= epochs // 2 and idle >= plan.patience:

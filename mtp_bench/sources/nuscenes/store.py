@@ -118,10 +118,6 @@ class TableStore:
         """Tokens of the samples of a scene."""
         return [token.decode() for token in self.tokens[self.samples(scene)].tolist()]
 
-    def scene_of(self, row: int) -> str:
-        """Name of the scene of a sample."""
-        return self.scenes[int(np.searchsorted(self.start, row, side="right")) - 1]
-
     @cached_property
     def tokens(self) -> NDArray[np.bytes_]:
         """Tokens [N] of all samples."""
