@@ -81,13 +81,6 @@ def straight(inputs: dict[str, Array], sizes: Sizes) -> Array:
     return xp.cumsum(xp.stack([velocity * sizes.dt] * sizes.future, 1), 1)
 
 
-def step_spread(correction: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Spread per axis of the steps of corrections [n, T, 2] of constant velocity: [T, 1] m."""
-    step = np.diff(correction, axis=1, prepend=0)
-    both = known & np.concatenate([known[:, :1], known[:, :-1]], axis=1)
-    return spread_of(step, both)
-
-
 def spread_of(value: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Root mean square [T, 1] of each step, over the rows of ``value`` [n, T, ...] that are ``known`` [n, T]."""
     steps = range(value.shape[1])

@@ -29,7 +29,7 @@ from .layers import (
     relu,
 )
 from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
-from .modes import LEAST_SPREAD, step_spread, straight
+from .modes import LEAST_SPREAD, spread_of, straight
 from .network import Recipe, Sizes, Stage
 
 TRACKLET = 64  # size of the state of a tracklet, and of an object in the graph
@@ -73,7 +73,9 @@ class Ptp:
         past, rest = _steps(inputs, sizes)[alive], _object(inputs, sizes)
         weights |= {"past.spread": np.maximum(np.sqrt((past**2).mean(axis=0)), LEAST_SPREAD)}
         weights |= {"object.mean": rest.mean(axis=0), "object.spread": np.maximum(rest.std(axis=0), LEAST_SPREAD)}
-        return {**weights, "step.spread": step_spread(future - straight(inputs, sizes), known)}
+        step = np.diff(future - straight(inputs, sizes), axis=1, prepend=0)  # of corrections of constant velocity
+        both = known & np.concatenate([known[:, :1], known[:, :-1]], axis=1)
+        return {**weights, "step.spread": spread_of(step, both)}
 
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
         """Futures of the k codes of the sampling function."""

@@ -63,6 +63,8 @@ class KittiTracking:
             detections, skipped = detections_of(self._detections, name, classes, frames)
         calibration = self.root / f"training/calib/{name}.txt"
         of_scene = Poses(poses.rotation[kept], poses.position[kept])
+        region = frames.select(labels.frame, labels.type == "DontCare")
+        regions = labels.image_box[region], frames.starts(labels.frame[region])
         return Scene(
             name=name,
             time=kept * FRAME_PERIOD,
@@ -71,7 +73,7 @@ class KittiTracking:
             detections=detections,
             detector=label,
             skipped=skipped,
-            image=image_field(calibration, of_scene, section.ego_motion, *frames.regions(labels), classes),
+            image=image_field(calibration, of_scene, section.ego_motion, *regions, classes),
             world=None if section.ego_motion else poses.ego()[kept],
         )
 
@@ -109,11 +111,6 @@ class Frames:
     def starts(self, frame: Ints) -> Ints:
         """First row of each frame of the scene, and the number of rows."""
         return starts_of_sorted(frame // self.stride, -(-self.length // self.stride))
-
-    def regions(self, labels: LabelRows) -> tuple[Floats, Ints]:
-        """DontCare regions of the image ``[G, 4]`` in frames of the scene, and the first of each frame."""
-        row = self.select(labels.frame, labels.type == "DontCare")
-        return labels.image_box[row], self.starts(labels.frame[row])
 
     def place(self, box: Floats, frame: Ints) -> Floats:
         """Boxes in the frame of reference of the scene."""
