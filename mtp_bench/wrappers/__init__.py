@@ -1,6 +1,7 @@
-"""A wrapper of the env for agents of other libraries: an action that only associates."""
+"""Wrappers of the env for agents of other libraries: an action that only associates, all at once or one by one."""
 
-from .association import CONTINUE as CONTINUE
-from .association import IGNORE as IGNORE
-from .association import NEW as NEW
 from .association import AssociationOnly as AssociationOnly
+from .associator import CONTINUE as CONTINUE
+from .associator import IGNORE as IGNORE
+from .associator import NEW as NEW
+from .per_detection import PerDetection as PerDetection

@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
@@ -14,13 +13,11 @@ from numpy.typing import NDArray
 
 from mtp_bench import ActionError
 from mtp_bench.env import MTPEnv
-from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly
+from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly, PerDetection
 from tests.env.conftest import MakeEnv
 from tests.env.conftest import make_env as make_env
 from tests.env.test_gymnasium import make_small
 from tests.support.small_scenes import make_scene
-
-Policy = Callable[[NDArray[np.float32]], NDArray[Any]]
 
 
 @pytest.fixture
@@ -102,36 +99,48 @@ def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly)
     env.reset()
     with pytest.raises(ActionError, match="expected 4 whole numbers from 0 to 3"):
         env.step(action)
+    one_by_one = PerDetection(env)
+    one_by_one.reset()
+    with pytest.raises(ActionError, match="expected a whole number from 0 to 3"):
+        one_by_one.step(action)
 
 
-def make_roundabout(**keywords: Any) -> AssociationOnly:
-    names = MTPEnv("MTP-Roundabout-v0").scene_names[:2]
-    return AssociationOnly(gym.make("MTP-Roundabout-v0", scenes=names), **keywords)
+def test_the_reward_is_that_of_the_env_less_that_of_the_nearest_neighbour(make_env: MakeEnv) -> None:
+    """Also where the episode begins with tracks, and choice by choice."""
+    episodes = {}
+    for name, policy in POLICIES.items():
+        for kind in ("absolute", "relative", "one by one"):
+            inner = make_env(make_scene(frames=12, empty=(5,)), target_frames=True)
+            env: Any = AssociationOnly(inner, detections=4, choices=2, relative=kind != "absolute")
+            env = PerDetection(env) if kind == "one by one" else env
+            observation, info = env.reset(seed=0)
+            assert observation[6] == 1, "the first car was seen in the frame before"
+            rewards, absolute, over = [], 0.0, False
+            while not over:
+                observation, reward, over, _, info = env.step(policy(env, observation))
+                rewards.append(reward)
+                absolute += info.get("absolute_reward", 0.0)
+            episodes[name, kind] = rewards
+            assert absolute == pytest.approx(-sum(info["episode_metrics"][cost] for cost in COSTS))
+        assert len(rewards) == 7 * 3 + 1, "a frame without a detection is a step"
+        usual = sum(episodes["nearest", "absolute"])
+        assert sum(episodes[name, "relative"]) == pytest.approx(sum(episodes[name, "absolute"]) - usual)
+        assert sum(episodes[name, "one by one"]) == pytest.approx(sum(episodes[name, "relative"]))
+    assert not any(episodes["nearest", "relative"] + episodes["nearest", "one by one"])
+    assert all(episodes["ignore", "one by one"][:2]), "a choice earns at once what it changes"
 
 
-def reward(env: AssociationOnly, policy: Policy) -> float:
-    """Mean per step over the scenes of the env."""
-    rewards = []
-    for name in env.get_wrapper_attr("scene_names"):
-        observation, _ = env.reset(seed=0, options={"scene": name})
-        over = False
-        while not over:
-            observation, one, over, _, info = env.step(policy(observation))
-            assert info["invalid_objects"] == info["invalid_tracks"] == 0
-            rewards.append(float(one))
-    return float(np.mean(rewards))
+COSTS = ("cost_missed", "cost_false", "cost_error")
+POLICIES: dict[str, Callable[[Any, NDArray[np.float32]], Any]] = {
+    "nearest": lambda env, observation: env.nearest(observation),
+    "ignore": lambda env, observation: IGNORE * env.nearest(observation),
+    "begin": lambda env, observation: NEW + 0 * env.nearest(observation),
+}
 
 
-def test_the_nearest_neighbour_earns_more_than_ignoring_or_beginning_everything() -> None:
-    env = make_roundabout()
-    size = env.action_space.shape
-    nearest = reward(env, env.nearest)
-    assert nearest > 0.8 * reward(env, lambda observation: np.full(size or (), IGNORE))  # rewards are negative
-    assert nearest > 0.8 * reward(env, lambda observation: np.full(size or (), NEW))
-
-
-def test_both_checkers_accept_it(card: str, kitti: str) -> None:
-    env: Any = AssociationOnly(make_small(card, kitti), detections=4)
+@pytest.mark.parametrize("wrap", [lambda env: env, PerDetection], ids=["all at once", "one by one"])
+def test_both_checkers_accept_it(wrap: Any, card: str, kitti: str) -> None:
+    env: Any = wrap(AssociationOnly(make_small(card, kitti), detections=4))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", ".*is different from the unwrapped version.*")  # said of every wrapper

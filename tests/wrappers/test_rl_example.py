@@ -1,37 +1,41 @@
-"""The example of reinforcement learning trains and says what came of it, and the blocks of its page run."""
+"""The example of reinforcement learning trains and says what came of it, and the blocks of two pages run."""
 
 from __future__ import annotations
 
 import re
 import runpy
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[rl]'")
+PAGES = {  # what each prints
+    "index": r"^\d\.\d\d m per target, \d+ of \d+ targets covered$",
+    "reinforcement": r"^-\d+\.\d m per frame$",
+}
 
 
-def test_the_example_trains_and_compares(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("page", PAGES)
+def test_the_blocks_of_pages_of_environments_run(
+    page: str, repository: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if page == "reinforcement":
+        pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[rl]'")
+    names: dict[str, Any] = {}
+    text = (repository / f"docs/environment/{page}.md").read_text()
+    for block in re.findall(r"^```python\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL):
+        exec(compile(block, page, "exec"), names)
+    assert re.search(PAGES[page], capsys.readouterr().out, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("method", ["PPO", "DQN"])
+def test_the_example_trains_and_compares(method: str, repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[rl]'")
     example = runpy.run_path(str(repository / "examples/rl_association.py"))
     namespace = example["main"].__globals__
-    namespace["HELD_OUT"], namespace["SEARCH"], namespace["TRAINING"] = slice(5, 6), slice(1), slice(2)
-    namespace["AT_RANDOM"] = 4
-    rewards = example["main"](100)
-    assert list(rewards) == ["untrained", "PPO", "best constant", "nearest neighbour"]
-    assert rewards["nearest neighbour"] > rewards["best constant"]
-    assert rewards["PPO"] != rewards["untrained"], "it learned something"
-    printed = capsys.readouterr().out
-    beaten = "beaten" if rewards["PPO"] > rewards["best constant"] else "not beaten"
-    assert f"after 100 steps the best constant policy is {beaten} by PPO" in printed
-
-
-def test_the_blocks_of_docs_environment_reinforcement_md_run(
-    repository: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    page = (repository / "docs/environment/reinforcement.md").read_text()
-    found = re.findall(r"^```python\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
-    assert len(found) == 2
-    for block in found:
-        exec(compile(block, "reinforcement.md", "exec"), {})
-    printed = capsys.readouterr().out
-    assert re.search(r"^-\d+\.\d m per step$", printed, flags=re.MULTILINE)
+    namespace["HELD_OUT"], namespace["TRAINING"], namespace["EVERY"] = slice(5, 6), slice(2), 256
+    namespace["METHODS"]["PPO"] |= {"n_steps": 128, "batch_size": 64}
+    namespace["METHODS"]["DQN"] |= {"learning_starts": 100}
+    before, after = example["main"](256, 0, method)
+    assert before != after, "it learned something"
+    assert f"{method},    256 steps: {after:+7.2f} m per frame against nearest" in capsys.readouterr().out
