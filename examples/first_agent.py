@@ -54,8 +54,9 @@ env = gym.make("MTP-Intersection-v0")
 for agent in (Standing(), Nearest()):
     observation, info = env.reset(seed=0)
     agent.reset(env.unwrapped.task)
-    error, over = 0.0, False
+    over = False
     while not over:
         observation, reward, over, _, info = env.step(agent.act(observation))
-        error -= reward
-    print(f"{type(agent).__name__}: {error:.0f} m in {env.unwrapped.scene.name}")
+    score = info["episode_metrics"]
+    covered = f"{score['min_ade']:.2f} m over the {score['covered']} that have a forecast"
+    print(f"{type(agent).__name__}: {score['fixed_error']:.2f} m per target of {score['targets']}, minADE {covered}")

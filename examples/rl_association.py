@@ -61,9 +61,7 @@ def main(steps: int = EVERY, seed: int = 0, method: str = "PPO") -> list[float]:
     envs = VecNormalize(DummyVecEnv([lambda: make_env("train", TRAINING)]), gamma=DISCOUNT)
     layers = {"net_arch": [32]}
     learner = getattr(sb3, method)
-    agent = learner(
-        "MlpPolicy", envs, gamma=DISCOUNT, seed=seed, device="cpu", policy_kwargs=layers, **METHODS[method]
-    )
+    agent = learner("MlpPolicy", envs, gamma=DISCOUNT, seed=seed, device="cpu", policy_kwargs=layers, **METHODS[method])
     held_out, curve = make_env("val", HELD_OUT), []
     for done in range(0, steps + 1, EVERY):
         curve.append(gain(held_out, lambda row: agent.predict(envs.normalize_obs(row), deterministic=True)[0]))
