@@ -3,7 +3,7 @@
     python -m docs.generate.results
 
 The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
-entry of an environment, ``story ID``, ten of them with their tracks and forecasts in words,
+entry of an environment, ``story ID``, ten of them in words,
 ``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, and ``costs``, those of detection and
 tracking together and of association alone.
 """
@@ -35,19 +35,19 @@ _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
 
 
-_SAME = "constant velocity, samples as `mtp`"
+_SAME = "constant velocity, as many samples as `mtp`"
 _TRUTH, _TRACKLETS = "network, trained on ground-truth tracks", "network, trained on a tracker's tracks"
-STORY = {  # agent -> its tracks and its forecasts, in the order of the README
-    "truth_past": ("ground truth", "constant velocity"),
-    "perfect_association_same_samples": ("detections, perfect association", _SAME),
+STORY = {  # agent -> its association and its forecasts, in the order of the README
+    "truth_past": ("ground-truth tracks", "constant velocity"),
+    "perfect_association_same_samples": ("perfect, of the detections", _SAME),
     "stp": ("one hypothesis", "constant velocity"),
     "stp_same_budget": ("one hypothesis", _SAME),
     "mtp": ("20 hypotheses", "constant velocity"),
-    "mtp_modes": ("20 hypotheses", _TRUTH),
+    "stp_modes": ("one hypothesis", _TRUTH),
     "stp_modes_tracklets": ("one hypothesis", _TRACKLETS),
     "mtp_modes_tracklets": ("20 hypotheses", _TRACKLETS),
-    "affinity": ("soft assignment", "network over weighted detections"),
-    "tracking_free": ("none", "network over nearby detections"),
+    "affinity": ("soft weights of past detections", _TRACKLETS),
+    "tracking_free": ("none: all detections nearby", _TRACKLETS),
 }
 
 
@@ -96,7 +96,7 @@ def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
 
 
 def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
-    """A row for each agent of `STORY`: its tracks and forecasts, and bADE with ranks over all targets and on ids."""
+    """A row for each agent of `STORY`: its association and forecasts, and bADE with ranks over all targets and on ids."""
     listed = next((each for each in by_board(entries).values() if each[0].env == env_id), [])
     known = {entry.name: entry for entry in listed}
     for name in STORY:
@@ -104,7 +104,7 @@ def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
             raise UnknownNameError(f"agent of {env_id}", name, sorted(known))
     columns = [
         Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"),
-        Column("tracks", key="tracks", read=lambda entry: STORY[entry.name][0]),
+        Column("association", key="association", read=lambda entry: STORY[entry.name][0]),
         Column("forecasts", key="forecasts", read=lambda entry: STORY[entry.name][1]),
         *_ranked("all", "bADE, all targets"),
         *_ranked("ids", "bADE, identity switch"),
