@@ -96,7 +96,7 @@ def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
 
 
 def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
-    """A row for each agent of `STORY`: association and forecasts in words, bADE and ranks over all targets and on ids."""
+    """A row for each agent of `STORY`: association and forecasts in words, bADE and ranks on all targets and ids."""
     listed = next((each for each in by_board(entries).values() if each[0].env == env_id), [])
     known = {entry.name: entry for entry in listed}
     for name in STORY:
