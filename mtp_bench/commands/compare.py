@@ -10,7 +10,7 @@ from ..running.compare import compare as run_comparison
 from ..running.compare import control_names
 from ..viz.terminal.output import counted
 from .options import SEEDS, AgentScenes, JsonOption, SeedsOption, WorkerChoice, submissions
-from .output import prepare, show_report, working, write_json
+from .output import prepare, show_report, write_json
 from .shown import Shown
 
 
@@ -32,8 +32,7 @@ def compare(
         from .train import train_missing
 
         train_missing(agents, on.env, options)
-    with working(f"comparing on {on.env}", options) as watched:
-        result = run_comparison(agents, on.env, watched, full=shown.is_full or json_file is not None)
+    result = run_comparison(agents, on.env, options, full=shown.is_full or json_file is not None)
     content = result.report.to_json("condition", "paired", "details", "failures")
     write_json(json_file, content | {"skipped": result.skipped})
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)

@@ -16,7 +16,7 @@ from ..records.seal import COMMITMENT, SEALS, beside
 from ..running.reference import freeze as write
 from ..viz.terminal.output import counted, show
 from .options import BaseOption, DataOption, EnvOption, EnvScenes, JobsOption, JsonOption, WorkerChoice
-from .output import prepare, some_of, working, write_json
+from .output import prepare, some_of, write_json
 
 maintain = typer.Typer(
     no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Commands of the maintainers."
@@ -61,8 +61,7 @@ def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> Non
     """Write the frozen event weights of a shipped environment."""
     options = EnvScenes(env, root).options(WorkerChoice(jobs))
     prepare(env, options)
-    with working(f"finding the event weights of {env}", options) as watched:
-        path, reference = write(env, watched)
+    path, reference = write(env, options)
     totals = ", ".join(f"{name} {total}" for name, total in reference.totals["sum_of_weights"].items())
     show(f"{path}: {counted(reference.totals['targets'], 'target')}, sum of weights {totals}; hash {reference.digest}")
 

@@ -48,9 +48,7 @@ def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
     for agent in agents:
         load_submission(agent)
 
-    with working(f"preparing scenes of {env}, once per machine", options) as watched:
-        told, count = watched.progress, watched.workers.count
-        prepare_scenes(watched.card(env), watched.data, watched.scenes, count, told.started, told.done)
+    prepare_scenes(options.card(env), options.data, options.scenes, options.workers.count)
 
 
 def said_of(error: MtpBenchError | OSError) -> str:

@@ -13,7 +13,7 @@ from ..running.stored import run as run_agent
 from ..viz.terminal.notes import rejected_line
 from ..viz.terminal.output import command_line, counted, show
 from .options import AgentScenes, SubmissionArgument, WorkerChoice
-from .output import prepare, working
+from .output import prepare
 
 
 def run(
@@ -28,8 +28,7 @@ def run(
     options = on.options(workers, [seed])
     require_free(output, force)
     prepare(on.env, options, [agent])
-    with working(f"running {agent} on {on.env}", options) as watched:
-        stored = run_agent(agent, on.env, output, watched, replace=force)
+    stored = run_agent(agent, on.env, output, options, replace=force)
     line = skipped_line(stored.skipped)
     if line is not None:
         show(line)

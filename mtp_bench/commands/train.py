@@ -110,8 +110,7 @@ def _trained(
     """The file of weights of a training, and its card, with progress; ``minutes``: about how long it takes."""
     from ..training.predictors import train_predictor, training_windows
 
-    with working("reading the scenes to learn from", options) as watched:
-        found = training_windows(request, watched)
+    found = training_windows(request, options)
     with reported(f"training {request.network}", 60 * (minutes or 0)) as progress:
         progress.started(request.chosen_plan.epochs)
         return train_predictor(found, request, output, lambda epoch, error: progress.done(f"minADE {error:.3f} m"))

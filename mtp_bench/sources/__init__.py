@@ -5,6 +5,7 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
+from .. import notice
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, UnknownNameError
 from ..types import Scene
@@ -96,25 +97,17 @@ def describe(card: Card, data: str | Path | None = None) -> DataStatus:
     return status
 
 
-def prepare(
-    card: Card,
-    data: str | Path | None = None,
-    scenes: int | None = None,
-    workers: int = 1,
-    started: Callable[[int], object] = lambda count: None,
-    progress: Callable[[str], object] = lambda name: None,
-) -> None:
+def prepare(card: Card, data: str | Path | None = None, scenes: int | None = None, workers: int = 1) -> None:
     """Do now the work that is done once per machine: simulate scenes, or make the compact copy of nuScenes tables.
 
     ``scenes``: number of simulated scenes to make, None for all; those in the cache are not made again. ``workers``:
-    processes that simulate. ``started`` is called with the number of pieces of work, ``progress`` with the name of each
-    that is done. Raises DataError.
+    processes that simulate. Raises DataError.
     """
-    count, names = _package(card).prepare(card, data, scenes, workers)
-    if count:
-        started(count)
-    for name in names:
-        progress(name)
+    with notice.work(f"preparing scenes of {card.id}, once per machine") as work:
+        count, names = _package(card).prepare(card, data, scenes, workers)
+        work.started(count)
+        for name in names:
+            work.done(name)
 
 
 def keep_private(card: Card) -> None:

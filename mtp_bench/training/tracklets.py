@@ -120,7 +120,7 @@ def windows(
     observe = "truth" if isinstance(played, TruthTracker) else "detections"
     task = MTPEnv(opened.card, data=options.data, observe=observe).task
     calls = [(opened.card, options.data, task, played, name) for name in names]
-    with reported(f"windows of {env_id}", own=options.progress) as progress:
+    with reported(f"reading windows of {env_id}", own=options.progress) as progress:
         progress.started(len(names))
         parts = parallel_map(_load_windows, calls, options.workers, lambda place: progress.done(names[place]))
     found = concatenate(parts) if parts else None
