@@ -34,7 +34,7 @@ def test_position_errors_are_students_t_with_a_scale_that_grows_with_distance() 
     np.testing.assert_allclose(np.quantile(error, tails), stats.t.ppf(tails, 8.0), rtol=0.08, atol=0.02)
 
 
-@pytest.mark.parametrize(("bearing", "axis"), [(0.0, 0), (np.pi / 2, 1), (-np.pi, 0)])
+@pytest.mark.parametrize(("bearing", "axis"), [(0.0, 0), (np.pi / 2, 1)])
 def test_radial_errors_are_along_the_line_of_sight_and_tangential_ones_across(bearing: float, axis: int) -> None:
     radial, across = errors(bearing=bearing, radial=AXIS), errors(bearing=bearing, tangential=AXIS)
     assert radial[..., axis].std() > 0.1

@@ -95,15 +95,6 @@ def test_the_file_says_what_it_shows(tmp_path: Path) -> None:
 # ---- the command
 
 
-def test_the_command_writes_a_picture(cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path) -> None:
-    for name in ("ids-0", "lost-0", "reacquired-0"):
-        out = cli.ok("view", events_run, *known, "--at", name, "--png", tmp_path / f"{name}.png")
-        with Image.open(tmp_path / f"{name}.png") as image:
-            assert image.text["Description"] in " ".join(out.split())  # type: ignore[attr-defined]
-    cli.ok("view", events_run, *known, "--scene", "0006", "--at", "spurious-0", "--png", tmp_path / "s.png")
-    assert len(list(tmp_path.iterdir())) == 4
-
-
 def test_a_picture_needs_neither_rerun_nor_a_screen(
     cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
