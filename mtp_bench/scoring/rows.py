@@ -108,9 +108,7 @@ class Row(AgentSetting):
     scenes: _SCENES
     effective_units: Annotated[float, Column(format=".1f", help="Effective number of blocks of at most 20 s.")]
     seeds: Annotated[Count, Column(help=_SEEDS)]
-    ms_per_frame: Annotated[
-        float | None, Column("ms per frame", "ms", "lower", ".1f", help="Mean time of the agent's `act`.")
-    ]
+    ms_per_frame: Annotated[float | None, Column("ms per frame", "ms", "lower", ".1f", help="Mean time of `act`.")]
 
 
 class PairedRow(AgentSetting):
