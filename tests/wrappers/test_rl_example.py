@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from docs.generate import learning
+
 PAGES = {  # what each prints
     "index": r"^\d\.\d\d m per target, \d+ of \d+ targets covered$",
     "reinforcement": r"^-\d+\.\d m per frame$",
@@ -26,6 +28,10 @@ def test_the_blocks_of_pages_of_environments_run(
     for block in re.findall(r"^```python\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL):
         exec(compile(block, page, "exec"), names)
     assert re.search(PAGES[page], capsys.readouterr().out, flags=re.MULTILINE)
+
+
+def test_the_curves_are_drawn_from_their_numbers() -> None:
+    assert learning.FILE.read_text() == learning.curves(), "run python -m docs.generate.learning"
 
 
 @pytest.mark.parametrize("method", ["PPO", "DQN"])
