@@ -107,7 +107,9 @@ def _run_fork(child: Any, request: dict[str, Any], descriptors: list[int], judge
     _enter_sandbox(child, request)
     judge.send(FORKED)  # the kernel adds the pid of this process, as the judge sees it
     _close_all_but(0, 1, 2, orders, answers)
-    _seed_numpy()
+    import numpy as np
+
+    np.random.seed()  # noqa: NPY002  (anew, else forks draw the same numbers; the standard library does it itself)
     sys.argv[1:] = [str(orders), str(answers)]
     child.main(orders, answers)
 
@@ -153,13 +155,6 @@ def _call(name: str, *arguments: Any) -> None:
     if getattr(_libc, name)(*converted) != 0:
         number = ctypes.get_errno()
         raise OSError(number, f"{name}: {os.strerror(number)}", str(arguments[:3]))
-
-
-def _seed_numpy() -> None:
-    """Seed NumPy's global generator anew: forks would draw the same numbers. The standard library does it itself."""
-    import numpy as np
-
-    np.random.seed()  # noqa: NPY002
 
 
 def _require_no_shared_memory() -> None:

@@ -39,7 +39,11 @@ class LaneChanges:
         for i, vehicle in enumerate(state.vehicles):
             if (step + 3 * vehicle.number) % period:
                 continue
-            self._miss_exit(state, i)
+            route, lane = int(state.route[i]), int(state.lane[i])
+            otherwise = self._map.routes[route].otherwise
+            missed = self._routes.room[route, lane] - state.s[i] < _TOO_LATE
+            if otherwise != NO_LANE and self._routes.changes[route, lane] > 0 and missed:
+                vehicle.route = otherwise
             changing = abs(state.d[i] - state.offset[i]) > _SETTLED
             if changing or state.speed[i] < _SLOWEST or state.progress[i] < _ENTRY:
                 continue
@@ -47,13 +51,6 @@ class LaneChanges:
             if lane != NO_LANE:
                 vehicle.lane_number = lane
                 y[i] = self._middle[lane]
-
-    def _miss_exit(self, state: RoadState, i: int) -> None:
-        route, lane = int(state.route[i]), int(state.lane[i])
-        otherwise = self._map.routes[route].otherwise
-        missed = self._routes.room[route, lane] - state.s[i] < _TOO_LATE
-        if otherwise != NO_LANE and self._routes.changes[route, lane] > 0 and missed:
-            state.vehicles[i].route = otherwise
 
     def _better_lane(self, state: RoadState, i: int, desired: Floats, y: Floats) -> int:
         routes, route, lane = self._routes, int(state.vehicles[i].route), int(state.lane[i])

@@ -84,15 +84,11 @@ class NuScenesSource(DetectionsSection):
         )
 
 
-def versions(root: Path) -> tuple[str, ...]:
-    """Names of the version folders of a root, sorted."""
-    return tuple(sorted(path.name for path in root.glob(VERSIONS) if path.is_dir()))
-
-
 def table_paths(root: Path, version: str) -> dict[str, Path]:
     """The table files of a version by name; raises DataError where the version or a table is missing."""
     if not (root / version).is_dir():
-        raise MissingDataError(f"{root} has no folder {version!r}; found: {', '.join(versions(root)) or 'none'}")
+        found = ", ".join(sorted(path.name for path in root.glob(VERSIONS) if path.is_dir())) or "none"
+        raise MissingDataError(f"{root} has no folder {version!r}; found: {found}")
     paths = {name: root / version / f"{name}.json" for name in TABLES}
     for path in paths.values():
         if not path.is_file():

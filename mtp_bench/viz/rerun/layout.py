@@ -11,7 +11,7 @@ from ...cards import Card
 from ...types import Floats
 from ..framing import turn_of, window_of
 from ..palette import Color
-from ..replay import KINDS, NO_EVENT, Incident, Replay
+from ..replay import KINDS, NO_EVENT, Incident
 from .sdk import rr, rrb
 from .shown import ShownAgent
 
@@ -146,19 +146,15 @@ def _plots(agents: Sequence[ShownAgent]) -> list[rrb.TimeSeriesView]:
     ]
 
 
-def _eventful(replay: Replay, at: Incident | None) -> list[int]:
-    """The objects whose lanes are shown first: that of the event, then those with many switches and other events."""
+def _identities(agent: ShownAgent, at: Incident | None) -> rrb.Tabs:
+    """Lanes of the objects with events; all lanes; the event log."""
+    replay, truth = agent.replay, agent.replay.scene.truth
+    # first that of the event, then those with many switches and other events
     events, switches = (Counter(i.object_id for i in replay.events if i.kind in kinds) for kinds in (KINDS, ("ids",)))
     own = None if at is None else at.object_id
     order = sorted(events, key=lambda g: (g != own, -switches[g], -events[g], g))
-    return order[: MOST_LANES if at is None else FEWER_LANES]
-
-
-def _identities(agent: ShownAgent, at: Incident | None) -> rrb.Tabs:
-    """Lanes of the objects with events; all lanes; the event log."""
-    truth = agent.replay.scene.truth
     lanes = {
-        "track of each object with events": _eventful(agent.replay, at),
+        "track of each object with events": order[: MOST_LANES if at is None else FEWER_LANES],
         "of every object": np.unique(truth.object_id[~truth.neutral]).tolist(),
     }
     tabs: list[Any] = [
