@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from .. import notice
 from ..errors import MtpBenchError
 from ..parallel import reported
 from ..running.options import Fold, RunOptions
@@ -84,9 +85,10 @@ def predictor(
 
     The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
     """
-    from ..prediction.learned.network import network_of, networks
-    from ..training.fitting import TrainingPlan, device_of
-    from ..training.predictors import TrainingRequest
+    with notice.work("loading PyTorch"):
+        from ..prediction.learned.network import network_of, networks
+        from ..training.fitting import TrainingPlan, device_of
+        from ..training.predictors import TrainingRequest
 
     one_of(network, tuple(networks()), "NAME")
     recipe = network_of(network).recipe

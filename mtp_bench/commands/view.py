@@ -59,8 +59,9 @@ def view(
         )
     runs = _opened(folders, root, env)
     if png is None:
-        from ..viz.rerun.recording import save_recording
-        from ..viz.rerun.viewer import require_display, serve_recording, show_recording
+        with notice.work("loading rerun"):
+            from ..viz.rerun.recording import save_recording
+            from ..viz.rerun.viewer import require_display, serve_recording, show_recording
 
         if save is None and not web:
             require_display()
