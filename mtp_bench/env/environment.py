@@ -106,7 +106,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         frame = LocalFrame.of(scene, self.np_random if self._rigid_motion else None)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)
         feed, number = make_feed(scene, frame, self.task, self.card), self.scene_names.index(scene.name)
-        episode = self._episode = Episode(scene, number, frame, feed, scorer)
+        episode = self._episode = Episode(scene, number, frame, feed, scorer, scene.frames)
         if self._target_frames:
             episode.keep_target_frames(record_action(examine(None, self.task), self.task))
         self._live = None

@@ -24,14 +24,11 @@ class Episode:
     frame: LocalFrame
     feed: Feed
     scorer: FrameScorer | None  # None in evaluation mode
+    end: int
     first: int = 0
-    end: int = field(init=False)
     # one per frame, in the scene's frame of reference; empty ones before ``first``
     actions: list[RecordedAction] = field(default_factory=list)
     scores: list[FrameScore] = field(default_factory=list)  # one per action that was taken
-
-    def __post_init__(self) -> None:
-        self.end = self.scene.frames
 
     @property
     def t(self) -> int:

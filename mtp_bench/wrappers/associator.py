@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..agent import Pipeline, Predictor, Presence
 from ..geometry import rotate
-from ..types import Action, Floats, Ints, Observation, Task
+from ..types import Action, Ints, Observation, Task
 from .slots import FREE, Slots
 
 IGNORE = 0  # the choice that leaves a detection out
@@ -57,6 +57,11 @@ class Associator:
         order = np.argsort(distance, axis=1, kind="stable")[:, : self._choices]
         self._distance = np.take_along_axis(distance, order, axis=1)
         self._order = np.where(np.isfinite(self._distance), order, FREE)  # [m, choices] slots
+        exists, slot = self._order != FREE, self._order
+        nearness = np.maximum(0, 1 - self._distance / self._near)
+        certainty = 1 - 1 / np.maximum(slots.hits[slot], 1)
+        waited = slots.unseen[slot] / (_PATIENCE + 1)
+        columns = np.where(exists, np.stack([exists, nearness, certainty, waited]), 0).transpose(1, 2, 0)
         table = np.zeros(self.shape)
         table[: len(box)] = np.concatenate(
             [
@@ -64,7 +69,7 @@ class Associator:
                 (score / (1 + np.abs(score)))[:, None],
                 rotate(box[:, :2] - pose[:2], -float(pose[3])) / _REACH,
                 class_id[:, None] == np.arange(len(self._task.classes)),
-                self._of_tracks(),
+                columns.reshape(len(box), _OF_TRACK * self._choices),
             ],
             axis=1,
         )
@@ -94,12 +99,3 @@ class Associator:
         winner = winner[np.isfinite(distance[winner])]
         rows = self._rows[np.concatenate([new, continuing[winner]])]
         return rows, np.concatenate([np.full(len(new), FREE), slot[winner]])
-
-    def _of_tracks(self) -> Floats:
-        """Columns of the nearest tracks [m, 4 choices]."""
-        exists, slot = self._order != FREE, self._order
-        nearness = np.maximum(0, 1 - self._distance / self._near)
-        certainty = 1 - 1 / np.maximum(self._slots.hits[slot], 1)
-        waited = self._slots.unseen[slot] / (_PATIENCE + 1)
-        columns = np.stack([np.ones(slot.shape), nearness, certainty, waited], axis=2)
-        return np.asarray(np.where(exists[:, :, None], columns, 0).reshape(len(slot), _OF_TRACK * self._choices))

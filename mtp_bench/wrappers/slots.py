@@ -38,24 +38,14 @@ class Slots:
         self.choose(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
     @property
-    def live(self) -> Ints:
-        """Slots that hold a track."""
-        return np.flatnonzero(self.identity != FREE)
-
-    @property
-    def velocity(self) -> Floats:
-        """Mean velocity [N, 2] over the stored past, in m per frame; 0 with a single detection."""
+    def expected(self) -> Floats:
+        """Expected boxes [N, 7] of the tracks in the next frame, by their mean velocity over the stored past."""
         valid, last = self._taken >= 0, self._taken.shape[1] - 1
         first, latest = valid.argmax(axis=1), last - valid[:, ::-1].argmax(axis=1)
         slot = np.arange(len(valid))
         moved = self._past[slot, latest, :2] - self._past[slot, first, :2]
-        return np.asarray(moved / np.maximum(latest - first, 1)[:, None])
-
-    @property
-    def expected(self) -> Floats:
-        """Expected boxes [N, 7] of the tracks in the next frame."""
         box = self._past[:, -1].copy()
-        box[:, :2] += self.velocity
+        box[:, :2] += moved / np.maximum(latest - first, 1)[:, None]
         return box
 
     def choose(self, rows: Ints, slots: Ints) -> None:
@@ -97,7 +87,7 @@ class Slots:
         self.unseen[slots] = 0
 
     def _tracks(self) -> Tracks:
-        live = self.live
+        live = np.flatnonzero(self.identity != FREE)
         taken = self._taken[live]
         return Tracks(
             track_id=self.identity[live],
