@@ -59,7 +59,7 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
     assert "- No agent is ranked over all targets (" in text
     assert "mtp (H" not in text
     assert "event weights of 48 runs of 'stp' on these scenes" in text
-    assert [part.split()[0] for part in further[1:6]] == ["All", "Subsets", "Error", "minADE/minFDE", "Differences"]
+    assert [part.split()[0] for part in further[1:6]] == ["All", "minADE/minFDE", "Subsets", "Error", "minADE/minFDE"]
 
     content = read_json(file)
     assert list(content) == [

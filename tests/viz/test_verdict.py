@@ -19,7 +19,7 @@ from mtp_bench.tables import Table, to_latex, to_text
 from mtp_bench.viz.terminal.notes import notes, warnings
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, show, show_command, show_lines, show_table
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
-from mtp_bench.viz.terminal.tables import chosen_table, full_tables, settings_table
+from mtp_bench.viz.terminal.tables import chosen_table, full_tables, paper_table
 from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, short_verdict, verdict
 from tests.support.command_line import TERMINAL
 from tests.support.report_rows import detail, pair, row, rows
@@ -158,15 +158,13 @@ def test_one_table_of_80_columns() -> None:
         text = render(table)
         assert max(map(len, text.splitlines())) <= TEXT_WIDTH, text
         assert "…" not in text
-    text = render(settings_table(report(LARGE)))
-    displacements = ["0.123/0.234"] * 3
-    assert lines_of(text, "stp")[0] == ["stp", "1", *displacements, "90", "%", "0.345", "2", "0.345", "2"]
-    # more samples than k stand elsewhere: different k never share a column
-    assert lines_of(text, "mtp")[0] == ["mtp", "20", *displacements, "90", "%", "12.35", "10–", "12.35", "10–"]
-    assert "98.77/123.5" in text
-    (paper,) = [line for line in text.splitlines() if "0.747/1.173" in line]
-    assert paper.split()[:3] == ["mtp", "(paper)", "20"]
-    assert [line for line in text.splitlines() if "a_submission" in line]
+    text = render(next(full_tables(report(LARGE))))
+    assert lines_of(text, "stp")[0] == ["stp", "1", "20", "0.345", "2", "to", "2", "0.345", "2", "to", "2"]
+    # other numbers of samples than k have a mark of their own
+    assert [line[:3] for line in lines_of(text, "mtp")] == [["mtp", "20", "20"], ["mtp", "20", "400"]]
+    assert lines_of(render(paper_table(report(LARGE))), "mtp")[0] == [
+        "mtp", "20", "0.123/0.234", "0.162/0.238", "0.123/0.234", "0.747/1.173", "0.123/0.234", "1.335/1.688",
+    ]  # fmt: skip
 
 
 def test_the_main_table_has_a_row_per_agent_and_twelve_lines() -> None:
@@ -201,7 +199,7 @@ def test_columns_and_subsets_of_a_table_can_be_chosen() -> None:
 def test_names_are_no_markup(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     for name in TERMINAL:
         monkeypatch.delenv(name, raising=False)
-    assert "[red]x[/x]" in render(settings_table(report(rows(("[red]x[/x]", 1, 20, "equal")))))
+    assert "[red]x[/x]" in render(main_table(report(rows(("[red]x[/x]", 1, 20, "equal")))))
     show("3 scenes in /tmp/[bold]/[/oh] " + "x" * 300)
     assert capsys.readouterr().out == "3 scenes in /tmp/[bold]/[/oh] " + "x" * 300 + "\n"
     show_lines(["word " * 20], "- ")
@@ -226,8 +224,8 @@ def test_the_figures_of_the_paper() -> None:
 def test_the_paper_stands_beside_its_own_scenes_alone() -> None:
     known = report([*rows(TRUTH), *rows(STP), *rows(MTP)], env="MTP-nuScenes-v0")
     own = replace(known, condition={**known.condition, "card": "0" * 64})
-    assert ("the paper's" in notes(known)[0], "13.89" in render(settings_table(known))) == (True, True)
-    assert ("the paper's" in notes(own)[0], "13.89" in render(settings_table(own))) == (False, False)
+    assert ("the paper's" in notes(known)[0], "13.89" in render(paper_table(known))) == (True, True)
+    assert ("the paper's" in notes(own)[0], "13.89" in render(paper_table(own))) == (False, False)
     assert "the paper's" not in notes(report(rows(MINE)))[0]  # the paper has no such agent
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from textwrap import wrap
-from typing import Annotated, Any
+from typing import Any
 
 from ...scoring import Report
 from ...scoring.definitions import RANKED_SUBSETS, SUBSETS, Subset
 from ...scoring.main_table import NAMES, blocks_of, heading, main_settings, shipped_env
 from ...scoring.parts import PARTS
-from ...scoring.rank import span_text
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
 from ...scoring.weights import EVENTS
 from ...tables import Column, Table, Value, columns_of, short
@@ -30,24 +30,6 @@ _BLANK = ("gap_blank_because", "association_gap_blank_because")
 _COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")
 _PAIRED = ("agent", "hypotheses", "other", "subset", "error", "interval", "p", "minADE")
 
-Displacements = Annotated[str | None, Column(group="minADE/FDE", unit="m")]
-
-
-@dataclass(frozen=True)
-class SettingRow:
-    """An agent in one setting beside what the paper says of it."""
-
-    agent: Annotated[str, Column()]
-    hypotheses: Annotated[int | None, Column("H")]
-    of_all: Annotated[Displacements, Column("all")]
-    of_ids: Annotated[Displacements, Column("IDS")]
-    of_frag: Annotated[Displacements, Column("FRAG")]
-    coverage: Annotated[float | None, Column("cov.", "share")] = None
-    error: Annotated[float | None, Column("all", "m", group="bADE")] = None
-    rank: Annotated[str | None, Column("#", group="bADE")] = None
-    ids_error: Annotated[float | None, Column("ids", "m", group="bADE")] = None
-    ids_rank: Annotated[str | None, Column("#", group="bADE")] = None
-
 
 @dataclass(frozen=True)
 class AgentLine:
@@ -57,25 +39,27 @@ class AgentLine:
     details: Details
 
 
-def settings_table(report: Report) -> Table:
-    """All settings with equal k: minADE/minFDE on the paper's subsets, and bADE; the paper's numbers below ours."""
-    env, blocks, rows = shipped_env(report), list(blocks_of(report)), []
-    shown = [each for each in blocks if each["all"].budget == "equal"] or blocks
-    for block in sorted(shown, key=lambda each: math.inf if (error := each["all"].error) is None else error):
-        first, ids = block["all"], block["ids"]
-        of_all, of_ids, of_frag = (_displacements(block[subset]) for subset in PAPER_SUBSETS)
-        ranks = first.coverage, first.error, _ranks(first), ids.error, _ranks(ids)
-        rows.append(SettingRow(first.agent, first.hypotheses, of_all, of_ids, of_frag, *ranks))
-        if figures := paper_figures(env, first):
-            texts = ("/".join(map(short, figures.get(name, ()))) or None for name in PAPER_SUBSETS.values())
-            rows.append(SettingRow(f"{first.agent} (paper)", first.hypotheses, next(texts), next(texts), next(texts)))
-    return Table("settings", "All settings (m)", "", rows, columns_of(SettingRow))
+def paper_table(report: Report) -> Table:
+    """minADE/minFDE of the settings that the paper has numbers of, here and there; no row on other scenes."""
+    env = shipped_env(report)
+    rows = [(block, figures) for block in blocks_of(report) if (figures := paper_figures(env, block["all"]))]
+
+    def pair(ours: Subset, theirs: str) -> tuple[Column, Column]:
+        declared = Column(unit="m", group="all targets" if ours == "all" else theirs.upper())
+        here = replace(declared, heading="here", read=lambda row: _both(row[0][ours].minADE, row[0][ours].minFDE))
+        return here, replace(declared, heading="paper", read=lambda row: _both(*row[1].get(theirs, (None, None))))
+
+    named = [_of_all(column) for column in columns_of(Row)[:2]]
+    columns = [*named, *chain(*(pair(ours, theirs) for ours, theirs in PAPER_SUBSETS.items()))]
+    return Table("paper", "minADE/minFDE here and in the paper, whose detections are others (m)", "", rows, columns)
 
 
-def _ranks(row: Row) -> str | None:
-    """The range of ranks; a long one in two lines, so that the table fits a terminal of 80 columns."""
-    text = span_text(row.rank_range)
-    return text.replace("–", "–\n") if text is not None and len(text) > 3 else text
+def _of_all(column: Column) -> Column:
+    return replace(column, read=lambda row: column.value(row[0]["all"]))
+
+
+def _both(ade: float | None, fde: float | None) -> str | None:
+    return None if ade is None or fde is None else f"{short(ade)}/{short(fde)}"
 
 
 def data_table(report: Report) -> Table:
@@ -126,7 +110,12 @@ def full_tables(report: Report) -> Iterator[Table]:
         names: Mapping[Subset, str] = {name: name if len(subsets) > 1 else "" for name in subsets}
         return chosen_table(report, ["samples", *keys], subsets, names=names, title=title)
 
-    yield settings_table(report)
+    yield table("All settings (m)", ("error", "rank_range"), "all", "ids")
+    yield table(
+        "minADE/minFDE with the subsets of the paper (m)", ("minADE", "minFDE"), "all", "paper_ids", "paper_frag"
+    )
+    if (paper := paper_table(report)).rows:
+        yield paper
     lines = _lines_of(report)
     known = {column.key: column for column in _row_columns(report)}
     subsets = list(lines[0].rows.values()) if lines else []
@@ -183,10 +172,6 @@ def _bin(part: Bin) -> Column:
         )
 
     return Column(heading, key=part.bin, read=read)
-
-
-def _displacements(row: Row) -> str | None:
-    return f"{short(row.minADE)}/{short(row.minFDE)}"
 
 
 def _own_events(line: AgentLine) -> str:
