@@ -1,7 +1,5 @@
 """Folders of the bundled cards, baselines and records: those of the checkout or, once installed, of the wheel."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent

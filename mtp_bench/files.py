@@ -1,7 +1,5 @@
 """Atomic writes, early write checks, size-limited reads, and the folder of the cache."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import glob

@@ -5,8 +5,6 @@ upright: they turn about z only. Everything is computed around the centre of the
 coordinates of any size keep their precision.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Classes that nothing is known of, and the classes whose settings they take."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 

@@ -3,8 +3,6 @@
 Input is bounded: the size of the file, the depth of its tables, and the size of its numbers.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """The usual agent: a tracker, a predictor and a sampler."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import replace
 

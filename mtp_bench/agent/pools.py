@@ -1,7 +1,5 @@
 """Pools of samples: for each object, the forecasts of all tracks that stand for it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

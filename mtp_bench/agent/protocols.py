@@ -1,7 +1,5 @@
 """Interface of an agent, and of the parts of a `Pipeline`: tracker, predictor, presence and sampler."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, final, runtime_checkable

@@ -1,7 +1,5 @@
 """The command line: ``mtp-bench``. Exit status 0, 1 for a failure that the message explains, 2 for wrong usage."""
 
-from __future__ import annotations
-
 import importlib
 import io
 import keyword

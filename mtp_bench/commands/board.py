@@ -1,7 +1,5 @@
 """``mtp-bench board``: records with their ranks, as tables, as a page and as files."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass

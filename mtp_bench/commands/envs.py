@@ -1,7 +1,5 @@
 """``mtp-bench envs``."""
 
-from __future__ import annotations
-
 from .._bundle import card_ids
 from ..cards import load_card
 from ..viz.terminal.listings import env_table

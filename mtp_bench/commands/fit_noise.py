@@ -1,7 +1,5 @@
 """``mtp-bench fit-noise``."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

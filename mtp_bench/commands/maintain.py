@@ -1,7 +1,5 @@
 """``mtp-bench maintain``: commands of the maintainers of the leaderboard and of the environments."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """``mtp-bench new``."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Options shared by several commands, and dataclasses of options that expand to the options of a command."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, is_dataclass, replace

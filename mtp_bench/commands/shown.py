@@ -1,7 +1,5 @@
 """Options of what is shown of a report."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """``mtp-bench submit``."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """``mtp-bench submit --all``: make or continue the records of every baseline on every environment."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """``mtp-bench verify``."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

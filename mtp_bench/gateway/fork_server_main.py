@@ -6,8 +6,6 @@ temporary folder and a /proc of its own, drops all capabilities, installs the sy
 which agent it runs. So all agents start from the same state, and what one leaves behind ends with its namespaces.
 """
 
-from __future__ import annotations
-
 import base64
 import ctypes
 import gc

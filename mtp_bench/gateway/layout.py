@@ -7,8 +7,6 @@ temporary folder of bounded size. All other files of the machine do not exist fo
 The image is a copy of the files that the digest of the submission covers: it cannot be changed after it was hashed.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

@@ -1,7 +1,5 @@
 """Run a submission scene by scene, each in a process that knows only the messages it is sent."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Sequence

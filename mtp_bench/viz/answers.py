@@ -1,7 +1,5 @@
 """Answers of an agent on a scene, for all drawings: hypotheses, the lineage of their tracks, and forecasts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

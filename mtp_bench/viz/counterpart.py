@@ -1,7 +1,5 @@
 """The event of another run of the same scene at the place of an event."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Boxes and places are in the frame of reference of the scene, metres.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

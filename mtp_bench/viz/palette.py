@@ -1,7 +1,5 @@
 """Colours that are distinct in every kind of colour vision (Okabe and Ito), and their meanings."""
 
-from __future__ import annotations
-
 Color = tuple[int, int, int]  # red, green, blue, 0 to 255
 
 BLACK: Color = (0, 0, 0)

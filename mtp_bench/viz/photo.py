@@ -3,8 +3,6 @@
 Edges of boxes are in pixels of the image, cut off close to the camera.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -3,8 +3,6 @@
 The terminal, pictures, videos and recordings show the same sentence.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..geometry import wrap_angle
