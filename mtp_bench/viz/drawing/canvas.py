@@ -4,12 +4,10 @@ No meaning depends on colour alone: truth is a bold outline (dashed where it is 
 filled, a false positive crossed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +17,6 @@ from ...geometry import bev_corners, rotate
 from ...types import Floats
 from ..framing import Window
 from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, OTHER_TRACK, TRACK, TRUTH, Color
-
-if TYPE_CHECKING:
-    Font = ImageFont.FreeTypeFont | ImageFont.ImageFont
 
 PAPER: Color = (247, 247, 247)  # beside a picture
 GRAY: Color = (90, 90, 90)
@@ -65,7 +60,7 @@ class Canvas:
     taken: list[tuple[float, float, float, float]] = field(default_factory=list)  # pixels that hold text already
 
     @classmethod
-    def blank(cls, width: int, height: int, window: Window, paper: Color = (255, 255, 255)) -> Canvas:
+    def blank(cls, width: int, height: int, window: Window, paper: Color = (255, 255, 255)) -> Self:
         """An empty picture with the background ``paper``."""
         image = Image.new("RGB", (width * FINER, height * FINER), paper)
         return cls(width, height, window, image, ImageDraw.Draw(image, "RGBA"))
@@ -140,7 +135,7 @@ class Canvas:
 
 
 @cache
-def font(size: int) -> Font:
+def font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     """The font that Pillow ships, the same on every machine."""
     return ImageFont.load_default(size)
 

@@ -1,18 +1,13 @@
 """Texts on a picture: each is put at a free place beside its thing, or left out."""
 
-from __future__ import annotations
-
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import ImageDraw
 
 from ...types import Floats
 from ..palette import BLACK, Color
 from .canvas import Canvas, font, text_size
-
-if TYPE_CHECKING:
-    from PIL import ImageDraw
 
 SMALL, MIDDLE, LARGE = 11, 13, 16  # pixels of letters
 BOARD: Color = (255, 255, 255)
