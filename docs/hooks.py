@@ -17,12 +17,13 @@ from mkdocs.structure.pages import Page
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from docs.generate import commands, environments, gallery, json_keys, recordings, reference, repository  # noqa: E402
+from docs.generate import commands, environments, gallery, json_keys, notebooks, recordings, reference, repository  # noqa: E402
 from mtp_bench import notice  # noqa: E402
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Complete the navigation with the generated pages."""
+    _section(config.nav, "Start").append({"Notebooks": notebooks.navigation()})
     _section(config.nav, "Environments").extend(environments.navigation())
     _section(config.nav, "Reference").extend([*reference.navigation(), {"Commands": commands.PAGE}])
     return config
@@ -36,6 +37,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for place, text in pages.items():
         files.append(File.generated(config, place, content=text))
     for place, content in repository.board(config.repo_url or "").items():
+        files.append(File.generated(config, place, content=content))
+    for place, content in notebooks.files().items():
         files.append(File.generated(config, place, content=content))
     drawn = {place: picture for place, (picture, _) in recordings.failures().items()}
     for place, picture in {**recordings.frames(), **drawn}.items():

@@ -17,7 +17,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from PIL import Image
 
-from docs.generate import recordings, reference
+from docs.generate import notebooks, recordings, reference
 from docs.generate.drawings import DRAWINGS, FOLDER
 from docs.make_pictures import REAL
 from mtp_bench import card_ids, load_card
@@ -146,6 +146,19 @@ def test_the_reference_is_complete(site: Path) -> None:
     assert not wanted - ids
 
 
+@pytest.mark.parametrize("name", notebooks.NAMES)
+def test_a_notebook_is_there_with_its_outputs(site: Path, name: str) -> None:
+    cells = json.loads((site / "notebooks" / f"{name}.ipynb").read_text())["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    assert all(cell["execution_count"] for cell in code)
+    assert any(cell["outputs"] for cell in code)
+
+
+def test_a_model_of_ones_own_takes_forty_lines() -> None:
+    pytest.importorskip("jupytext")
+    assert notebooks.code_lines("own_model") <= 40
+
+
 @pytest.mark.parametrize("name", DRAWINGS)
 def test_drawings_show_what_the_scorer_says(name: str) -> None:
     assert (FOLDER / f"{name}.svg").read_text() == DRAWINGS[name](), "run python -m docs.generate.drawings"
@@ -163,7 +176,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
 
 
 SHOWN = ("index", "definitions/index", "environment/gallery", "environment/MTP-KITTI-v0", "reference/records",
-         "agents/own_model", "leaderboard/results")  # fmt: skip
+         "notebooks/own_model", "leaderboard/results")  # fmt: skip
 
 
 @pytest.mark.parametrize(

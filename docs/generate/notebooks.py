@@ -1,0 +1,109 @@
+"""The notebooks: executed while the site is built, each a page with its outputs and a file to download.
+
+They are kept as text (`docs/notebooks/*.py`, cells between lines with ``# %%``, as jupytext reads and writes them).
+"""
+
+from __future__ import annotations
+
+import base64
+import os
+import re
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "docs" / "notebooks"
+NAMES = ("first_scene", "own_predictor", "own_tracker", "own_model", "results")  # as in the navigation
+SECONDS = 600  # for one cell
+AT_ONCE = 2
+HEAD = "*This page is a notebook: [{name}.ipynb]({name}.ipynb), or as text [{name}.py]({name}.py).*"
+
+
+def navigation() -> list[dict[str, str]]:
+    """The pages in the order of the navigation."""
+    return [{title(name): f"notebooks/{name}.md"} for name in NAMES]
+
+
+def title(name: str) -> str:
+    """The heading of a notebook."""
+    found = re.search(r"^# # (.+)$", (FOLDER / f"{name}.py").read_text(), flags=re.MULTILINE)
+    assert found, name
+    return found[1]
+
+
+def files() -> dict[str, str | bytes]:
+    """Pages, notebooks and pictures by their places in the site."""
+    import nbformat
+
+    content: dict[str, str | bytes] = {}
+    for name, notebook in executed().items():
+        content[f"notebooks/{name}.ipynb"] = nbformat.writes(notebook)  # type: ignore[no-untyped-call]
+        page, pictures = _page(name, notebook)
+        content[f"notebooks/{name}.md"] = page
+        content |= {f"notebooks/{place}": picture for place, picture in pictures.items()}
+    return content
+
+
+@cache
+def executed() -> dict[str, Any]:
+    """All notebooks with their outputs. Raises CellExecutionError for a cell that fails."""
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        return dict(zip(NAMES, pool.map(_executed, NAMES), strict=True))
+
+
+def code_lines(name: str) -> int:
+    """Lines of code of a notebook, without empty ones."""
+    import jupytext
+
+    cells = jupytext.read(FOLDER / f"{name}.py").cells
+    return sum(bool(line.strip()) for cell in cells if cell.cell_type == "code" for line in cell.source.splitlines())
+
+
+def _executed(name: str) -> Any:
+    import jupytext
+    from nbclient import NotebookClient
+
+    notebook = jupytext.read(FOLDER / f"{name}.py")
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "MTP_BENCH_QUIET": "1"}
+    with tempfile.TemporaryDirectory() as folder:
+        client = NotebookClient(
+            notebook, timeout=SECONDS, kernel_name="python3", resources={"metadata": {"path": folder}}
+        )
+        client.execute(env=environment)
+    for cell in notebook.cells:
+        cell.metadata.pop("execution", None)  # times: the same notebook gives the same file
+    return notebook
+
+
+def _page(name: str, notebook: Any) -> tuple[str, dict[str, bytes]]:
+    """The Markdown of a notebook and its pictures."""
+    parts: list[str] = []
+    pictures: dict[str, bytes] = {}
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            parts.append(cell.source)
+            continue
+        parts.append(f"```python\n{cell.source}\n```")
+        for output in cell.outputs:
+            data = output.get("data", {})
+            if "image/png" in data:
+                place = f"{name}_{len(pictures)}.png"
+                pictures[place] = base64.b64decode(data["image/png"])
+                parts.append(f"![output]({place})")
+            elif "text/html" in data:
+                parts.append(_html("".join(data["text/html"])))
+            else:
+                text = output.get("text") or data.get("text/plain", "")
+                parts.append("```text\n" + "".join(text).rstrip() + "\n```")
+    return "\n\n".join([*parts, HEAD.format(name=name)]) + "\n", pictures
+
+
+def _html(text: str) -> str:
+    """The HTML of an output, which Markdown takes as it is: without styles and empty lines."""
+    text = re.sub(r"<style.*?</style>", "", text, flags=re.DOTALL)
+    lines = [line for line in text.replace('border="1" class="dataframe"', "").splitlines() if line.strip()]
+    return '<div class="output">\n' + "\n".join(lines) + "\n</div>"
