@@ -19,6 +19,9 @@ FOLDER = ROOT / "docs" / "notebooks"
 NAMES = ("first_scene", "own_predictor", "own_tracker", "own_model", "results")  # as in the navigation
 SECONDS = 600  # for one cell
 AT_ONCE = 2
+QUIET: dict[str, Any] = {
+    "extra_arguments": ["--IPKernelApp.log_level=40"]
+}  # it warns of TCP, which stays on this machine
 HEAD = "*This page is a notebook: [{name}.ipynb]({name}.ipynb), or as text [{name}.py]({name}.py).*"
 
 
@@ -70,9 +73,8 @@ def _executed(name: str) -> Any:
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "MTP_BENCH_QUIET": "1"}
     with tempfile.TemporaryDirectory() as folder:
-        client = NotebookClient(
-            notebook, timeout=SECONDS, kernel_name="python3", resources={"metadata": {"path": folder}}
-        )
+        client = NotebookClient(notebook, timeout=SECONDS, startup_timeout=SECONDS, kernel_name="python3", **QUIET)
+        client.resources = {"metadata": {"path": folder}}
         client.execute(env=environment)
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)  # times: the same notebook gives the same file

@@ -54,7 +54,7 @@ class Windows(TrackWindows):
     envs: tuple[str, ...]  # ids
 
     def __repr__(self) -> str:
-        shapes = (f"{name} {list(getattr(self, name).shape)}" for name in ("past", "future", "future_known"))
+        shapes = (f"{name} {list(getattr(self, name).shape)}" for name in ("box", "future", "future_known"))
         size = f"{len(self.frame)} windows of {len(self.names)} scenes, {int(self.target.sum())} at targets"
         return f"Windows of {', '.join(self.envs)}: {size}\n{', '.join(shapes)}"
 
