@@ -29,7 +29,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     return config
 
 
-@notice.work("making the pages and pictures of the site")
+@notice.work("making the pages and pictures of the site", 30)
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages and pictures that do not lie in docs/."""
     pages = {**environments.pages(), gallery.PAGE: gallery.page(), **reference.pages(), commands.PAGE: commands.page()}

@@ -26,7 +26,8 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     ``data`` is the data root; None stands for the environment variable MTP_BENCH_DATA, else the user data folder.
     Raises DataError when the root, a folder or the card's detector is missing.
     """
-    return ChangedScenes(_package(card).open(card, data), lambda scene: detected(usable(scene), card))
+    with notice.work(f"opening {card.id}", around=True):
+        return ChangedScenes(_package(card).open(card, data), lambda scene: detected(usable(scene), card))
 
 
 def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: str | Path) -> SceneSource:
