@@ -65,7 +65,7 @@ def test_a_run_is_stored_and_scored(cli: CommandLine, tmp_path: Path, card: str,
     assert said == f"3 scenes of {card} by stp in {run}; score with `mtp-bench score {run} --data {kitti}`\n"
     assert sorted(path.name for path in run.iterdir()) == ["0001.npz", "0006.npz", "0008.npz", "run.json"]
     assert [path.name for path in run.parent.iterdir()] == ["stp"]
-    printed = cli.ok("score", run, "--data", kitti, "--env", card, "--json", file)
+    printed = cli.ok("score", run, "--data", kitti, "--env", card, "--json", file, "--full")
     content = read_json(file)
     assert list(content) == ["env", "definitions", "rows", "condition", "details", "skipped"]
     assert [row["subset"] for row in content["rows"]] == list(SUBSETS)
@@ -146,7 +146,7 @@ def test_a_run_for_another_version_of_the_card(
     said = cli.ok("score", folder, "--data", kitti)
     write_card(tmp_path / "bundle" / "envs", CARD.replace("miss_error = 2.0", "miss_error = 3.0"))
     again = cli.ok("score", folder, "--data", kitti)
-    assert "MTP-Small-v0, changed: m, less is better" in again, "it is not the card that ships"
+    assert "MTP-Small-v0, changed, 2 scenes, 1 seed: m, less is better" in again, "it is not the card that ships"
     assert again.splitlines()[1:] == said.splitlines()[1:], "a run is scored by the card that it keeps"
     error = cli("score", folder, "--data", kitti, "--env", "MTP-Small-v0").error
     assert "made for MTP-Small-v0 with card digest" in error
