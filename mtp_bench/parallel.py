@@ -60,10 +60,7 @@ SERIAL = Workers()  # in this process, one call after the other
 
 @contextmanager
 def reported(text: str, seconds: float = 0, own: Progress = NO_PROGRESS) -> Iterator[Progress]:
-    """Callbacks that tell the user how far work is, on the error stream; ``own`` callbacks of a caller stand instead.
-
-    ``text``: what is done; ``seconds``: about how long it takes, 0 if that is not known before.
-    """
+    """Callbacks that tell the user how far work is, see `notice.work`; ``own`` callbacks of a caller stand instead."""
     if own is not NO_PROGRESS:
         yield own
         return

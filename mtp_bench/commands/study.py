@@ -12,7 +12,7 @@ from ..study.page import summary
 from ..submission.loader import controls
 from ..viz.terminal.output import command_line, show, show_lines
 from .options import SEEDS, AgentScenes, WorkerChoice, submissions
-from .output import prepare, working
+from .output import prepare
 
 
 def study(
@@ -45,8 +45,7 @@ def study(
         )
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())
-    with working(f"studying {on.env}", options) as watched:
-        made = run_study(agent or [controls()["several"]], on.env, output, watched, quick, command_line(*sys.argv[1:]))
+    made = run_study(agent or [controls()["several"]], on.env, output, options, quick, command_line(*sys.argv[1:]))
     show_lines(summary(made.findings), "- ")
     show("")
     show(f"{len(made.tables)} tables and {made.figures} figures: {made.page}")

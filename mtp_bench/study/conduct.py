@@ -9,7 +9,7 @@ from typing import Unpack
 from ..cards import Card
 from ..errors import MtpBenchError
 from ..files import make_folder, require_folder, write_bytes, write_text
-from ..parallel import Done, Progress
+from ..parallel import Done, Progress, reported
 from ..running.options import DEFAULTS, RunKeywords, RunOptions, asked
 from ..running.reference import frozen_reference, reference_for
 from ..sources import open_source
@@ -65,11 +65,13 @@ def study(
     folder = Path(folder).absolute()
     require_study_folder(folder)
     env_id, options = asked(env_id, options, keywords)
-    findings = find(names, env_id, folder, quick_options(options) if quick else options, quick)
-    options.progress.started(4)  # drawing takes a while, too
-    tables = make_tables(findings)
-    options.progress.done("tables")
-    figures = write_study(folder, findings, tables, command, options.progress.done)
+    with reported(f"studying {getattr(env_id, 'id', env_id)}", own=options.progress) as progress:
+        options = replace(options, progress=progress)
+        findings = find(names, env_id, folder, quick_options(options) if quick else options, quick)
+        progress.started(4)  # drawing takes a while, too
+        tables = make_tables(findings)
+        progress.done("tables")
+        figures = write_study(folder, findings, tables, command, progress.done)
     return Study(folder, findings, tables, folder / PAGE, figures)
 
 
