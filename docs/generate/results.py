@@ -35,19 +35,19 @@ _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
 
 
-_SAME = "constant velocity, as many samples as `mtp`"
+_SAME = "constant velocity, 20 k draws reduced to k"
 _TRUTH, _TRACKLETS = "network, trained on ground-truth tracks", "network, trained on a tracker's tracks"
 STORY = {  # agent -> its association and its forecasts, in the order of the README
     "truth_past": ("ground-truth tracks", "constant velocity"),
     "perfect_association_same_samples": ("perfect, of the detections", _SAME),
     "stp": ("one hypothesis", "constant velocity"),
     "stp_same_budget": ("one hypothesis", _SAME),
-    "mtp": ("20 hypotheses", "constant velocity"),
+    "mtp": ("20 hypotheses", _SAME),
     "stp_modes": ("one hypothesis", _TRUTH),
     "stp_modes_tracklets": ("one hypothesis", _TRACKLETS),
     "mtp_modes_tracklets": ("20 hypotheses", _TRACKLETS),
-    "affinity": ("soft weights of past detections", _TRACKLETS),
-    "tracking_free": ("none: all detections nearby", _TRACKLETS),
+    "affinity": ("soft weights", "network over weighted past detections"),
+    "tracking_free": ("none", "network over all detections nearby"),
 }
 
 
