@@ -12,7 +12,7 @@ from ..errors import SubmissionError
 from ..scoring import AgentScores, Reference, References, Report
 from ..submission.loader import controls
 from ..submission.manifest import Role
-from .evaluate import Evaluation
+from .evaluate import EnvEvaluation
 from .options import DEFAULTS, RunKeywords, RunOptions
 from .reading import total_skipped
 from .run import AgentFailedError
@@ -60,11 +60,11 @@ def compare(
     user can mend, and if a control or every agent fails.
     """
     require_list(agents)
-    with Evaluation.opened("comparing", env_id, options, keywords) as evaluation:
+    with EnvEvaluation.opened("comparing", env_id, options, keywords) as evaluation:
         return _compared(evaluation, list(agents), full)
 
 
-def _compared(evaluation: Evaluation, agents: Sequence[object], full: bool) -> Comparison:
+def _compared(evaluation: EnvEvaluation, agents: Sequence[object], full: bool) -> Comparison:
     card, role = evaluation.card, controls()
     hidden = {role[each] for each in _IN_FULL} - {each for each in agents if isinstance(each, str)}
     settings = all_settings([*control_names(), *agents], card)
@@ -96,7 +96,7 @@ def _compared(evaluation: Evaluation, agents: Sequence[object], full: bool) -> C
 
 
 def _scored(
-    evaluation: Evaluation, runs: Mapping[Key, Setting], with_control: bool
+    evaluation: EnvEvaluation, runs: Mapping[Key, Setting], with_control: bool
 ) -> tuple[dict[Key, AgentScores], dict[str, str]]:
     """Scores of the runs, and the reasons why submissions failed, by name; each is built and reset before any is run.
 

@@ -32,14 +32,14 @@ def evaluate(
     ``env_id``: id of the env, path of its card, or a card. One agent alone has no rank: `compare` gives it one.
     Raises MtpBenchError for errors that the user can mend, such as an agent that fails.
     """
-    with Evaluation.opened("evaluating", env_id, options, keywords) as evaluation:
+    with EnvEvaluation.opened("evaluating", env_id, options, keywords) as evaluation:
         setting = setting_of(submission_of(agent), evaluation.card)
         evaluation.options.require_usable([setting.submission])
         return evaluation.report(evaluation.scores([setting], caught=False), [setting])[0]
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class EnvEvaluation:
     """An env, the scenes of it that agents are scored on, and the options of their runs."""
 
     env: str | Card  # id, path or card
@@ -52,7 +52,7 @@ class Evaluation:
     @contextmanager
     def opened(
         cls, verb: str, env_id: str | Card, options: RunOptions, keywords: Mapping[str, Any]
-    ) -> Iterator[Evaluation]:
+    ) -> Iterator[EnvEvaluation]:
         """The scenes that agents are ranked on, under the options and `RunKeywords` of a call."""
         env_id, options = asked(env_id, options, keywords)
         with reported(f"{verb} on {getattr(env_id, 'id', env_id)}", own=options.progress) as progress:
