@@ -26,7 +26,7 @@ def stride(rate: float) -> int:
 
 
 def speed(rate: float) -> float:
-    """How much faster than the world the picture moves."""
+    """Factor by which the picture moves faster than the world."""
     return SHOWN_RATE * stride(rate) / rate
 
 
