@@ -31,8 +31,11 @@ def page() -> str:
 def _entry(card: Card) -> str:
     """One environment: a picture and a table beside it."""
     place = recordings.picture(card)
-    moving = place.endswith(".webp") and speed(card.task.rate) != 1
-    note = f"\n\n*{speed(card.task.rate):g} times as fast as the world.*" if moving else ""
+    notes = [] if card.simulated or place.endswith(".svg") else [recordings.OWN]
+    if place.endswith(".webp") and speed(card.task.rate) != 1:
+        notes.append(f"{speed(card.task.rate):g} times as fast as the world")
+    words = "; ".join(notes)
+    note = f"\n\n*{words[0].upper()}{words[1:]}.*" if notes else ""
     picture = f"<div markdown>\n\n![{card.id} from above]({place}){note}\n\n</div>"
     facts = "\n".join(["| | |", "|---|---|", *(f"| {name} | {text} |" for name, text in _facts(card).items())])
     summary = card.summary[0].upper() + card.summary[1:]
