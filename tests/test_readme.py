@@ -147,7 +147,7 @@ def test_python_blocks_run(page: str, tmp_path: Path, monkeypatch: pytest.Monkey
     elsewhere = RUN_ELSEWHERE.findall((REPOSITORY / page).read_text())
     if elsewhere:
         (test,) = elsewhere
-        assert Path(page).name in (REPOSITORY / test).read_text(), f"{test} does not read {page}"
+        assert Path(page).stem in (REPOSITORY / test).read_text(), f"{test} does not read {page}"
         return
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__name__": "__main__"}

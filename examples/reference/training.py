@@ -1,4 +1,4 @@
-"""What a predictor learns from: the tracks of a tracker with the futures of their objects."""
+"""The tracks of a tracker with the futures of their objects, from which a predictor learns."""
 
 import mtp_bench
 
