@@ -313,7 +313,8 @@ assert libc.ptrace(16, self.given["judge"], None, None) != 0, "traces the judge"
 """
 ENVIRONMENT = """
 words = [*os.environ, *os.environ.values(), *sys.argv, os.getcwd(), *os.listdir()]
-words = [word for word in words if word != "MTP_BENCH_WEIGHTS"]  # of networks: they may be read
+# weights of networks may be read, and every agent is told to be quiet
+words = [word for word in words if word not in ("MTP_BENCH_WEIGHTS", "MTP_BENCH_QUIET")]
 known = [word for word in words if "MTP_BENCH" in word or self.given["data"] in word or word == "PATH"]
 assert not known, f"knows {known}"
 for name in os.listdir("/proc/self/fd"):

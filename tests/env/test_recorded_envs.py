@@ -14,7 +14,7 @@ pytestmark = pytest.mark.data
 
 def test_false_positives_are_not_measurable_where_only_targets_are_known(cli: CommandLine, tmp_path: Path) -> None:
     arguments = ("compare", "stp", "--env", "MTP-nuScenes-v0", "--split", "train", "--scenes", 2, "--seeds", 1)
-    printed = cli.ok(*arguments, "--json", tmp_path / "a.json")
+    printed = cli.ok(*arguments, "--full", "--json", tmp_path / "a.json")
     assert "false forecasts cannot be known" in " ".join(printed.split())
     content = read_json(tmp_path / "a.json")
     assert content["condition"]["truth"] == "prediction targets only: false forecasts cannot be known"
