@@ -31,6 +31,7 @@ _LINKED = re.compile(r'(?:href|src)=\\?"\./([^"\\]+\.json)\\?"')  # in the page,
 _PAGES = {
     "./SUBMITTING.md": "submitting.html",
     "./../docs/definitions/index.md": "../definitions/index.html#bade",
+    "./../docs/definitions/index.md#what-others-measure": "../definitions/index.html#what-others-measure",
 }  # linked by the board
 _BASELINE, _BASELINES = re.compile(r"\./\.\./(baselines/\w+)"), "../agents/baselines.html"
 _FENCED = re.compile(r"^(```.*?^```)", flags=re.MULTILINE | re.DOTALL)

@@ -58,6 +58,8 @@ class Page(HTMLParser):
         elif tag == "tbody" and "entry" in (found.get("class") or "").split():
             self.entries.append({"id": found["id"] or "", "class": found["class"] or ""})
             self._cell = -1
+        elif tag == "tbody":
+            self._cell = len(self._columns)  # a heading between entries
         elif tag == "button" and "aria-describedby" in found:
             self._columns.append((found["aria-describedby"] or "").removeprefix("_about-"))
         elif tag in ("td", "th") and found.get("class") != "chart":
@@ -127,8 +129,22 @@ def test_a_table_begins_with_the_best_how_sure_that_is_and_what_runs_it() -> Non
     (answer,) = re.findall(r'<p class="answer">(.*?)</p>', board_files(board_of(*records)).page)
     assert re.sub("<.*?>", "", answer) == (
         "Best: first, 0.500 m, significantly better than 1 of 2 others. Not significantly worse: good. "
-        "Runs after mtp-bench train predictor modes --env MTP-KITTI-v0 --on truth (about 1 min)."
+        "Runs after mtp-bench train predictor modes --env MTP-KITTI-v0 --on truth (about 1 min): "
+        f"mtp-bench compare first --env {MAIN}."
     )
+
+
+def test_a_table_states_k_horizon_c_and_budgets_of_its_card_and_what_used_the_truth(html: str) -> None:
+    """The budgets are forecasts per frame where only targets are known."""
+    settings = [re.sub("<.*?>", "", line) for line in re.findall(r'class="about">(bADE here.*?)</p>', html)]
+    assert [line.split("horizon")[0].strip() for line in settings] == [
+        f"bADE here: k = {k} samples per object," if k > 1 else "bADE here: k = 1 sample per object," for k in (1, 10)
+    ]
+    assert all("c = 4 m. Budgets: 10 equal steps of false forecasts" in line for line in settings)
+    targets = made_up("stp", env_id="MTP-nuScenes-v0", env={"truth_complete": False})
+    assert "Budgets: 20, 40 and stp's own number of forecasts per frame" in board_files(board_of(targets)).page
+    headings = re.findall(r'<tbody class="heading" data-of="(\w+)">.*?>([^<>]+)</th>', html)
+    assert headings == [("reference", "References that used the truth: not ranked"), ("other", "Others: not ranked")]
 
 
 def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
 FIRST = f'section[data-env="{MAIN}"]'
 NAMES = """return [...document.querySelectorAll(`section[data-env="${arguments[0]}"] tbody.entry`)]
     .filter((e) => !e.hidden).map((e) => e.querySelector(".open").textContent)"""
+HEADINGS = f"""return [...document.querySelectorAll(`{FIRST} tbody.heading`)].filter((e) => e.checkVisibility())
+    .map((e) => e.nextElementSibling.querySelector(".open").textContent)"""  # the entries below them
 COUNT = "return document.getElementById('_count').textContent"
 RANKED = ["braided_paths", "forest_of_maybe", "calm_hedge", "late_decider", "stp", "straight_on"]
 UNRANKED = ["truth_past", "pooled_many", "sleeper", "short_of_breath"]
@@ -91,6 +93,9 @@ def test_it_opens_by_rank_a_click_sorts_and_another_turns_the_order(opened: Brow
     opened.click(header("error"))
     assert sorted_by(opened) == [["error", "descending"]]
     assert names(opened) == best[::-1] + last
+    assert not opened.script(HEADINGS)
+    opened.click(header("rank"))
+    assert opened.script(HEADINGS) == ["truth_past", "pooled_many"]
 
 
 def choose(browser: Browser, control: str, value: str) -> None:

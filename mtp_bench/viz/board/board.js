@@ -56,6 +56,7 @@
       return (descending ? -difference : difference) || left.dataset.order - right.dataset.order;
     });
     keyed.forEach(([, entry]) => table.append(entry));
+    for (const heading of all("tbody.heading", table)) table.querySelector(`tbody.${heading.dataset.of}`).before(heading);
   };
   const onHeader = (button) => {
     const header = button.closest("th");

@@ -71,7 +71,7 @@ _DIFFERENCE = (
 )
 _GAP = "Share of the way from stp (0 %) to prediction on ground-truth tracks (100 %), both with the predictor of stp."
 _SAME_GAP = (
-    "Share of the way from the single-hypothesis pipeline (0 %) to prediction on ground-truth tracks (100 %), both "
+    "Of the gap between the single-hypothesis pipeline (0 %) and prediction on ground-truth tracks (GT, 100 %), both "
     "with the predictor of the entry itself. Below 0 %: worse than the pipeline."
 )
 _ASSOCIATION = (
@@ -95,7 +95,8 @@ _NUMBERS: Sequence[Column] = (
     *_paper("all", "all targets"),
     *_paper("paper_ids", "targets with an identity switch of stp, the paper's subset,"),
     *_paper("paper_frag", "targets with a fragmentation of stp, the paper's subset,"),
-    _of("same_gap", "gap closed", lambda e: e.same_predictor_gap("all"), unit="share", better="higher", help=_SAME_GAP),
+    _of("same_gap", "gap to GT tracks closed", lambda e: e.same_predictor_gap("all"), unit="share", better="higher",
+        help=_SAME_GAP),
     _of("association_gap", "association gap closed", lambda e: e.standing.association_gaps.get("all"), unit="share",
         better="higher", help=_ASSOCIATION),
     _of_row(_ROW["coverage"], heading="covered", help="Share of the targets that have a forecast."),

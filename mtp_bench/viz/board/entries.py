@@ -100,6 +100,11 @@ class Entry(Found):
         return self.standing.compared
 
     @property
+    def saw_truth(self) -> bool:
+        """True for a reference that was given true objects or their labels."""
+        return self.record.env.observe != "detections"
+
+    @property
     def seal(self) -> str:
         """The seal of its hidden scenes, and the date of its retirement; empty without hidden scenes."""
         seal = None if self.signed is None else self.signed.seal
@@ -203,8 +208,8 @@ def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
 def _order(entry: Entry) -> tuple[object, ...]:
     rank = math.inf if entry.place is None else entry.place
     error = math.inf if entry.error is None else entry.error
-    place = _env_place(entry.env)
-    return entry.earlier, place, entry.part != "", rank, not entry.compared, error, entry.name, entry.record.digest
+    section = entry.earlier, _env_place(entry.env), entry.part != "", rank, not entry.compared, not entry.saw_truth
+    return *section, error, entry.name, entry.record.digest
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
@@ -24,10 +25,9 @@ from .drawings import bar_of, curve_chart, scale_of, scene_chart, zero_of
 from .entries import Entry, empty_error, simulated
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
+_LATER = re.compile(r"^(.{28}.*?)(?:; |: |, [a-z]| \().*")  # the clauses of a description after the first
 _SIGNED = COLUMN["difference"]
-
 _PARTS = {"localisation": "with forecast", "missed": "without forecast"}
-
 Ids = Mapping[Entry, str]
 Line = dict[str, Any]
 
@@ -39,18 +39,18 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
     first = next(iter(compared), entries[0])
     reference = next((entry for entry in compared if entry.name == STP), None)
     columns, scale = page_columns(entries), scale_of(entries)
-    ranked = sum(entry.place is not None for entry in entries)
     board: dict[str, Any] = {
         "id": entries[0].board,
         "env": env_id,
         "earlier": entries[0].earlier,
         "name": short_name(env_id),
         "about": _about(env_id),
+        "complete": first.record.env.truth_complete,
         "simulated": simulated(env_id),
         "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
         "split": first.record.env.split,
         "total": len(entries),
-        "ranked": ranked,
+        "ranked": sum(entry.place is not None for entry in entries),
         "size": first.row,
         "empty_error": empty_error(entries),
         "answer": answer_of(entries, ids),
@@ -147,6 +147,7 @@ def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
         "license": clean_text(record.submission.license, _SHORT),
         "trained": clean_text(entry.trained_on_scored, _SHORT),
         "why": "" if entry.compared or entry.part else clean_text(entry.why.removeprefix(f"{record.status}: "), _SHORT),
+        "what": clean_text(_LATER.sub(r"\1", record.submission.description), _SHORT),
         "cells": cells,
         "best": {key for key, text in cells.items() if entry.compared and text == best[key]},
         "level": LEVELS.index(entry.level),
@@ -164,12 +165,11 @@ def _links(entry: Entry) -> list[tuple[str, str]]:
     return [(label, address) for label, address in (("code", code), ("paper", submission.paper)) if address]
 
 
-def _about(env_id: str) -> dict[str, str] | None:
+def _about(env_id: str) -> dict[str, Any] | None:
     """Description of an environment by its card; None for one that does not ship."""
     if env_id not in card_ids():
         return None
     card = load_card(env_id)
-    data = about(card)
     kind = "simulated" if card.detector is not None else "stored"
     detections = f"{kind} ({card.detector_name})" if card.detector_name else kind
-    return {"summary": card.summary, "detections": detections, "dataset": data.name, "licence": data.licence}
+    return {"summary": card.summary, "detections": detections, "data": about(card), "task": card.task}

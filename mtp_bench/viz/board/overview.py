@@ -32,7 +32,8 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     agents: dict[str, dict[str, Entry]] = {}
     for entry in entries:
         agents.setdefault(entry.name, {}).setdefault(entry.board, entry)  # of several of one name the first
-    names = sorted(agents, key=lambda name: (*(_place(agents[name].get(board)) for board in boards), name))
+    seen = {entry.name for entry in entries if entry.saw_truth}
+    names = sorted(agents, key=lambda name: (name in seen, [_place(agents[name].get(board)) for board in boards], name))
     rows = [(name, [agents[name].get(board) for board in boards]) for name in names]
     envs = {board: listed[0].env for board, listed in boards.items()}
     heads = [(board, short_name(env), simulated(env)) for board, env in envs.items()]

@@ -14,7 +14,7 @@ from urllib.parse import quote
 from ...errors import MtpBenchError
 from ...files import require_folder, whole_folder, write_text
 from ...records.attestation import LEVELS
-from ...scoring.definitions import DEFINITIONS, RANKED_OBJECTS, RANKED_UNITS
+from ...scoring.definitions import BUDGETS, DEFINITIONS, FORECASTS_PER_FRAME, RANKED_OBJECTS, RANKED_UNITS
 from ...tables import BLANK, Column, to_csv, to_json
 from ..pages import source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, data_table
@@ -30,10 +30,7 @@ _HERE = Path(__file__).parent
 SUFFIX = ".parts"  # of the folder beside a page
 _MARK = "leaderboard.json"  # in every such folder
 _FURTHER = {
-    "rank": (
-        "rank",
-        "The place by bADE, and the ranks that the tests leave open. Green: not significantly worse than the best.",
-    ),
+    "rank": ("rank", "Place by bADE, with the ranks that tests leave open. Green: no other is significantly better."),
     "name": ("agent", "Its name opens its details. Below: authors, licence, code and paper."),
     "level": ("verified", " ".join(f"{name}: {LEVEL_TEXT[name]}." for name in LEVELS)),
 }  # columns of a table beside those of numbers
@@ -68,9 +65,7 @@ def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pa
          [board for board in boards if board["earlier"] == version])
         for version in dict.fromkeys(entry.earlier for entry in entries)
     ]  # fmt: skip
-    known = {
-        "parts": quote(folder), "boards": boards, "versions": versions, "ids": ids, "levels": LEVELS,
-    }  # fmt: skip
+    known = {"parts": quote(folder), "boards": boards, "versions": versions, "ids": ids, "levels": LEVELS}
     parts = _table_files(entries, "leaderboard")
     for env_id in sorted({entry.env for entry in entries}):
         parts |= _table_files([entry for entry in entries if entry.env == env_id], env_id)
@@ -92,7 +87,6 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
         further=_FURTHER,
         few_objects=RANKED_OBJECTS,
         few_units=RANKED_UNITS,
-        definitions=DEFINITIONS,
         latest=max((entry.record.measured.made for entry in entries), default=""),
         guide=address_of(pages.guide),
         definition=address_of(pages.definition),
@@ -140,7 +134,8 @@ def _policy(style: str, script: str) -> str:
 @cache
 def _templates() -> Environment:
     environment = templates_of(_HERE)
-    environment.globals.update(width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE)
+    environment.globals.update(width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, budgets=BUDGETS)
+    environment.globals.update(per_frame=FORECASTS_PER_FRAME, definitions=DEFINITIONS)
     environment.filters["thousands"] = lambda number: f"{number:,}".replace(",", " ")
     environment.filters["number"] = lambda value, digits=3: Column(format=f".{digits}f").text(value)
     return environment
@@ -158,9 +153,7 @@ def require_parts(page: Path) -> None:
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise MtpBenchError(f"cannot write {folder}: it is not a folder; remove it")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / _MARK).is_file():
-        raise MtpBenchError(
-            f"cannot write {folder}: it holds other files than parts of a page; write the page elsewhere"
-        )
+        raise MtpBenchError(f"cannot write {folder}: it holds other files than parts of a page; write it elsewhere")
 
 
 def write_board(page: Path, files: BoardFiles) -> None:
