@@ -5,6 +5,7 @@
 Simulated traffic: no data is downloaded.
 """
 
+# --8<-- [start:predictor]
 import numpy as np
 
 import mtp_bench
@@ -12,7 +13,6 @@ from mtp_bench.prediction import KMeansSampler, LearnedPresence
 from mtp_bench.tracking import HypothesisTracker
 
 
-# --8<-- [start:predictor]
 def constant_turn(tracks, task):
     """Ten futures of each track [N, 10, T, 2], metres: five speeds, with no turn and with half of the measured one."""
     place = tracks.past[..., 0] + 1j * tracks.past[..., 1]  # [N, P] as complex numbers, oldest first

@@ -45,8 +45,9 @@ HEAD = """\
 # Keys of --json
 
 `mtp-bench compare --json FILE` and `mtp-bench score --json FILE` write one object; `--json -` prints it. null stands
-for undefined. An interval holds two ends, at 95 %. Arrows point to better values, metres are means over targets, and
-[What is measured](index.md) defines the numbers.
+for undefined. **`error` is bADE**; per scene its key is `bADE`. An interval holds the two ends, at 95 %, of the number
+in the line above it. Arrows point to better values, metres are means over targets, and [What is measured](index.md)
+defines the numbers.
 
 The keys of `rows` can be columns of `--table`: `--columns error,interval,minADE --subsets all,ids`. So can those of
 `details` that are single numbers with a direction, and MOTA, IDF1, HOTA, IDS and FRAG.

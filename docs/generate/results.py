@@ -104,10 +104,10 @@ def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
             raise UnknownNameError(f"agent of {env_id}", name, sorted(known))
     columns = [
         Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"),
-        Column("association", key="association", read=lambda entry: STORY[entry.name][0]),
-        Column("forecasts", key="forecasts", read=lambda entry: STORY[entry.name][1]),
         *_ranked("all", "bADE, all targets"),
         *_ranked("ids", "bADE, identity switch"),
+        Column("association", key="association", read=lambda entry: STORY[entry.name][0]),
+        Column("forecasts", key="forecasts", read=lambda entry: STORY[entry.name][1]),
     ]
     return Table("story", env_id, "", [known[name] for name in STORY], columns)
 

@@ -22,7 +22,7 @@ from .settings import Key, Setting, all_settings, references_of, require_list
 CONTROLS: tuple[Role, ...] = (
     "ground_truth", "single", "same_samples", "hedged", "associated", "associated_same_samples",
 )  # fmt: skip
-_IN_FULL: tuple[Role, ...] = ("hedged", "associated")  # controls that the main table leaves out
+_IN_FULL: tuple[Role, ...] = ("associated",)  # controls that the main table leaves out
 
 
 @dataclass(frozen=True, repr=False)

@@ -17,8 +17,8 @@ from .rows import Row
 
 FAILED = "failed"  # in place of a number
 MEANING = (
-    "bADE (budgeted ADE): mean over targets and false-forecast budgets of min(minADE, c), c the error if nothing is "
-    "predicted. #: range of ranks."
+    "bADE (budgeted ADE): mean over targets and budgets of min(minADE, c), or c without a forecast. #: ranks in this "
+    "run; –: saw the truth or too few objects."
 )
 NAMES: dict[Subset, str] = {
     "all": "all targets", "ids": "identity switch", "lost": "loss", "reacquired": "re-acquisition",
