@@ -46,7 +46,7 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
     assert table.startswith("MTP-Small-v0, 2 scenes, 1 seed: m, less is better")
     agent_lines = [line.split() for line in table.splitlines()[4:] if line.count("/") == 1 and "%" in line]
     agents = [words[0] for words in agent_lines]
-    known = ["truth_past", "perfect_association_same_samples", "stp", "stp_same_budget"]
+    known = ["truth_past", "perfect_association_same_samples", "stp", "stp_same_budget", "stp_hedged"]
     assert sorted(agents) == sorted([*known, "mine"])
     errors = [float(words[2]) for words in agent_lines]
     assert errors == sorted(errors)  # agents are listed by bADE
