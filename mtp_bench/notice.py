@@ -24,6 +24,17 @@ _jobs: list[Notice] = []  # unfinished ones of this process, the innermost last
 _lock = threading.RLock()  # of the jobs and of the error stream
 
 
+def _forked() -> None:
+    """Take a new lock in a forked process: another thread may have held the old one."""
+    global _lock  # noqa: PLW0603
+    _lock = threading.RLock()
+    _jobs.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forked)
+
+
 class Notice:
     """Work that takes a while; see `work`."""
 

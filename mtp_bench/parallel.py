@@ -26,6 +26,10 @@ def _ignore(_: object) -> None:
     """Do nothing."""
 
 
+class WorkerDiedError(MtpBenchError):
+    """A process of this machine ended before its calls did."""
+
+
 @dataclass(frozen=True)
 class Progress:
     """Progress callbacks; ``started`` takes the number of work items."""
@@ -92,17 +96,18 @@ def parallel_map(
 
 
 def unordered_map(
-    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: Workers = SERIAL
+    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: Workers = SERIAL, forked: bool = False
 ) -> Iterator[tuple[int, Any]]:
     """Index and result of every call of `parallel_map`, in the order of completion.
 
-    Raises MtpBenchError if a process of this machine died, if its result or exception cannot be pickled, for a
-    scheduler that does not answer or has no workers of this version, and for a call that killed several workers.
+    ``forked``: a single call gets a process of its own too. Raises WorkerDiedError if a process of this machine died,
+    MtpBenchError if its result or exception cannot be pickled, for a scheduler that does not answer or has no workers
+    of this version, and for a call that killed several workers.
     """
     indexed = [(index, function, call) for index, call in enumerate(calls)]
     if workers.scheduler is not None:
         yield from _on_cluster(indexed, workers.scheduler)
-    elif workers.count == 1 or len(calls) < 2:
+    elif workers.count == 1 or len(calls) < 2 - forked:
         yield from (_indexed(*call) for call in indexed)
     else:
         from concurrent.futures.process import BrokenProcessPool
@@ -110,13 +115,13 @@ def unordered_map(
         from joblib import Parallel, delayed
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-        count = min(workers.count, len(calls))
+        count = min(workers.count, max(2, len(calls)))  # joblib makes no process for one
         parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
         try:
             with _safe_path():
                 yield from parallel(delayed(_indexed)(*call) for call in indexed)
         except TerminatedWorkerError:
-            raise MtpBenchError(
+            raise WorkerDiedError(
                 f"one of {count} processes died, most likely because memory ran out: take fewer (--jobs)"
             ) from None
         except BrokenProcessPool:

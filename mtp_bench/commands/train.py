@@ -29,6 +29,7 @@ from .output import prepare, print_or_write, say, working
 if TYPE_CHECKING:
     from ..training.predictors import TrainingRequest
 
+_SIMULATED = 60  # scenes of simulated traffic that `compare --train` learns from, as the weights that ship did at most
 OBSERVE = ("detections", "truth")
 ON = ("truth", "tracklets")
 DEVICES = ("auto", "cpu", "cuda")
@@ -132,7 +133,8 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     missing.sort(key=lambda state: state.minutes or 0)
     total = sum(state.minutes or 0 for state in missing)
     say(f"training {', '.join(state.network for state in missing)} first: about {total} min on two cores")
-    learnt_from = RunOptions(options.data, split="train", workers=options.workers)
+    scenes = _SIMULATED if card.simulated else None
+    learnt_from = RunOptions(options.data, scenes, split="train", workers=options.workers)
     for state in missing:
         network, on = state.network.rsplit("-", 1)
         source = env if card.weights_of is None else card.weights_of

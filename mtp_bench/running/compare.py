@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Unpack
 
 from ..cards import Card
-from ..errors import SubmissionError
+from ..errors import MtpBenchError, SubmissionError
+from ..parallel import SERIAL
 from ..scoring import AgentScores, Reference, References, Report
 from ..submission.loader import controls
 from ..submission.manifest import Role
@@ -70,7 +71,7 @@ def _compared(evaluation: EnvEvaluation, agents: Sequence[object], full: bool) -
     settings = all_settings([*control_names(), *agents], card)
     if not full:
         settings = _main_settings([setting for setting in settings if setting.submission.name not in hidden])
-    evaluation.options.require_usable([setting.submission for setting in settings])
+    evaluation.options.require_tracks_used([setting.submission for setting in settings])
     # of several numbers of hypotheses under one label, the references of the last
     stated = {setting.label: references_of(setting, card) for setting in settings if setting.budget == "equal"}
     if not full:  # the guard of ranks takes the single hypothesis alone
@@ -104,6 +105,11 @@ def _scored(
     """
     failures: dict[str, str] = {}
     own = {run.submission.name for run in runs.values()} - set(control_names())
+    for run in runs.values() if evaluation.options.workers != SERIAL else ():
+        try:
+            run.submission.require_copy()
+        except MtpBenchError as error:
+            failures[run.submission.name] = str(error)
     for step in (evaluation.first_errors, evaluation.scores):
         tried = {key: run for key, run in runs.items() if run.submission.name not in failures}
         results = dict(zip(tried, step(list(tried.values())), strict=True))

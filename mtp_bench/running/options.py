@@ -131,6 +131,10 @@ class RunOptions:
         """Raise MtpBenchError for objects that the workers cannot get, and for stored tracks that none observes."""
         for each in submissions if self.workers != SERIAL else ():
             each.require_copy()
+        self.require_tracks_used(submissions)
+
+    def require_tracks_used(self, submissions: Sequence[Submission]) -> None:
+        """Raise MtpBenchError if stored tracks are named and none of the submissions observes them."""
         if self.track_file is not None and not any(each.compare.observe == "tracks" for each in submissions):
             names = ", ".join(dict.fromkeys(each.name for each in submissions))
             raise MtpBenchError(

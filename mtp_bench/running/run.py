@@ -6,7 +6,8 @@ import hashlib
 import importlib.metadata
 import platform
 import time
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +18,8 @@ from ..agent import Agent
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, SubmissionError
-from ..parallel import parallel_map, reported, unordered_map
+from ..files import clean_text
+from ..parallel import WorkerDiedError, Workers, parallel_map, reported, unordered_map
 from ..submission.loader import Submission, SubmissionFactory
 from ..types import Rollout, Scene, Task
 from .kernels import compile_kernels
@@ -26,6 +28,7 @@ from .options import DEFAULTS, RunOptions
 MakeAgent = Callable[[Task], Agent]
 Finish = Callable[[Scene, Rollout, Card], Any]
 Finished = Callable[[int, Any], object]  # index of a job, and its result
+_MOST_TEXT = 500  # characters of an error of an agent
 
 
 class AgentFailedError(SubmissionError):
@@ -59,8 +62,8 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
             seconds.append(time.perf_counter() - start)
             place = ""  # errors below are the env's
             observation, _, over, *_ = env.step(action)
-    except (Exception, SystemExit) as error:
-        if not place:
+    except BaseException as error:
+        if not place or isinstance(error, KeyboardInterrupt):  # of the user
             raise
         raise AgentFailedError(name, f"failed on scene {scene_name!r} at {place}: {_text(error)}") from error
     return replace(env.rollout(), seconds=np.array(seconds))
@@ -116,12 +119,35 @@ def run_jobs(
     label = "running " + (f"{len(agents)} agents" if len(agents) > 1 else "".join(agents))
     with reported(label, own=options.progress) as told:
         told.started(len(jobs))
-        for place, result in unordered_map(_one_scene, [(job, finish, caught) for job in jobs], options.workers):
+        for place, result in _outcomes(jobs, [(job, finish, caught) for job in jobs], options.workers, caught):
             results[place] = result
             told.done(jobs[place].scene)
             if finished is not None:
                 finished(place, result)
     return [results[place] for place in range(len(jobs))]
+
+
+def _outcomes(
+    jobs: Sequence[Job], calls: Sequence[tuple[Any, ...]], workers: Workers, caught: bool
+) -> Iterator[tuple[int, Any]]:
+    """Index and result of each job; if a process ends, with ``caught``, the jobs that are left run agent by agent."""
+    left = dict.fromkeys(range(len(jobs)))
+    try:
+        for place, result in unordered_map(_one_scene, calls, workers):
+            del left[place]
+            yield place, result
+    except WorkerDiedError:
+        if not caught:
+            raise
+    for agent in dict.fromkeys(jobs[place].agent for place in left):
+        places = [place for place in left if jobs[place].agent == agent]
+        try:
+            for index, result in unordered_map(_one_scene, [calls[place] for place in places], workers, forked=True):
+                del left[places[index]]
+                yield places[index], result
+        except WorkerDiedError:
+            reason = "ended its process: it exited, crashed or ran out of memory"
+            yield from ((place, AgentFailedError(agent, reason)) for place in places if place in left)
 
 
 def first_errors(jobs: Sequence[Job], options: RunOptions = DEFAULTS) -> list[AgentFailedError | None]:
@@ -158,7 +184,8 @@ def library_versions() -> dict[str, str]:
 def _one_scene(job: Job, finish: Finish | None, caught: bool) -> Any:
     env = MTPEnv(job.env, **job.env_keywords)
     try:
-        rollout = run_scene(_built(job, env), env, job.scene, job.seed, job.agent)
+        with np.errstate(), warnings.catch_warnings():  # an agent that changes them changes them for itself
+            rollout = run_scene(_built(job, env), env, job.scene, job.seed, job.agent)
     except AgentFailedError as error:
         if not caught:
             raise
@@ -183,10 +210,17 @@ def _built(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
         agent, step = job.make_agent(task), "reset"
         if reset:
             agent.reset(task)
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
         raise AgentFailedError(job.agent, f"cannot be {step}: {_text(error)}") from error
     return agent
 
 
 def _text(error: BaseException) -> str:
-    return str(error) if isinstance(error, MtpBenchError) else f"{type(error).__name__}: {error}"
+    """Text of an error of an agent, which may be long, or raise when it is read."""
+    kind = "" if isinstance(error, MtpBenchError) else f"{type(error).__name__}: "
+    try:
+        return clean_text(f"{kind}{error}", _MOST_TEXT)
+    except Exception:
+        return f"{kind}its text cannot be read"

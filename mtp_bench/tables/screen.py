@@ -39,6 +39,7 @@ def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     widths = [_width(of_column) for of_column in zip(heads, *cells, strict=True)]
     left = [place == 0 or table.is_text(column) for place, column in enumerate(columns)]
     free = [place for place, text in enumerate(left) if text]
+    _groups(columns, widths)  # their names may need more width than their columns
     while sum(widths) + len(widths) - 1 > width and (wide := [place for place in free if widths[place] > _LEAST]):
         widths[max(wide, key=lambda place: widths[place] - (_NAME if place == 0 else 0))] -= 1
     for line in cells:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -149,6 +150,27 @@ def test_failing_agents_cost_the_others_nothing(
     assert "\nbroken cannot be built: ValueError: of no use" in str(report)
     with pytest.raises(SubmissionError, match=r"agent 'broken' cannot be built: .*; agent 'late' failed on scene"):
         mtp_bench.compare([late, broken], card, data=kitti, jobs=jobs)
+
+
+class Vanishing(EchoAgent):
+    """Takes its process with it."""
+
+    def act(self, observation: dict[str, Any]) -> Action:
+        os._exit(3)
+
+
+def unreadable(task: Task) -> EchoAgent:
+    raise type("Unreadable", (GeneratorExit,), {"__str__": lambda self: 1 / 0})
+
+
+def test_whatever_an_agent_does_costs_the_others_nothing(card: str, kitti: str) -> None:
+    good = mtp_bench.compare([EchoAgent(0.1)], card, data=kitti)
+    report = mtp_bench.compare([Vanishing(), EchoAgent(0.1), unreadable], card, data=kitti, jobs=2).report
+    assert numbers(report) == numbers(good.report)
+    assert report.failures == {
+        "unreadable": "cannot be built: Unreadable: its text cannot be read",
+        "Vanishing": "ended its process: it exited, crashed or ran out of memory",
+    }
 
 
 def test_a_failing_control_is_an_error(card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
