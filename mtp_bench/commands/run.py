@@ -8,7 +8,7 @@ import typer
 from ..running.reading import skipped_line
 from ..running.stored import require_free
 from ..running.stored import run as run_agent
-from ..viz.terminal.notes import rejected_line
+from ..scoring.report import rejected_line
 from ..viz.terminal.output import command_line, counted, show
 from .options import AgentScenes, SubmissionArgument, WorkerChoice
 from .output import prepare

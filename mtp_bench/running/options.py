@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypedDict
+from typing import Any, SupportsIndex, TypedDict
 
 import numpy as np
 
@@ -163,6 +164,13 @@ def asked(env: str | Card, options: RunOptions, keywords: Mapping[str, Any]) -> 
     for name in changes:
         if name not in RunKeywords.__annotations__:
             raise UnknownNameError("keyword", name, RunKeywords.__annotations__)
+    for name in {"jobs", "scenes", "seeds"} & changes.keys():
+        if isinstance(changes[name], bool | float) or (isinstance(changes[name], str) and name != "scenes"):
+            raise MtpBenchError(f"{name} is {changes[name]!r}, expected a whole number")
+        if isinstance(changes[name], SupportsIndex):
+            changes[name] = operator.index(changes[name])
+    if isinstance(fold := changes.get("fold"), str):
+        changes["fold"] = fold_of(fold)
     if "jobs" in changes:
         changes["workers"] = Workers(changes.pop("jobs") or cores())
     if isinstance(seeds := changes.get("seeds"), int):

@@ -27,6 +27,12 @@ from .table import AgentScores, AgentTable, agent_table, require_same_targets
 from .weights import Reference
 
 
+def rejected_line(agent: str, rejected: int) -> str:
+    """Note about rejected rows of an agent's actions."""
+    rows = f"{rejected} row{'s' * (rejected != 1)}"
+    return f"! {agent}: {rows} rejected; `mtp-bench check` explains the errors"
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Report:
     """The content of a comparison; None stands for undefined."""
@@ -52,7 +58,9 @@ class Report:
         )
 
     def __str__(self) -> str:
-        return "\n".join([to_text(self._main_table()), *map(" ".join, self.failures.items())])
+        rejected = {each.agent: sum(each.invalid.values()) for each in self.details}
+        warnings = (rejected_line(agent, number) for agent, number in rejected.items() if number)
+        return "\n".join([to_text(self._main_table()).rstrip(), *warnings, *map(" ".join, self.failures.items())])
 
     def _repr_html_(self) -> str:
         """The table, for a notebook."""

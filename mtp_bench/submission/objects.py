@@ -28,8 +28,9 @@ EXPECTED = (
 class ObjectSubmission(Submission):
     """An agent, a build function or a class in place of a folder.
 
-    Every scene gets a copy of it, so that results are the same in one process and in several, whatever an agent keeps
-    from one scene to the next. What cannot be copied is used as it is, in one process alone.
+    Every scene gets a copy of it, so that what an object keeps from one scene to the next does not count; attributes of
+    its class, globals and NumPy's global random numbers are not copied. What cannot be copied is used as it is, in one
+    process alone.
     """
 
     given: Any

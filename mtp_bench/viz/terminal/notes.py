@@ -8,6 +8,7 @@ from ...scoring import Report
 from ...scoring.main_table import shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rank import ASSOCIATED, NOT_CAUSAL, SAW_TRUTH
+from ...scoring.report import rejected_line
 from ...scoring.rows import Row
 from ...tables import BLANK, Column, short
 from .output import counted
@@ -70,8 +71,3 @@ def warnings(report: Report) -> Iterator[str]:
     for each in report.details:
         if rejected := sum(each.invalid.values()):
             yield rejected_line(each.agent, rejected)
-
-
-def rejected_line(agent: str, rejected: int) -> str:
-    """Note about rejected rows of an agent's actions."""
-    return f"! {agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` explains the errors"
