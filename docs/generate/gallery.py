@@ -33,7 +33,7 @@ def _entry(card: Card) -> str:
     place = recordings.picture(card)
     notes = [] if card.simulated or place.endswith(".svg") else [recordings.OWN]
     if place.endswith(".webp") and speed(card.task.rate) != 1:
-        notes.append(f"played {speed(card.task.rate):g} times faster")
+        notes.append(f"played at {speed(card.task.rate):.2g} times the real speed")
     words = "; ".join(notes)
     note = f"\n\n*{words[0].upper()}{words[1:]}.*" if notes else ""
     picture = f"<div markdown>\n\n![{card.id} from above]({place}){note}\n\n</div>"

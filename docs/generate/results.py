@@ -35,19 +35,18 @@ _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
 
 
-_SAME = "constant velocity, 20 k draws reduced to k"
-_TRUTH, _TRACKLETS = "network, trained on ground-truth tracks", "network, trained on a tracker's tracks"
-STORY = {  # agent -> its association and its forecasts, in the order of the README
-    "truth_past": ("ground-truth tracks", "constant velocity"),
-    "perfect_association_same_samples": ("perfect, of the detections", _SAME),
-    "stp": ("one hypothesis", "constant velocity"),
-    "stp_same_budget": ("one hypothesis", _SAME),
-    "mtp": ("20 hypotheses", _SAME),
-    "stp_modes": ("one hypothesis", _TRUTH),
-    "stp_modes_tracklets": ("one hypothesis", _TRACKLETS),
-    "mtp_modes_tracklets": ("20 hypotheses", _TRACKLETS),
-    "affinity": ("soft weights", "network over weighted past detections"),
-    "tracking_free": ("none", "network over all detections nearby"),
+_TRACKLETS = "network, of a tracker's tracks"
+STORY = {  # agent -> its association and its predictor, in the order of the README
+    "truth_past": "ground-truth tracks; constant velocity",
+    "perfect_association_same_samples": "perfect association, 20 k draws; constant velocity",
+    "stp": "one hypothesis; constant velocity",
+    "stp_same_budget": "one hypothesis, 20 k draws; constant velocity",
+    "mtp": "20 hypotheses, 20 k draws; constant velocity",
+    "stp_modes": "one hypothesis; network, of ground-truth tracks",
+    "stp_modes_tracklets": f"one hypothesis; {_TRACKLETS}",
+    "mtp_modes_tracklets": f"20 hypotheses; {_TRACKLETS}",
+    "affinity": "soft association; network",
+    "tracking_free": "no association; network, of detections nearby",
 }
 
 
@@ -96,7 +95,7 @@ def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
 
 
 def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
-    """A row for each agent of `STORY`: association and forecasts in words, bADE and ranks on all targets and ids."""
+    """A row for each agent of `STORY`: association and predictor in words, bADE and ranks on all targets and ids."""
     listed = next((each for each in by_board(entries).values() if each[0].env == env_id), [])
     known = {entry.name: entry for entry in listed}
     for name in STORY:
@@ -106,8 +105,7 @@ def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
         Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"),
         *_ranked("all", "bADE, all targets"),
         *_ranked("ids", "bADE, identity switch"),
-        Column("association", key="association", read=lambda entry: STORY[entry.name][0]),
-        Column("forecasts", key="forecasts", read=lambda entry: STORY[entry.name][1]),
+        Column("association; predictor", key="parts", read=lambda entry: STORY[entry.name]),
     ]
     return Table("story", env_id, "", [known[name] for name in STORY], columns)
 
