@@ -103,8 +103,8 @@ def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
             raise UnknownNameError(f"agent of {env_id}", name, sorted(known))
     columns = [
         Column("agent", key="agent", read=lambda entry: f"`{entry.name}`"),
-        *_ranked("all", "bADE, all targets"),
-        *_ranked("ids", "bADE, identity switch"),
+        *_ranked("all", "all targets"),
+        *_ranked("ids", "identity switch"),
         Column("association; predictor", key="parts", read=lambda entry: STORY[entry.name]),
     ]
     return Table("story", env_id, "", [known[name] for name in STORY], columns)
@@ -120,7 +120,7 @@ def _ranked(subset: Subset, heading: str) -> list[Column]:
     return [
         Column(heading, "m", "lower", ".2f", key=subset, read=lambda entry: entry.row_of(subset).error),
         Column(interval=True, format=".2f", key=f"{subset}_interval", read=lambda e: e.row_of(subset).interval),
-        Column("rank", key=f"{subset}_rank", read=rank),
+        Column("rank (range)", key=f"{subset}_rank", read=rank),
     ]
 
 

@@ -46,7 +46,7 @@ def test_agents_stand_side_by_side_on_the_environments_that_all_of_them_have(ent
 def test_the_story_has_its_agents_in_order_with_their_ranks() -> None:
     rows = rows_of(filled(marked(f"story {MAIN}"), board_of(*(made_up(name) for name in STORY)), "page.md"))
     assert [row[0] for row in rows[2:]] == [f"`{name}`" for name in STORY]
-    assert rows[0][1:5] == ["bADE, all targets (m) ↓", "rank", "bADE, identity switch (m) ↓", "rank"]
+    assert rows[0][1:5] == ["all targets (m) ↓", "rank (range)", "identity switch (m) ↓", "rank (range)"]
 
 
 def test_costs_are_differences_of_controls_and_references() -> None:
