@@ -50,6 +50,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Links are written for readers of the repository; here they lead to the pages of the site."""
+    if page.file.src_uri == "index.md":  # its table needs the width, and its section has no other page
+        page.meta["hide"] = ["navigation"]
     if page.file.src_uri == environments.TABLE:
         markdown = environments.linked(markdown)
     if page.file.src_uri == recordings.WHY:
