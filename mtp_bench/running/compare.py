@@ -11,6 +11,7 @@ from ..cards import Card
 from ..errors import MtpBenchError, SubmissionError
 from ..parallel import SERIAL
 from ..scoring import AgentScores, Reference, References, Report
+from ..scoring.main_table import preference
 from ..submission.loader import controls
 from ..submission.manifest import Role
 from .evaluate import EnvEvaluation
@@ -130,8 +131,8 @@ def control_names() -> list[str]:
 def _main_settings(settings: Sequence[Setting]) -> list[Setting]:
     """The setting of each submission that the main table shows: k samples, its own parameters, the most hypotheses."""
 
-    def preference(setting: Setting) -> tuple[bool, bool, int]:
-        return setting.budget == "equal", setting.label == setting.submission.name, setting.hypotheses or 0
+    def by(setting: Setting) -> tuple[bool, bool, int]:
+        return preference(setting.budget, setting.label == setting.submission.name, setting.hypotheses or 0)
 
-    best = {setting.submission.name: setting for setting in sorted(settings, key=preference)}
+    best = {setting.submission.name: setting for setting in sorted(settings, key=by)}
     return [setting for setting in settings if best[setting.submission.name] is setting]

@@ -19,7 +19,7 @@ from ..cards import Card
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, SubmissionError
 from ..files import clean_text
-from ..parallel import WorkerDiedError, Workers, parallel_map, reported, unordered_map
+from ..parallel import WorkerDiedError, Workers, reported, unordered_map
 from ..submission.loader import Submission, SubmissionFactory
 from ..types import Rollout, Scene, Task
 from .kernels import compile_kernels
@@ -119,7 +119,7 @@ def run_jobs(
     label = "running " + (f"{len(agents)} agents" if len(agents) > 1 else "".join(agents))
     with reported(label, own=options.progress) as told:
         told.started(len(jobs))
-        for place, result in _outcomes(jobs, [(job, finish, caught) for job in jobs], options.workers, caught):
+        for place, result in _outcomes(_one_scene, [(job, finish, caught) for job in jobs], options.workers, caught):
             results[place] = result
             told.done(jobs[place].scene)
             if finished is not None:
@@ -128,31 +128,35 @@ def run_jobs(
 
 
 def _outcomes(
-    jobs: Sequence[Job], calls: Sequence[tuple[Any, ...]], workers: Workers, caught: bool
+    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: Workers, caught: bool
 ) -> Iterator[tuple[int, Any]]:
-    """Index and result of each job; if a process ends, with ``caught``, the jobs that are left run agent by agent."""
-    left = dict.fromkeys(range(len(jobs)))
+    """Index and result of each call of ``function``, whose first argument is a job.
+
+    If a process ends, with ``caught``, the calls that are left are made agent by agent.
+    """
+    left = dict.fromkeys(range(len(calls)))
     try:
-        for place, result in unordered_map(_one_scene, calls, workers):
+        for place, result in unordered_map(function, calls, workers):
             del left[place]
             yield place, result
     except WorkerDiedError:
         if not caught:
             raise
-    for agent in dict.fromkeys(jobs[place].agent for place in left):
-        places = [place for place in left if jobs[place].agent == agent]
+    for agent in dict.fromkeys(calls[place][0].agent for place in left):
+        places = [place for place in left if calls[place][0].agent == agent]
         try:
-            for index, result in unordered_map(_one_scene, [calls[place] for place in places], workers, forked=True):
+            for index, result in unordered_map(function, [calls[place] for place in places], workers, forked=True):
                 del left[places[index]]
                 yield places[index], result
         except WorkerDiedError:
-            reason = "ended its process: it exited, crashed or ran out of memory"
+            reason = "ended its process: it exited, crashed, or memory ran out (then take fewer processes, --jobs)"
             yield from ((place, AgentFailedError(agent, reason)) for place in places if place in left)
 
 
 def first_errors(jobs: Sequence[Job], options: RunOptions = DEFAULTS) -> list[AgentFailedError | None]:
     """Errors of building the agent of each job and resetting it once for its scene; None for an agent that is ready."""
-    return parallel_map(_first_error, [(job,) for job in jobs], options.workers)
+    results = dict(_outcomes(_first_error, [(job,) for job in jobs], options.workers, caught=True))
+    return [results[place] for place in range(len(jobs))]
 
 
 def derived_seed(seed: int, scene_name: str, purpose: str) -> int:

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
 
-from .._bundle import card_ids
-from ..cards import Card, load_card
+from ..cards import Card
 from ..errors import MtpBenchError, SubmissionError
+from ..scoring.main_table import unchanged
 from ..scoring.rows import Budget
 from ..submission.loader import Submission, controls, load_submission
 from ..submission.manifest import Role
@@ -171,8 +171,7 @@ def training_note(submission: Submission, card: Card) -> str | None:
 
     Other splits, detections or scenes than those of the env that ships are not the ones that the manifest names.
     """
-    changed = card.id in card_ids() and load_card(card.id).digest != card.digest
-    return None if changed else submission.note_on(card.id)
+    return submission.note_on(card.id) if unchanged(card.id, card.digest) else None
 
 
 def _count(submission: Submission, parameters: dict[str, Any], name: str | None) -> int | None:

@@ -13,7 +13,7 @@ from ..tables import Column, Table, columns_of
 from .definitions import SUBSETS, Subset
 from .rank import span_text
 from .report import Report
-from .rows import Row
+from .rows import Budget, Row
 
 FAILED = "failed"  # in place of a number
 MEANING = (
@@ -21,8 +21,8 @@ MEANING = (
     "run; –: saw the truth or too few objects."
 )
 NAMES: dict[Subset, str] = {
-    "all": "all targets", "ids": "identity switch", "lost": "loss", "reacquired": "re-acquisition",
-    "frag": "fragmentation", "paper_ids": "IDS as in the paper", "paper_frag": "FRAG as in the paper",
+    "all": "all targets", "ids": "identity switch", "lost": "lost", "reacquired": "reacquired",
+    "frag": "lost or reacquired", "paper_ids": "IDS as in the paper", "paper_frag": "FRAG as in the paper",
 }  # fmt: skip
 _ALL, _IDS = NAMES["all"], NAMES["ids"]
 
@@ -95,13 +95,18 @@ def main_settings(report: Report) -> dict[str, Mapping[Subset, Row]]:
         name = rows["all"].agent.split(" ")[0]
         if report.shown and name not in report.shown:
             continue
-        if name not in best or _preference(rows["all"], name) > _preference(best[name]["all"], name):
+        if name not in best or _preference(rows["all"]) > _preference(best[name]["all"]):
             best[name] = rows
     return best
 
 
-def _preference(row: Row, name: str) -> tuple[bool, bool, int]:
-    return row.budget == "equal", row.agent == name, row.hypotheses
+def preference(budget: Budget, has_own_parameters: bool, hypotheses: int) -> tuple[bool, bool, int]:
+    """Sort key of the settings of one agent; the largest one is its main setting."""
+    return budget == "equal", has_own_parameters, hypotheses
+
+
+def _preference(row: Row) -> tuple[bool, bool, int]:
+    return preference(row.budget, " " not in row.agent, row.hypotheses)
 
 
 def _by_error(row: Row) -> float:

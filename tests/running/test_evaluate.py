@@ -152,6 +152,13 @@ def test_failing_agents_cost_the_others_nothing(
         mtp_bench.compare([late, broken], card, data=kitti, jobs=jobs)
 
 
+GONE = "it exited, crashed, or memory ran out (then take fewer processes, --jobs)"
+
+
+def vanish(task: Task) -> EchoAgent:
+    os._exit(3)
+
+
 class Vanishing(EchoAgent):
     """Takes its process with it."""
 
@@ -165,11 +172,12 @@ def unreadable(task: Task) -> EchoAgent:
 
 def test_whatever_an_agent_does_costs_the_others_nothing(card: str, kitti: str) -> None:
     good = mtp_bench.compare([EchoAgent(0.1)], card, data=kitti)
-    report = mtp_bench.compare([Vanishing(), EchoAgent(0.1), unreadable], card, data=kitti, jobs=2).report
+    report = mtp_bench.compare([Vanishing(), EchoAgent(0.1), unreadable, vanish], card, data=kitti, jobs=2).report
     assert numbers(report) == numbers(good.report)
     assert report.failures == {
         "unreadable": "cannot be built: Unreadable: its text cannot be read",
-        "Vanishing": "ended its process: it exited, crashed or ran out of memory",
+        "Vanishing": f"ended its process: {GONE}",
+        "vanish": f"ended its process: {GONE}",
     }
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
 from ...records.canonical import rounded
 from ...scoring.definitions import Subset
+from ...scoring.main_table import NAMES
 from ...scoring.rows import Row
 from ...tables import Column, Table, Value, columns_of
 from .entries import Entry
@@ -20,10 +21,6 @@ PAGE = {
     "paper_frag_minADE": "widest", "paper_frag_minFDE": "widest", "same_gap": "mid", "coverage": "mid", "ms": "wide",
     "weights": "weights",
 }  # fmt: skip
-SUBSET_NAMES: Mapping[Subset, str] = {
-    "all": "all targets", "ids": "identity switch", "frag": "lost or reacquired",
-    "paper_ids": "IDS as in the paper", "paper_frag": "FRAG as in the paper",
-}  # where the key is not the name  # fmt: skip
 
 
 def _of_row(column: Column, subset: Subset = "all", **changes: Any) -> Column:
@@ -41,7 +38,7 @@ def _text(key: str, read: Callable[[Entry], Value]) -> Column:
 
 def _event(subset: Subset, what: str) -> Column:
     title = f"Error over targets that {what}, weighted by how often that happens to the reference tracker, metres."
-    heading, group = SUBSET_NAMES.get(subset, subset), "bADE (m) by event"
+    heading, group = NAMES[subset], "bADE (m) by event"
     return _of_row(_ROW["error"], subset, key=subset, heading=heading, format=".2f", group=group, help=title)
 
 
@@ -50,7 +47,7 @@ def _paper(subset: Subset, where: str) -> list[Column]:
     prefix = "" if subset == "all" else f"{subset}_"
     return [
         _of_row(
-            _ROW[name], subset, key=f"{prefix}{name}", heading=name, format=".2f", group=SUBSET_NAMES[subset],
+            _ROW[name], subset, key=f"{prefix}{name}", heading=name, format=".2f", group=NAMES[subset],
             help=f"{distance} distance of the best sample over {where} that have a forecast, metres.",
         )
         for name, distance in (("minADE", "Mean"), ("minFDE", "Final"))

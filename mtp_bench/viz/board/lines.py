@@ -15,12 +15,13 @@ from ...files import clean_text
 from ...records.attestation import LEVELS
 from ...records.ranking import STP
 from ...scoring.definitions import DEFINITIONS, SUBSETS
+from ...scoring.main_table import NAMES
 from ...scoring.rows import Row
 from ...sources import about
 from ...tables import BLANK, Column, Table, columns_of
 from ..terminal.notes import parts_text
 from .answer import answer_of, p_value, short_name
-from .columns import COLUMN, PAGE, SUBSET_NAMES, best_text, further_columns, page_columns
+from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
 from .drawings import bar_of, curve_chart, scale_of, scene_chart, zero_of
 from .entries import Entry, empty_error, simulated
 
@@ -95,7 +96,7 @@ def subset_table(entry: Entry) -> Table:
         return None if difference is None else p_value(difference.p)
 
     columns = [
-        replace(row["subset"], read=lambda row: SUBSET_NAMES.get(row.subset, row.subset)),
+        replace(row["subset"], read=lambda row: NAMES[row.subset]),
         Column("rank", key="rank", read=lambda row: standing.places[row.subset].rank),
         row["error"],
         row["interval"],
