@@ -38,9 +38,12 @@ demo: .venv/installed
 test: .venv/installed-dev
 	@$(MAKE) --no-print-directory --jobs 4 kernels $(COLLECTED) $(CHECKS) pytest $(BESIDE)
 
+# A folder of its own for temporary files: at its end pytest clears away those of earlier runs, and fails where tests
+# that run pytest themselves are doing the same.
 pytest: kernels $(COLLECTED)
 	@echo '== pytest'
-	@$(BIN)/python -m $(PYTEST)
+	@folder=$$(mktemp -d) && { $(BIN)/python -m $(PYTEST) --basetemp $$folder/pytest; status=$$?; \
+		rm -rf $$folder; exit $$status; }
 
 # The sandbox holds agents for an ordinary user too, whom root plays here. These tests mostly wait, so one process is
 # enough and others run beside. All other tests of the gateway are the same for every user.
