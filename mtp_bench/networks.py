@@ -1,7 +1,5 @@
 """Weights of networks: their folders and file names, which of them are missing, and how to train these."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A parallel map over processes of this machine or over the workers of a Dask cluster."""
 
-from __future__ import annotations
-
 import gc
 import os
 import sys

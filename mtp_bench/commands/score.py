@@ -1,7 +1,5 @@
 """``mtp-bench score``."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -4,8 +4,6 @@ The action space, the checks, the conformance suite, `mtp_bench.make_action` and
 from it. Shapes are in the letters of `mtp_bench.types`.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """Arguments of the env: JSON values, each checked with one clear error."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypedDict

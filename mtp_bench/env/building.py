@@ -1,7 +1,5 @@
 """`make_action`: an action from plain arrays."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -3,8 +3,6 @@
 The env takes out the rows that the checks find (`rollouts`); the conformance suite and a strict env report them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple

@@ -1,7 +1,5 @@
 """One pass through a scene: its frames, the actions so far, and what ``info`` says of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -3,8 +3,6 @@
 It looks at actions that were examined already (`checks`), so it costs little, and it changes no reward.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from gymnasium import logger
 

@@ -1,7 +1,5 @@
 """The current episode of an env, and the renderers that draw it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pkgutil import resolve_name

@@ -3,8 +3,6 @@
 A row that is taken out counts as missing, so breaking the contract is never better than an empty action.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass

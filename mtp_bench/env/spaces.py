@@ -1,7 +1,5 @@
 """Observation and action space: padded arrays whose sizes are constants of the env id."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Agents side by side on one env, with the controls that separate hypotheses from sampling."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Compiled kernels of trackers and samplers, filled into the user's cache before workers need them."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -4,8 +4,6 @@ Run r removes and moves the detections of a scene at random, by errors as large 
 detections with low scores too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

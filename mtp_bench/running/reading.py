@@ -1,7 +1,5 @@
 """Status of the data of an env after reading all its scenes: broken files, skipped rows."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path

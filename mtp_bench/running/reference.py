@@ -1,7 +1,5 @@
 """Event weights of an env: the frozen file of a shipped card, or made from the scenes at hand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

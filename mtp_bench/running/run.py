@@ -1,7 +1,5 @@
 """Run agents through scenes, one after the other or in parallel."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import platform

@@ -1,7 +1,5 @@
 """Export of the tracks of a stored run in the file formats of other programs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace

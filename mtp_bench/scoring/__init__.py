@@ -1,7 +1,5 @@
 """Scoring: the definitions of the evaluation protocol as functions of arrays."""
 
-from __future__ import annotations
-
 from .clear import tracking_counts as tracking_counts
 from .definitions import DEFINITIONS as DEFINITIONS
 from .definitions import SUBSETS as SUBSETS

@@ -1,7 +1,5 @@
 """Reasons why a target may have no forecast, as its detections tell (docs/definitions, "Parts of the error")."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np

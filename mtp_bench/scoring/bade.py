@@ -10,8 +10,6 @@ A cut is a confidence threshold: it keeps the forecasts of at least that confide
 the last cut within it; the rest of the budget counts as a share of the next cut.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """CLEAR MOT metrics and identity events (docs/definitions, "Events") of tracks that are given frame by frame."""
 
-from __future__ import annotations
-
 import reprlib
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Version, constants and subsets of the definitions that every result carries."""
 
-from __future__ import annotations
-
 import math
 from typing import Literal, get_args
 

@@ -1,7 +1,5 @@
 """Diagnostics of one agent: calibration, curves, bins, tracking, own events."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any
 

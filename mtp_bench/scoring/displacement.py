@@ -3,8 +3,6 @@
 ``n`` targets, ``S`` samples, ``T`` future frames. An absent sample has weight 0; its coordinates are never looked at.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

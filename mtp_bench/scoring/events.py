@@ -1,7 +1,5 @@
 """Identity events: switches, losses and re-acquisitions of true objects (docs/definitions, "Events")."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Shares of gaps that an agent closes: to prediction from ground-truth tracks, and to perfect association."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 

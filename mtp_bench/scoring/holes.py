@@ -3,8 +3,6 @@
 Each side of a hole is scored like a scene of its own: objects and tracks have another identity there.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

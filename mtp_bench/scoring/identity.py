@@ -4,8 +4,6 @@ IDF1 (Ristani et al. 2016) pairs whole identities by the frames that they share 
 2021) is the mean over 19 thresholds of a similarity, which is .5 at a gate of distance, or the overlap itself.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 

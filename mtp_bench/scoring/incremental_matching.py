@@ -3,8 +3,6 @@
 Added by falling confidence, they give the matchings of all cuts in one pass: each addition changes one path.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from heapq import heappop, heappush
 

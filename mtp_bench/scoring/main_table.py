@@ -1,7 +1,5 @@
 """The main table of a report: a row per agent, the best first."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ KITTI is labelled in images. An object is placed into the image from its x and y
 the other numbers of a forecast freely.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

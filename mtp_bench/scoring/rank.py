@@ -1,7 +1,5 @@
 """Rules of rank (docs/definitions, "Ranks"), the same for comparisons and records."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 from typing import NamedTuple

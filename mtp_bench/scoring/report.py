@@ -1,7 +1,5 @@
 """The report of a comparison: rows per agent, setting and subset, paired differences and details."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

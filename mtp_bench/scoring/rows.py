@@ -4,8 +4,6 @@ None stands for undefined, never NaN. `Report.to_json` writes them. Every field 
 `Field`: the page of JSON keys is made of them.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_serializer

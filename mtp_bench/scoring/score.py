@@ -1,7 +1,5 @@
 """Score of one scene: arrays per target and counts, small enough to send between processes."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum

@@ -4,8 +4,6 @@ Units are recordings cut into blocks of at most 20 s. A weighted mean over targe
 ``numerator`` [U] and ``denominator`` [U], the weight of the targets.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

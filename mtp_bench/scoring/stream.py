@@ -1,7 +1,5 @@
 """Tracking counts of what an agent outputs: the tracks of its best hypothesis of every frame, by their ids as given."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

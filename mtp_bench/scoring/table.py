@@ -1,7 +1,5 @@
 """All scenes and seeds of one agent in one table, a row per target."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

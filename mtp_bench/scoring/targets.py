@@ -1,7 +1,5 @@
 """Targets, live frames and units of uncertainty (docs/definitions, "Targets" and "Ranks")."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

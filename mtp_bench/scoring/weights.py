@@ -3,8 +3,6 @@
 Scenes are keyed by a hash of their names, so that weights can be published without the content of a dataset.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable

@@ -3,8 +3,6 @@
 Counts of all scenes are packed together: scenes of one env are alike, so this halves the size.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import lzma

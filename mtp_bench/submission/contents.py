@@ -5,8 +5,6 @@ imported anew, and modules of one folder import each other relatively (``from .m
 ``__pycache__`` would run in place of the sources, and no digest covers it: it is neither read nor written.
 """
 
-from __future__ import annotations
-
 import hashlib
 import importlib
 import os

@@ -1,7 +1,5 @@
 """Manifest of a submission: the content of ``submission.toml``; see ``baselines/README.md``."""
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Start a submission: a folder with a working agent, made from the template."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A column of a table: declared once for the terminal, pages and files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints

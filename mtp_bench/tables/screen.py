@@ -1,7 +1,5 @@
 """Writers of tables for people: plain text of a terminal, and HTML of a notebook."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """A table: rows of one kind, their columns, a title and a sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Writers of tables: CSV and JSON for programs, Markdown and LaTeX for people."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

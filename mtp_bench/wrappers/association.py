@@ -1,7 +1,5 @@
 """`AssociationOnly`: the agent assigns detections to tracks, and the wrapper does the rest."""
 
-from __future__ import annotations
-
 import copy
 import reprlib
 from typing import Any, SupportsFloat, final

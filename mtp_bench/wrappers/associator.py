@@ -1,7 +1,5 @@
 """Tracks from choices: a detection is ignored, begins a track or continues one near it."""
 
-from __future__ import annotations
-
 import copy
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`PerDetection`: the agent assigns one detection per step."""
 
-from __future__ import annotations
-
 from typing import Any, SupportsFloat, final
 
 import gymnasium

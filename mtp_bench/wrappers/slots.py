@@ -1,7 +1,5 @@
 """Tracks with external association, in a fixed number of slots."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..tracks import UNBORN, Tracks

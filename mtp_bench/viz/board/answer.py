@@ -1,7 +1,5 @@
 """The answer of a table in a few sentences: the best entry, how sure that is, and what runs it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

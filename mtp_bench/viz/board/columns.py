@@ -1,7 +1,5 @@
 """Columns of a leaderboard: those of rows, as the scorer declares them, and those of records and comparisons."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any

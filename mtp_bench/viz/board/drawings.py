@@ -1,7 +1,5 @@
 """Drawings of a leaderboard: scales, intervals of differences, errors per scene, and errors over false forecasts."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Entries of a leaderboard: records with their places, and the order in which they stand."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Content of the templates for one table of the page, and for each entry in it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The overview of agents by environments."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

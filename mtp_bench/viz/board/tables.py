@@ -1,7 +1,5 @@
 """Short tables of a leaderboard, for the terminal and files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Listings of environments and data for the terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

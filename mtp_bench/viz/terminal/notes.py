@@ -1,7 +1,5 @@
 """Notes below the tables of a report: warnings, and what the columns mean."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from ...scoring import Report

@@ -1,7 +1,5 @@
 """Numbers of the paper, shown beside ours."""
 
-from __future__ import annotations
-
 import tomllib
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of a report behind its main one, and the one that holds every number."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

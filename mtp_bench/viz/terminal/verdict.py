@@ -1,7 +1,5 @@
 """The verdict of a comparison: one sentence, and all sentences."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from ...scoring import Report
