@@ -76,6 +76,7 @@ class Ragged:
 
 ABSENT_BELOW = -1e30  # log-weights below, such as -inf, mean an absent sample or hypothesis
 ID_LIMIT = 2**31 - 1  # largest number of an object or a track
+LONGEST_SHORT_NAME = 16  # characters
 CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
 
 
@@ -198,6 +199,10 @@ class Scene:
     world: Floats | None = None  # [F, 4] x y z yaw of each frame's origin, if every frame has its own
     tracks: StoredTracks | None = None  # of a foreign tracker, for agents that observe them
     lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training
+    # names in the files by number, only where they differ; texts alone show them, and no digest counts them
+    object_names: Mapping[int, str] = field(default_factory=dict, compare=False)  # of true objects, all different
+    track_names: Mapping[int, str] = field(default_factory=dict, compare=False)
+    # of ``tracks``: an agent with ``observe="tracks"`` that keeps the ids it is shown answers these numbers as track_id
 
     def __repr__(self) -> str:
         boxes = f"{len(self.truth.box)} boxes of {len(np.unique(self.truth.object_id))} true objects"
@@ -208,6 +213,18 @@ class Scene:
     def frames(self) -> int:
         """Number of frames F."""
         return len(self.time)
+
+    def name_of(self, object_id: int) -> str:
+        """Id of a true object in the files of the scene: a word, a token or the number itself."""
+        return self.object_names.get(object_id, str(object_id))
+
+    def short_name(self, object_id: int) -> str:
+        """Id of a true object in at most 16 characters, by which no other object of the scene is called."""
+        name = self.name_of(object_id)
+        if len(name) <= LONGEST_SHORT_NAME:
+            return name
+        alike = sum(other.startswith(name[:8]) for other in self.object_names.values())
+        return name[:8] if alike <= 1 else f"{name[:6]}..{name[-8:]}"
 
 
 @dataclass(frozen=True)

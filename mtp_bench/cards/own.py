@@ -66,7 +66,7 @@ def known_digest(path: Path) -> str:
 
 
 def scenes_digest(scenes: Sequence[Scene]) -> str:
-    """Hex sha256 over all fields of ``scenes``, in their order."""
+    """Hex sha256 over all fields of ``scenes`` but the names of objects, in their order."""
     digest = hashlib.sha256()
     for scene in scenes:
         _add(digest, scene)
@@ -82,6 +82,8 @@ def _add(digest: Any, value: Any) -> None:
     """Add a value of a record to a digest, field by field, arrays with their dtype and shape."""
     if is_dataclass(value):
         for field in fields(value):
+            if not field.compare:
+                continue
             digest.update(f"{field.name}:".encode())
             _add(digest, getattr(value, field.name))
     elif isinstance(value, tuple):

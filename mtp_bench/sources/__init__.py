@@ -36,7 +36,7 @@ def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: 
     ``card`` and ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
     """
     read = find_tracks(_package(card), card, data, path)
-    return ChangedScenes(source, lambda scene: usable(replace(scene, tracks=read(scene))))
+    return ChangedScenes(source, lambda scene: usable(read(scene)))
 
 
 def load_scenes(

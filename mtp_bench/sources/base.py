@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..cards import Card, SourceSection
 from ..cards.own import TEXTS, folder_digest, known_digest
 from ..cards.source import DetectionsSection
 from ..errors import CardError, DataError, MissingDataError, UnknownNameError, nearest
-from ..types import Detections, Floats, Ints, Lane, Scene, StoredTracks, Truth
+from ..types import Detections, Floats, Ints, Lane, Scene, Truth
 from .dataset import Dataset, DataStatus
 from .text import SMALLEST, refuse_shared_place
 
@@ -64,7 +65,7 @@ class CameraImage:
 
 
 Work = tuple[int, Iterable[str]]  # number of pieces of work, and their names, each when it is done
-ReadTracks = Callable[[Scene], StoredTracks]
+ReadTracks = Callable[[Scene], Scene]  # with ``tracks`` and ``track_names``
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,13 @@ def require_rate(card: Card, dataset: str, rate: float, stride: int = 1) -> None
 def class_ids(known: Sequence[str], classes: Sequence[str]) -> Ints:
     """Index of each of the ``known`` classes of a dataset among those of a task, -1 for a class that is not in it."""
     return np.array([classes.index(name) if name in classes else -1 for name in known], dtype=np.int64)
+
+
+def names_by_number(number: Ints, name: NDArray[Any]) -> dict[int, str]:
+    """Name in the files of each number, where they differ; ``number`` and ``name`` ``[R]``."""
+    numbers, row = np.unique(number, return_index=True)
+    names = zip(numbers.tolist(), name[row].astype(np.str_).tolist(), strict=True)
+    return {one: word for one, word in names if word != str(one)}
 
 
 def no_detections(frames: int) -> Detections:

@@ -6,6 +6,7 @@ writes). For every source: a folder with a ``.csv`` or ``.parquet`` for each sce
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from ..cards import Card
 from ..errors import DataError
 from ..files import file_stem, new_folder
 from ..types import Floats, Ints, Scene, StoredTracks, starts_of_sorted
-from .base import DataRoot, ReadTracks, SceneSource, SourcePackage, TrackForm
+from .base import DataRoot, ReadTracks, SceneSource, SourcePackage, TrackForm, names_by_number
 from .files.checks import check_boxes
 from .files.columns import FORMS
 from .files.save import box_columns
@@ -43,16 +44,16 @@ def find_tracks(package: SourcePackage, card: Card, data: DataRoot, path: str | 
     raise DataError(f"{where} holds no stored tracks that fit {card.id}, expected {known}")
 
 
-def stored_tracks(
-    frames: int,
+def with_stored(
+    scene: Scene,
     frame: Ints,
     identity: NDArray[Any],
     class_id: Ints,
     box: Floats,
     score: Floats,
     velocity: Floats | None = None,
-) -> StoredTracks:
-    """Tracks of a scene of ``frames`` frames, from R rows in any order.
+) -> Scene:
+    """The scene with stored tracks, from R rows in any order.
 
     ``frame`` [R], ``identity`` [R] as in the file, ``class_id`` [R] of the task, ``box`` [R, 7] in the scene's frame of
     reference, ``score`` [R], ``velocity`` [R, 2] m/s if known. An identity in two classes is two identities: some
@@ -61,14 +62,16 @@ def stored_tracks(
     order = np.argsort(frame, kind="stable")
     _, name = np.unique(identity, return_inverse=True)
     _, number = np.unique(np.stack([name.reshape(-1), class_id]), axis=1, return_inverse=True)
-    return StoredTracks(
-        start=starts_of_sorted(frame[order], frames),
+    number = number.reshape(-1)
+    tracks = StoredTracks(
+        start=starts_of_sorted(frame[order], scene.frames),
         box=box[order],
         velocity=np.full((len(box), 2), np.nan) if velocity is None else velocity[order],
         class_id=class_id[order],
         score=score[order],
-        object_id=number.reshape(-1)[order],
+        object_id=number[order],
     )
+    return replace(scene, tracks=tracks, track_names=names_by_number(number, identity))
 
 
 def table_path(folder: Path, scene: str) -> Path:
@@ -92,15 +95,16 @@ def import_tracks(
             if tracks is None:
                 continue
             columns = box_columns(tracks, classes)
-            table = {"frame": columns["frame"], "id": tracks.object_id, **columns, "score": tracks.score}
+            identity = np.array([scene.track_names.get(i, str(i)) for i in tracks.object_id.tolist()], dtype=np.str_)
+            table = {"frame": columns["frame"], "id": identity, **columns, "score": tracks.score}
             write_table(table_path(part, scene.name), table)
             count, boxes = count + 1, boxes + len(tracks.box)
             done(scene.name)
     return count, boxes
 
 
-def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> StoredTracks:
-    """The tracks of a scene in a table; DataError names the line that is wrong."""
+def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
+    """The scene with the tracks in a table; DataError names the line that is wrong."""
     table = read_table(path, "tracks")
     frame, number, class_id = table.whole("frame"), ids_of(table), class_ids_of(table, classes)
     check_boxes(table, frame, scene.frames, true=False)
@@ -108,11 +112,12 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Stored
     kind = table.words["class"]
     twice = repeated(frame, kind, number)  # an id in another class is another track
     table.refuse(twice, lambda row: f"a second box of this {kind[row]} in frame {frame[row]}", "id")
-    kept, velocity = np.flatnonzero(class_id >= 0), velocities_of(table)
-    return stored_tracks(
-        scene.frames,
+    kept, velocity, words = np.flatnonzero(class_id >= 0), velocities_of(table), table.words["id"]
+    identity = number if np.array_equal(number.astype(np.str_), words) else words
+    return with_stored(
+        scene,
         frame[kept],
-        number[kept],
+        identity[kept],
         class_id[kept],
         boxes_of(table)[kept],
         scores_of(table)[kept],
@@ -132,7 +137,7 @@ def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
 
 
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
-    def read(scene: Scene) -> StoredTracks:
+    def read(scene: Scene) -> Scene:
         path = find_table(folder, file_stem(scene.name))
         if path is None:
             raise DataError(

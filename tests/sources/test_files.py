@@ -86,6 +86,7 @@ def scenes(draw: st.DrawFn) -> Scene:
             seen, boxes(rng, found), velocities(rng, found), rng.integers(0, 2, found), rng.normal(size=found)
         ),
         detector="pointrcnn, stored detections",
+        object_names={row: f"word {row:02}" for row in range(rows)} if draw(st.booleans()) else {},
     )  # fmt: skip
 
 
@@ -161,6 +162,10 @@ def test_words_are_ids_and_rows_come_in_any_order(tmp_path: Path, base: Card) ->
     scene = only(base, write_tables(tmp_path, truth=truth, detections=DETECTIONS[:2]))
     np.testing.assert_array_equal(scene.truth.object_id, [1, 1, 0])
     np.testing.assert_array_equal(scene.truth.class_id, [0, 0, 1])
+    assert (scene.object_names, scene.name_of(1), scene.name_of(7)) == ({0: "a", 1: "van b"}, "van b", "7")
+    assert with_scenes(base, [scene]).digest == with_scenes(base, [replace(scene, object_names={})]).digest
+    long = replace(scene, object_names={0: "c1e6" * 8, 1: "van with a trailer", 2: "van with a ladder"})
+    assert [long.short_name(i) for i in range(4)] == ["c1e6c1e6", "van wi.. trailer", "van wi..a ladder", "3"]
 
 
 def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Card) -> None:
@@ -382,6 +387,9 @@ WRONG: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "classes": (changed("truth", class_id=np.zeros(5)), "truth.class_id is float64 [5], expected a row of whole"),
     "division": (changed("truth", start=np.arange(8)), "truth.start does not divide the 24 rows into 8 frames"),
     "class": (with_column("truth", "class_id", 3, 2), "truth.class_id has 0 to 2, expected indices of 2 classes"),
+    "words as ids": (changed("truth", object_id=np.array(["a"] * 24)), "truth.object_id is <U1, expected whole numbers"),
+    "a name twice": (lambda scene: replace(scene, object_names={3: "a", 5: "a"}), "object_names of object 5 is 'a', exp"),
+    "no name": (lambda scene: replace(scene, object_names={3: " "}), "object_names of object 3 is ' ', expected a word"),
     "large id": (with_column("truth", "object_id", 0, 2**31), "truth.object_id has 3 to 2147483648, expected whole"),
     "second box": (with_column("truth", "object_id", [0, 1], 9), "truth, row 1, column 'id': a second box of this"),
     "size": (with_column("truth", "box", 2, 0.0), "truth, row 2, column 'l': 0, expected a number from 1e-06"),

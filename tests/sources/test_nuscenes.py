@@ -36,7 +36,8 @@ def test_frames_and_ego(data: Path) -> None:
 
 
 def test_every_box(data: Path) -> None:
-    truth = scene(data).truth
+    truth, names = scene(data).truth, ["scene-0003-car", "scene-0003-police", "scene-0003-walker"]
+    assert scene(data).object_names == dict(enumerate(names))
     assert truth.start.tolist() == [0, 3, 6, 7, 9]
     assert truth.object_id.tolist() == [0, 2, 1, 0, 2, 1, 0, 0, 2]  # car, walker, police by token; the dog is not used
     assert truth.class_id.tolist() == [0, 1, 0, 0, 1, 0, 0, 0, 1]

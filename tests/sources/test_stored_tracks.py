@@ -15,15 +15,20 @@ from mtp_bench.errors import DataError
 from mtp_bench.running.track_export import TrackRows, write_tracks
 from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.kitti.files import camera_fields, sensor_boxes
+from mtp_bench.sources.stored_tracks import import_tracks
 from mtp_bench.types import Scene, StoredTracks
 from tests.support.nuscenes_root import SCENES, detection, nuscenes_card, sample, write_json, write_root
 
 
 def tracks_of(card: Card, data: str | Path, path: Path, name: str) -> StoredTracks:
     """The stored tracks of a scene."""
-    tracks = with_tracks(open_source(card, data), card, data, path).load(name).tracks
-    assert tracks is not None
-    return tracks
+    return tracked_scene(card, data, path, name)[0]
+
+
+def tracked_scene(card: Card, data: str | Path, path: Path, name: str) -> tuple[StoredTracks, Scene]:
+    scene = with_tracks(open_source(card, data), card, data, path).load(name)
+    assert scene.tracks is not None
+    return scene.tracks, scene
 
 
 def true_rows(scene: Scene) -> TrackRows:
@@ -87,12 +92,15 @@ def test_a_submission_has_what_the_official_form_asks_for(tmp_path: Path) -> Non
     np.testing.assert_allclose(car["velocity"], [0, 4])  # 2 m in 0.5 s
 
 
-def test_ids_of_two_classes_are_two_identities(kitti: str, card: str, tmp_path: Path) -> None:
-    rows = [line(0, 1, "Car"), line(0, 1, "Pedestrian"), line(1, 1, "Car"), line(1, 2, "Van"), line(1, -1, "DontCare")]
-    tracks = tracks_of(load_card(card), kitti, kitti_folder(tmp_path, rows), "0001")
-    assert len(tracks.box) == 3
-    assert tracks.object_id.tolist()[0] != tracks.object_id.tolist()[1]
-    assert tracks.object_id.tolist()[0] == tracks.object_id.tolist()[2]
+def test_ids_of_two_classes_are_two_identities_with_one_name(kitti: str, card: str, tmp_path: Path) -> None:
+    rows = [line(0, 7, "Car"), line(0, 7, "Pedestrian"), line(1, 7, "Car"), line(1, 2, "Van"), line(1, -1, "DontCare")]
+    one = load_card(card)
+    (tmp_path / "in").mkdir()
+    source = with_tracks(open_source(one, kitti), one, kitti, kitti_folder(tmp_path / "in", rows))
+    import_tracks(source, source.names, one, tmp_path / "out")
+    for folder in ("in", "out"):
+        tracks, scene = tracked_scene(one, kitti, tmp_path / folder, "0001")
+        assert (tracks.object_id.tolist(), scene.track_names) == ([0, 1, 0], {0: "7", 1: "7"})
 
 
 def test_kitti_tracks_without_a_score_have_1_and_are_counted(kitti: str, card: str, tmp_path: Path) -> None:
@@ -198,6 +206,9 @@ def test_a_table_without_scores_and_with_other_classes(card: str, kitti: str, tm
     (tmp_path / "0001.csv").write_text(csv(rows, "frame,id,class,x,y,z,yaw,l,w,h"))
     tracks = tracks_of(load_card(card), kitti, tmp_path, "0001")
     assert (tracks.box.tolist(), tracks.score.tolist()) == ([[1, 2, 3, 0.5, 4, 2, 1]], [1.0])
+    (tmp_path / "0001.csv").write_text(csv("0,2007,car,1,2,3,0,4,2,1,1\n0,30,car,9,1,1,0,4,2,1,1"))
+    tracks, scene = tracked_scene(load_card(card), kitti, tmp_path, "0001")
+    assert (tracks.object_id.tolist(), scene.track_names) == ([1, 0], {0: "30", 1: "2007"}), "ordered as numbers"
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet"])
@@ -260,5 +271,7 @@ def test_a_changed_file_is_read_again(tmp_path: Path) -> None:
     counts = []
     for kept in (1, 0):
         write_json(path, submission(lambda r, kept=kept: r.update({TOKEN: r[TOKEN][:kept]})))  # type: ignore[misc]
-        counts.append(len(tracks_of(nuscenes_card(), data, path, "scene-0003").box))
+        tracks, scene = tracked_scene(nuscenes_card(), data, path, "scene-0003")
+        counts.append(len(tracks.box))
+        assert scene.track_names == {0: "7"}
     assert counts == [4, 3]

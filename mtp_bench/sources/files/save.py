@@ -13,6 +13,7 @@ from ...errors import DataError, MtpBenchError, UnknownNameError
 from ...files import file_stem, make_folder, require_replaceable, whole_folder
 from ...types import ID_LIMIT, Detections, Scene, Truth
 from ..base import require_separate
+from ..text import MOST_LETTERS
 from .columns import BOX, FORMS, TABLES
 from .table import write_table
 
@@ -27,7 +28,8 @@ _EMPTY: dict[str, Any] = {  # fields that tables do not have, with the value of 
 def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: TableForm = "csv") -> Path:
     """Write a scene as tables into a sub-folder of a folder of own scenes, and return the sub-folder.
 
-    ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives equal numbers to the last bit.
+    ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives equal numbers to the last bit, but
+    ids of objects that have names are written as these names, and numbered anew when they are read.
     Raises DataError for a wrong scene, and MtpBenchError if it cannot be written or would replace other files.
     """
     if form not in FORMS:
@@ -42,6 +44,8 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: T
             f"dataclasses.replace(scene, {cleared})"
         )
     tables, folder = scene_tables(scene, classes), Path(folder).expanduser()
+    if scene.object_names:
+        tables["truth"]["id"] = np.array([scene.name_of(number) for number in tables["truth"]["id"].tolist()])
     make_folder(folder)
     path = folder / file_stem(scene.name)
     require_replaceable(path)
@@ -84,6 +88,12 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, dict[str, ND
     if not len(number):
         raise DataError(f"scene {scene.name!r}: truth has no rows, expected one per object and frame")
     require_separate(truth, f"scene {scene.name!r}: truth")
+    if number.dtype.kind not in "iu":
+        raise DataError(
+            f"scene {scene.name!r}: truth.object_id is {number.dtype}, expected whole numbers: number other ids with "
+            "words, number = np.unique(ids, return_inverse=True) and give object_names=dict(enumerate(words.tolist()))"
+        )
+    _check_names(scene, np.unique(number).tolist())
     if number.min() < 0 or number.max() > ID_LIMIT:
         raise DataError(
             f"scene {scene.name!r}: truth.object_id has {number.min()} to {number.max()}, expected whole numbers from "
@@ -109,6 +119,19 @@ def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> dict[str, 
         **dict(zip(BOX, np.asarray(rows.box).T, strict=True)),
         **dict(zip(("vx", "vy"), np.asarray(rows.velocity).T, strict=True)),
     }
+
+
+def _check_names(scene: Scene, numbers: Sequence[int]) -> None:
+    names = [scene.name_of(number) for number in numbers]
+    for i, name in enumerate(names):
+        expected = ""
+        if not isinstance(name, str) or name != name.strip() or not 0 < len(name) <= MOST_LETTERS:
+            expected = f"a word of 1 to {MOST_LETTERS} characters"
+        elif name in names[:i]:
+            expected = f"another name than that of object {numbers[names.index(name)]}"
+        if expected:
+            where = f"scene {scene.name!r}: object_names of object {numbers[i]}"
+            raise DataError(f"{where} is {reprlib.repr(name)}, expected {expected}")
 
 
 def _check_rows(where: str, rows: Truth | Detections, frames: int, classes: int) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from ...cards import Card, FilesSource, instead_of_stored
 from ...errors import DataError, closest
 from ...types import ID_LIMIT, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
-from ..base import class_ids, no_detections, section_of
+from ..base import class_ids, names_by_number, no_detections, section_of
 from ..motion import backward_velocity
 from ..text import RowTable
 from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
@@ -41,14 +41,12 @@ def read_scene(folder: Path, card: Card) -> Scene:
         if "ego" in tables and tables["ego"].has(column):
             ego[:, i] = tables["ego"].numbers[column]
     check_frames(time, ego, card, str(folder))
-    skipped: dict[str, int] = {}
-    truth, visible = _truth(tables["truth"], frame_index(tables["truth"], number), time, card, skipped)
-    scene = Scene(unquote(folder.name), time, ego, truth, no_detections(len(time)), visible=visible, skipped=skipped)
+    scene = _true_scene(unquote(folder.name), tables["truth"], frame_index(tables["truth"], number), time, ego, card)
     if "detections" not in tables:
         return _for_card(scene, card, str(folder), detected=False)
     if card.detector is None:
         index = frame_index(tables["detections"], number)
-        scene = replace(scene, detections=_detections(tables["detections"], index, len(time), card, skipped))
+        scene = replace(scene, detections=_detections(tables["detections"], index, len(time), card, scene.skipped))
     return _for_card(scene, card, str(folder), detected=True)
 
 
@@ -105,10 +103,9 @@ def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
     return replace(scene, detections=no_detections(scene.frames), detector="", simulated=False)
 
 
-def _truth(
-    table: RowTable, frame: Ints, time: Floats, card: Card, skipped: dict[str, int]
-) -> tuple[Truth, Floats | None]:
-    """Truth and visible shares of a table, sorted by frame."""
+def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floats, card: Card) -> Scene:
+    """Scene without detections, from the table of its truth."""
+    skipped: dict[str, int] = {}
     row = _usable_rows(table, frame, len(time), "truth", card.task.classes, skipped)
     number = ids_of(table)
     check_objects(table, frame, number, card.task.classes)
@@ -123,7 +120,16 @@ def _truth(
         eligible=table.numbers.get("eligible", np.ones(len(table)))[row] == 1,
         neutral=table.numbers.get("neutral", np.zeros(len(table)))[row] == 1,
     )
-    return truth, table.numbers["visible"][row] if table.has("visible") else None
+    return Scene(
+        name=name,
+        time=time,
+        ego=ego,
+        truth=truth,
+        detections=no_detections(len(time)),
+        visible=table.numbers["visible"][row] if table.has("visible") else None,
+        skipped=skipped,
+        object_names=names_by_number(truth.object_id, table.words["id"][row]),
+    )
 
 
 def _detections(table: RowTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]) -> Detections:

@@ -11,9 +11,9 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import DataError
-from ...types import Floats, Ints, Scene, StoredTracks
+from ...types import Floats, Ints, Scene
 from ..base import DataRoot, ReadTracks, TrackForm, section_of
-from ..stored_tracks import FEWER, stored_tracks
+from ..stored_tracks import FEWER, with_stored
 from ..text import read_table
 from .files import BOX_FIELDS, LABEL, RESULT, camera_fields, require_kinds, sensor_boxes
 from .layout import TYPES, KittiSource
@@ -21,8 +21,8 @@ from .poses import Poses
 from .source import KittiTracking
 
 
-def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, poses: Poses | None) -> StoredTracks:
-    """The tracks of a scene of every ``stride``-th frame; ``poses``: of all frames; None without a common frame.
+def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, poses: Poses | None) -> Scene:
+    """The scene of every ``stride``-th frame with its tracks; ``poses``: of all frames; None without a common frame.
 
     Rows of other classes and other frames are left out; in a file with the columns of a label, scores are NaN.
     DataError names the line that is wrong.
@@ -45,7 +45,7 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     box = sensor_boxes(table.matrix(BOX_FIELDS)[used])
     box = box if poses is None else poses.to_world(box, frame[used])
     score = table.numbers.get("score", np.full(len(frame), np.nan))[used]
-    return stored_tracks(scene.frames, frame[used] // stride, object_id[used], class_id[used], box, score)
+    return with_stored(scene, frame[used] // stride, object_id[used], class_id[used], box, score)
 
 
 def result_lines(
@@ -67,7 +67,7 @@ def poses_of(card: Card, data: DataRoot, name: str) -> Poses | None:
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
     stride = section_of(card, KittiSource).stride
 
-    def read(scene: Scene) -> StoredTracks:
+    def read(scene: Scene) -> Scene:
         path = folder / f"{scene.name}.txt"
         if not path.is_file():
             raise DataError(

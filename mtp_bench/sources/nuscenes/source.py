@@ -7,7 +7,7 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
-from ..base import DataRoot, Work, class_ids, no_detections, require_classes, require_rate, section_of
+from ..base import DataRoot, Work, class_ids, names_by_number, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
 from ..motion import backward_velocity
 from .detections import open_detections, scene_detections
@@ -63,15 +63,17 @@ class NuScenes:
             label = f"{self.section.detector}, stored detections"
             detections = scene_detections(self.detections, self.tables.samples(name), name, classes)
         listed = self.section.truth == "targets"
+        truth = scene_truth(arrays, time, classes, listed)
         return Scene(
             name=name,
             time=time,
             ego=arrays["ego"],
-            truth=scene_truth(arrays, time, classes, listed),
+            truth=truth,
             detections=detections,
             detector=label,
             truth_complete=not listed,
             listed_targets=listed,
+            object_names=names_by_number(truth.object_id, arrays["instance"][truth.object_id]),
         )
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import DataError
-from ...types import Floats, Scene, StoredTracks
+from ...types import Floats, Scene
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids
-from ..stored_tracks import FEWER, stored_tracks
+from ..stored_tracks import FEWER, with_stored
 from ..text import refuse, repeated
 from .layout import CLASSES
 from .source import NuScenes
@@ -19,10 +19,8 @@ from .store import TableStore
 from .submission import SubmittedBoxes, TrackedBox, no_match, read_submission
 
 
-def scene_tracks(
-    boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: Scene, classes: Sequence[str]
-) -> StoredTracks:
-    """The tracks of a scene; other classes are left out.
+def scene_tracks(boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
+    """The scene with its tracks; other classes are left out.
 
     Raises DataError for a sample that the file does not have, and for two boxes of one track in a sample.
     """
@@ -38,16 +36,15 @@ def scene_tracks(
     class_id = class_ids(CLASSES, classes)[boxes.class_id[row]]
     row, class_id = row[class_id >= 0], class_id[class_id >= 0]
     frame = boxes.sample[row] - samples.start
-    tracks = stored_tracks(
-        scene.frames, frame, boxes.identity[row], class_id, boxes.box[row], boxes.score[row], boxes.velocity[row]
-    )
 
     def what(index: int) -> str:
         token, name = tables.tokens[boxes.sample[row[index]]].decode(), str(boxes.identity[row[index]])
         return f"{path}, sample {token!r}: a second box of tracking_id {name!r}, expected one"
 
-    refuse(repeated(tracks.frame_of_rows, tracks.object_id), what)
-    return tracks
+    refuse(repeated(frame, boxes.identity[row], class_id), what)
+    return with_stored(
+        scene, frame, boxes.identity[row], class_id, boxes.box[row], boxes.score[row], boxes.velocity[row]
+    )
 
 
 def submission_box(token: str, box: Floats, velocity: Floats, name: str, identity: str, score: float) -> dict[str, Any]:
