@@ -51,8 +51,8 @@ class Focus:
 
     @property
     def named(self) -> str:
-        """Name of the object, such as "car 8"."""
-        return f"{self.noun} {self.at.object_id}"
+        """Name of the object, such as "car 8" or, with the id of its source, "car c1958768"."""
+        return f"{self.noun} {self.replay.scene.short_name(self.at.object_id)}"
 
     @property
     def gate(self) -> float:
@@ -64,10 +64,26 @@ class Focus:
         """Radius around the object, m: detections farther away are not of it."""
         return 2 * self.gate
 
+    @cached_property
+    def named_tracks(self) -> tuple[int, ...]:
+        """Ids of the tracks that texts name: of the event, of the frames around it, and of who takes it afterwards."""
+        at, last = self.at, self.replay.frames - 1
+        frames = [t for t in (*range(at.frame - 1, at.frame + 2), self.regained) if 0 <= t <= last]
+        named = dict.fromkeys([at.old_id, at.new_id, *map(self.follower, frames)])
+        return tuple(track_id for track_id in named if track_id >= 0)
+
+    @cached_property
+    def regained(self) -> int:
+        """First frame after the event's in which a track follows the object; -1 if it is gone before, or a log ends."""
+        rows = self._until_gap(self.rows, self.at.frame, self.replay.frames - 1)[1:]
+        followed = np.flatnonzero(self.track_of_truth[rows] >= 0)
+        return self.at.frame + 1 + int(followed[0]) if len(followed) else -1
+
     def name_of(self, row: int) -> str:
         """Name of the object of a row of the truth."""
         truth, classes = self.replay.scene.truth, self.replay.card.task.classes
-        return f"{classes[truth.class_id[row]].replace('_', ' ')} {int(truth.object_id[row])}"
+        name = self.replay.scene.short_name(int(truth.object_id[row]))
+        return f"{classes[truth.class_id[row]].replace('_', ' ')} {name}"
 
     def seconds(self, t: int) -> float:
         """Time of a frame since the first one."""
