@@ -40,6 +40,7 @@ SUMMARIES = {
     "study": "Measure what detection and tracking cost on an environment: tables, figures and a page.",
     "view": "Show stored rollouts in rerun, or draw them.",
     "events": "List identity switches and other events with their cost.",
+    "worst": "List the worst moments of a run, and whose fault each was.",
     "video": "Write a video of a scene.",
     "train": "Fit predictors and other parameters on training splits.",
     "fit-noise": "Fit the noise of the simulated detector to real detections.",

@@ -6,7 +6,8 @@ import typer
 
 from ..parallel import reported
 from ..running.stored import open_run
-from ..viz.replay import KINDS, replay
+from ..viz.played import PlayedRun
+from ..viz.replay import KINDS
 from ..viz.terminal.event_table import (
     CAPTION,
     LOOK,
@@ -32,7 +33,9 @@ def events(
         list[str] | None,
         choice(KINDS, text="Only ids, lost, reacquired or spurious (false forecasts); repeatable."),
     ] = None,
-    sort: Annotated[str, choice(ORDERS, text="cost: the largest error first; time: by scene and frame.")] = "time",
+    sort: Annotated[
+        str, choice(ORDERS, text="time: by scene and frame; cost, confidence or length: the largest first.")
+    ] = "time",
     top: Annotated[int | None, typer.Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
     env: RunCardOption = None,
@@ -43,10 +46,10 @@ def events(
     rows: list[EventRow] = []
     with reported("finding events") as progress:
         opened = open_run(folder, root, env)
-        rollouts = opened.rollouts(scene)
+        run, rollouts = PlayedRun(opened), opened.rollouts(scene)
         progress.started(len(rollouts))
         for rollout in rollouts:
-            played = replay(opened.scene(rollout.scene), rollout, opened.card, opened.run.info.agent)
+            played = run.replay(rollout)
             tally.add(played)
             rows += event_rows(played, kind or KINDS, str(folder), root, env)
             progress.done(rollout.scene)

@@ -8,6 +8,8 @@ import typer
 from ..parallel import reported
 from ..running.stored import open_run
 from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
+from ..viz.moments import AT, found
+from ..viz.played import PlayedRun
 from ..viz.replay import replay
 from ..viz.terminal.output import show
 from .options import DataOption, FolderArgument, RunCardOption, file_option
@@ -18,10 +20,7 @@ def video(
     folder: FolderArgument,
     output: Annotated[Path, file_option("-o", "--output", text="File to write: .mp4 or .gif.", suffixes=KINDS)],
     scene: Annotated[str | None, typer.Option(help="Which scene. Default: the first of the run.")] = None,
-    at: Annotated[
-        str | None,
-        typer.Option(help="This event alone, from 3 s before to 3 s after; `mtp-bench events` lists them."),
-    ] = None,
+    at: Annotated[str | None, typer.Option(help=f"Only from 3 s before to 3 s after this moment: {AT}.")] = None,
     fps: Annotated[
         float | None, typer.Option(min=0.1, max=50, help="Pictures per second. Default: as many as were recorded.")
     ] = None,
@@ -33,9 +32,14 @@ def video(
     with reported("drawing the video") as progress:
         opened = open_run(folder, root, env)
         rollout = opened.first(scene)
-        played = replay(opened.drawn(rollout.scene, say), rollout, opened.card, opened.run.info.agent)
-        frames = frames_around(played, at)
+        drawn = opened.drawn(rollout.scene, say)
+        if at is None:
+            played, incident = replay(drawn, rollout, opened.card, opened.run.info.agent), None
+        else:
+            played = PlayedRun(opened).replay(rollout, drawn)
+            incident = found(played, at)
+        frames = frames_around(played, incident)
         progress.started(len(frames))
         rate = fps or opened.card.task.rate
-        write_video(output, pictures(played, frames, at), rate, lambda: progress.done(rollout.scene))
+        write_video(output, pictures(played, frames, incident), rate, lambda: progress.done(rollout.scene))
     show(f"{output}: scene {rollout.scene}, frames {frames.start} to {frames.stop - 1}, {rate:g} per second")

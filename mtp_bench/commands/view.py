@@ -16,7 +16,9 @@ from ..running.stored import OpenedRun, open_run
 from ..viz.drawing.report import save_report
 from ..viz.focus import Focus
 from ..viz.framing import focuses_of
-from ..viz.replay import Replay, replay
+from ..viz.moments import AT, found
+from ..viz.played import PlayedRun
+from ..viz.replay import Replay
 from ..viz.rerun.shown import LEVELS
 from ..viz.sentence import sentence
 from ..viz.terminal.output import show
@@ -29,9 +31,7 @@ def view(
         list[Path], typer.Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
     ],
     scene: Annotated[str | None, typer.Option(help="Which scene. Default: the first of the run.")] = None,
-    at: Annotated[
-        str | None, typer.Option(help="Open at this event of the first run; `mtp-bench events` lists them.")
-    ] = None,
+    at: Annotated[str | None, typer.Option(help=f"Open the first run there: {AT}.")] = None,
     level: Annotated[
         str, choice(LEVELS, text="tracks, top (3 samples per object) or all (every sample and hypothesis).")
     ] = "top",
@@ -42,7 +42,7 @@ def view(
         Path | None,
         file_option(
             "--png",
-            text="Write a picture of the event (.png) instead; needs --at, no screen, no rerun.",
+            text="Write a picture (.png) instead; needs --at, no screen, no rerun.",
             suffixes=(".png",),
         ),
     ] = None,
@@ -55,7 +55,7 @@ def view(
         raise typer.BadParameter("choose one of them", param_hint="--save, --web, --png")
     if png is not None and at is None:
         raise typer.BadParameter(
-            "a picture shows one event: name it with --at; `mtp-bench events` lists them", param_hint="--png"
+            "a picture shows one moment: name it with --at; `mtp-bench worst` lists them", param_hint="--png"
         )
     runs = _opened(folders, root, env)
     if png is None:
@@ -66,7 +66,7 @@ def view(
         if save is None and not web:
             require_display()
     replays = _replays(runs, scene, at is not None)
-    incident = None if at is None else replays[0].incident(at)
+    incident = None if at is None else found(replays[0], at)
     focuses = [] if incident is None else focuses_of(replays, incident)
     shown = _sentence(replays, focuses)
     if png is not None:
@@ -116,8 +116,7 @@ def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list
         if run is not first:
             given = replace(content, detections=run.scene(name).detections)
         agent = info.agent if len(counts[info.agent]) == 1 else f"{info.agent} (H = {info.hypotheses or 1})"
-        played = replay(given, run.first(name), run.card, agent)
-        replays.append(replace(played, images=cameras))
+        replays.append(replace(PlayedRun(run).replay(run.first(name), given, agent), images=cameras))
     return replays
 
 

@@ -41,6 +41,7 @@ class RunInfo(Section):
     split: str
     keywords: dict[str, Any]  # further settings of the env
     agent: str
+    folder: str = ""  # of its submission; empty: an object of a program
     parameters: dict[str, Any]
     hypotheses: int | None = None  # as the submission declares; None: as many as the agent states
     submission_digest: str

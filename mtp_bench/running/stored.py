@@ -13,6 +13,7 @@ from ..env.environment import MTPEnv
 from ..env.observation import shown_boxes
 from ..errors import RolloutError, UnknownNameError
 from ..files import require_folder
+from ..parallel import SERIAL, parallel_map
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.targets import left_out
@@ -148,6 +149,7 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
         split=env.card.source.split,
         keywords={name: value for name, value in keywords.items() if name not in ("samples", "observe")},
         agent=submission.name,
+        folder=str(submission.path) if submission.digest else "",
         parameters=setting.parameters,
         hypotheses=setting.hypotheses,
         submission_digest=submission.digest,
@@ -174,23 +176,33 @@ def score(
     opened = open_run(Path(folder), options.data, env_id)
     info, card = opened.run.info, opened.card
     options.progress.started(len(opened.run.rollouts))
-    scores: list[SceneScore] = []
-    for rollout in opened.run.rollouts:
-        scores.append(score_scene(opened.recorded(rollout.scene), rollout, card))
-        options.progress.done(rollout.scene)
-    agent = AgentScores(
-        agent=info.agent,
-        hypotheses=info.hypotheses or stated_hypotheses([scores]),
-        samples=info.samples,
-        budget="equal" if info.samples == card.task.samples else "free",
-        seeds=(tuple(scores),),
-        observe=info.observe,
-    )
+    agent = run_scores(opened, options)
     reference = reference_for(card, [rollout.scene for rollout in opened.run.rollouts], options)
     report = summarise([agent], card, reference)
     if info.note:
         report.condition["trained"] = f"{info.note}: {info.agent}"
-    return StoredScore(report, total_skipped(each.skipped for each in scores))
+    return StoredScore(report, total_skipped(each.skipped for each in agent.seeds[0]))
+
+
+def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores:
+    """Scores of a stored run; ``options``: workers and progress."""
+    info, rollouts = opened.run.info, opened.run.rollouts
+    calls = [(opened.card, opened.data, rollout) for rollout in rollouts]
+    source = opened.source if options.workers == SERIAL else None
+    scores = parallel_map(
+        _scored,
+        [(*call, source) for call in calls],
+        options.workers,
+        lambda i: options.progress.done(rollouts[i].scene),
+    )
+    return AgentScores(
+        agent=info.agent,
+        hypotheses=info.hypotheses or stated_hypotheses([scores]),
+        samples=info.samples,
+        budget="equal" if info.samples == opened.card.task.samples else "free",
+        seeds=(tuple(scores),),
+        observe=info.observe,
+    )
 
 
 def open_run(folder: Path, data: str | None = None, env: str | Card | None = None) -> OpenedRun:
@@ -203,6 +215,10 @@ def open_run(folder: Path, data: str | None = None, env: str | Card | None = Non
     card = _card(folder, stored.info, env)
     _check(folder, stored)
     return OpenedRun(folder, stored, card, open_source(card, data), data)
+
+
+def _scored(card: Card, data: str | None, rollout: Rollout, source: SceneSource | None) -> SceneScore:
+    return score_scene((source or open_source(card, data)).load(rollout.scene), rollout, card)
 
 
 def _with_skipped(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, dict[str, int]]:

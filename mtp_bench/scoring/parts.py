@@ -5,13 +5,12 @@ agent's own predictor: perfect association of the same detections, and ground-tr
 error and in its share from targets without a forecast, so both are averaged over budgets and seeds before the split.
 """
 
-from __future__ import annotations
-
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..types import Floats
+from ..types import Floats, Ints
 from .absence import AbsentCause
 from .statistics import ratio
 from .table import AgentScores, AgentTable, over_seeds
@@ -29,14 +28,46 @@ PARTS = {  # key of `Row` without "cost_" -> printed name; the first four are of
     "undetected_new": "never detected so far",
     "undetected_seen": "not detected now",
 }
+LEAST_SHOWN = 0.05  # m, of a part in a text
+BELOW = PARTS["below_threshold"]
 # Plain errors [n] m of perfect association, of the same with the present place moved to the truth, and of ground-truth
 # tracks: means over the seeds that cover a target, NaN without one
 ReferenceErrors = tuple[Floats, Floats, Floats]
 
 
-def name_of(absent_cause: int) -> str:
-    """Printed name of the part that the error of one target is without references; -1 for a target with a forecast."""
-    return PARTS["rest" if absent_cause < 0 else AbsentCause(absent_cause).name.lower()]
+class SceneParts(NamedTuple):
+    """Parts of the targets of a scene, and what is usual in its run."""
+
+    part: Floats  # [n, len(PARTS)] m
+    usual: float  # m, mean of `blame` over the targets of all scenes
+
+
+def plain_parts(error: Floats, absent_cause: Ints) -> Floats:
+    """Parts [n, len(PARTS)] of the plain ``error`` [n], m, without references: one for each target.
+
+    ``absent_cause`` [n]: of `AbsentCause`; -1 for a target with a forecast, whose error is its rest.
+    """
+    columns = [list(PARTS).index(name) for name in (*(cause.name.lower() for cause in AbsentCause), "rest")]
+    part = np.zeros((len(error), len(PARTS)))
+    part[np.arange(len(error)), np.array(columns)[absent_cause]] = error
+    return part
+
+
+def blame(part: Floats) -> Floats:
+    """Sum [...] of the ``part`` [..., len(PARTS)], m, but below threshold, which depends on all other forecasts."""
+    return np.asarray(part.sum(axis=-1) - part[..., list(PARTS).index("below_threshold")])
+
+
+def named_parts(part: Floats) -> dict[str, float]:
+    """Parts [len(PARTS)] by name, m, without those of 0: the largest first, below threshold last."""
+    named = {name: float(value) for name, value in zip(PARTS.values(), part, strict=True) if value}
+    return dict(sorted(named.items(), key=lambda each: (each[0] == BELOW, -each[1])))
+
+
+def parts_text(parts: Mapping[str, float]) -> str:
+    """The parts as text: "other class 5.0 m, predictor 3.1"; those that round to 0 are left out."""
+    shown = [f"{name} {value:.1f}" for name, value in parts.items() if abs(value) >= LEAST_SHOWN]
+    return " m, ".join([shown[0], ", ".join(shown[1:])]) if len(shown) > 1 else f"{shown[0]} m" if shown else "nothing"
 
 
 def reference_errors(

@@ -4,20 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..scoring.parts import name_of
-from .replay import NO_EVENT, Incident, Replay, known
+from .replay import MOMENT, Incident, Replay
 
 
 def counterpart(run: Replay, at: Incident) -> Incident:
     """The incident of ``run`` at the place of ``at``, an incident of another run of the same scene.
 
     It is the event of the object in that frame, or the false forecast near that place; without either, an incident of
-    kind NO_EVENT with the track that follows the object and the error of its forecast.
+    kind MOMENT.
     """
     if at.object_id < 0:
         return _false_forecast(run, at)
     own = [i for i in run.events if (i.object_id, i.frame) == (at.object_id, at.frame)]
-    return own[0] if own else _no_event(run, at)
+    return own[0] if own else replace(run.moment(at.row), name="no event")
 
 
 def _false_forecast(run: Replay, at: Incident) -> Incident:
@@ -26,31 +25,10 @@ def _false_forecast(run: Replay, at: Incident) -> Incident:
     row = rows.start + np.flatnonzero(run.forecast_false[rows] & (run.rollout.object_class[rows] == at.class_id))
     far = np.hypot(*(run.rollout.object_box[row, :2] - np.array(at.position[:2])).T)
     if not (far <= run.card.per_class(run.card.task.forecast_gate)[at.class_id]).any():
-        return replace(at, kind=NO_EVENT, name="no event", row=-1, new_id=-1, confidence=None)
+        return replace(at, kind=MOMENT, name="no event", row=-1, new_id=-1, confidence=None)
     best = int(row[np.argmin(far)])
     track = int(run.answers.object_track_id[best])
     lasting = [i for i in run.incidents if i.kind == "spurious" and i.frame <= at.frame <= i.until]
     incident = next(i for i in lasting if i.row == best or i.new_id == track >= 0)
     x, y, z = run.rollout.object_box[best, :3].tolist()
     return replace(incident, frame=at.frame, row=best, position=(x, y, z))
-
-
-def _no_event(run: Replay, at: Incident) -> Incident:
-    """The track that follows the object, without an event."""
-    track = int(np.append(run.rollout.track_id, -1)[run.truth_track[at.row]])
-    truth = run.scene.truth
-    before = np.flatnonzero((truth.object_id == at.object_id) & (truth.frame_of_rows < at.frame))
-    min_ade, error, confidence, cause = map(known, run.worth[at.row])
-    return replace(
-        at,
-        kind=NO_EVENT,
-        name="no event",
-        old_id=track,
-        new_id=track,
-        wrong=False,
-        minADE=min_ade,
-        error=error,
-        part=None if cause is None else name_of(int(cause)),
-        error_before=known(run.worth[before[-1], 1]) if len(before) else None,
-        confidence=confidence,
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..env.live import LiveEpisode
-from ..errors import UnknownNameError
+from ..errors import RolloutError, UnknownNameError
 from ..scoring.absence import absent_causes
 from ..scoring.bade import capped_error
 from ..scoring.events import object_history
@@ -20,7 +21,7 @@ from ..scoring.holes import pieces, separated_truth
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
-from ..scoring.parts import name_of
+from ..scoring.parts import BELOW, PARTS, SceneParts, blame, named_parts, plain_parts
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets, live_frames
 from ..sources import CameraImage
@@ -29,29 +30,39 @@ from .answers import Answers
 
 KINDS = ("ids", "lost", "reacquired", "spurious")  # the last: false forecasts
 EGO_SIZE = (4.6, 1.9, 1.6)  # m, l w h of a usual car: sources do not state the size of their vehicle
-NO_EVENT = "none"  # kind of the incident of another run at an event of the first
+MOMENT = "moment"  # kind of the incident of an object in a frame without an event
 
 
 @dataclass(frozen=True)
 class Incident:
-    """One event of the best hypothesis along its lineage, or a run of false forecasts of one track."""
+    """One event of the best hypothesis along its lineage, a run of false forecasts of one track, or a moment."""
 
-    kind: str  # of KINDS, or NO_EVENT
+    kind: str  # of KINDS, or MOMENT
     frame: int
     until: int  # last frame: that of the event itself, but of a run its end
     row: int  # of the truth; of a run: of its first forecast object
     class_id: int
     position: tuple[float, float, float]  # m, of the true box or of the first false forecast, frame of the scene
-    name: str = ""  # kind and number within the scene, in the order of frames: "ids-0"
+    name: str = ""  # kind and number within the scene, in the order of frames: "ids-0"; of a moment "car_turn@17"
     object_id: int = -1  # -1 for a run
     old_id: int = -1  # track that matched the object last, before this frame; -1 without one
     new_id: int = -1  # track that matches it now; of a run its own track; -1 without one
     wrong: bool = False  # a loss whose old track is still output, but outside the gate
     minADE: float | None = None  # noqa: N815  (m, of the target's forecast then; None: not a target, or not covered)
-    error: float | None = None  # m, min(minADE, c), c if not covered; None: not a target
-    part: str | None = None  # name of the part of bADE that this error is: its cause, or the rest; None: not a target
-    error_before: float | None = None  # m, the same of the object a frame before
+    parts: Mapping[str, float] | None = None  # m, by name, those of the target's error; None: not a target
+    error_before: float | None = None  # m, error of the object a frame before
     confidence: float | None = None  # of the object's forecast then; of a run the highest; None: no forecast
+    first: int = -1  # of a moment that lasts: its first frame; -1: ``frame``
+
+    @property
+    def error(self) -> float | None:
+        """Sum of the parts, m: the target's bADE, or its plain error where the run was not scored as a whole."""
+        return None if self.parts is None else sum(self.parts.values())
+
+    @property
+    def blame(self) -> float:
+        """The error without the part below threshold, m; 0 if it is not a target."""
+        return sum(value for name, value in (self.parts or {}).items() if name != BELOW)
 
     @property
     def label(self) -> str:
@@ -78,7 +89,9 @@ class Replay:
     detection_false: Bools  # [D] false positives, by the event gate
     forecast_false: Bools  # [O] by the forecast gate, every forecast kept
     truth_forecast: Ints  # [R] forecast object matched to each true box, every forecast kept, -1 without one
-    worth: Floats  # [R, 4] minADE, error (m), confidence and absent cause of the forecast of each true box, or NaN
+    worth: Floats  # [R, 2] minADE (m) and confidence of the forecast of each true box, or NaN
+    part: Floats  # [R, len(PARTS)] m, of the error of each true box; NaN: not a target
+    usual: float = 0.0  # m, mean blame of a target of the run
     incidents: tuple[Incident, ...] = ()  # in the order of frames
     agent: str = ""  # name
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
@@ -99,7 +112,8 @@ class Replay:
             detection_false=np.zeros(len(scene.detections.box), dtype=bool),
             forecast_false=np.zeros(len(rollout.object_box), dtype=bool),
             truth_forecast=truth,
-            worth=np.full((len(truth), 4), np.nan),
+            worth=np.full((len(truth), 2), np.nan),
+            part=np.full((len(truth), len(PARTS)), np.nan),
             first=first,
             judged=False,
         )
@@ -147,14 +161,42 @@ class Replay:
             f"event of scene {self.scene.name}", name, [i.name for i in self.incidents], "`mtp-bench events` lists them"
         )
 
+    @cached_property
+    def previous(self) -> Ints:
+        """Row [R] of the same object in the frame before each true box, -1 without one or across a hole in time."""
+        return object_history(separated_truth(self.scene, self.card)).previous()
+
+    def moment(self, row: int) -> Incident:
+        """The object of a true box in its frame, without an event."""
+        truth, track_id, before = self.scene.truth, np.append(self.rollout.track_id, -1), int(self.previous[row])
+        frame, object_id = int(np.searchsorted(truth.start, row, side="right")) - 1, int(truth.object_id[row])
+        error_before = self.part[before].sum() if before >= 0 else np.nan
+        return Incident(
+            kind=MOMENT,
+            frame=frame,
+            until=frame,
+            row=row,
+            class_id=int(truth.class_id[row]),
+            position=_position(truth.box[row]),
+            name=f"{self.scene.short_name(object_id)}@{frame}",
+            object_id=object_id,
+            old_id=int(track_id[self.truth_track[before]]) if before >= 0 else -1,
+            new_id=int(track_id[self.truth_track[row]]),
+            minADE=known(self.worth[row, 0]),
+            parts=None if np.isnan(self.part[row, 0]) else named_parts(self.part[row]),
+            error_before=known(error_before),
+            confidence=known(self.worth[row, 1]),
+        )
+
     def recent(self, t: int, frames: float) -> list[Incident]:
         """The newest event of each object in the last ``frames`` frames until frame ``t``."""
         return list({e.object_id: e for e in self.events if t - frames < e.frame <= t}.values())
 
 
-def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Replay:
+def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "", parts: SceneParts | None = None) -> Replay:
     """The run of a scene with its judgement.
 
+    ``parts``: of the errors of its targets, in their order; None: of their plain errors, without references.
     Raises RolloutError for a rollout of another scene or another number of frames or classes.
     """
     check_rollout(scene, rollout, card)
@@ -167,7 +209,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
     )
     detection_pairs = gated_pairs(truth, detected.start, detected.box, detected.class_id, card)
     of_detection = match_neutral_last(detection_pairs, truth.neutral, len(detected.box))
-    worth, truth_forecast, forecast_false = _forecasts(scene, rollout, card)
+    worth, parts, truth_forecast, forecast_false = _forecasts(scene, rollout, card, parts)
     track_false = answers.shown.copy()
     track_false[chosen] = of_track.unmatched
     run = Replay(
@@ -180,6 +222,8 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "") -> Repla
         forecast_false=forecast_false & scene.truth_complete,
         truth_forecast=truth_forecast,
         worth=worth,
+        part=parts.part,
+        usual=parts.usual,
     )
     return replace(run, incidents=_named([*_identity_incidents(run), *_runs(run)]))
 
@@ -189,49 +233,44 @@ def ego_boxes(ego: Floats) -> Floats:
     return np.concatenate([ego, np.broadcast_to(EGO_SIZE, (len(ego), 3))], axis=1)
 
 
-def _forecasts(scene: Scene, rollout: Rollout, card: Card) -> tuple[NDArray[np.float64], Ints, Bools]:
-    """Worth of the forecast of each true box [R, 4], its row [R], and the false forecasts [O].
+def _forecasts(
+    scene: Scene, rollout: Rollout, card: Card, parts: SceneParts | None
+) -> tuple[Floats, SceneParts, Ints, Bools]:
+    """Worth [R, 2], parts and row [R] of the forecast of each true box, and the false forecasts [O].
 
-    Worth is minADE, error, confidence and `AbsentCause`, with NaN for missing values: of a box that is not a target,
-    and minADE of a target without a forecast; with one it has -1 for the cause.
+    Raises RolloutError if ``parts`` are of other targets.
     """
     targets = find_targets(scene, card)
     pairs = candidates(scene, targets, RecordedForecasts.of(rollout), live_frames(scene, card), card)
     matching = match_by_confidence(pairs, rollout.object_confidence)
     errors, forecast = final_errors(pairs, matching)
-    worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
-    table = np.full((len(scene.truth.box), 4), np.nan)
-    table[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
-    table[targets.row, 1] = capped_error(errors.min_ade, worst)
-    table[:, 2] = np.append(rollout.object_confidence, np.nan)[forecast]
-    table[targets.row, 3] = np.where(errors.covered, -1, absent_causes(scene, targets, card))
-    return table, forecast, matching.false
+    if parts is None:
+        worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
+        cause = np.where(errors.covered, -1, absent_causes(scene, targets, card))
+        plain = plain_parts(capped_error(errors.min_ade, worst), cause)
+        parts = SceneParts(plain, float(blame(plain).mean()) if len(plain) else 0.0)
+    if len(parts.part) != len(targets):
+        found = f"{len(targets)} targets, expected {len(parts.part)} as when its run was scored"
+        raise RolloutError(f"scene {scene.name!r} has {found}: run the agent again")
+    worth, part = (np.full((len(scene.truth.box), size), np.nan) for size in (2, len(PARTS)))
+    worth[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
+    worth[:, 1] = np.append(rollout.object_confidence, np.nan)[forecast]
+    part[targets.row] = parts.part
+    return worth, parts._replace(part=part), forecast, matching.false
 
 
 def _identity_incidents(run: Replay) -> list[Incident]:
     """Switches, losses and re-acquisitions."""
-    truth, rollout, hypotheses, worth = run.scene.truth, run.rollout, run.answers.hypotheses, run.worth
+    truth, rollout, hypotheses = run.scene.truth, run.rollout, run.answers.hypotheses
     frame, separate = truth.frame_of_rows, separated_truth(run.scene, run.card)
     events = lineage_events(separate, rollout, hypotheses, run.matched).of(hypotheses.best[frame])
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
-    error_before = np.append(worth[:, 1], np.nan)[object_history(separate).previous()]
     return [
-        Incident(
+        replace(
+            run.moment(int(row)),
             kind=kind,
-            frame=int(frame[row]),
-            until=int(frame[row]),
-            row=int(row),
-            class_id=int(truth.class_id[row]),
-            position=_position(truth.box[row]),
-            object_id=int(truth.object_id[row]),
             old_id=int(track_id[events.old[row, 0]]),
-            new_id=int(track_id[run.truth_track[row]]),
             wrong=bool(events.wrong[row, 0]),
-            minADE=known(worth[row, 0]),
-            error=known(worth[row, 1]),
-            part=None if np.isnan(worth[row, 3]) else name_of(int(worth[row, 3])),
-            error_before=known(error_before[row]),
-            confidence=known(worth[row, 2]),
         )
         for kind in ("ids", "lost", "reacquired")
         for row in np.flatnonzero(getattr(events, kind)[:, 0])

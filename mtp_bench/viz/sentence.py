@@ -8,7 +8,7 @@ import numpy as np
 from ..geometry import wrap_angle
 from ..types import Floats
 from .focus import Focus, ObjectForecast
-from .replay import NO_EVENT
+from .replay import MOMENT
 from .terminal.output import counted
 
 STILL = 1.0  # m, within the horizon: an object that moves less stands still
@@ -22,7 +22,7 @@ def sentence(focus: Focus) -> str:
     if at.object_id < 0:
         missing = f"{when} there is no false forecast of a {focus.noun}"
         return f"{at.name}: {_spurious(focus) if at.kind == 'spurious' else missing}"
-    happened = {"ids": _switched, "lost": _lost, "reacquired": _found, NO_EVENT: _kept}[at.kind](focus)
+    happened = {"ids": _switched, "lost": _lost, "reacquired": _found, MOMENT: _kept}[at.kind](focus)
     return f"{at.name}: {when} {focus.named} {happened}; {_error(focus)}"
 
 

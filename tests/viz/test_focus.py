@@ -15,7 +15,7 @@ from mtp_bench.viz.counterpart import counterpart
 from mtp_bench.viz.drawing.report import SIZE, report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, frame_of, turn_of, window_of
-from mtp_bench.viz.replay import NO_EVENT, Replay, replay
+from mtp_bench.viz.replay import MOMENT, Replay, replay
 from mtp_bench.viz.sentence import sentence
 from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, crowd, told
 from tests.support.scoring_scenes import (
@@ -238,7 +238,7 @@ def test_an_event_of_the_same_object_and_frame(first: Replay) -> None:
 def test_no_event(first: Replay) -> None:
     run = steady(first)
     found = counterpart(run, first.incident("ids-0"))
-    assert (found.kind, found.frame, found.object_id) == (NO_EVENT, EVENT, 5)
+    assert (found.kind, found.frame, found.object_id) == (MOMENT, EVENT, 5)
     assert (found.old_id, found.new_id) == (7, 7)
     assert found.error == pytest.approx(0.0, abs=0.01)
     focus = Focus(run, found)
@@ -261,7 +261,7 @@ def test_false_forecasts(first: Replay) -> None:
     assert same.position[0] == pytest.approx(90.5)
     for other in (false_forecasts(first, (99.0, 90.0), range(1, 5)), false_forecasts(first, (90.0, 90.0), range(5, 9))):
         none = counterpart(other, at)
-        assert (none.kind, none.new_id) == (NO_EVENT, -1)
+        assert (none.kind, none.new_id) == (MOMENT, -1)
         focus = Focus(other, none)
         assert sentence(focus) == "no event: at 0.2 s there is no false forecast of a car"
         assert report(focus).size == SIZE

@@ -12,7 +12,7 @@ from PIL import Image
 from ...errors import MtpBenchError
 from ...files import whole_file
 from ..focus import Focus
-from ..replay import Replay
+from ..replay import Incident, Replay
 from .birds_eye import SIZE, draw_frame, windows_of
 from .report import picture
 
@@ -31,22 +31,22 @@ def require_encoder(kind: str) -> None:
             raise MtpBenchError("mp4 files need PyAV: `pip install av`, or write a .gif") from None
 
 
-def frames_around(run: Replay, event: str | None) -> range:
-    """All frames, or those at most AROUND seconds from the event of this name; raises UnknownNameError."""
-    if event is None:
+def frames_around(run: Replay, at: Incident | None) -> range:
+    """All frames, or those at most AROUND seconds from an incident."""
+    if at is None:
         return range(run.frames)
     time = run.scene.time
-    near = np.flatnonzero(np.abs(time - time[run.incident(event).frame]) <= AROUND + 1e-6)
+    near = np.flatnonzero(np.abs(time - time[at.frame]) <= AROUND + 1e-6)
     return range(int(near[0]), int(near[-1]) + 1)
 
 
-def pictures(run: Replay, frames: Iterable[int], event: str | None = None) -> Iterator[Picture]:
-    """Bird's-eye pictures of these frames, all of one size; with an ``event``, close-ups in which all else is dim."""
-    if event is None:
+def pictures(run: Replay, frames: Iterable[int], at: Incident | None = None) -> Iterator[Picture]:
+    """Bird's-eye pictures of these frames, all of one size; with an incident, close-ups in which all else is dim."""
+    if at is None:
         windows = windows_of(run.scene, run.card)
         yield from (draw_frame(run, t, windows[t]) for t in frames)
     else:
-        focus = Focus(run, run.incident(event))
+        focus = Focus(run, at)
         yield from (np.asarray(picture(focus, t, SIZE), dtype=np.uint8) for t in frames)
 
 

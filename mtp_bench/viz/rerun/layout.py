@@ -11,7 +11,7 @@ from ...cards import Card
 from ...types import Floats
 from ..framing import turn_of, window_of
 from ..palette import Color
-from ..replay import KINDS, NO_EVENT, Incident
+from ..replay import KINDS, MOMENT, Incident
 from .sdk import rr, rrb
 from .shown import ShownAgent
 
@@ -186,7 +186,7 @@ def _alone(agent: ShownAgent, others: Sequence[Any]) -> Any:
         f"{world}/false_forecast": hidden,
         box: rr.Boxes3D.from_fields(colors=DARKER, radii=-0.5, show_labels=False, fill_mode="majorwireframe"),
     }
-    name = f"{focus.at.name} alone" if focus.at.kind != NO_EVENT else "the same object: no event"
+    name = f"{focus.at.name} alone" if focus.at.kind != MOMENT else "the same object: no event"
     view = eye.view_of(agent.titled(name), contents, dim)
     name = agent.titled("the frames t - 1, t and t + 1")
     pictures = rrb.Spatial2DView(origin=f"/{agent.root}focus/pictures", name=name)

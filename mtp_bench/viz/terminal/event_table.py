@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from ...scoring.parts import parts_text
 from ...tables import BLANK, Column, Table
 from ..replay import KINDS, Incident, Replay
 from .output import command_line, counted
 
-ORDERS = ("time", "cost")
+ORDERS = ("time", "cost", "confidence", "length")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
 CAPTION = (
-    "minADE: of the forecast made then, metres; – where the object is not a target, or was not forecast. error: "
-    "min(minADE, c), c where it was not forecast: the cost of the event. part: the part of bADE that this cost is: "
-    "the cause where it was not forecast, else the rest, which one run alone cannot split. confidence: that of the "
-    "forecast; of a run of false forecasts (spurious) the highest. *: the old track is still output, outside the gate."
+    "minADE: of the forecast made then, metres; – where the object is not a target, or was not forecast. error: what "
+    "it adds to bADE, and its parts. confidence: that of the forecast; of a run of false forecasts (spurious) the "
+    "highest. *: the old track is still output, outside the gate."
 )
 LOOK = (
     "To look at one, name its scene and event as for the first of them; with --png FILE.png it becomes a picture, "
@@ -32,6 +32,8 @@ class EventRow:
     seconds: float  # since the first frame
     class_name: str
     incident: Incident
+    object_name: str  # class, and id in the source
+    object_id: str | None  # in the source; None: of no object
     view: str  # the command that shows it
 
 
@@ -67,8 +69,10 @@ def event_rows(
         EventRow(
             scene=scene,
             seconds=float(time[incident.frame] - time[0]),
-            class_name=classes[incident.class_id],
+            class_name=(noun := classes[incident.class_id]),
             incident=incident,
+            object_name=noun if incident.object_id < 0 else f"{noun} {replay.scene.short_name(incident.object_id)}",
+            object_id=None if incident.object_id < 0 else replay.scene.name_of(incident.object_id),
             view=command_line("view", folder, scene=scene, at=incident.name, data=data, env=env),
         )
         for incident in replay.incidents
@@ -77,20 +81,29 @@ def event_rows(
 
 
 def in_order(rows: Sequence[EventRow], order: str) -> list[EventRow]:
-    """The rows by ``order`` of ORDERS.
+    """The rows by ``order`` of ORDERS, the largest first.
 
-    "cost": the largest error first; among equal ones the largest rise since the frame before, then the largest
-    minADE. Objects that are not targets cost nothing and come last.
+    "cost": by the error without the part below threshold, then by its rise since the frame before and by minADE; false
+    forecasts, which have none, by confidence. Objects that are not targets cost nothing and come last.
     """
-    return sorted(rows, key=_cost, reverse=True) if order == "cost" else list(rows)
+    return sorted(rows, key=_ORDER[order], reverse=True) if order in _ORDER else list(rows)
 
 
-def _cost(row: EventRow) -> tuple[float, float, float]:
+def _cost(row: EventRow) -> tuple[float, ...]:
     event = row.incident
     if event.error is None:
-        return -1.0, 0.0, 0.0
+        return -1.0, event.confidence or 0.0
     rise = 0.0 if event.error_before is None else event.error - event.error_before
-    return event.error, rise, event.minADE or 0.0
+    return event.blame, rise, event.minADE or 0.0
+
+
+def _length(row: EventRow) -> float:
+    return row.incident.until - row.incident.frame
+
+
+_ORDER: dict[str, Callable[[EventRow], Any]] = {
+    "cost": _cost, "confidence": lambda row: row.incident.confidence or 0.0, "length": _length,
+}  # fmt: skip
 
 
 def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
@@ -140,7 +153,7 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
 
 def _record(row: EventRow) -> dict[str, Any]:
     event = row.incident
-    same = ("frame", "until", "kind", "wrong", "minADE", "error", "part", "error_before", "confidence")
+    same = ("frame", "until", "kind", "wrong", "minADE", "error", "parts", "error_before", "confidence")
     ids = {"object": event.object_id, "old_id": event.old_id, "new_id": event.new_id}
     return {
         "scene": row.scene,
@@ -148,6 +161,7 @@ def _record(row: EventRow) -> dict[str, Any]:
         "event": event.name,
         "class": row.class_name,
         **{name: None if identity < 0 else identity for name, identity in ids.items()},
+        "object_id": row.object_id,
         "position": list(event.position),
         **{name: getattr(event, name) for name in same},
         "view": row.view,
@@ -159,10 +173,6 @@ def _frames(row: EventRow) -> str:
     return str(event.frame) if event.until == event.frame else f"{event.frame}–{event.until}"
 
 
-def _object(row: EventRow) -> str:
-    return row.class_name + ("" if row.incident.object_id < 0 else f" {row.incident.object_id}")
-
-
 def _track(row: EventRow) -> str:
     old, new = (BLANK if each < 0 else str(each) for each in (row.incident.old_id, row.incident.new_id))
     return new if row.incident.kind == "spurious" else f"{old} → {new}"
@@ -172,10 +182,10 @@ _COLUMNS = (
     Column(key="scene"),
     Column(key="frame", read=_frames),
     Column(key="event", read=lambda row: row.incident.name + ("*" if row.incident.wrong else "")),
-    Column(key="object", read=_object),
+    Column(key="object", read=lambda row: row.object_name),
     Column(key="track", read=_track),
     Column(key="minADE", format=".2f", read=lambda row: row.incident.minADE),
     Column(key="error", format=".2f", read=lambda row: row.incident.error),
-    Column(key="part", read=lambda row: row.incident.part),
+    Column(key="parts", read=lambda row: row.incident.parts and parts_text(row.incident.parts)),
     Column("confi-\ndence", key="confidence", format=".2f", read=lambda row: row.incident.confidence),
 )

@@ -1,0 +1,64 @@
+"""``mtp-bench worst``."""
+
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from ..parallel import reported
+from ..running.stored import open_run
+from ..scoring.parts import BELOW, PARTS
+from ..viz.moments import costs
+from ..viz.played import PlayedRun
+from ..viz.terminal.output import counted, show, show_command, show_lines, show_table
+from ..viz.terminal.worst_table import CAPTION, WorstRow, worst_json, worst_rows, worst_table
+from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice, one_of
+from .output import write_json
+
+LOOK = "To look at the first; with --png FILE.png it becomes a picture, without a screen:"
+
+
+def worst(
+    folder: FolderArgument,
+    scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
+    cause: Annotated[
+        str | None, choice(tuple(PARTS.values()), text="Only moments whose largest part has this name.")
+    ] = None,
+    class_name: Annotated[str | None, typer.Option("--class", help="Only objects of this class.")] = None,
+    within: Annotated[
+        float | None, typer.Option(min=0, help="Only objects at most so many metres from the ego.")
+    ] = None,
+    top: Annotated[int, typer.Option(min=1, help="How many.")] = 20,
+    root: DataOption = None,
+    env: RunCardOption = None,
+    json_file: JsonOption = None,
+) -> None:
+    """List the worst moments of a run: whose fault each was, and how to look at it."""
+    total, below, rows = 0.0, cause == BELOW, list[WorstRow]()
+    with reported("finding the worst moments") as progress:
+        opened = open_run(folder, root, env)
+        if class_name is not None:
+            one_of(class_name, opened.card.task.classes, "--class")
+        run, rollouts = PlayedRun(opened), opened.rollouts(scene)
+        progress.started(len(rollouts))
+        for rollout in rollouts:
+            played = run.replay(rollout)
+            total += float(np.nansum(costs(played, below)))
+            rows += worst_rows(played, below, str(folder), root, env)
+            progress.done(rollout.scene)
+    kept = [
+        row
+        for row in rows
+        if (cause is None or below or row.moment.cause == cause)
+        and (class_name is None or row.class_name == class_name)
+        and (within is None or row.moment.distance <= within)
+    ]
+    shown = sorted(kept, key=lambda row: -row.moment.cost)[:top]
+    write_json(json_file, worst_json(shown, total, opened.card.id, opened.run.info.agent))
+    if shown:
+        show_table(worst_table(shown, total))
+        show("")
+        show_lines([CAPTION, LOOK])
+        show_command(shown[0].view)
+    share = sum(row.moment.cost for row in shown) / total if total else 0.0
+    show(f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the error; {counted(len(rollouts), 'scene')}")

@@ -1,0 +1,129 @@
+"""Moments of a run: frames in which a forecast went wrong, with or without an event, and names that lead to them."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..errors import MtpBenchError, UnknownNameError
+from ..scoring.events import history
+from ..scoring.holes import separated_truth
+from ..scoring.parts import BELOW, PARTS, blame, named_parts
+from ..types import Floats, Ints
+from .replay import Incident, Replay
+
+AT = "an event, OBJECT@FRAME, an object, a frame (20) or a time (12.5s); `events` and `worst` list them"
+GAP_SECONDS = 0.5  # between two bad frames of one moment, at most
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A run of bad frames of one object."""
+
+    at: Incident  # its worst frame, with the span
+    frames: int  # targets in it
+    cost: float  # m, summed over them, that it is sorted by
+    parts: dict[str, float]  # m, by name, means over them
+    distance: float  # m from the ego to the object, in the worst frame
+
+    @property
+    def cause(self) -> str:
+        """Name of the largest part."""
+        return next(iter(self.parts))
+
+
+def costs(run: Replay, below: bool = False) -> Floats:
+    """Cost [R] of each true box, m: its blame, or its part ``below`` threshold; NaN for one that is no target."""
+    return run.part[:, list(PARTS.values()).index(BELOW)] if below else blame(run.part)
+
+
+def moments(run: Replay, below: bool = False) -> list[Moment]:
+    """Moments of a run by falling cost; a frame is bad whose cost is above what is usual in the run.
+
+    ``below``: the cost is the part below threshold, instead of all others.
+    """
+    cost = costs(run, below)
+    usual = float(np.nanmean(cost)) if below and np.isfinite(cost).any() else run.usual
+    return sorted((_moment(run, rows, cost) for rows in _spans(run, cost > usual)), key=lambda m: -m.cost)
+
+
+def _spans(run: Replay, bad: np.ndarray) -> Iterator[Ints]:
+    """Rows of the targets from the first to the last bad frame of each run of bad frames."""
+    objects = history(run.scene.truth.frame_of_rows, separated_truth(run.scene, run.card).object_id)
+    place = np.flatnonzero(bad[objects.order])
+    most = 1 + round(GAP_SECONDS * run.card.task.rate)
+    step, other = np.diff(objects.frame[place]), np.diff(objects.identity[place]) != 0
+    for span in np.split(place, np.flatnonzero(other | (step > most)) + 1) if len(place) else ():
+        rows = objects.order[span[0] : span[-1] + 1]
+        yield rows[np.isfinite(run.part[rows, 0])]
+
+
+def _moment(run: Replay, rows: Ints, cost: Floats) -> Moment:
+    frame, worst = run.scene.truth.frame_of_rows, int(rows[np.argmax(cost[rows])])
+    gap = run.scene.truth.box[worst, :2] - run.scene.ego[frame[worst], :2]
+    return Moment(
+        at=replace(run.moment(worst), first=int(frame[rows[0]]), until=int(frame[rows[-1]])),
+        frames=len(rows),
+        cost=float(cost[rows].sum()),
+        parts=named_parts(run.part[rows].mean(axis=0)),
+        distance=float(np.hypot(*gap)),
+    )
+
+
+def found(run: Replay, text: str) -> Incident:
+    """The incident that ``text`` names: an event, ``OBJECT@FRAME``, an object, a frame (20) or a time (12.5s).
+
+    An object stands for its worst frame, a frame for its worst target. An object is named by its id in the source, or
+    the beginning of it, with its class before it or not. Raises UnknownNameError, and MtpBenchError for a frame without
+    a target.
+    """
+    events = {incident.name: incident for incident in run.incidents}
+    if text in events:
+        return events[text]
+    name, _, frame = text.rpartition("@")
+    if name and frame.isdecimal():
+        return run.moment(_row_at(run, _rows_of(run, name), int(frame), text))
+    seconds = re.fullmatch(r"(\d+(?:\.\d+)?) ?s", text)
+    if seconds or text.isdecimal():
+        time = run.scene.time - run.scene.time[0]
+        t = int(np.argmin(np.abs(time - float(seconds[1])))) if seconds else int(text)
+        return _worst_of(run, t)
+    rows = _rows_of(run, text)
+    return run.moment(int(rows[np.argmax(np.nan_to_num(costs(run)[rows], nan=-1.0))]))
+
+
+def _rows_of(run: Replay, name: str) -> Ints:
+    """Rows of the object of this name; raises UnknownNameError."""
+    scene, classes = run.scene, run.card.task.classes
+    numbers, first = np.unique(scene.truth.object_id, return_index=True)
+    ids = {scene.name_of(int(number)): int(number) for number in numbers}
+    nouns = dict(zip(numbers.tolist(), (classes[i] for i in scene.truth.class_id[first]), strict=True))
+    word = name.rpartition(" ")[2]
+    for own in (name, word):
+        known = [number for each, number in ids.items() if own in (each, str(number))]
+        known = known or [number for each, number in ids.items() if own and each.startswith(own)]
+        known = [number for number in known if own == name or name == f"{nouns[number].replace('_', ' ')} {own}"]
+        if len(known) == 1:
+            return np.flatnonzero(scene.truth.object_id == known[0])
+    raise UnknownNameError(
+        f"object of scene {scene.name}", name, list(ids), "`mtp-bench worst` lists the worst of them, `events` events"
+    )
+
+
+def _row_at(run: Replay, rows: Ints, t: int, text: str) -> int:
+    """The row of an object in frame ``t``; raises MtpBenchError without one."""
+    frames = run.scene.truth.frame_of_rows[rows]
+    if t not in frames:
+        raise MtpBenchError(f"{text}: the object is not in frame {t}, but in frames {frames[0]} to {frames[-1]}")
+    return int(rows[np.searchsorted(frames, t)])
+
+
+def _worst_of(run: Replay, t: int) -> Incident:
+    """The worst target of frame ``t``; raises MtpBenchError without one."""
+    rows = np.flatnonzero((run.scene.truth.frame_of_rows == t) & np.isfinite(run.part[:, 0]))
+    if len(rows):
+        return run.moment(int(rows[np.argmax(costs(run)[rows])]))
+    targets = run.scene.truth.frame_of_rows[np.isfinite(run.part[:, 0])]
+    has = f"frames {targets[0]} to {targets[-1]} have some" if len(targets) else "no frame has one"
+    raise MtpBenchError(f"frame {t} of scene {run.scene.name} has no target: {has}; name an object, OBJECT@{t}")

@@ -1,0 +1,25 @@
+"""Replays of a stored run, with the causes of its errors."""
+
+from ..parallel import SERIAL, Workers, cores
+from ..running.causes import run_parts
+from ..running.options import RunOptions
+from ..running.stored import OpenedRun
+from ..types import Rollout, Scene
+from .replay import Replay, replay
+
+_FEW = 4  # scenes that are scored before other processes have started
+
+
+class PlayedRun:
+    """A stored run whose scenes can be replayed; its causes are found first, unless they are known."""
+
+    def __init__(self, opened: OpenedRun) -> None:
+        self.opened = opened
+        few = len(opened.run.rollouts) <= _FEW
+        self._parts = run_parts(opened, RunOptions(data=opened.data, workers=SERIAL if few else Workers(cores())))
+
+    def replay(self, rollout: Rollout, scene: Scene | None = None, agent: str = "") -> Replay:
+        """The replay of one rollout; ``scene``: with a road; ``agent``: in place of its name."""
+        opened = self.opened
+        content = opened.scene(rollout.scene) if scene is None else scene
+        return replay(content, rollout, opened.card, agent or opened.run.info.agent, self._parts[rollout.scene])
