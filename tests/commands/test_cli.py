@@ -22,9 +22,22 @@ from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine, copy_sequence, plain_environment, read_json, write_submission
 from tests.support.small_scenes import write_kitti
 
-COMMANDS = ["envs", "data", "run", "score", "compare", "study", "view", "events", "video", "train", "fit-noise"]
+COMMANDS = [
+    "envs",
+    "data",
+    "run",
+    "score",
+    "compare",
+    "study",
+    "view",
+    "events",
+    "worst",
+    "video",
+    "train",
+    "fit-noise",
+]
 COMMANDS += ["new", "check", "submit", "verify", "board", "import", "export", "maintain"]
-TABLES = ["envs", "data", "score", "compare", "events", "check", "verify", "board"]  # what prints one
+TABLES = ["envs", "data", "score", "compare", "events", "worst", "check", "verify", "board"]  # what prints one
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
 
 

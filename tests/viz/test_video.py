@@ -67,9 +67,9 @@ def test_a_video_holds_every_frame_of_the_first_scene(
 def test_an_event_is_shown_with_what_is_around_it(drawn: Callable[[str], Replay]) -> None:
     played = drawn("0001")
     assert frames_around(played, None) == range(9)
-    assert frames_around(played, "ids-0") == range(9), "the scene is shorter than what would be shown"
+    assert frames_around(played, played.incident("ids-0")) == range(9), "the scene is shorter than what would be shown"
     time = 10 * played.scene.time
-    cut = frames_around(replace(played, scene=replace(played.scene, time=time)), "ids-0")
+    cut = frames_around(replace(played, scene=replace(played.scene, time=time)), played.incident("ids-0"))
     assert cut == range(2, 7)
     assert (time[6] - time[4]) < AROUND < (time[7] - time[4])
 
