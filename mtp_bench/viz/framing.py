@@ -12,18 +12,20 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Floats, Ints
 from .counterpart import counterpart
+from .evidence import expected, mistaken, taken
 from .focus import Focus
-from .palette import BEFORE, BLACK, DIM, EVENT, NOW, TRUTH
+from .palette import BEFORE, BLACK, DIM, EVENT, NOW, PURPLE, TRUTH
 from .replay import Incident, Replay
 
-MOST_DETECTIONS = 6  # that are bright: the nearest
-MOST_BRIGHT = 12  # boxes of any kind
+MOST_DETECTIONS = 5  # that are bright: the nearest
+MOST_BRIGHT = 16  # boxes of any kind
 TRAIL_SECONDS = 3.0
 LARGEST = 60.0  # m, half of what a picture shows
 MARGIN = 1.12  # of what has to be seen
 OFF_CENTER = 0.3  # of half a picture: the object stays in the middle third
 ROLES = {  # role of a thing in the event -> its colour
     "truth": TRUTH, "before": BEFORE, "now": NOW, "detection": BLACK, "event": EVENT, "dim": DIM,
+    "named": PURPLE,
 }  # fmt: skip
 
 
@@ -42,9 +44,11 @@ class Follower(NamedTuple):
     """One of the tracks of the event in a frame."""
 
     track_id: int
-    role: str  # "before" or "now"
+    role: str  # "before", "now", or "named" for one that only the sentence names
     box: Floats  # [7]
     trail: Floats  # [n, 2], the newest place last
+    expected: Floats | None  # [2] place by its own forecast of the frame before
+    detection: Floats  # [0 or 1, 2] place of the detection that it took
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +63,7 @@ class FocusFrame:
     others: Floats  # [n, 7] true boxes that these tracks follow besides the object
     other_names: tuple[str, ...]  # n, such as "car 8"
     detection_box: Floats  # [D, 7] the nearest
+    detection_text: tuple[str, ...]  # D, the score, after the class where that is not the object's
     dim_truth: Floats  # [n, 7]
     dim_track: Floats  # [n, 7]
     dim_detection: Floats  # [n, 7]
@@ -87,13 +92,21 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
     # a track that is found again under its own id is that of "now"
     roles = {focus.at.old_id: "before", focus.at.new_id: "now"}
     rows = {track_id: row for track_id in roles if (row := int(focus.track_rows(track_id)[t])) >= 0}
+    detected = {track_id: _present([taken(focus, track_id, t)]) for track_id in rows}
     tracks = tuple(
-        Follower(i, roles[i], rollout.track_box[row].astype(np.float64), focus.trail(i, t, 1 + back))
+        Follower(
+            track_id=i,
+            role=roles[i],
+            box=rollout.track_box[row].astype(np.float64),
+            trail=focus.trail(i, t, 1 + back),
+            expected=expected(focus, i, t),
+            detection=detections.box[detected[i], :2],
+        )
         for i, row in rows.items()
     )
     own = _present([focus.rows[t]])
-    others = np.unique(_present([focus.other(track_id, t) for track_id in rows]))
-    near = focus.detections(t)[:MOST_DETECTIONS]
+    others = np.unique(_present([*(focus.other(track_id, t) for track_id in rows), *_mistaken(focus, t)]))
+    near = np.unique(np.concatenate([*detected.values(), focus.detections(t)[:MOST_DETECTIONS]]).astype(np.int64))
     tracked = rollout.tracks.rows(t)
     hidden = tracked.start + np.flatnonzero(~focus.shown[tracked])
     return FocusFrame(
@@ -105,10 +118,25 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
         others=truth.box[others],
         other_names=tuple(focus.name_of(int(row)) for row in others),
         detection_box=detections.box[near],
+        detection_text=tuple(_detection_text(focus, row) for row in near.tolist()),
         dim_truth=truth.box[_rest(truth.rows(t), own, others)],
         dim_track=rollout.track_box[_rest(tracked, hidden, _present(list(rows.values())))].astype(np.float64),
         dim_detection=detections.box[_rest(detections.rows(t), near)],
     )
+
+
+def _mistaken(focus: Focus, t: int) -> list[int]:
+    """Row of the true object of another class at a false forecast."""
+    return [mistaken(focus, t)] if focus.at.object_id < 0 else []
+
+
+def _detection_text(focus: Focus, row: int) -> str:
+    """Score of a detection, after its class where no object is of that class: "pedestrian .85"."""
+    detections = focus.replay.scene.detections
+    name = focus.replay.card.task.classes[detections.class_id[row]].replace("_", " ")
+    score = f"{detections.score[row]:.2f}".replace("0.", ".", 1)
+    same = focus.at.object_id >= 0 and detections.class_id[row] == focus.at.class_id
+    return score if same else f"{name} {score}"
 
 
 def _present(rows: Sequence[int]) -> Ints:
@@ -137,26 +165,35 @@ def turn_of(focus: Focus) -> float:
     return float(np.arctan2(way[1], way[0]) if turns else focus.replay.scene.truth.box[row, 3])
 
 
-def window_of(focus: Focus, t: int) -> Window:
+def window_of(focus: Focus, t: int, beside: Sequence[Focus] = ()) -> Window:
     """Window of the picture of frame ``t``: the object in its middle third, its future and its forecasts at the event.
 
-    All frames of an event have windows of one size, which follow the object.
+    All frames of an event have windows of one size, which follow the object; so have the pictures of all runs
+    ``beside`` this one.
     """
-    at, turn = focus.at.frame, turn_of(focus)
-    paths = [focus.future(at), *(forecast.nearest_path for _, forecast in focus.forecasts(at))]
-    points = np.concatenate([*paths, frame_of(focus, at).event_box[:, :2], focus.place(at)[None]])
-    gap = MARGIN * rotate(points - focus.place(at), -turn)
+    turn, shown = turn_of(focus), beside or (focus,)
+    gap = MARGIN * rotate(np.concatenate([_things(each) - each.place(each.at.frame) for each in shown]), -turn)
     low, high = gap.min(axis=0), gap.max(axis=0)
     half = np.maximum((high - low) / 2, np.maximum(high, -low) / (1 + OFF_CENTER))
-    half = np.clip(half, 1.5 + 1.2 * length_of(focus), LARGEST)
+    half = np.clip(half, 1.5 + 1.2 * max(map(length_of, shown)), LARGEST)
     x, y = focus.place(t) + rotate(np.clip((low + high) / 2, -OFF_CENTER * half, OFF_CENTER * half), turn)
     return Window(float(x), float(y), float(2 * half[0]), float(2 * half[1]), turn)
 
 
-def close_window(focus: Focus, t: int) -> Window:
-    """Window of a small picture of frame ``t``: the object and its tracks from near, all three at one scale."""
-    box = frame_of(focus, focus.at.frame).event_box
-    reach = np.hypot(*(box[:, :2] - focus.place(focus.at.frame)).T) + box[:, 4] / 2
-    half = float(np.clip(1.3 * reach.max(initial=0.0), 1.2 + 0.8 * length_of(focus), 12.0))
+def _things(focus: Focus) -> Floats:
+    """Places [n, 2] that the picture of an event has to show, the object's own among them."""
+    at = focus.at.frame
+    paths, shown = [forecast.nearest_path for _, forecast in focus.forecasts(at)], frame_of(focus, at)
+    boxes = np.concatenate([shown.event_box, shown.others, shown.detection_box])
+    return np.concatenate([focus.future(at), *paths, boxes[:, :2], focus.place(at)[None]])
+
+
+def close_window(focus: Focus, t: int, beside: Sequence[Focus] = ()) -> Window:
+    """Window of a small picture of frame ``t``: the object and its tracks from near, all at one scale."""
+    reach = [1.2 + 0.8 * length_of(each) for each in beside or (focus,)]
+    for each in beside or (focus,):
+        box = frame_of(each, each.at.frame).event_box
+        far = np.hypot(*(box[:, :2] - each.place(each.at.frame)).T) + box[:, 4] / 2
+        reach.append(min(1.3 * float(far.max(initial=0.0)), 12.0))
     x, y = focus.place(t).tolist()
-    return Window(x, y, 2 * half, 2 * half, turn_of(focus))
+    return Window(x, y, 2 * max(reach), 2 * max(reach), turn_of(focus))

@@ -78,7 +78,7 @@ def test_the_event_is_bright_and_the_crowd_is_not() -> None:
     everything = np.asarray(draw_frame(run, EVENT, Window(0.0, 0.0, 70.0, 70.0)))
     assert coloured(everything[:, : -PANEL - 4]) > 40, "the same frame with everything in colour"
     window = window_of(focus, EVENT)
-    assert coloured(np.asarray(draw_focus(focus, EVENT, (900, 450), window))) <= MOST_BRIGHT
+    assert coloured(np.asarray(draw_focus(focus, EVENT, (900, 450), window)[0])) <= MOST_BRIGHT
 
 
 def test_the_file_says_what_it_shows(tmp_path: Path) -> None:

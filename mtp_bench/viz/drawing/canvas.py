@@ -19,6 +19,7 @@ from ..framing import Window
 from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, OTHER_TRACK, TRACK, TRUTH, Color
 
 PAPER: Color = (247, 247, 247)  # beside a picture
+WHITE: Color = (255, 255, 255)
 GRAY: Color = (90, 90, 90)
 EDGE: Color = (200, 200, 200)
 FINER = 2  # everything but text is drawn this much larger and then made smaller
@@ -60,7 +61,7 @@ class Canvas:
     taken: list[tuple[float, float, float, float]] = field(default_factory=list)  # pixels that hold text already
 
     @classmethod
-    def blank(cls, width: int, height: int, window: Window, paper: Color = (255, 255, 255)) -> Self:
+    def blank(cls, width: int, height: int, window: Window, paper: Color = WHITE) -> Self:
         """An empty picture with the background ``paper``."""
         image = Image.new("RGB", (width * FINER, height * FINER), paper)
         return cls(width, height, window, image, ImageDraw.Draw(image, "RGBA"))
@@ -128,6 +129,17 @@ class Canvas:
         """Draw the mark of an event: a bright circle with a dark edge around a pixel; ``radius`` in pixels."""
         for wider, color, width in ((1.0, BLACK, 5.0), (0.0, EVENT, 3.0)):
             self.draw.ellipse(_around(pixel, radius + wider), outline=color, width=round(width * FINER))
+
+    def cross(self, pixel: NDArray[np.float64], reach: float, color: Color) -> None:
+        """Draw two crossed lines on a white edge; ``reach`` pixels to each side."""
+        for line_color, width in ((WHITE, 5.0), (color, 2.5)):
+            for side in (1.0, -1.0):
+                self.stroke(pixel + reach * np.array([[-1.0, -side], [1.0, side]]), line_color, width)
+
+    def circle(self, pixel: NDArray[np.float64], radius: float, color: Color) -> None:
+        """Draw a dashed circle around a pixel; ``radius`` in pixels."""
+        angle = np.linspace(0.0, 2 * np.pi, 61)
+        self.stroke(pixel + radius * np.column_stack([np.cos(angle), np.sin(angle)]), color, 1.5, dashed=True)
 
     def finished(self) -> Image.Image:
         """The picture reduced from FINER times its size; texts are drawn onto the result."""

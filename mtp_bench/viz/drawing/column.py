@@ -19,17 +19,22 @@ Text = tuple[str, int, Color]  # text, size, colour
 
 @dataclass(frozen=True)
 class Mark:
-    """A mark with its meaning: a box, a line with a dot at its end, or both; a ring if neither."""
+    """A mark with its meaning: a box, a line with a dot at its end, both, or a sign; a ring if none of them."""
 
     text: str
     box: Outline | None = None
     line: Color | None = None
     width: float = 1.5  # pixels of the line
     dashed: bool = False
+    sign: str = ""  # "cross" or "circle", in the colour of the line
 
     def draw(self, canvas: Canvas, y: float) -> None:
         """Draw it at the height ``y`` of a canvas where a metre is a pixel."""
-        if self.line is not None:
+        middle = np.array([28.0, y])
+        if self.sign:
+            draw, reach = (canvas.cross, 6.0) if self.sign == "cross" else (canvas.circle, 9.0)
+            draw(middle, reach, self.line or BLACK)
+        elif self.line is not None:
             path = np.array([[14.0, y], [42.0, y]])
             canvas.stroke(path, self.line, self.width, dashed=self.dashed)
             if self.box is None:
@@ -37,8 +42,8 @@ class Mark:
         if self.box is not None:
             x = 30.0 - canvas.width / 2
             canvas.boxes(np.array([[x, canvas.height / 2 - y, 0.0, 0.0, 18.0, 10.0, 1.0]]), self.box)
-        elif self.line is None:
-            canvas.ring(np.array([28.0, y]), 8.0)
+        elif self.line is None and not self.sign:
+            canvas.ring(middle, 8.0)
 
 
 def column(

@@ -7,11 +7,13 @@ from PIL import ImageDraw
 
 from ...types import Floats
 from ..palette import BLACK, Color
-from .canvas import Canvas, font, text_size
+from .canvas import WHITE, Canvas, font, text_size
 
 SMALL, MIDDLE, LARGE = 11, 13, 16  # pixels of letters
-BOARD: Color = (255, 255, 255)
+BOARD: Color = WHITE
 FAR = (8.0, 26.0, 48.0, 76.0, 110.0)  # pixels from a thing to a board with its name
+EDGE_GAP = 12.0  # pixels between the edge and the tip of an arrow to it
+ARROW = 36.0  # pixels, its length
 SIDES = (-60, 60, -120, 120, -30, 30, -90, 90, 180, 0)  # degrees, directions of the text
 
 
@@ -44,6 +46,20 @@ def callout(
     ink.line([x + dx * reach, y + dy * reach, *near], fill=color, width=1)
     ink.rectangle([round(v) for v in (left, top, left + wide, top + high)], fill=board, outline=color)
     ink.text((round(left + pad), round(top + 1)), text, fill=color, font=font(size))
+
+
+def pointer(canvas: Canvas, ink: ImageDraw.ImageDraw, start: Floats, target: Floats, text: str, color: Color) -> None:
+    """Draw an arrow with a text at the edge of the picture, from ``start`` [2] m in it towards ``target`` outside."""
+    a, way = canvas.pixels(start), canvas.pixels(target) - canvas.pixels(start)
+    room = np.where(way > 0, np.array([canvas.width, canvas.height]) - a, a) - EDGE_GAP
+    share, length = float((room / np.maximum(np.abs(way), 1e-9)).min()), float(np.hypot(*way))
+    while share > 0 and any(l < x < r and t < y < b for x, y in [a + share * way] for l, t, r, b in canvas.taken):
+        share -= ARROW / length
+    tip, unit = a + share * way, way / length
+    back, aside = tip - 14.0 * unit, 5.0 * np.array([-unit[1], unit[0]])
+    ink.line([*(tip - ARROW * unit), *back], fill=color, width=2)
+    ink.polygon([*tip, *(back + aside), *(back - aside)], fill=color)
+    callout(canvas, ink, start + (share - ARROW / length) * (target - start), text, color, 1.0)
 
 
 def scale_bar(canvas: Canvas, ink: ImageDraw.ImageDraw) -> None:

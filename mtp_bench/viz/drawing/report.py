@@ -13,41 +13,33 @@ from ..framing import ROLES, close_window, frame_of, window_of
 from ..palette import BLACK, Color
 from ..photo import photo_of, photo_row
 from ..sentence import sentence
-from .canvas import EDGE, GRAY, PAPER, Outline, font, text_size
-from .close_up import DETECTION_NEAR, DIM_TRUTH, OBJECT, OTHER_OBJECT, draw_focus
-from .column import Mark, column, wrapped
+from .canvas import EDGE, GRAY, PAPER, font, text_size
+from .close_up import draw_focus
+from .column import column, wrapped
 
 SIZE = (1200, 800)  # pixels, of a report
-COLUMN, CAPTION = 300, 26
+COLUMN, CAPTION = 300, 46
 ROW = 256  # pixels of the height for the small pictures, with their captions
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
-KEY = (
-    Mark("the object, true box", OBJECT),
-    Mark("where it really goes", line=ROLES["truth"], width=4.0),
-    Mark("true object of the other track", OTHER_OBJECT),
-    Mark("its track before the event", Outline(ROLES["before"], 1.5, fill=90)),
-    Mark("its track now", Outline(ROLES["now"], 1.5, fill=90)),
-    Mark("forecast before the event", line=ROLES["before"], width=2.0, dashed=True),
-    Mark("forecast now", line=ROLES["now"], width=3.0),
-    Mark("detections nearby", DETECTION_NEAR),
-    Mark("the event"),
-    Mark("all other boxes", DIM_TRUTH),
-)
 REMARK = (
     "Seen from above; the way of the object, or its front, points to the right. Bold: the sample of the forecast that "
     "is nearest to the truth, or the heaviest if that is unknown; thin: the others."
 )
 
 
-def report(focus: Focus) -> Image.Image:
-    """The picture of an event, of SIZE: frame t above the small pictures, which may add a camera image."""
-    return stacked([picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW)), small_pictures(focus)])
+def report(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
+    """The picture of an event, of SIZE: frame t above the small pictures, which may add a camera image.
+
+    The same event in other runs, ``beside``, has the same scale.
+    """
+    large = picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW), beside)
+    return stacked([large, small_pictures(focus, beside)])
 
 
-def small_pictures(focus: Focus) -> Image.Image:
+def small_pictures(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
     """Close-ups of t - 1, t and t + 1, and below them the camera image that shows the event, if there is one."""
     photo = photo_of(focus)
-    return stacked([strip(focus), *([] if photo is None else [photo_row(photo, SIZE[0])])])
+    return stacked([strip(focus, beside), *([] if photo is None else [photo_row(photo, SIZE[0])])])
 
 
 def stacked(images: Sequence[Image.Image]) -> Image.Image:
@@ -64,21 +56,22 @@ def save_report(path: Path, *focuses: Focus) -> None:
     about.add_text("Title", _title(focuses[0], focuses[0].at.frame))
     about.add_text("Description", "\n".join(map(sentence, focuses)))
     about.add_text("Software", f"mtp_bench {__version__}")
-    drawn = stacked([report(focus) for focus in focuses])
+    drawn = stacked([report(focus, focuses) for focus in focuses])
     if drawn.height == len(focuses) * SIZE[1]:  # camera images need all their colours
         drawn = drawn.quantize(128, dither=Image.Dither.NONE)
     with whole_file(path) as part:
         drawn.save(part, format="PNG", pnginfo=about, optimize=True)
 
 
-def picture(focus: Focus, t: int, size: tuple[int, int]) -> Image.Image:
+def picture(focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus] = ()) -> Image.Image:
     """The sentence, frame ``t`` of the event and the key in ``size`` pixels; the view follows the object."""
     whole = Image.new("RGB", size, PAPER)
     lines = wrapped(sentence(focus), LARGE, size[0] - 28)
     top = 40 + 26 * len(lines)
     wide, high = size[0] - COLUMN, size[1] - top
-    whole.paste(draw_focus(focus, t, (wide, high), window_of(focus, t)), (0, top))
-    whole.paste(column((COLUMN, high), [], KEY, [(REMARK, SMALL, GRAY)]), (wide, top))
+    drawn, marks = draw_focus(focus, t, (wide, high), window_of(focus, t, beside))
+    whole.paste(drawn, (0, top))
+    whole.paste(column((COLUMN, high), [], marks, [(REMARK, SMALL, GRAY)]), (wide, top))
     ink = ImageDraw.Draw(whole)
     ink.text((14, 8), _title(focus, t), fill=GRAY, font=font(SMALL))
     for i, line in enumerate(lines):
@@ -93,7 +86,7 @@ def _title(focus: Focus, t: int) -> str:
     return "   ".join(part for part in parts if part)
 
 
-def strip(focus: Focus) -> Image.Image:
+def strip(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
     """The small pictures of the frames t - 1, t and t + 1, each with the track that follows the object."""
     wide, at = SIZE[0] // 3, focus.at.frame
     whole = Image.new("RGB", (SIZE[0], ROW), PAPER)
@@ -101,19 +94,30 @@ def strip(focus: Focus) -> Image.Image:
     for i, (t, name) in enumerate(((at - 1, "t - 1"), (at, "t"), (at + 1, "t + 1"))):
         left = i * wide
         if 0 <= t < focus.replay.frames:
-            near = draw_focus(focus, t, (wide, ROW - CAPTION), close_window(focus, t), near=True)
+            near, _ = draw_focus(focus, t, (wide, ROW - CAPTION), close_window(focus, t, beside), near=True)
             whole.paste(near, (left, CAPTION))
-            when, (text, color) = f"{name}, {focus.seconds(t):.1f} s:", _follower(focus, t)
+            when, (text, color) = f"{name}: frame {t}, {focus.seconds(t):.1f} s", _follower(focus, t)
             ink.text((left + 10, 4), when, fill=BLACK, font=font(TEXT))
-            ink.text((left + 18 + text_size(when, TEXT)[0], 4), text, fill=color, font=font(TEXT))
+            ink.text((left + 26 + text_size(when, TEXT)[0], 4), _lineage(focus, t), fill=GRAY, font=font(TEXT))
+            ink.text((left + 10, 23), text, fill=color, font=font(TEXT))
         ink.rectangle([left, 0, left + wide - 1, ROW - 1], outline=EDGE)
     return whole
+
+
+def _lineage(focus: Focus, t: int) -> str:
+    """Change of the hypothesis that is looked at, in words; empty if it is the best one all along."""
+    hypotheses, at = focus.replay.answers.hypotheses, focus.at.frame
+    if t < at and focus.hypothesis[t] != hypotheses.best[t]:
+        return "not the best hypothesis then"
+    changed = t > at and hypotheses.parent[t, focus.hypothesis[t]] != focus.hypothesis[t - 1]
+    return "other hypothesis than at t" if changed else ""
 
 
 def _follower(focus: Focus, t: int) -> tuple[str, Color]:
     """The track that follows the object in a frame, in words and in the colour of its role."""
     if focus.at.object_id < 0:
-        return "", BLACK
+        output = focus.at.new_id >= 0 and focus.track_rows(focus.at.new_id)[t] >= 0
+        return (f"track {focus.at.new_id}" if output else "not output", ROLES["now"])
     track = focus.follower(t)
     if focus.rows[t] < 0:
         return f"no {focus.named} there", GRAY
