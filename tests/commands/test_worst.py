@@ -1,0 +1,94 @@
+"""The worst moments of a run: found, blamed, named in every way, and adding up to bADE."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mtp_bench
+from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.running.causes import run_parts
+from mtp_bench.running.stored import open_run
+from mtp_bench.scoring.parts import named_parts, parts_text, plain_parts
+from mtp_bench.viz.moments import found, moments
+from mtp_bench.viz.played import PlayedRun
+from mtp_bench.viz.replay import Replay
+
+from ..support.command_line import CommandLine, read_json
+from ..support.planted_faults import write_log
+
+CAUSES = {"mistaken": "other class", "missed": "not detected now", "turning": "predictor"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("planted")
+    mtp_bench.run("stp", "MTP-nuScenes-mini-v0", folder / "run", files=write_log(folder / "logs"))
+    return folder / "run"
+
+
+@pytest.fixture(scope="module")
+def played(run: Path) -> Replay:
+    opened = open_run(run)
+    return PlayedRun(opened).replay(opened.first())
+
+
+def test_the_parts_of_all_targets_add_up_to_the_error_of_the_run(run: Path) -> None:
+    (parts,) = run_parts(open_run(run)).values()
+    row = next(row for row in mtp_bench.score(run).report.rows if row.subset == "all")
+    assert row.error is not None
+    assert parts.part.sum(axis=1).mean() == pytest.approx(row.error, abs=1e-9)
+    again = run_parts(open_run(run))["log"]
+    assert (again.part == parts.part).all()
+    assert again.usual == parts.usual
+
+
+def test_every_fault_is_a_moment_with_its_cause(played: Replay) -> None:
+    worst = moments(played)
+    assert {moment.at.name.split("@")[0]: moment.cause for moment in worst[:3]} == CAUSES
+    costs = [moment.cost for moment in worst]
+    assert costs == sorted(costs, reverse=True)
+    for moment in worst:
+        assert moment.at.first <= moment.at.frame <= moment.at.until
+        assert moment.at.blame > played.usual
+    assert not {moment.at.name.split("@")[0] for moment in worst[:3]} & {"parked"}
+
+
+def test_moments_have_many_names(played: Replay) -> None:
+    missed = next(moment.at for moment in moments(played) if moment.at.name.startswith("missed"))
+    for text in ("missed", "car missed", "miss", f"missed@{missed.frame}", f"car missed@{missed.frame}"):
+        assert found(played, text).object_id == missed.object_id, text
+    assert found(played, f"missed@{missed.frame}").parts == missed.parts
+    worst = max((moment.at for moment in moments(played)), key=lambda at: at.blame)
+    assert found(played, str(worst.frame)).blame == found(played, f"{worst.frame / 2}s").blame >= worst.blame
+    assert found(played, "lost-0") == played.incident("lost-0")
+    for wrong in ("truck missed", "nobody", "nobody@3"):
+        with pytest.raises(UnknownNameError, match="missed"):
+            found(played, wrong)
+    for wrong in ("0", "missed@99", "900s"):
+        with pytest.raises(MtpBenchError, match="frame"):
+            found(played, wrong)
+
+
+def test_the_list_and_its_file(cli: CommandLine, run: Path, tmp_path: Path) -> None:
+    printed = cli.ok("worst", run, "--json", tmp_path / "a.json")
+    content = read_json(tmp_path / "a.json")
+    first = content["moments"][0]
+    assert first["view"] in printed
+    assert {each["object_id"]: each["cause"] for each in content["moments"][:3]} == CAUSES
+    assert sum(first["parts"].values()) == pytest.approx(first["error"])
+    only = cli.ok("worst", run, "--cause", "predictor", "--class", "car", "--within", "60")
+    assert "turning@" in only
+    assert "missed@" not in only
+    assert "0 of " in cli.ok("worst", run, "--class", "bus")
+    assert cli("worst", run, "--cause", "nobody").status == cli("worst", run, "--class", "cat").status == 2
+    assert "moment" in cli.ok("worst", run, "--cause", "below threshold")
+
+
+def test_parts_as_text() -> None:
+    part = plain_parts(np.array([2.0, 4.0]), np.array([-1, 1]))
+    assert [parts_text(named_parts(row)) for row in part] == ["rest 2.0 m", "other class 4.0 m"]
+    assert (
+        parts_text({"predictor": 3.0, "rest": 0.01, "below threshold": 4.0}) == "predictor 3.0 m, below threshold 4.0"
+    )
+    assert parts_text({}) == "nothing"
