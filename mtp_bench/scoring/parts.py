@@ -64,10 +64,18 @@ def named_parts(part: Floats) -> dict[str, float]:
     return dict(sorted(named.items(), key=lambda each: (each[0] == BELOW, -each[1])))
 
 
-def parts_text(parts: Mapping[str, float]) -> str:
-    """The parts as text: "other class 5.0 m, predictor 3.1"; those that round to 0 are left out."""
-    shown = [f"{name} {value:.1f}" for name, value in parts.items() if abs(value) >= LEAST_SHOWN]
-    return " m, ".join([shown[0], ", ".join(shown[1:])]) if len(shown) > 1 else f"{shown[0]} m" if shown else "nothing"
+def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
+    """The parts as text: "other class 5.0 m, predictor 3.1"; those that round to 0 are left out.
+
+    ``most``: of so many names; the sum of further ones is called "others".
+    """
+    shown = {name: value for name, value in parts.items() if abs(value) >= LEAST_SHOWN}
+    few = [name for name in shown if name != BELOW][:most]
+    others = sum(value for name, value in shown.items() if name not in (*few, BELOW))
+    kept = {name: shown[name] for name in few}
+    kept |= ({"others": others} if abs(others) >= LEAST_SHOWN else {}) | {n: v for n, v in shown.items() if n == BELOW}
+    texts = [f"{name} {value:.1f}" for name, value in kept.items()]
+    return ", ".join([f"{texts[0]} m", *texts[1:]]) if texts else "nothing"
 
 
 def reference_errors(

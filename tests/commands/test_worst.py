@@ -91,4 +91,6 @@ def test_parts_as_text() -> None:
     assert (
         parts_text({"predictor": 3.0, "rest": 0.01, "below threshold": 4.0}) == "predictor 3.0 m, below threshold 4.0"
     )
+    many = {"predictor": 3.0, "history": 1.0, "rest": 0.5, "localisation": 0.2, "below threshold": 4.0}
+    assert parts_text(many, most=2) == "predictor 3.0 m, history 1.0, others 0.7, below threshold 4.0"
     assert parts_text({}) == "nothing"

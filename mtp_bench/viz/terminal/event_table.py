@@ -186,6 +186,6 @@ _COLUMNS = (
     Column(key="track", read=_track),
     Column(key="minADE", format=".2f", read=lambda row: row.incident.minADE),
     Column(key="error", format=".2f", read=lambda row: row.incident.error),
-    Column(key="parts", read=lambda row: row.incident.parts and parts_text(row.incident.parts)),
+    Column(key="parts", read=lambda row: row.incident.parts and parts_text(row.incident.parts, most=2)),
     Column("confi-\ndence", key="confidence", format=".2f", read=lambda row: row.incident.confidence),
 )

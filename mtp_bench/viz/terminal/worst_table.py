@@ -72,7 +72,7 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
         Column("to ego\n(m)", format=".0f", read=lambda row: row.moment.distance),
         Column("share", unit="share", read=lambda row: row.moment.cost / total),
         Column("error\n(m)", format=".1f", read=lambda row: row.error),
-        Column("causes", read=lambda row: parts_text(row.moment.parts)),
+        Column("causes", read=lambda row: parts_text(row.moment.parts, most=3)),
     )
     return Table("worst", "Worst moments", "", rows, columns)
 
