@@ -4,16 +4,19 @@
 
 The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
 entry of an environment, ``story ID``, ten of them in words,
-``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, and ``costs``, those of detection and
-tracking together and of association alone.
+``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, ``costs``, those of detection and
+tracking together and of association alone, and ``parts``, shares of bADE by cause. The last is made from
+``leaderboard/error_parts.json``, which ``benchmarks/error_parts.py`` writes.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mtp_bench.commands.board import read_board
 from mtp_bench.errors import MtpBenchError, RecordError, UnknownNameError
@@ -23,6 +26,7 @@ from mtp_bench.records import trusted
 from mtp_bench.records.held_back import difference_of
 from mtp_bench.records.ranking import conditions
 from mtp_bench.scoring.definitions import SUBSETS, Subset
+from mtp_bench.scoring.parts import PARTS
 from mtp_bench.scoring.rank import rank_text
 from mtp_bench.tables import Column, Table, Value, to_markdown
 from mtp_bench.viz.board.columns import COLUMN, INTERVALS, PAGE
@@ -31,6 +35,7 @@ from mtp_bench.viz.board.tables import earlier_text
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (ROOT / "leaderboard" / "RESULTS.md", ROOT / "README.md")
+PARTS_FILE = ROOT / "leaderboard" / "error_parts.json"
 _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
 
@@ -76,9 +81,11 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
         return story_table(further[0], entries)
     if name == "costs":
         return costs_table(entries)
+    if name == "parts":
+        return parts_table(json.loads(PARTS_FILE.read_text(encoding="utf-8")))
     if first in SUBSETS and further[:1] == ["of"] and further[1:]:
         return across_table(next(subset for subset in SUBSETS if subset == first), further[1:], entries)
-    raise MtpBenchError(f"{where}: table {name!r}, expected `env ID`, `story ID`, `SUBSET of AGENT ...`, `costs`")
+    raise MtpBenchError(f"{where}: table {name!r}, expected `env ID`, `story ID`, `SUBSET of AGENT ...`, `costs`, `parts`")
 
 
 def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
@@ -156,6 +163,21 @@ def costs_table(entries: Sequence[Entry]) -> Table:
             Column(interval=True, key=f"{better}_interval", read=_cost(worse, better, "interval")),
         ]
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
+
+
+def parts_table(rows: Sequence[dict[str, Any]]) -> Table:
+    """Shares of bADE over all targets by cause: a row per environment and agent of `PARTS_FILE`."""
+
+    def share(key: str) -> Callable[[dict[str, Any]], Value]:
+        return lambda row: row["parts"][key] / row["error"]
+
+    columns = [
+        Column("environment", key="env"),
+        Column("agent", key="agent", read=lambda row: f"`{row['agent']}`"),
+        Column("bADE", "m", "lower", key="error"),
+    ]
+    columns += [Column(name, format=".1%", key=key, read=share(key)) for key, name in PARTS.items()]
+    return Table("parts", "Parts of bADE", "", rows, columns)
 
 
 def _cost(worse: str, better: str, what: str) -> Callable[[tuple[Subset, dict[str, Entry]]], Value]:

@@ -6,7 +6,7 @@ from functools import cached_property
 from ..running.evaluate import scores_of
 from ..running.settings import Setting, references_of
 from ..scoring import AgentScores, Reference, References, Report, summarise
-from ..scoring.definitions import Subset
+from ..scoring.definitions import RANKED_UNITS, Subset
 from ..scoring.report import paired_row
 from ..scoring.rows import PairedRow, Row
 from ..scoring.table import AgentTable
@@ -27,6 +27,16 @@ class Findings:
     def subject(self) -> StudiedAgent:
         """The main agent of the study: the first one that was named."""
         return self.plan.subjects[0]
+
+    @cached_property
+    def units(self) -> float:
+        """Effective number of units of all targets."""
+        return self.row(self.subject.single, "all").effective_units
+
+    @property
+    def few(self) -> bool:
+        """True with fewer effective units than a rank needs: no difference between agents can be told."""
+        return self.units < RANKED_UNITS
 
     def of(self, setting: Setting) -> Measured:
         """Runs and scores of a setting."""

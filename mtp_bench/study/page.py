@@ -23,6 +23,8 @@ from .rows import TEXTS
 if TYPE_CHECKING:
     from jinja2 import Environment
 
+GALLERY = "gallery"  # chapter of the pictures
+LEADING = ("parts", GALLERY)  # first chapters of few recordings
 _HERE = Path(__file__).parent
 
 
@@ -42,10 +44,15 @@ def study_page(
         f"default-src 'none'; style-src-elem {source_of(style)}; style-src-attr 'unsafe-inline'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
+    chapters = [each for each in TEXTS["chapters"] if (pictures if each["key"] == GALLERY else {*each["tables"]} & {*tables})]
+    few = f"{findings.units:.3g}" if findings.few else ""
+    if few:
+        chapters.sort(key=lambda chapter: chapter["key"] not in LEADING)
     content = _templates().get_template("page.html").render(
         env=place_of(findings.report), subject=findings.subject.name, summary=summary(findings), facts=facts(findings),
-        relations=tables.get("relations"), figures=figures, tables=tables, pictures=pictures, command=command,
-        chapters=TEXTS["chapters"], style=style, policy=policy,
+        relations=None if few else tables.get("relations"), figures=figures, tables=tables, pictures=pictures,
+        command=command, chapters=chapters, style=style, policy=policy, few=few, needed=RANKED_UNITS,
+        paper=bool(figures_of(findings.bench.of_paper, "single", "equal", 1)),
     )  # fmt: skip
     return f"{content}\n"
 
@@ -66,18 +73,28 @@ def relation_value(row: Any) -> str:
 
 
 def summary(findings: Findings) -> list[str]:
-    """Results in a few sentences with intervals."""
+    """Results in a few sentences: with intervals, or, of few recordings, the causes of the error."""
+    if findings.few:
+        return [cause_sentence(findings, subject) for subject in findings.plan.subjects]
     return verdict(findings.report, [subject.name for subject in findings.plan.subjects])
+
+
+def cause_sentence(findings: Findings, subject: StudiedAgent) -> str:
+    """The parts of bADE of an agent with the most hypotheses, largest first."""
+    row = findings.row(subject.most, "all")
+    parts = {name: getattr(row, f"cost_{key}") or 0.0 for key, name in PARTS.items()}
+    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {parts_text(parts)}."
 
 
 def facts(findings: Findings) -> list[tuple[str, str]]:
     """Conditions of the study, as names and texts."""
     condition, card = findings.report.condition, findings.bench.card
+    own = "folder" in condition
     notes = {s.submission.name: training_note(s.submission, card) for s in findings.plan.equal}
     trained = "; ".join(f"{name}: {note}" for name, note in notes.items() if note)
     facts = [
-        ("environment", f"{card.id}, split {condition['split']}"),
-        ("own scenes", place_of(findings.report) if "folder" in condition else ""),
+        ("own scenes", place_of(findings.report) if own else ""),
+        ("settings of" if own else "environment", f"{card.id}, split {condition['split']}"),
         ("agents", ", ".join(subject.name for subject in findings.plan.subjects)),
         ("targets", n_of(findings)),
         ("detections", condition["detections"]),
