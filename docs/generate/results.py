@@ -85,7 +85,8 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
         return parts_table(json.loads(PARTS_FILE.read_text(encoding="utf-8")))
     if first in SUBSETS and further[:1] == ["of"] and further[1:]:
         return across_table(next(subset for subset in SUBSETS if subset == first), further[1:], entries)
-    raise MtpBenchError(f"{where}: table {name!r}, expected `env ID`, `story ID`, `SUBSET of AGENT ...`, `costs`, `parts`")
+    names = "`env ID`, `story ID`, `SUBSET of AGENT ...`, `costs`, `parts`"
+    raise MtpBenchError(f"{where}: table {name!r}, expected {names}")
 
 
 def env_table(env_id: str, entries: Sequence[Entry]) -> Table:

@@ -65,7 +65,8 @@ def study(
     folder = Path(folder).absolute()
     require_study_folder(folder)
     env_id, options = asked(env_id, options, keywords)
-    with reported(f"studying {getattr(env_id, 'id', env_id)}", own=options.progress) as progress:
+    place = Path(options.files).name if options.files else getattr(env_id, "id", env_id)
+    with reported(f"studying {place}", own=options.progress) as progress:
         options = replace(options, progress=progress)
         findings = find(names, env_id, folder, quick_options(options) if quick else options, quick)
         progress.started(4)  # drawing takes a while, too

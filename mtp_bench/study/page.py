@@ -9,15 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..running.settings import training_note
+from ..scoring.definitions import RANKED_UNITS
 from ..scoring.main_table import place_of
+from ..scoring.parts import PARTS
 from ..tables import Column, Table
 from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
+from ..viz.terminal.paper import figures_of
 from ..viz.terminal.verdict import verdict
 from .drawing import Drawing
 from .figures import n_of
 from .findings import Findings
 from .gallery import EventPicture
+from .plan import StudiedAgent
 from .rows import TEXTS
 
 if TYPE_CHECKING:
@@ -44,7 +48,7 @@ def study_page(
         f"default-src 'none'; style-src-elem {source_of(style)}; style-src-attr 'unsafe-inline'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
-    chapters = [each for each in TEXTS["chapters"] if (pictures if each["key"] == GALLERY else {*each["tables"]} & {*tables})]
+    chapters = [each for each in TEXTS["chapters"] if each["key"] == GALLERY or {*each["tables"]} & {*tables}]
     few = f"{findings.units:.3g}" if findings.few else ""
     if few:
         chapters.sort(key=lambda chapter: chapter["key"] not in LEADING)
@@ -82,8 +86,9 @@ def summary(findings: Findings) -> list[str]:
 def cause_sentence(findings: Findings, subject: StudiedAgent) -> str:
     """The parts of bADE of an agent with the most hypotheses, largest first."""
     row = findings.row(subject.most, "all")
-    parts = {name: getattr(row, f"cost_{key}") or 0.0 for key, name in PARTS.items()}
-    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {parts_text(parts)}."
+    known = sorted(((getattr(row, f"cost_{key}") or 0.0, name) for key, name in PARTS.items()), reverse=True)
+    parts = ", ".join(f"{name} {part:.2f}" for part, name in known if part >= 0.005)
+    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {parts}."
 
 
 def facts(findings: Findings) -> list[tuple[str, str]]:
