@@ -16,7 +16,7 @@ from ..sources import open_source
 from ..tables import Table, to_csv, to_json
 from .figures import make_figures
 from .findings import Findings
-from .gallery import draw_worst_events
+from .gallery import draw_worst_moments
 from .page import study_page
 from .plan import HYPOTHESES, key_of, make_plan
 from .rows import make_tables
@@ -24,7 +24,7 @@ from .runs import RUNS, measure, open_bench
 
 QUICK_SCENES = 6
 QUICK_HYPOTHESES = (1, 5, 20)
-TABLES, FIGURES, EVENTS, PAGE = "tables", "figures", "events", "index.html"
+TABLES, FIGURES, MOMENTS, PAGE = "tables", "figures", "moments", "index.html"
 _MARK = ".study"  # file in every folder of a study
 _OF_WEIGHTS = 5  # pieces of work per scene if event weights have to be made
 
@@ -114,7 +114,7 @@ def require_study_folder(folder: Path) -> None:
 def write_study(folder: Path, findings: Findings, tables: dict[str, Table], command: str, done: Done) -> int:
     """Write all files of a study; returns the number of figures. ``done`` is called after each kind of file."""
     (folder / _MARK).touch()
-    for name in (TABLES, FIGURES, EVENTS):  # an earlier study may have had others
+    for name in (TABLES, FIGURES, MOMENTS):  # an earlier study may have had others
         shutil.rmtree(folder / name, ignore_errors=True)
         make_folder(folder / name)
     for table in tables.values():
@@ -125,8 +125,8 @@ def write_study(folder: Path, findings: Findings, tables: dict[str, Table], comm
     for name, figure in figures.items():
         write_text(folder / FIGURES / f"{name}.svg", f'<?xml version="1.0" encoding="utf-8"?>\n{figure.svg}')
         write_bytes(folder / FIGURES / f"{name}.png", figure.png)
-    pictures = draw_worst_events(findings, folder / EVENTS)
-    done("pictures of events")
+    pictures = draw_worst_moments(findings, folder / MOMENTS)
+    done("pictures of moments")
     write_text(folder / PAGE, study_page(findings, tables, figures, pictures, command))
     done("page")
     return len(figures)

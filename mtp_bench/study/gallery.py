@@ -1,33 +1,35 @@
-"""The costliest events of each kind, as pictures, with the command that opens each in the viewer."""
+"""The worst moments of each cause, as pictures, with the command that opens each in the viewer."""
 
 import os
 from base64 import b64encode
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from .. import notice
 from ..cards import Card
 from ..parallel import parallel_map
-from ..running.rollout_files import load_run
-from ..running.stored import open_run
+from ..running.causes import run_parts
+from ..running.stored import OpenedRun, open_run
+from ..scoring.parts import SceneParts, parts_text
 from ..sources import open_source
 from ..types import Rollout
 from ..viz.drawing.report import save_report
 from ..viz.framing import focuses_of
-from ..viz.replay import Incident, replay
+from ..viz.moments import Moment, moments
+from ..viz.replay import replay
 from ..viz.sentence import sentence
 from ..viz.terminal.output import command_line
 from .findings import Findings
 
-KINDS = ("ids", "lost", "reacquired")
-EACH = 3  # events of a kind
+EACH = 2  # moments of a cause, of different objects
+LEAST_SHARE = 0.05  # of the cost of all moments: causes below it have no picture
+Parts = Mapping[str, SceneParts]
 
 
 @dataclass(frozen=True)
-class EventPicture:
-    """Picture of one event: with one hypothesis, and below it with the most."""
+class MomentPicture:
+    """Picture of one moment: with the most hypotheses, and below it with one."""
 
     title: str
     path: Path  # PNG
@@ -41,75 +43,74 @@ class EventPicture:
 
 
 @dataclass(frozen=True)
-class CostlyEvent:
-    """One event of the agent with one hypothesis."""
+class PlayedSetting:
+    """The first stored run of a setting, with the parts of its errors by scene."""
 
-    scene: str
-    incident: Incident
-    cost: float  # m, beyond the error from ground-truth tracks
+    name: str
+    run: OpenedRun
+    parts: Parts
 
 
-def draw_worst_events(findings: Findings, folder: Path) -> list[EventPicture]:
-    """Draw the costliest events of each kind into ``folder``."""
-    count, pictures = dict.fromkeys(KINDS, 0), []
-    events = worst_events(findings)
-    with notice.work("drawing the costliest events") as work:
-        work.started(len(events))
-        for event in events:
-            kind = event.incident.kind
-            count[kind] += 1
-            pictures.append(_draw(findings, event, folder / f"{kind}-{count[kind]}.png"))
-            work.done(event.scene)
+def draw_worst_moments(findings: Findings, folder: Path) -> list[MomentPicture]:
+    """Draw the worst moments of each cause into ``folder``."""
+    subject, bench = findings.subject, findings.bench
+    settings = {findings.of(each).folders[0]: each for each in (subject.most, subject.single)}
+    played = []
+    for place, setting in settings.items():
+        opened = open_run(place, bench.options.data, bench.card)
+        name = setting.label if (setting.hypotheses or 1) == 1 else f"{setting.label}, H = {setting.hypotheses}"
+        played.append(PlayedSetting(name, opened, run_parts(opened, bench.options)))
+    worst = worst_moments(findings, played[0])
+    with notice.work("drawing the worst moments") as work:
+        work.started(len(worst))
+        pictures = []
+        for number, (scene, moment) in enumerate(worst, 1):
+            path = folder / f"{number}-{moment.cause.replace(' ', '-')}.png"
+            pictures.append(_draw(findings, played, scene, moment, path))
+            work.done(scene)
     return pictures
 
 
-def worst_events(findings: Findings) -> list[CostlyEvent]:
-    """The costliest events of each kind of the subject with one hypothesis, of different objects."""
-    subject, bench = findings.subject, findings.bench
-    truth, single = (load_run(findings.of(s).folders[0]).rollouts for s in (subject.truth, subject.single))
-    calls = [(bench.card, bench.options.data, *pair) for pair in zip(truth, single, strict=True)]
-    events = [event for each in parallel_map(_costs, calls, bench.options.workers) for event in each]
-    events.sort(key=lambda event: -event.cost)
-    chosen = []
-    for kind in KINDS:
-        first: dict[tuple[str, int], CostlyEvent] = {}
-        for event in events:
-            if event.incident.kind == kind:
-                first.setdefault((event.scene, event.incident.object_id), event)
-        chosen += list(first.values())[:EACH]
-    return chosen
+def worst_moments(findings: Findings, played: PlayedSetting) -> list[tuple[str, Moment]]:
+    """The scene and moment of the worst of each cause, of different objects; the costliest cause first."""
+    opened, bench = played.run, findings.bench
+    calls = [(bench.card, bench.options.data, each, played.parts[each.scene]) for each in opened.run.rollouts]
+    of_scenes = parallel_map(_moments, calls, bench.options.workers)
+    listed = [(call[2].scene, moment) for call, own in zip(calls, of_scenes, strict=True) for moment in own]
+    cost: dict[str, float] = {}
+    first: dict[str, dict[tuple[str, int], tuple[str, Moment]]] = {}
+    for scene, moment in sorted(listed, key=lambda pair: -pair[1].cost):
+        cost[moment.cause] = cost.get(moment.cause, 0.0) + moment.cost
+        first.setdefault(moment.cause, {}).setdefault((scene, moment.at.object_id), (scene, moment))
+    causes = [
+        cause for cause in sorted(cost, key=lambda each: -cost[each]) if cost[cause] >= LEAST_SHARE * sum(cost.values())
+    ]
+    return [pair for cause in causes for pair in list(first[cause].values())[:EACH]]
 
 
-def _costs(card: Card, data: str | None, truth: Rollout, single: Rollout) -> list[CostlyEvent]:
-    """The events of a scene at targets."""
-    scene = open_source(card, data).load(single.scene)
-    ideal = np.nan_to_num(replay(scene, truth, card).worth[:, 0])
-    events = replay(scene, single, card).events
-    return [CostlyEvent(single.scene, e, float(e.error - ideal[e.row])) for e in events if e.error is not None]
+def _moments(card: Card, data: str | None, rollout: Rollout, parts: SceneParts) -> list[Moment]:
+    return moments(replay(open_source(card, data).load(rollout.scene), rollout, card, parts=parts))
 
 
-def _draw(findings: Findings, event: CostlyEvent, path: Path) -> EventPicture:
-    bench, notes = findings.bench, list[str]()
-    settings = {findings.of(s).folders[0]: s for s in (findings.subject.single, findings.subject.most)}
-    replays = []
-    for folder, setting in settings.items():
-        run = open_run(folder, bench.options.data, bench.card)
-        name = setting.label if (setting.hypotheses or 1) == 1 else f"{setting.label}, H = {setting.hypotheses}"
-        replays.append(replay(run.drawn(event.scene, notes.append), run.first(event.scene), run.card, name))
-    focuses = focuses_of(replays, event.incident)
+def _draw(findings: Findings, played: list[PlayedSetting], scene: str, moment: Moment, path: Path) -> MomentPicture:
+    notes = list[str]()
+    replays = [
+        replay(each.run.drawn(scene, notes.append), each.run.first(scene), each.run.card, each.name, each.parts[scene])
+        for each in played
+    ]
+    focuses = focuses_of(replays, moment.at)
     save_report(path, *focuses)
     sentences = "; ".join(f"{focus.replay.agent}: {sentence(focus)}" for focus in focuses)
-    return EventPicture(
-        title=f"{event.incident.kind}: {focuses[0].named}, scene {event.scene}, {event.cost:+.2f} m",
+    return MomentPicture(
+        title=f"{focuses[0].named}, scene {scene}: {parts_text(moment.parts)}",
         path=path,
         sentence=sentences + ("; the road is not drawn, for its map is broken" if notes else ""),
-        command=command_of(findings, event),
+        command=command_of(findings, scene, moment),
     )
 
 
-def command_of(findings: Findings, event: CostlyEvent) -> str:
-    """The command that opens an event, with one hypothesis and with the most side by side."""
-    settings = (findings.subject.single, findings.subject.most)
+def command_of(findings: Findings, scene: str, moment: Moment) -> str:
+    """The command that opens a moment, with the most hypotheses and with one side by side."""
+    settings = (findings.subject.most, findings.subject.single)
     folders = dict.fromkeys(os.path.relpath(findings.of(setting).folders[0]) for setting in settings)
-    data = findings.bench.options.data
-    return command_line("view", *folders, scene=event.scene, at=event.incident.name, data=data)
+    return command_line("view", *folders, scene=scene, at=moment.at.name, data=findings.bench.options.data)

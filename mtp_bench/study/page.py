@@ -1,4 +1,4 @@
-"""The page of a study: one HTML file that loads no other, with text, all figures and tables, and the worst events."""
+"""The page of a study: one HTML file that loads no other, with text, all figures and tables, and the worst moments."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..running.settings import training_note
 from ..scoring.definitions import RANKED_UNITS
 from ..scoring.main_table import place_of
-from ..scoring.parts import PARTS
+from ..scoring.parts import PARTS, named_parts, parts_text
 from ..tables import Column, Table
 from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
@@ -20,7 +22,7 @@ from ..viz.terminal.verdict import verdict
 from .drawing import Drawing
 from .figures import n_of
 from .findings import Findings
-from .gallery import EventPicture
+from .gallery import MomentPicture
 from .plan import StudiedAgent
 from .rows import TEXTS
 
@@ -36,7 +38,7 @@ def study_page(
     findings: Findings,
     tables: dict[str, Table],
     figures: dict[str, Drawing],
-    pictures: Sequence[EventPicture],
+    pictures: Sequence[MomentPicture],
     command: str,
 ) -> str:
     """HTML of a study; ``command``: that makes it again.
@@ -86,9 +88,8 @@ def summary(findings: Findings) -> list[str]:
 def cause_sentence(findings: Findings, subject: StudiedAgent) -> str:
     """The parts of bADE of an agent with the most hypotheses, largest first."""
     row = findings.row(subject.most, "all")
-    known = sorted(((getattr(row, f"cost_{key}") or 0.0, name) for key, name in PARTS.items()), reverse=True)
-    parts = ", ".join(f"{name} {part:.2f}" for part, name in known if part >= 0.005)
-    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {parts}."
+    parts = named_parts(np.array([getattr(row, f"cost_{key}") or 0.0 for key in PARTS]))
+    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {parts_text(parts)}."
 
 
 def facts(findings: Findings) -> list[tuple[str, str]]:

@@ -25,7 +25,8 @@ from mtp_bench.scoring.parts import PARTS
 from mtp_bench.study import Study, study
 from mtp_bench.study.conduct import find
 from mtp_bench.study.figures import FIGURES, make_figures
-from mtp_bench.study.gallery import command_of, worst_events
+from mtp_bench.study.gallery import EACH
+from mtp_bench.study.page import summary
 from mtp_bench.study.plan import subject_of
 from mtp_bench.study.relations import relation_rows, verdict
 from mtp_bench.study.rows import TEXTS, make_tables
@@ -101,8 +102,13 @@ def test_the_tables_equal_compare(made: Study, cli: CommandLine, card: str, kitt
 
 def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     text = made.page.read_text()
-    for key in ("found", "cost", "often", "choose", "parts", "gallery", "made"):
-        assert f'<section id="{key}">' in text
+    assert made.findings.few, "two sequences: causes and moments come first, and no relation is shown"
+    keys = ["found", "parts", "gallery", "cost", "often", "choose", "made"]
+    assert re.findall(r'<section id="(\w+)">', text) == keys
+    assert made.tables["relations"].title not in text
+    parts = ", ".join(summary(made.findings))
+    assert parts.startswith("bADE of mtp is ")
+    assert "predictor" in parts
     assert all(f"tables/{name}.csv" in text for name in TABLES - {"relations"})
     assert text.count("<svg") == len(FIGURES) == len(list((made.folder / "figures").glob("*.png")))
     plain = html.unescape(text)
@@ -228,17 +234,18 @@ def test_stored_tracks_are_studied_and_changed_ones_anew(tmp_path: Path, card: s
     assert len(list((tmp_path / "out" / "runs").glob("given_tracks*"))) == 2
 
 
-def test_the_worst_events_can_be_opened(made: Study, cli: CommandLine, tmp_path: Path) -> None:
-    events = worst_events(made.findings)
-    kinds = {event.incident.kind for event in events}
-    assert "lost" in kinds  # detections are missing in two frames
-    for kind in kinds:
-        costs = [event.cost for event in events if event.incident.kind == kind]
-        assert costs == sorted(costs, reverse=True)
-        assert (made.folder / "events" / f"{kind}-{len(costs)}.png").stat().st_size > 1000
-    words = shlex.split(command_of(made.findings, events[0]))
-    cli.ok("view", words[2], *words[4:], "--png", tmp_path / "event.png")
-    assert (tmp_path / "event.png").stat().st_size > 1000
+def test_the_worst_moments_can_be_opened(made: Study, cli: CommandLine, tmp_path: Path) -> None:
+    pictures = sorted((made.folder / "moments").iterdir(), key=lambda path: int(path.name.split("-")[0]))
+    causes = [path.stem.split("-", 1)[1].replace("-", " ") for path in pictures]
+    assert set(causes) <= set(PARTS.values()) - {"below threshold"}
+    assert max(map(causes.count, causes)) <= EACH
+    assert causes == sorted(causes, key=causes.index), "of one cause after the other"
+    assert all(path.stat().st_size > 1000 for path in pictures)
+    commands = re.findall(r"<figcaption><code>(.*?)</code>", made.page.read_text())
+    assert len(commands) == len(pictures)
+    words = shlex.split(html.unescape(commands[0]))
+    cli.ok("view", words[2], *words[4:], "--png", tmp_path / "moment.png")
+    assert (tmp_path / "moment.png").stat().st_size > 1000
 
 
 # ---- relations
