@@ -35,7 +35,8 @@ def measure(env_id: str, options: RunOptions) -> list[dict[str, Any]]:
         known = {setting.label: references_of(setting, evaluation.card) for setting in settings}
         runs = {run.key: run for name in known for run in (known[name]["associated"], known[name]["tracks"])}
         runs |= {setting.key: setting for setting in settings}
-        scores = dict(zip(runs, evaluation.scores(list(runs.values()), caught=False), strict=True))
+        scored: list[Any] = evaluation.scores(list(runs.values()), caught=False)
+        scores = dict(zip(runs, scored, strict=True))
         own = {
             name: References(associated=scores[found["associated"].key], tracks=scores[found["tracks"].key])
             for name, found in known.items()
