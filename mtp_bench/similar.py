@@ -1,7 +1,7 @@
 """Classes that nothing is known of, and the classes whose settings they take."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 _VEHICLES = "car van truck bus trailer construction_vehicle tram vehicle forklift tractor cart minibus box_truck"
 _TWO_WHEELS = "bicycle cyclist motorcycle scooter rider bike motorbike tricycle bicyclist motorcyclist"
@@ -12,6 +12,19 @@ _ALIKE = (  # the first of a row that is known stands for the others
 )
 
 
+def class_hint(name: str, known: Iterable[str]) -> str:
+    """The part of a message about a class that is not ``known`` which names the one that may be meant; empty if none.
+
+    A vehicle of another kind is similar, but not the same: a truck that is called a car may be a mistake.
+    """
+    names, word = tuple(known), name.lower().rsplit(".", maxsplit=1)[-1]  # of "vehicle.car"
+    other, spelt = _of_kind(word, names), _spelt_alike(word, names)
+    if other is not None and spelt is None and word in _ALIKE[0]:
+        return f"similar is {other!r}"
+    meant = spelt or other
+    return f"did you mean {meant!r}?" if meant else ""
+
+
 def similar_class(name: str, known: Iterable[str]) -> str | None:
     """The class of ``known`` that is most like the class ``name``; None where the name looks misspelt.
 
@@ -20,9 +33,19 @@ def similar_class(name: str, known: Iterable[str]) -> str | None:
     names = tuple(known)
     if name in names:
         return name
-    kind = next((row for row in _ALIKE if name.lower() in row), ())
-    same = next((other for other in kind if other in names), None)
+    same = _of_kind(name, names)
     if same is not None:
         return same
-    misspelt = difflib.get_close_matches(name.lower(), [other.lower() for other in names], n=1, cutoff=0.7)
-    return None if not names or misspelt else names[0]
+    return None if not names or _spelt_alike(name, names) else names[0]
+
+
+def _of_kind(name: str, names: Collection[str]) -> str | None:
+    """The first class of the kind of ``name`` (vehicles, two wheels, people) that is among ``names``."""
+    kind = next((row for row in _ALIKE if name.lower() in row), ())
+    return next((other for other in kind if other in names), None)
+
+
+def _spelt_alike(name: str, names: Collection[str]) -> str | None:
+    """The one of ``names`` that is spelt nearly as ``name``."""
+    lower = {other.lower(): other for other in names}
+    return next((lower[close] for close in difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.7)), None)

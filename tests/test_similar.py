@@ -6,7 +6,7 @@ import pytest
 
 from mtp_bench.errors import UnknownNameError
 from mtp_bench.prediction.motion_noise import stored_noise
-from mtp_bench.similar import similar_class
+from mtp_bench.similar import class_hint, similar_class
 from mtp_bench.tracking.parameters import detector_parameters
 from tests.support.tracking_scenes import kitti_task
 
@@ -32,6 +32,22 @@ KITTI = ("car", "pedestrian", "cyclist")
 )
 def test_similar_classes(name: str, like: str | None) -> None:
     assert similar_class(name, KITTI) == like
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("bicycle", "did you mean 'cyclist'?"),
+        ("Person", "did you mean 'pedestrian'?"),
+        ("pedestrain", "did you mean 'pedestrian'?"),
+        ("Car", "did you mean 'car'?"),
+        ("truck", "similar is 'car'"),
+        ("human.pedestrian.adult", "did you mean 'pedestrian'?"),
+        ("animal", ""),
+    ],
+)
+def test_hints_of_classes_that_the_task_does_not_have(name: str, hint: str) -> None:
+    assert class_hint(name, KITTI) == hint
 
 
 def test_nothing_is_like_a_class_where_none_is_known() -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mtp_bench.cards import Card, with_detector, with_files, with_scenes, with_split
 from mtp_bench.cards.own import folder_digest
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
-from mtp_bench.sources import load_scenes, open_source
+from mtp_bench.sources import camera_images, load_scenes, open_source
 from mtp_bench.sources.files.save import TableForm, save_scene
 from mtp_bench.types import Detections, Scene, StoredTracks, Truth, starts_of
 from tests.support.own_scenes import (
@@ -87,6 +87,7 @@ def scenes(draw: st.DrawFn) -> Scene:
         ),
         detector="pointrcnn, stored detections",
         object_names={row: f"word {row:02}" for row in range(rows)} if draw(st.booleans()) else {},
+        lanes=whole_scene().lanes if draw(st.booleans()) else (),
     )  # fmt: skip
 
 
@@ -100,7 +101,7 @@ def velocities(rng: np.random.Generator, rows: int) -> NDArray[np.float64]:
 
 
 def test_fields_that_tables_cannot_hold_are_not_dropped_silently(tmp_path: Path) -> None:
-    with pytest.raises(MtpBenchError, match="scene 'one' has image, world, lanes, recording, which tables cannot"):
+    with pytest.raises(MtpBenchError, match="scene 'one' has image, world, recording, which tables cannot"):
         save_scene(whole_scene(), tmp_path, CLASSES)
     scene = make_scene()
     tracks = StoredTracks(**vars(scene.detections), object_id=np.arange(len(scene.detections.box)))
@@ -169,10 +170,10 @@ def test_words_are_ids_and_rows_come_in_any_order(tmp_path: Path, base: Card) ->
 
 
 def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Card) -> None:
-    truth = [*TRUTH, f"0,8,truck,1,5,{BOX}", f"1,8,truck,1,5,{BOX}"]
+    truth = [*TRUTH, f"0,8,person,1,5,{BOX}", f"1,8,person,1,5,{BOX}"]
     scene = only(base, write_tables(tmp_path, truth=truth))
     assert len(scene.truth.box) == 3
-    assert scene.skipped == {"truth of class 'truck', which the task does not have": 2}
+    assert scene.skipped == {"truth of class 'person', which the task does not have: did you mean 'pedestrian'?": 2}
 
 
 @pytest.mark.parametrize("sides", ["0,1.8,1.5", "4,-1.8,1.5", "4,1.8,1e-9"])
@@ -180,6 +181,40 @@ def test_flat_detections_are_left_out_and_counted(sides: str, tmp_path: Path, ba
     rows = [*DETECTIONS, f"1,car,5,5,0.8,0,{sides},0.9"]
     scene = only(base, write_tables(tmp_path, detections=rows))
     assert (scene.detections.start.tolist(), scene.skipped) == ([0, 1, 1, 2], {"detection size not above 0": 1})
+
+
+def test_lanes_and_images_are_for_pictures_alone(tmp_path: Path, base: Card) -> None:
+    card = with_files(base, write_tables(tmp_path, ego=["frame", "4", "5", "6"], truth=later(TRUTH), detections=None))
+    card = with_detector(card, "kitti_pointrcnn")
+    for frame in (4, 6):
+        (tmp_path / f"one/{frame}.png").touch()
+    write_tables(tmp_path, truth=later(TRUTH), detections=None, lanes=LANES, images=IMAGES)
+    (scene,) = load_scenes(card)
+    turn, way = scene.lanes
+    np.testing.assert_allclose(way.center, [[0, 0], [4, 0], [9, 0]])
+    np.testing.assert_allclose([way.left[1], way.right[1]], [[4, 1.75], [4, -1.75]])
+    assert (way.following, way.junction, turn.following, turn.junction) == ((0,), False, (), True)
+    first, last = camera_images(scene, card)
+    assert (first.frame, first.camera, first.path, first.size) == (0, "front", tmp_path / "one/4.png", (64, 48))
+    assert (last.frame, last.projection.tolist()) == (2, np.arange(12.0).reshape(3, 4).tolist())
+    notes: list[str] = []
+    write_tables(tmp_path, truth=later(TRUTH), detections=None, images=[*IMAGES, IMAGES[1].replace("6.png", "7.png")])
+    assert not camera_images(scene, card, note=notes.append)
+    assert f"images.csv, line 4, column 'file': no file {tmp_path}/one/7.png" in notes[0]
+
+
+LANES = [
+    "lane,x,y,junction,following", "turn,9,0,true,", "turn,9,5,0,", "way,0,0,0, turn;", "way,4,0,0,", "way,9,0,0,",
+]  # fmt: skip
+IMAGES = [
+    "frame,camera,file,width,height,p00,p01,p02,p03,p10,p11,p12,p13,p20,p21,p22,p23",
+    *(f"{frame},front,{frame}.png,64,48,0,1,2,3,4,5,6,7,8,9,10,11" for frame in (6, 4)),
+]
+
+
+def later(lines: list[str]) -> list[str]:
+    """Rows of frames 0 to 2 as those of frames 4 to 6."""
+    return [lines[0], *(f"{int(line[0]) + 4}{line[1:]}" for line in lines[1:])]
 
 
 def test_a_link_to_nothing_is_not_a_misspelt_table(tmp_path: Path, base: Card) -> None:
@@ -255,6 +290,10 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
         {"detections": None, "detection": DETECTIONS},
         "detection.csv is not a known table; did you mean detections.csv?",
     ),
+    "a lane in the singular": ({"lane": LANES}, "lane.csv is not a known table; did you mean lanes.csv?"),
+    "a lane of one point": ({"lanes": LANES[:2]}, "lanes.csv, line 2, column 'lane': the only point of this lane, exp"),
+    "a lane that is unknown": ({"lanes": [*LANES, "way,9,1,0,road"]}, "lanes.csv, line 7, column 'following': 'road'"),
+    "a border": ({"lanes": ["lane,x,y,left_x"]}, "lanes.csv: some of the columns 'left_x', 'left_y', 'right_x', 'r"),
     "no detections": ({"detections": None}, "one: no detections; without them a simulated detector runs at once"),
     "names alone": ({"truth": TRUTH[:1]}, "truth.csv has no rows, expected one per object and frame"),
     "one place": (

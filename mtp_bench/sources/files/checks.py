@@ -8,6 +8,7 @@ from ...cards import Card
 from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from ..text import LIMIT, RADIANS, SMALLEST, TURN, RowTable, refuse, refuse_shared_place, repeated
+from .columns import BORDERS
 
 MOST_FRAMES = 1_000_000
 FARTHEST = 1e5  # m, x and y: rollouts keep boxes in single precision, which is coarser than centimetres farther away
@@ -19,7 +20,7 @@ _NEAR = (
 _SIZE = SMALLEST, LIMIT, f"expected a number from {SMALLEST:g} to {LIMIT:g}"
 _VELOCITY = -LIMIT, LIMIT, f"expected a number from {-LIMIT:g} to {LIMIT:g}"
 RANGES = {  # column -> least, largest, message
-    **dict.fromkeys(("x", "y"), (-FARTHEST, FARTHEST, _NEAR)),
+    **dict.fromkeys(("x", "y", *BORDERS), (-FARTHEST, FARTHEST, _NEAR)),
     **dict.fromkeys(("l", "w", "h"), _SIZE),
     **dict.fromkeys(("z", "vx", "vy", "score"), _VELOCITY),
     "yaw": (-TURN, TURN, RADIANS),
@@ -92,6 +93,11 @@ def check_boxes(table: RowTable, frame: Ints, frames: int, true: bool) -> None:
     """Raise DataError for the first impossible value; only ``true`` boxes need a size above 0."""
     outside = (frame < 0) | (frame >= frames)
     table.refuse(outside, lambda row: f"frame {frame[row]}, but the scene has the frames 0 to {frames - 1}", "frame")
+    check_ranges(table, true)
+
+
+def check_ranges(table: RowTable, true: bool = True) -> None:
+    """Raise DataError for the first number outside of its range; only ``true`` boxes need a size above 0."""
     for column in filter(table.has, RANGES):
         _check_range(table, column, -LIMIT if column in "lwh" and not true else RANGES[column][0])
 

@@ -55,6 +55,36 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
         TableColumn("yaw", "rad, heading of the sensors", "0"),
     ),
 }
+BORDERS = ("left_x", "left_y", "right_x", "right_y")
+PICTURES: dict[str, tuple[TableColumn, ...]] = {  # tables that scores do not need
+    "lanes": (
+        TableColumn("lane", "the lane: a number or a word", text=True),
+        TableColumn("x", "m, point of its middle line; the rows of a lane are in the direction of travel"),
+        TableColumn("y", "m, point of its middle line"),
+        *(TableColumn(name, "m, point of a border beside x y", "1.75 m from the middle line") for name in BORDERS),
+        TableColumn("junction", "1 or 0, true or false: inside a junction, drawn without borders", "0", flag=True),
+        TableColumn(
+            "following",
+            "lanes that continue it, with semicolons between them, in any row",
+            "none",
+            text=True,
+            gaps=True,
+        ),
+    ),
+    "images": (
+        _FRAME,
+        TableColumn("camera", "name of the camera, such as front", text=True),
+        TableColumn("file", "path of the image, relative to the folder of the scene", text=True),
+        TableColumn("width", "pixels"),
+        TableColumn("height", "pixels"),
+        *(
+            TableColumn(f"p{row}{column}", f"projection, row {row}, column {column}")
+            for row in range(3)
+            for column in range(4)
+        ),
+    ),
+}
+TOGETHER = (("vx", "vy"), BORDERS)  # columns that a table has all or none of
 TRACKS = (  # of a table of stored tracks, which is a separate file
     replace(_FRAME, meaning="whole number of the frame, from 0"),
     TableColumn("id", "the track: a number or a word, the same in all frames", text=True),
@@ -63,4 +93,4 @@ TRACKS = (  # of a table of stored tracks, which is a separate file
     replace(_SCORE, meaning="as the tracker gives it"),
     *_VELOCITY,
 )
-COLUMNS = {**TABLES, "tracks": TRACKS}
+COLUMNS = {**TABLES, **PICTURES, "tracks": TRACKS}

@@ -15,12 +15,13 @@ from ...types import ID_LIMIT, Detections, Scene, Truth
 from ..base import require_separate
 from ..text import MOST_LETTERS
 from .columns import BOX, FORMS, TABLES
+from .pictures import lane_columns
 from .table import write_table
 
 TableForm = Literal["csv", "parquet"]
 LONGEST_NAME = 200  # characters of a quoted name: files allow 255 bytes, and writers need some of them
 _EMPTY: dict[str, Any] = {  # fields that tables do not have, with the value of a scene without them
-    "image": None, "world": None, "lanes": (), "recording": "", "truth_complete": True, "listed_targets": False,
+    "image": None, "world": None, "recording": "", "truth_complete": True, "listed_targets": False,
     "tracks": None,
 }  # fmt: skip
 
@@ -46,12 +47,14 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: T
     tables, folder = scene_tables(scene, classes), Path(folder).expanduser()
     if scene.object_names:
         tables["truth"]["id"] = np.array([scene.name_of(number) for number in tables["truth"]["id"].tolist()])
+    if scene.lanes:
+        tables["lanes"] = lane_columns(scene.lanes)
     make_folder(folder)
     path = folder / file_stem(scene.name)
     require_replaceable(path)
     if path.exists() and not path.is_dir():
         raise MtpBenchError(f"{path} is a file, which would be lost: choose another folder, or move it away")
-    ours = {".DS_Store", *(f"{name}.{form}" for name in TABLES for form in FORMS)}
+    ours = {".DS_Store", *(f"{name}.{form}" for name in (*TABLES, "lanes") for form in FORMS)}
     other = sorted(file.name for file in path.iterdir() if file.name not in ours) if path.is_dir() else []
     if other:
         raise MtpBenchError(f"{path} has {other[0]!r}, which would be lost: choose another folder, or move it away")

@@ -2,7 +2,7 @@
 
 import difflib
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
@@ -10,17 +10,19 @@ from urllib.parse import unquote
 import numpy as np
 
 from ...cards import Card, FilesSource, instead_of_stored
-from ...errors import DataError, closest
+from ...errors import DataError
+from ...similar import class_hint
 from ...types import ID_LIMIT, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
-from ..base import class_ids, names_by_number, no_detections, section_of
+from ..base import CameraImage, class_ids, names_by_number, no_detections, section_of
 from ..motion import backward_velocity
 from ..text import RowTable
 from .checks import check_boxes, check_frames, check_objects, frame_index, scene_frames
-from .columns import BOX, FORMS, TABLES
+from .columns import BOX, FORMS, PICTURES, TABLES
+from .pictures import images_of, lanes_of
 from .save import scene_tables
 from .table import read_table
 
-_SIMILAR = 0.9  # of file names: `detection`, not `detections_old`
+_SIMILAR = 0.85  # of file names: `detection` and `lane`, not `detections_old`
 
 
 def read_scene(folder: Path, card: Card) -> Scene:
@@ -28,13 +30,13 @@ def read_scene(folder: Path, card: Card) -> Scene:
 
     Raises DataError that names the file, the line and the column that is wrong.
     """
-    paths = {name: find_table(folder, name) for name in TABLES}
-    _refuse_misspelt(folder, [name for name, path in paths.items() if path is None])
-    if paths["truth"] is None:
+    _refuse_misspelt(folder)
+    tables = _read_tables(folder, (*TABLES, "lanes"))
+    if "truth" not in tables:
         raise DataError(f"{folder}: no table truth.csv or truth.parquet, which the score needs")
-    tables = {name: read_table(path, name) for name, path in paths.items() if path is not None}
     if not len(tables["truth"]):
-        raise DataError(f"{paths['truth']} has no rows, expected one per object and frame")
+        raise DataError(f"{tables['truth'].source} has no rows, expected one per object and frame")
+    lanes = lanes_of(tables.pop("lanes")) if "lanes" in tables else ()
     number, time = scene_frames(str(folder), tables, card.task.rate)
     ego = np.zeros((len(time), 4))
     for i, column in enumerate(("x", "y", "z", "yaw")):
@@ -42,12 +44,23 @@ def read_scene(folder: Path, card: Card) -> Scene:
             ego[:, i] = tables["ego"].numbers[column]
     check_frames(time, ego, card, str(folder))
     scene = _true_scene(unquote(folder.name), tables["truth"], frame_index(tables["truth"], number), time, ego, card)
+    scene = replace(scene, lanes=lanes)
     if "detections" not in tables:
         return _for_card(scene, card, str(folder), detected=False)
     if card.detector is None:
         index = frame_index(tables["detections"], number)
         scene = replace(scene, detections=_detections(tables["detections"], index, len(time), card, scene.skipped))
     return _for_card(scene, card, str(folder), detected=True)
+
+
+def read_images(folder: Path, card: Card) -> tuple[CameraImage, ...]:
+    """The camera images of the scene in ``folder``; none without a table of them. Raises DataError as `read_scene`."""
+    images = _read_tables(folder, ["images"])
+    if not images:
+        return ()
+    tables = _read_tables(folder, ["ego"]) or _read_tables(folder, TABLES)  # the rows of an ego table are the frames
+    number, _ = scene_frames(str(folder), tables, card.task.rate)
+    return images_of(images["images"], folder, number)
 
 
 def checked_scene(scene: Scene, card: Card) -> Scene:
@@ -77,8 +90,15 @@ def find_table(folder: Path, name: str) -> Path | None:
     return paths[0] if paths else None
 
 
-def _refuse_misspelt(folder: Path, missing: list[str]) -> None:
+def _read_tables(folder: Path, names: Iterable[str]) -> dict[str, RowTable]:
+    """Tables of the folder by name; of ``names``, those that it has."""
+    paths = {name: find_table(folder, name) for name in names}
+    return {name: read_table(path, name) for name, path in paths.items() if path is not None}
+
+
+def _refuse_misspelt(folder: Path) -> None:
     """Raise DataError for a file with nearly the name of a missing table (``detection.csv``)."""
+    missing = [name for name in (*TABLES, *PICTURES) if find_table(folder, name) is None]
     for path in sorted(folder.iterdir()):
         form = path.suffix.lower().removeprefix(".")
         meant = difflib.get_close_matches(path.stem.lower(), missing, n=1, cutoff=_SIMILAR)
@@ -154,14 +174,14 @@ def _usable_rows(
     others, count = (column.tolist() for column in np.unique(kind[~used], return_counts=True))
     if others and not used.any():
         first = str(kind[0])
-        similar = closest(first, classes)
-        advice = f"did you mean {similar!r}?" if similar else "`mtp-bench envs` shows the classes of each environment"
+        advice = class_hint(first, classes) or "`mtp-bench envs` shows the classes of each environment"
         raise DataError(
             f"{table.where(0, 'class')}: {first!r}, and no other row of the {name} has a class of the task, one of "
             f"{', '.join(classes)}; {advice}"
         )
     for other, number in zip(others, count, strict=True):
-        skipped[f"{name} of class {other!r}, which the task does not have"] = number
+        parts = f"{name} of class {other!r}, which the task does not have", class_hint(other, classes)
+        skipped[": ".join(filter(None, parts))] = number
     row = np.flatnonzero(used)
     return np.asarray(row[np.argsort(frame[row], kind="stable")])
 

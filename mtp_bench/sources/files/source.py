@@ -10,12 +10,12 @@ from ...cards import Card, FilesSource
 from ...cards.own import folder_digest, split_folder
 from ...errors import DataError, MissingDataError
 from ...types import Scene
-from ..base import section_of
+from ..base import CameraImage, section_of
 from ..dataset import Dataset, DataStatus
 from ..motion import looking_back
 from .columns import TABLES
 from .save import check_scene_name
-from .scene import checked_scene, find_table, read_scene
+from .scene import checked_scene, find_table, read_images, read_scene
 
 EXPECTED = "a sub-folder for each scene with the tables truth, detections and ego"
 DATASET = Dataset(
@@ -25,7 +25,8 @@ DATASET = Dataset(
 <folder>/
   <scene>/truth.csv                 true boxes (.parquet, too)
   <scene>/detections.csv            detections (not needed with a simulated detector)
-  <scene>/ego.csv                   frames and positions of the sensors (optional)""",
+  <scene>/ego.csv                   frames and positions of the sensors (optional)
+  <scene>/lanes.csv, images.csv     the road and camera images, for pictures (optional)""",
     licence="your own",
     citation="your own",
     how_to_get="write them with mtp_bench.save_scene, or as docs/data/own.md shows",
@@ -43,8 +44,10 @@ class OwnScenes:
         self.card = card
         self.section = section_of(card, FilesSource)
         self._read: dict[str, Callable[[], Scene]]
+        self._folders: dict[str, Path] = {}
         if self.section.scenes is None:
-            self._read = {name: partial(read_scene, path, card) for name, path in _card_folder(self.section, card)}
+            self._folders = _card_folder(self.section, card)
+            self._read = {name: partial(read_scene, path, card) for name, path in self._folders.items()}
         else:
             self._read = {scene.name: partial(checked_scene, scene, card) for scene in self.section.scenes}
         if not self._read:
@@ -59,6 +62,10 @@ class OwnScenes:
         if self.card.velocity and self.section.traits.velocity_ahead:  # agents must not see future positions
             return replace(scene, truth=looking_back(scene.truth, scene.time, 1 / self.card.task.rate))
         return scene
+
+    def images(self, name: str) -> tuple[CameraImage, ...]:
+        """The camera images of a scene in a folder; none for a `Scene` object."""
+        return read_images(self._folders[name], self.card) if name in self._folders else ()
 
 
 def scene_folders(folder: Path) -> dict[str, Path]:
@@ -82,7 +89,7 @@ def is_scene(folder: Path) -> bool:
     return any(find_table(folder, name) for name in TABLES)
 
 
-def _card_folder(section: FilesSource, card: Card) -> list[tuple[str, Path]]:
+def _card_folder(section: FilesSource, card: Card) -> dict[str, Path]:
     """Names and folders of the card's scenes; raises DataError if the folder is not the card's."""
     if section.folder is None:
         raise DataError(
@@ -102,7 +109,7 @@ def _card_folder(section: FilesSource, card: Card) -> list[tuple[str, Path]]:
             f"{folder}: its files have the sha256 {digest[:12]}, expected {str(section.sha256)[:12]}: they are not "
             f"those of {card.id}, or changed after a run with this card; run the agent again"
         )
-    return sorted(folders.items())
+    return dict(sorted(folders.items()))
 
 
 def files_status(card: Card, data: object = None) -> DataStatus:

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from ...errors import DataError, nearest
 from ...files import open_regular
 from ..text import LIMIT, MOST_LETTERS, RowTable, other_separator, wrong_count
-from .columns import COLUMNS, TableColumn
+from .columns import COLUMNS, TOGETHER, TableColumn
 
 LARGEST_FILE = 1 << 30  # bytes
 LATEST = 1e12  # s: clocks that count from 1970 fit
 
 
 def read_table(path: Path, name: str) -> RowTable:
-    """The table ``name`` (truth, detections, ego or tracks) in a file; raises DataError for a wrong file or cell."""
+    """The table ``name`` (of `columns.COLUMNS`) in a file; raises DataError for a wrong file or cell."""
     import pyarrow
     from pyarrow import compute
 
@@ -118,7 +118,8 @@ def _add_column(table: RowTable, column: TableColumn, values: Any) -> None:
         limit = f"expected at most {MOST_LETTERS}"
         table.refuse(long, lambda row: f"a word of {len(words[row])} characters, {limit}", name)
         table.words[name] = np.array(words, dtype=np.str_)
-        table.refuse(table.words[name] == "", "an empty cell, expected a word", name)
+        if not column.gaps:
+            table.refuse(table.words[name] == "", "an empty cell, expected a word", name)
         return
     if is_word:
         values = _numbers(table, column, values)
@@ -184,5 +185,6 @@ def _check_names(path: Path, names: Sequence[str], table: str) -> None:
     for column in COLUMNS[table]:
         if not column.without and column.name not in names:
             raise DataError(f"{path}: no column {column.name!r}: {column.meaning}; {found}")
-    if ("vx" in names) != ("vy" in names):
-        raise DataError(f"{path}: one of the columns 'vx' and 'vy', expected both or none")
+    for group in TOGETHER:
+        if 0 < len(set(group) & set(names)) < len(group):
+            raise DataError(f"{path}: some of the columns {', '.join(map(repr, group))}, expected all or none")
