@@ -8,11 +8,11 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from .errors import MtpBenchError, nearest
@@ -33,6 +33,17 @@ class Section(BaseModel):
 
 
 SectionT = TypeVar("SectionT", bound=Section)
+
+
+def rule(holds: Callable[[Any], bool], expected: str) -> AfterValidator:
+    """Rule for the values of a field; the text of an error is ``expected``."""
+
+    def check(value: Any) -> Any:
+        if not holds(value):
+            raise ValueError(expected)
+        return value
+
+    return AfterValidator(check)
 
 
 def read_toml(path: Path, error: type[MtpBenchError]) -> dict[str, Any]:

@@ -4,11 +4,11 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
 
 from ..detector import Profile, Variant, load_profile
 from ..errors import CardError, MtpBenchError, nearest
-from ..strict import Section
+from ..strict import Section, rule
 from .source import SourceSection
 
 PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]  # a single number in the TOML stands for every class
@@ -37,7 +37,11 @@ class TaskSection(Section):
     past: Annotated[int, Field(ge=2, le=1000)]  # P
     future: Annotated[int, Field(ge=1, le=1000)]  # T
     samples: Annotated[int, Field(ge=1, le=1000)]  # k
-    classes: Annotated[tuple[str, ...], Field(min_length=1, strict=False)]  # TOML has lists only
+    classes: Annotated[  # TOML has lists only
+        tuple[str, ...],
+        Field(min_length=1, strict=False),
+        rule(lambda names: len(set(names)) == len(names), "expected each class once"),
+    ]
     event_gate: EventGate
     forecast_gate: PerClass  # m, BEV centre distance
     miss_error: PerClass  # m, c: the error of a target without a forecast
@@ -50,13 +54,6 @@ class TaskSection(Section):
         if isinstance(value, dict) and type(value.get("threshold")) in (int, float):
             return {**value, "threshold": dict.fromkeys(classes, value["threshold"])}
         return dict.fromkeys(classes, value) if type(value) in (int, float) else value
-
-    @field_validator("classes")
-    @classmethod
-    def _require_once(cls, classes: tuple[str, ...]) -> tuple[str, ...]:
-        if len(set(classes)) < len(classes):
-            raise ValueError("expected each class once")
-        return classes
 
     @field_validator("event_gate", "forecast_gate", "miss_error")
     @classmethod
@@ -80,27 +77,22 @@ class SizeSection(Section):
     hypotheses: Annotated[int, Field(ge=1)]  # H
 
 
-def _require_shipped(profile: str) -> str:
-    if profile.endswith(".toml"):  # relative to which folder?
-        raise ValueError("expected the name of a shipped profile; a file's content belongs into [detector.noise]")
-    return profile
-
-
-def _corners(area: tuple[float, float, float, float] | None) -> tuple[float, float, float, float] | None:
-    if area is not None and not (area[0] < area[2] and area[1] < area[3]):
-        raise ValueError("expected least x and y, then largest x and y")
-    return area
+_SHIPPED = rule(  # a path would be relative to which folder?
+    lambda profile: not profile.endswith(".toml"),
+    "expected the name of a shipped profile; a file's content belongs into [detector.noise]",
+)
+_CORNERS = rule(lambda a: a[0] < a[2] and a[1] < a[3], "expected least x and y, then largest x and y")
 
 
 class DetectorSection(Section):
     """A simulated detector in place of stored detections: the name of a shipped ``profile``, or its own ``noise``."""
 
-    profile: Annotated[str, AfterValidator(_require_shipped)] | None = None
+    profile: Annotated[str, _SHIPPED] | None = None
     noise: Profile | None = None
     variant: Variant = "as_fitted"
     reach: Annotated[float, Field(gt=0)] = 80.0  # m
     field_of_view: Annotated[float, Field(gt=0, le=360)] = 90.0  # degrees, centred on the ego's heading
-    area: Annotated[tuple[float, float, float, float] | None, Field(strict=False), AfterValidator(_corners)] = None
+    area: Annotated[tuple[float, float, float, float], Field(strict=False), _CORNERS] | None = None
     # m: least x and y, largest x and y of false positives; without it they are anywhere within reach
     seed: Annotated[int, Field(ge=0)] = 0  # of the noise
 

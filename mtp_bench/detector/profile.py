@@ -6,10 +6,10 @@
 import itertools
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from ..errors import UnknownNameError
-from ..strict import Section
+from ..strict import Section, rule
 
 QUANTILES = 11  # of distances: at 0, 10, ..., 100 %
 RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)  # of scores: denser where scores are high
@@ -19,21 +19,14 @@ _SIMILAR = {  # for profiles without a class
 }  # fmt: skip
 
 
-def _ascending(values: tuple[float, ...]) -> tuple[float, ...]:
-    if any(later < earlier for earlier, later in itertools.pairwise(values)):
-        raise ValueError("expected ascending numbers")
-    return values
-
-
+_ASCENDING = rule(lambda values: all(a <= b for a, b in itertools.pairwise(values)), "expected ascending numbers")
 Variant = Literal["as_fitted", "iid", "hard"]
 Share = Annotated[float, Field(ge=0, le=1)]
 Scale = Annotated[float, Field(ge=0)]
 Correlation = Annotated[float, Field(gt=-1, lt=1)]
 Three = Annotated[tuple[float, float, float], Field(strict=False)]
-Quantiles = Annotated[
-    tuple[float, ...], Field(min_length=QUANTILES, max_length=QUANTILES, strict=False), AfterValidator(_ascending)
-]
-Curve = Annotated[tuple[float, ...], Field(min_length=2, strict=False), AfterValidator(_ascending)]
+Quantiles = Annotated[tuple[float, ...], Field(min_length=QUANTILES, max_length=QUANTILES, strict=False), _ASCENDING]
+Curve = Annotated[tuple[float, ...], Field(min_length=2, strict=False), _ASCENDING]
 
 
 class LatentMemory(Section):

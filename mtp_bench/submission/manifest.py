@@ -5,11 +5,11 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from ..errors import SubmissionError, nearest
 from ..files import clean_text
-from ..strict import Section, read_toml, validate
+from ..strict import Section, read_toml, rule, validate
 
 MANIFEST = "submission.toml"
 PARTS = ".part"  # suffix of the folder of an unfinished submit
@@ -28,26 +28,17 @@ Role = Literal["ground_truth", "single", "several", "same_samples", "hedged", "a
 NetworkName = Annotated[str, Field(pattern=r"^[a-z0-9_]+-(truth|tracklets)$")]  # network and its training data
 
 
-def _require_visible(text: str) -> str:
-    if clean_text(text, len(text) + 1) != text:
-        raise ValueError("expected one line without controls and other invisible characters")
-    return text
-
-
 def is_name(text: str) -> bool:
     """Return True for a text that can name a submission, and so the folder of its records, on every system."""
     return len(text) <= MOST_NAME and _NAME.fullmatch(text) is not None
 
 
-def _require_name(text: str) -> str:
-    if not is_name(text):
-        raise ValueError(NAME_RULE)
-    return text
-
-
-SubmissionName = Annotated[str, AfterValidator(_require_name)]
+SubmissionName = Annotated[str, rule(is_name, NAME_RULE)]
 _NOT_EMPTY = Field(min_length=1, strict=False)  # TOML has lists, no tuples
-_Shown = AfterValidator(_require_visible)  # records and the leaderboard show it
+_Shown = rule(  # records and the leaderboard show it
+    lambda text: clean_text(text, len(text) + 1) == text,
+    "expected one line without controls and other invisible characters",
+)
 _Author = Annotated[str, Field(max_length=100), _Shown]
 _Sentence = Annotated[str, Field(max_length=300), _Shown]
 _Url = Annotated[str, Field(pattern=r"^(https?://[!-~]+)?$", max_length=300)]

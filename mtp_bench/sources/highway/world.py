@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from ...cards.source import SourceSection, Traits
-from ...strict import Section
+from ...strict import Section, rule
 from ...types import Floats, Lane, Truth
 
 ScenarioName = Literal["intersection", "roundabout", "merge", "highway"]
@@ -65,20 +65,9 @@ class World:
     visible: Floats = field(default_factory=lambda: np.zeros(0))  # [R] share of each box in line of sight of the ego
 
 
-def _rising(seeds: tuple[int, int]) -> tuple[int, int]:
-    if not 0 <= seeds[0] < seeds[1] <= 999_999:
-        raise ValueError("expected 0 <= first < end <= 999999")
-    return seeds
-
-
-def _current(generator: int) -> int:
-    if generator != GENERATOR:
-        raise ValueError(f"this version of the library makes generator {GENERATOR}")
-    return generator
-
-
-Generator = Annotated[int, AfterValidator(_current)]
-SeedRange = Annotated[tuple[int, int], Field(strict=False), AfterValidator(_rising)]
+_CURRENT = rule(lambda generator: generator == GENERATOR, f"this version of the library makes generator {GENERATOR}")
+_RISING = rule(lambda seeds: 0 <= seeds[0] < seeds[1] <= 999_999, "expected 0 <= first < end <= 999999")
+SeedRange = Annotated[tuple[int, int], Field(strict=False), _RISING]
 
 
 class SeedRanges(Section):
@@ -101,7 +90,7 @@ class HighwaySource(SourceSection):
 
     splits = ("train", "val", "test")
 
-    generator: Generator = GENERATOR  # version of the simulated content
+    generator: Annotated[int, _CURRENT] = GENERATOR  # version of the simulated content
     scenario: ScenarioName
     sensor: SensorName = "ego"  # on a moving vehicle, or at a fixed place
     seconds: Annotated[float, Field(gt=0, le=600)] = 20.0
