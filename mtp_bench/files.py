@@ -45,8 +45,7 @@ class WriteError(MtpBenchError, OSError):
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path to write to, with the suffix of ``path``; it replaces ``path`` if the block succeeds.
 
-    After an error or an interruption ``path`` is unchanged and no temporary file is left. Raises WriteError naming
-    ``path`` if writing fails.
+    After an error or interruption ``path`` is unchanged, without temporary files. Raises WriteError naming ``path``.
     """
     part = _temporary(path)
     try:

@@ -1,5 +1,6 @@
 """``mtp-bench check``."""
 
+from dataclasses import asdict
 from typing import Annotated
 
 import typer
@@ -34,7 +35,7 @@ def check(
     prepare(env, options)
     with working(f"checking {path}", options) as watched:
         checked = check_submission(path, env, watched)
-    write_json(json_file, checked.to_json())
+    write_json(json_file, asdict(checked))
     show_table(_finding_table(checked), style=lambda row: _STYLE[row.level])
     if checked.errors:
         errors = counted(checked.errors, "error")

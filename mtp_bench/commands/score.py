@@ -19,8 +19,7 @@ def score(
     env: RunCardOption = None,
     json_file: JsonOption = None,
     per_scene: Annotated[
-        Path | None,
-        file_option("--per-scene", suffixes=(".csv", ".json"), text="Write a row per scene to this file."),
+        Path | None, file_option("--per-scene", suffixes=(".csv", ".json"), text="Write a row per scene to this file.")
     ] = None,
 ) -> None:
     """Score stored rollouts."""

@@ -50,13 +50,11 @@ def submit(
     workers: WorkerChoice,
     entry: EntryOptions,
     path: Annotated[
-        str | None,
-        typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions),
+        str | None, typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
     ] = None,
     env: Annotated[list[str] | None, typer.Option(help="Environment id; repeatable.", autocompletion=env_ids)] = None,
     everything: Annotated[
-        bool,
-        typer.Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones."),
+        bool, typer.Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones.")
     ] = False,
     root: DataOption = None,
     output: Annotated[

@@ -13,17 +13,7 @@ from .. import notice
 from ..errors import MtpBenchError
 from ..parallel import reported
 from ..running.options import Fold, RunOptions
-from .options import (
-    DataOption,
-    EnvScenes,
-    JobsOption,
-    TextOption,
-    WorkerChoice,
-    choice,
-    file_option,
-    one_of,
-    opened,
-)
+from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice, choice, file_option, one_of, opened
 from .output import prepare, print_or_write, say, working
 
 if TYPE_CHECKING:
@@ -78,8 +68,7 @@ def predictor(
     device: Annotated[str, choice(DEVICES, text="auto (a GPU if there is one), cpu or cuda.")] = "auto",
     jobs: JobsOption = 0,
     output: Annotated[
-        Path | None,
-        file_option("-o", "--output", text="File of the weights; default: where agents look for them."),
+        Path | None, file_option("-o", "--output", text="File of the weights; default: where agents look for them.")
     ] = None,
 ) -> None:
     """Train a predictor on the training split of an environment (or another).

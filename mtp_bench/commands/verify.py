@@ -37,8 +37,7 @@ class VerifyOptions:
         typer.Option(help="Submission to run again, or a folder of them by name; else the baseline of that name."),
     ] = None
     hidden: Annotated[
-        Path | None,
-        typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes."),
+        Path | None, typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes.")
     ] = None
     sign: Annotated[Path | None, typer.Option(help="Private SSH key: sign the level that is reached.")] = None
     signer: Annotated[str | None, typer.Option(help="Name of its owner, as in keys/allowed_signers.")] = None

@@ -1,7 +1,6 @@
 """Random numbers of a scene: hashed, with a memory, and with an exponential tail.
 
-A number is a hash of the seed, the kind of noise, the object and the frame. Neither the order nor the presence of other
-objects changes it.
+A number is a hash of the seed, the kind of noise, the object and the frame, whatever other objects there are.
 """
 
 from dataclasses import dataclass

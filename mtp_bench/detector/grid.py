@@ -57,8 +57,7 @@ class Neighbours:
 class Grid:
     """R boxes in F frames of J objects, and the noise of each object.
 
-    The rows of an object must be in the order of frames. A cell is a frame and an object between the object's first and
-    last frame.
+    The rows of an object are in the order of frames. A cell is an object and a frame from its first to its last one.
     """
 
     frames: int

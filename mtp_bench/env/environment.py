@@ -37,8 +37,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
     """Tracking and prediction of one log: detections in, hypotheses and forecasts out.
 
     ``card``: env id, path of a card (.toml), or a card. ``data``: data root. `EnvKeywords` lists the other
-    keywords; ``scenes=[scene, ...]`` with `Scene` objects and ``files=folder`` play scenes of one's own under the rules
-    of the card.
+    keywords; ``scenes=[scene, ...]`` with `Scene` objects and ``files=folder`` play own scenes by the card's rules.
 
     Raises UnknownNameError, DataError or CardError (all MtpBenchError) for a wrong argument or missing data.
     """
@@ -146,8 +145,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         """Draw the frame of the last action; before the first action, frame 0.
 
         ``rgb_array``: a bird's-eye picture [720, 960, 3], with true boxes unless in evaluation mode. ``rerun``: every
-        frame is logged without this call, into rerun's active recording (`rerun.init`); returns
-        None, as without a render mode.
+        frame is logged without this call, into rerun's active recording (`rerun.init`); None, as without a mode.
         """
         if self.render_mode is None:
             logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDERERS)}")

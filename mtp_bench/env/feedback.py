@@ -29,8 +29,7 @@ class Feedback:
     def give(self, examined: Examined, where: str) -> None:
         """Raise ActionError for an action outside the action space; warn, once per env, of other problems.
 
-        ``where`` names the frame. An action with a box more than 10 km from the origin gives no warning: it was drawn
-        at random from the action space.
+        ``where`` names the frame. Actions that were drawn from the action space give no warning, see `_is_random`.
         """
         if outside := examined.outside:
             more = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
@@ -50,7 +49,7 @@ def _gravest(problems: list[ActionProblem]) -> ActionProblem:
 
 
 def _is_random(examined: Examined) -> bool:
-    """True for boxes drawn from the action space; also looks at rows that are not claimed, drawn with the others."""
+    """True for a box more than 10 km from the origin: it was drawn. Rows that are not claimed are drawn with others."""
     centres = [np.abs(examined.arrays[name][:, :2]) for name, _ in _BOXES]
     return any(((part > RANDOM_BEYOND) & (part <= COORDINATE_LIMIT)).any() for part in centres)
 

@@ -46,8 +46,7 @@ def live_episode(
 ) -> LiveEpisode:
     """The current episode of ``scene`` under the rules of ``card``.
 
-    ``feed``: the agent's detections, in the local ``frame``; ``actions``: of the frames so far; ``evaluation``: leave
-    out the truth.
+    ``feed``: the agent's detections, in the local ``frame``; ``actions``: so far; ``evaluation``: leave out the truth.
     """
     seen = Detections(
         start=np.asarray(feed.start),

@@ -1,7 +1,6 @@
 """Observations of a scene: detections in a local frame of reference, cut to the size of the spaces.
 
-The first ego pose is the origin of the local frame and time starts at zero, so that neither map coordinates nor the
-clock identify the scene.
+The first ego pose is the origin of the local frame and time starts at zero: neither map nor clock tells the scene.
 """
 
 from __future__ import annotations

@@ -72,8 +72,7 @@ _LOCK_SECONDS = 60.0  # within which a process has surely locked its new folder
 def image_of(submission: Submission, env_id: str, weights_of: str | None = None) -> Image:
     """The image of a submission for an env; made once per process, and again if a file has changed.
 
-    ``weights_of``: another env whose network weights serve here too. Raises SubmissionError for a folder that is not a
-    submission.
+    ``weights_of``: another env whose weights serve here too. Raises SubmissionError for a folder without a submission.
     """
     files, networks = files_of(submission.path), network_files(submission.networks, env_id, weights_of)
     try:

@@ -1,8 +1,7 @@
 """Messages between the judge and an agent: a JSON header and the bytes of arrays, without pickle.
 
 A message is 4 bytes (length of the header), 8 bytes (length of the body), the header, the body; lengths are
-little-endian. The header holds fields by the kind of message and, under "arrays", name, dtype and shape of every array
-of the body, in order.
+little-endian. The header holds fields by the kind of message and, under "arrays", name, dtype and shape of each array.
 """
 
 import json

@@ -1,7 +1,7 @@
 """Check that a submission keeps the contract of an agent, in this process and behind the gateway."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ..env.environment import MTPEnv
@@ -29,16 +29,11 @@ class SubmissionCheck:
         """Number of errors; 0 passes."""
         return sum(finding.level == "error" for finding in self.findings)
 
-    def to_json(self) -> dict[str, Any]:
-        """Content of ``check --json``."""
-        return asdict(self)
-
 
 def check_submission(path: str, env_id: str, options: RunOptions) -> SubmissionCheck:
     """Check a submission on the first scenes of an env; actions of its agent never raise.
 
-    ``options`` give data, scenes and progress. Raises MtpBenchError for a folder that cannot be read and an env or
-    data that is not there.
+    ``options``: data, scenes and progress. Raises MtpBenchError for a broken folder and for a missing env or data.
     """
     submission, progress = load_submission(path), options.progress
     keywords: dict[str, Any] = {"data": options.data, **options.shown_to(submission), "evaluation": True}

@@ -39,8 +39,7 @@ def why_not_comparable(record: Record, level: SignedLevel | None = None, ships: 
 def why_not_genuine(record: Record) -> str | None:
     """Reason why a record that names a baseline is of another submission; None for the baseline itself and other names.
 
-    Digests of that time are not known: for records of earlier definitions the signed level vouches, see
-    `why_not_comparable`.
+    For records of earlier definitions, whose digests are not known, the signed level vouches (`why_not_comparable`).
     """
     known = baseline_digest(record.submission.name, record.submission.networks)
     if known in (None, record.submission.digest) or record.earlier:
@@ -57,8 +56,7 @@ def may_observe(record: Record) -> bool:
 def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) -> dict[str, str]:
     """Reason why records of one env are not ranked because another submission has their name: by digest of the record.
 
-    Of several submissions with one name, the one with a signed level keeps it. If none or several have a level, no
-    submission keeps it.
+    Of several submissions with one name, the only one with a signed level keeps it; without such a one, none does.
     """
     taken = {}
     genuine = [record for record in records if why_not_genuine(record) is None]

@@ -1,5 +1,6 @@
 """Intake: check the proposed leaderboard of a pull request. Files are read; no code of a submission is run."""
 
+import filecmp
 import os
 import subprocess
 from collections.abc import Iterator, Mapping
@@ -69,7 +70,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
     notes: list[str] = []
     for name in sorted(files.keys() - {Path(OWNERS)}):
         path = folder / name
-        if _same(path, trust.folder / name):
+        if (trust.folder / name).is_file() and filecmp.cmp(path, trust.folder / name, shallow=False):
             continue
         try:
             record = _acceptable(path, name, names, owner)
@@ -110,13 +111,6 @@ def _odd_in_git(root: Path) -> dict[Path, str]:
         return {}
     entries = [entry.split("\t", 1) for entry in listed.split("\0") if entry and not entry.startswith(_PLAIN)]
     return {Path(name): f"git mode {about.split()[0]}" for about, name in entries}
-
-
-def _same(path: Path, other: Path) -> bool:
-    """True if both are files of equal content."""
-    if not other.is_file() or path.stat().st_size != other.stat().st_size:
-        return False
-    return path.read_bytes() == other.read_bytes()
 
 
 def _proposed_owners(path: Path, trusted_names: Mapping[str, str], owner: str) -> Mapping[str, str]:

@@ -43,8 +43,7 @@ def run_again(plan: Plan, seeds: Sequence[int]) -> Runs:
 def rows_under_random_pose(plan: Plan, reference: Reference) -> Sequence[Row]:
     """Rows of the submission of ``plan`` under one secret seed, which turns and shifts the scenes.
 
-    Raises RecordError if a scene was not finished: an agent that recognises the public seeds could refuse to play
-    under another one.
+    Raises RecordError if a scene was not finished: an agent could refuse to play under any but the public seeds.
     """
     seed = secrets.randbelow(_SEEDS)
     runs = {seed: _run_shuffled(plan, seed)}
@@ -55,8 +54,7 @@ def rows_under_random_pose(plan: Plan, reference: Reference) -> Sequence[Row]:
 def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
     """The first error that is larger under another motion than in the record; None if all are alike.
 
-    It is compared with the mean over the record's seeds, not with their worst: else an agent with a table for all seeds
-    but one would pass.
+    It is compared with the mean over seeds, not with the worst: an agent with a table for all seeds but one would pass.
     """
     for row in rows:
         ranked = record.row_of(row.subset)

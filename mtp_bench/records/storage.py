@@ -80,8 +80,7 @@ def record_text(record: Record, path: Path) -> tuple[Record, str]:
 def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
     """Files of the records in ``folder`` and below it, sorted; those of ``env_id`` alone if one is given.
 
-    Levels, rollouts, unfinished submits and temporary files, whose names begin with a dot, are left out. The file of a
-    record is named by its env.
+    Levels, rollouts, unfinished submits and temporary files (.*) are left out. A record's file is named by its env.
     """
     folder = Path(folder)
     aside = (ROLLOUTS, PARTS, LEVEL_SUFFIX)  # ends of names

@@ -1,7 +1,6 @@
 """Random changes of detections in the runs whose events weigh targets (envs/reference/README.md).
 
-Run r removes and moves the detections of a scene at random, by errors as large as the detector's own; most runs remove
-detections with low scores too.
+Run r removes and moves detections at random, by errors as large as the detector's; most runs remove low scores too.
 """
 
 from collections.abc import Sequence

@@ -44,8 +44,7 @@ def run_scene(agent: Agent, env: MTPEnv, scene_name: str, seed: int, name: str |
     """Rollout of ``agent`` on one scene of ``env``, with the seconds that ``act`` took per frame.
 
     ``scene_name``: one of ``env.scene_names``. Raises AgentFailedError, naming the agent (``name``, else its class),
-    scene and frame, if the agent raises; invalid rows of its actions are counted in the rollout instead, or are an
-    ActionError of a strict env.
+    scene and frame, if the agent raises; the rollout counts invalid rows of actions (ActionError of a strict env).
     """
     name = name or type(agent).__name__
     observation, _ = env.reset(seed=derived_seed(seed, scene_name, "env"), options={"scene": scene_name})

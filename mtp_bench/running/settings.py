@@ -139,8 +139,7 @@ def expand(submission: Submission, card: Card) -> list[Setting]:
 def all_settings(agents: Iterable[object], card: Card) -> list[Setting]:
     """Settings of agents, each once: submissions or baselines by name or folder, objects and functions.
 
-    A further object or function of one name gets a number. Raises MtpBenchError unless ``agents`` is a list, and if two
-    submissions have one name.
+    Further objects of one name get numbers. Raises MtpBenchError unless ``agents`` is a list of distinct submissions.
     """
     require_list(agents)
     submissions: dict[str, Submission] = {}

@@ -8,14 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import require_shape
-from .definitions import (
-    GUARD,
-    GUARD_IF_SIGNIFICANT,
-    LARGEST_SHARE,
-    RANKED_OBJECTS,
-    RANKED_SUBSETS,
-    RANKED_UNITS,
-)
+from .definitions import GUARD, GUARD_IF_SIGNIFICANT, LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS
 from .rows import Budget
 from .statistics import beyond_rounding, effective_number, paired_difference
 

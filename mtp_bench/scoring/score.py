@@ -186,8 +186,7 @@ def _mean_seconds(seconds: Floats) -> float:
 def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:
     """Score [S] of the nearest detection of the same frame and class as each forecast, mapped to (-1, 1); else -1.
 
-    In place of the confidence it shows what the agent's own confidence is worth (docs/definitions, "Controls, and
-    the gap closed").
+    In its place it shows what the agent's own confidence is worth (docs/definitions, "Controls, and the gap closed").
     """
     from scipy.spatial import KDTree
 

@@ -60,8 +60,7 @@ def load_scenes(
 def with_map(scene: Scene, card: Card, data: str | Path | None = None, note: Note = lambda text: None) -> Scene:
     """``scene`` with the road for pictures of it: that of the map expansion of nuScenes, if it is there.
 
-    Runs, scores and trainings read no map, so `SceneSource.load` leaves it out. A map that is broken is left out too,
-    with a message to ``note``.
+    Runs, scores and trainings read no map, so `SceneSource.load` leaves it out. A broken one is a message to ``note``.
     """
     try:
         return replace(scene, lanes=tuple(_package(card).lanes(card, data, scene)))

@@ -149,8 +149,7 @@ def read_table(path: Path, columns: str, delimiter: str | None = None, text: str
     """Numbers in the named ``columns`` of a file; an empty file gives no rows.
 
     ``columns``: their names, blanks between them. ``delimiter`` of the file: None for blanks. ``text``: the column that
-    holds texts, if any. ``optional``: the last column, if the first line may lack it. DataError names the line, and the
-    column, that is wrong.
+    holds texts, if any. ``optional``: the last column, if the first line may lack it. DataError names line and column.
     """
     number, lines = numbered_lines(path)
     names = columns.split()

@@ -51,8 +51,7 @@ def files_of(folder: Path) -> list[Path]:
 def digest_of(folder: Path, files: Iterable[Path], networks: Mapping[str, str] | None = None) -> str:
     """Hex sha256 over names and contents of ``files`` of ``folder``; SubmissionError for an unreadable one.
 
-    ``networks``: names and hex sha256 of weights outside of the folder. Their names begin with a slash, unlike those of
-    files of the folder.
+    ``networks``: names and hex sha256 of weights elsewhere; unlike those of files here, their names get a slash.
     """
     total = hashlib.sha256()
     for path in files:

@@ -94,8 +94,7 @@ class SubmissionFactory:
 def load_submission(name: str | Path) -> Submission:
     """Read the submission in folder ``name``, or the baseline of that name.
 
-    Raises UnknownNameError for a name that no baseline has, SubmissionError for another path, and for a manifest that
-    is wrong, naming the key.
+    Raises UnknownNameError for a name that no baseline has, SubmissionError for another path or a manifest's wrong key.
     """
     if not isinstance(name, (str, os.PathLike)):
         raise SubmissionError(f"the submission is {name!r}, expected its folder or the name of a baseline")

@@ -29,8 +29,7 @@ class ObjectSubmission(Submission):
     """An agent, a build function or a class in place of a folder.
 
     Every scene gets a copy of it, so that what an object keeps from one scene to the next does not count; attributes of
-    its class, globals and NumPy's global random numbers are not copied. What cannot be copied is used as it is, in one
-    process alone.
+    its class, globals and NumPy's global random numbers are not copied. What cannot be is used itself, in one process.
     """
 
     given: Any

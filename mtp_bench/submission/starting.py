@@ -15,8 +15,7 @@ FILES = (MANIFEST, "agent.py", "README.md")
 def new_submission(name: str, parent: Path) -> Path:
     """Folder ``parent / name`` with the template under this name.
 
-    Raises SubmissionError for an invalid name or that of a baseline, for a folder that exists, and MtpBenchError if it
-    cannot be written.
+    Raises SubmissionError for a wrong or a baseline's name and an existing folder, MtpBenchError where writing fails.
     """
     if not is_name(name):
         plain = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MOST_NAME]

@@ -34,9 +34,8 @@ def check_agent(
 
     ``make_agent`` takes a task and returns an agent, as ``load_submission(path).build`` does. It plays the first two
     ``scenes`` of the env ``env_id``, or those named, several times: to the end, again, after another scene, with
-    overwritten observations, turned and shifted, and frames without detections and full of them.
-    Exceptions of the agent become findings. ``env_keywords`` are further keywords of the env (``data``), ``seed``
-    is that of the run.
+    overwritten observations, turned and shifted, and frames without detections and full of them. Its exceptions become
+    findings. ``env_keywords``: further keywords of the env, such as ``data``; ``seed``: of the run.
 
     Raises MtpBenchError for an unknown env, scene or keyword.
     """

@@ -28,8 +28,7 @@ def k_best(
 
     Returns costs [k'], row_to_column [k', rows] with -1 for an unmatched or absent row, and parent [k'], where k' < k
     if there are fewer solutions. Equal input gives equal output; which of several solutions of equal cost is the last
-    to be kept is not defined beyond that. Raises ShapeError for NaN, -inf, a wrong shape, a row that does not exist or
-    a negative k.
+    to be kept is not defined beyond that. Raises ShapeError for NaN, -inf, a wrong shape, a missing row or k below 0.
     """
     matrix = np.asarray(cost, dtype=np.float64)
     if matrix.ndim != 2:

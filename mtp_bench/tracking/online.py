@@ -93,8 +93,7 @@ class OnlineTracker:
     track takes a detection, whose scores are remembered instead.
 
     ``per_class``: a tracker for each class of the task, which sees the detections of that class alone.
-    ``view``: how rectangles are drawn. ``gate``: metres, BEV, up to which a track takes a detection that it did not
-    name.
+    ``view``: how rectangles are drawn. ``gate``: m, BEV, up to which a track takes a detection that it did not name.
 
     Example: `Pipeline(OnlineTracker(lambda task: MyTracker()), KinematicPredictor(), KMeansSampler())`.
 

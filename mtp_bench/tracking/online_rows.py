@@ -26,8 +26,7 @@ class TrackRow(NamedTuple):
 def read_rows(answer: Any, detections: int, frame: int) -> list[TrackRow]:
     """The rows of an answer to ``detections`` boxes.
 
-    Raises ShapeError that names the frame, the row and what is wrong with it; also where an id or a detection occurs
-    twice.
+    Raises ShapeError that names the frame, the row and what is wrong with it, such as an id or a detection given twice.
     """
     where = f"frame {frame}: the tracker gave"
     if not isinstance(answer, Iterable) or isinstance(answer, str | bytes):

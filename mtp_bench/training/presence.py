@@ -1,7 +1,6 @@
 """Fit of presence: the probability that a track's object is really there, from tracks of training scenes.
 
-A logistic regression on all scenes, calibrated by isotonic regression on held-out probabilities: those of models that
-were fitted without the scene.
+A logistic regression on all scenes, calibrated by isotonic regression on probabilities of models without the scene.
 """
 
 import json

@@ -29,8 +29,7 @@ class LearnedPredictor:
     A network that was trained on ground-truth tracks gets all tracks in that form, with score 1 and no count of frames
     before the window: it has never seen another score, and its answer to one is arbitrary.
 
-    Raises SubmissionError for an ``association`` that the network does not have, and at ``reset`` if there is no file
-    or it is made for another task.
+    Raises SubmissionError for an ``association`` that the network lacks, and at ``reset`` if no file fits the task.
     """
 
     def __init__(

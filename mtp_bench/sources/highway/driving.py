@@ -207,8 +207,7 @@ def free_acceleration(speed: Floats, desired: Floats, style: Floats) -> Floats:
 def braking(speed: Floats, gap: Floats, leader: Floats, style: Floats, least: float | None = None) -> Floats:
     """Decrease ``[N]`` m/s2 of the acceleration for a leader at a ``gap`` ``[N]`` m.
 
-    ``speed`` and ``leader`` ``[N]``: m/s of both; ``style``: of the drivers; ``least``: gap at rest in m, if it is not
-    that of the style.
+    ``speed`` and ``leader`` ``[N]``: m/s of both; ``style``: of the drivers; ``least``: m, another gap at rest.
     """
     a, b = style[..., 4], style[..., 5]
     closing = speed * (speed - leader) / (2.0 * np.sqrt(a * b))

@@ -6,7 +6,6 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import CardError
-from ...files import CACHE
 from ...types import Bools, Floats, Scene, Truth, starts_of
 from ..base import Work, class_ids, no_detections, require_classes, section_of
 from ..dataset import Dataset, DataStatus
@@ -14,15 +13,7 @@ from .store import WorldStore
 from .world import CLASSES, RATE, HighwaySource, Traffic
 
 IN_VIEW = 0.05  # least visible share of a box in view
-DATASET = Dataset(
-    name="simulated traffic",
-    folders=(),
-    layout="",
-    licence="simulated with highway-env (MIT); detector noise fitted to real detectors, see the profile's source",
-    citation="E. Leurent: An environment for autonomous driving decision-making. 2018 (highway-env)",
-    how_to_get=f"nothing to get: generated once and stored in the folder of {CACHE}",
-    generated=True,
-)
+DATASET = Dataset.of(__file__)
 
 
 class HighwayTraffic:

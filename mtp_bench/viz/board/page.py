@@ -55,8 +55,7 @@ class BoardFiles:
 def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pages | None = None) -> BoardFiles:
     """The page of ``entries`` (from `entries_of`): an overview, then a table per environment; earlier definitions last.
 
-    ``folder``: name of the folder of the parts, beside the page. ``pages``: addresses of other pages. No date,
-    path or random id is added.
+    ``folder``: name of the parts' folder beside the page. ``pages``: addresses of others. No date, path or random id.
     """
     ids = _ids(entries)
     boards = [board_of(listed, ids) for listed in by_board(entries).values()]

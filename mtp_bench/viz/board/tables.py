@@ -18,8 +18,7 @@ _SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
 def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
     """A table per environment, the best first and partial records last, with the notes below it.
 
-    A note states a reason for missing ranks, training on scored scenes or a seal, with the names of the submissions;
-    one lists the levels.
+    Notes state reasons for missing ranks, training on scored scenes, seals and levels, with the names of submissions.
     """
     return [(_short_table(listed), _notes(listed)) for listed in by_board(entries).values()]
 
