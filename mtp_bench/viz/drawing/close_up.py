@@ -47,7 +47,7 @@ class Name(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Sketch:
+class KeyedCanvas:
     """A canvas, and the marks that have been drawn inside it, the last one first."""
 
     canvas: Canvas
@@ -82,7 +82,7 @@ def draw_focus(
 ) -> tuple[Image.Image, list[Mark]]:
     """Frame ``t`` of an event in ``size`` pixels, and the marks in it; ``near``: the boxes alone, without forecasts."""
     canvas, shown = Canvas.blank(*size, window), frame_of(focus, t)
-    sketch, forecasts, place = Sketch(canvas), [] if near else focus.forecasts(t), focus.place(t)
+    sketch, forecasts, place = KeyedCanvas(canvas), [] if near else focus.forecasts(t), focus.place(t)
     box = shown.object_box[0, 4:6] if len(shown.object_box) else np.ones(2)
     radius = float(np.clip(0.6 * np.hypot(*box) * canvas.scale, 15.0, 110.0))  # pixels of the ring
     ringed, gap = near or focus.ringed(t), _gap(shown, forecasts)
@@ -121,14 +121,14 @@ def _gap(shown: FocusFrame, forecasts: Forecasts) -> Floats | None:
     return ends if np.hypot(*(ends[1] - ends[0])) > GAP else None
 
 
-def _draw_dim(sketch: Sketch, shown: FocusFrame) -> None:
+def _draw_dim(sketch: KeyedCanvas, shown: FocusFrame) -> None:
     """Draw what does not belong to the event."""
     sketch.canvas.boxes(shown.dim_detection, DIM_DETECTION)
     sketch.canvas.boxes(shown.dim_track, DIM_TRACK)
     sketch.boxes(shown.dim_truth, REST)
 
 
-def _draw_paths(sketch: Sketch, focus: Focus, shown: FocusFrame, forecasts: Forecasts, near: bool) -> None:
+def _draw_paths(sketch: KeyedCanvas, focus: Focus, shown: FocusFrame, forecasts: Forecasts, near: bool) -> None:
     """Draw the forecasts, the trails of tracks, and the way of the object."""
     canvas = sketch.canvas
     for role, forecast in forecasts:
@@ -150,7 +150,7 @@ def _made(focus: Focus, forecast: ObjectForecast, shown: FocusFrame) -> str:
     return "forecast now" if forecast.frame == shown.frame else f"forecast at {focus.seconds(forecast.frame):.1f} s"
 
 
-def _draw_boxes(sketch: Sketch, focus: Focus, shown: FocusFrame) -> None:
+def _draw_boxes(sketch: KeyedCanvas, focus: Focus, shown: FocusFrame) -> None:
     """Draw the boxes that belong to the event."""
     sketch.boxes(shown.others, OTHER_OBJECT)
     for track in shown.tracks[::-1]:
@@ -163,7 +163,7 @@ def _draw_boxes(sketch: Sketch, focus: Focus, shown: FocusFrame) -> None:
         sketch.canvas.dot(xy, 2.0, BLACK)
 
 
-def _draw_signs(sketch: Sketch, focus: Focus, shown: FocusFrame) -> None:
+def _draw_signs(sketch: KeyedCanvas, focus: Focus, shown: FocusFrame) -> None:
     """Draw the gate, the places where tracks were expected, and lines to the detections that they took."""
     canvas, rule = sketch.canvas, gate(focus)
     for track in shown.tracks:
@@ -179,7 +179,7 @@ def _draw_signs(sketch: Sketch, focus: Focus, shown: FocusFrame) -> None:
         sketch.note(center[None], replace(GATE, text=GATE.text.format(rule.text)))
 
 
-def _point_to_ego(sketch: Sketch, ink: ImageDraw.ImageDraw, focus: Focus, t: int) -> None:
+def _point_to_ego(sketch: KeyedCanvas, ink: ImageDraw.ImageDraw, focus: Focus, t: int) -> None:
     """An arrow to the ego with its distance, where the ego is outside of the picture."""
     far, pose = distance(focus, t), focus.replay.scene.ego[t]
     if far is not None and not sketch.canvas.inside(pose[:2]):
