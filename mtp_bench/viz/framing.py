@@ -12,7 +12,7 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Floats, Ints
 from .counterpart import counterpart
-from .evidence import expected, mistaken, taken
+from .evidence import confusing, expected, taken
 from .focus import Focus
 from .palette import BEFORE, BLACK, DIM, EVENT, NOW, PURPLE, TRUTH
 from .replay import Incident, Replay
@@ -44,7 +44,8 @@ class Follower(NamedTuple):
     """One of the tracks of the event in a frame."""
 
     track_id: int
-    role: str  # "before", "now", or "named" for one that only the sentence names
+    role: str  # "before", "now", or "named" for one that only texts name
+    frame: int  # of its box
     box: Floats  # [7]
     trail: Floats  # [n, 2], the newest place last
     expected: Floats | None  # [2] place by its own forecast of the frame before
@@ -59,7 +60,8 @@ class FocusFrame:
     object_box: Floats  # [0 or 1, 7] the true object
     past: Floats  # [n, 2] places of the object, now first
     future: Floats  # [n, 2] places of the object, now first
-    tracks: tuple[Follower, ...]  # those of the event that are output
+    tracks: tuple[Follower, ...]  # those that texts name and that are output
+    absent: tuple[Follower, ...]  # at the event: those that are not output then, with their nearest box in time
     others: Floats  # [n, 7] true boxes that these tracks follow besides the object
     other_names: tuple[str, ...]  # n, such as "car 8"
     detection_box: Floats  # [D, 7] the nearest
@@ -90,13 +92,14 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
     truth, detections, rollout = focus.replay.scene.truth, focus.replay.scene.detections, focus.replay.rollout
     back = round(TRAIL_SECONDS * focus.replay.card.task.rate)
     # a track that is found again under its own id is that of "now"
-    roles = {focus.at.old_id: "before", focus.at.new_id: "now"}
+    roles = {**dict.fromkeys(focus.named_tracks, "named"), focus.at.old_id: "before", focus.at.new_id: "now"}
     rows = {track_id: row for track_id in roles if (row := int(focus.track_rows(track_id)[t])) >= 0}
     detected = {track_id: _present([taken(focus, track_id, t)]) for track_id in rows}
     tracks = tuple(
         Follower(
             track_id=i,
             role=roles[i],
+            frame=t,
             box=rollout.track_box[row].astype(np.float64),
             trail=focus.trail(i, t, 1 + back),
             expected=expected(focus, i, t),
@@ -104,9 +107,11 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
         )
         for i, row in rows.items()
     )
+    absent = [i for i in focus.named_tracks if i not in rows] if t == focus.at.frame else []
     own = _present([focus.rows[t]])
-    others = np.unique(_present([*(focus.other(track_id, t) for track_id in rows), *_mistaken(focus, t)]))
-    near = np.unique(np.concatenate([*detected.values(), focus.detections(t)[:MOST_DETECTIONS]]).astype(np.int64))
+    others = np.unique(_present([*(focus.other(track_id, t) for track_id in rows), *_beside(focus, t)]))
+    near = np.concatenate([*detected.values(), _present([confusing(focus, t)]), focus.detections(t)[:MOST_DETECTIONS]])
+    near = np.unique(near.astype(np.int64))
     tracked = rollout.tracks.rows(t)
     hidden = tracked.start + np.flatnonzero(~focus.shown[tracked])
     return FocusFrame(
@@ -115,6 +120,7 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
         past=focus.path(t, t - back),
         future=focus.future(t),
         tracks=tracks,
+        absent=tuple(each for i in absent for each in _elsewhen(focus, i, roles[i])),
         others=truth.box[others],
         other_names=tuple(focus.name_of(int(row)) for row in others),
         detection_box=detections.box[near],
@@ -125,9 +131,23 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
     )
 
 
-def _mistaken(focus: Focus, t: int) -> list[int]:
-    """Row of the true object of another class at a false forecast."""
-    return [mistaken(focus, t)] if focus.at.object_id < 0 else []
+def _elsewhen(focus: Focus, track_id: int, role: str) -> list[Follower]:
+    """A track in the frame nearest to the event's in which it is output, if there is one."""
+    rows, none = focus.track_rows(track_id), np.zeros((0, 2))
+    frames = np.flatnonzero(rows >= 0)
+    if not len(frames):
+        return []
+    t = int(frames[np.argmin(np.abs(frames - focus.at.frame))])
+    box = focus.replay.rollout.track_box[rows[t]].astype(np.float64)
+    return [Follower(track_id, role, t, box, none, None, none)]
+
+
+def _beside(focus: Focus, t: int) -> list[int]:
+    """Row of the true object at a false forecast or near it, whatever its class."""
+    truth = focus.replay.scene.truth
+    far = np.hypot(*(truth.box[truth.rows(t), :2] - focus.place(t)).T)
+    near = focus.at.object_id < 0 and (far <= focus.near).any()
+    return [truth.rows(t).start + int(np.argmin(far))] if near else []
 
 
 def _detection_text(focus: Focus, row: int) -> str:
@@ -184,7 +204,9 @@ def _things(focus: Focus) -> Floats:
     """Places [n, 2] that the picture of an event has to show, the object's own among them."""
     at = focus.at.frame
     paths, shown = [forecast.nearest_path for _, forecast in focus.forecasts(at)], frame_of(focus, at)
-    boxes = np.concatenate([shown.event_box, shown.others, shown.detection_box])
+    boxes = np.concatenate(
+        [shown.event_box, shown.others, shown.detection_box, *(each.box[None] for each in shown.absent)]
+    )
     return np.concatenate([focus.future(at), *paths, boxes[:, :2], focus.place(at)[None]])
 
 

@@ -19,7 +19,7 @@ from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, windows_of
 from mtp_bench.viz.drawing.canvas import Canvas
-from mtp_bench.viz.drawing.labels import BOARD, callout
+from mtp_bench.viz.drawing.labels import BOARD, callout, pointer
 from mtp_bench.viz.drawing.video import pictures
 from mtp_bench.viz.framing import Window
 from mtp_bench.viz.replay import Replay, replay
@@ -130,6 +130,14 @@ def test_texts_never_overlap_nor_are_they_cut_off() -> None:
     assert all(l >= 0 and t >= 0 and r <= 400 and b <= 300 for l, t, r, b in canvas.taken)
     pairs = itertools.combinations(canvas.taken, 2)
     assert not any(a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3] for a, b in pairs)
+
+
+def test_an_arrow_at_the_edge_points_to_what_is_outside() -> None:
+    canvas, ink, image = blank()
+    pointer(canvas, ink, np.zeros(2), np.array([100.0, 0.0]), "ego, 100 m", palette.BLACK)
+    y, x = np.nonzero(np.asarray(image).max(axis=-1) < 40)
+    assert x.max() in range(380, 399)
+    assert np.ptp(y[x > 370]) < 14, "its head, at the height of the middle"
 
 
 # ---- the camera

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from mtp_bench.geometry import rotate
 from mtp_bench.viz.counterpart import counterpart
 from mtp_bench.viz.drawing.report import SIZE, report
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, frame_of, turn_of, window_of
+from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, focuses_of, frame_of, turn_of, window_of
 from mtp_bench.viz.replay import MOMENT, Replay, replay
 from mtp_bench.viz.sentence import sentence
 from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, crowd, told
@@ -85,14 +86,18 @@ def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:
 
 @settings(derandomize=True, deadline=None, max_examples=8)
 @given(st.integers(0, 10_000))
-def test_of_any_event_few_boxes_are_bright_and_the_object_is_in_the_middle(seed: int) -> None:
+def test_few_boxes_are_bright_but_all_tracks_that_are_named_and_the_object_is_in_the_middle(seed: int) -> None:
     run = replay(*random_case(seed), CARD)
-    for incident in run.incidents:
-        focus = Focus(run, incident)
-        for t in range(max(0, incident.frame - 1), min(run.frames, incident.frame + 2)):
+    for focus in [Focus(run, incident) for incident in run.incidents]:
+        for t in range(max(0, focus.at.frame - 1), min(run.frames, focus.at.frame + 2)):
             assert frame_of(focus, t).bright <= MOST_BRIGHT
         assert_in_the_middle(focus)
-        assert sentence(focus).startswith(f"{incident.name}: ")
+        text, shown, window = sentence(focus), frame_of(focus, focus.at.frame), window_of(focus, focus.at.frame)
+        assert text.startswith(f"{focus.at.name}: ")
+        drawn = {track.track_id: track.box for track in (*shown.tracks, *shown.absent)}
+        assert drawn.keys() == {*focus.named_tracks} >= {*map(int, re.findall(r"track (\d+)", text))}
+        right = rotate(np.array([*drawn.values()]).reshape(-1, 7)[:, :2] - [window.x, window.y], -window.turn)
+        assert (np.abs(right) < np.array([window.wide, window.high]) / 2).all()
 
 
 def assert_in_the_middle(focus: Focus) -> None:
@@ -237,7 +242,10 @@ def test_an_event_of_the_same_object_and_frame(first: Replay) -> None:
 
 def test_no_event(first: Replay) -> None:
     run = steady(first)
-    found = counterpart(run, first.incident("ids-0"))
+    pair = focuses_of([first, run], first.incident("ids-0"))
+    found = pair[1].at
+    windows = [window_of(focus, EVENT, pair) for focus in pair]
+    assert windows[0] == windows[1] == window_of(pair[0], EVENT) != window_of(pair[1], EVENT), "one scale"
     assert (found.kind, found.frame, found.object_id) == (MOMENT, EVENT, 5)
     assert (found.old_id, found.new_id) == (7, 7)
     assert found.error == pytest.approx(0.0, abs=0.01)

@@ -77,8 +77,13 @@ def test_the_event_is_bright_and_the_crowd_is_not() -> None:
         assert near(panel, ROLES[role]).sum() > 30, role
     everything = np.asarray(draw_frame(run, EVENT, Window(0.0, 0.0, 70.0, 70.0)))
     assert coloured(everything[:, : -PANEL - 4]) > 40, "the same frame with everything in colour"
-    window = window_of(focus, EVENT)
-    assert coloured(np.asarray(draw_focus(focus, EVENT, (900, 450), window)[0])) <= MOST_BRIGHT
+    drawn, marks = draw_focus(focus, EVENT, (900, 450), window_of(focus, EVENT))
+    assert coloured(np.asarray(drawn)) <= MOST_BRIGHT
+    assert [mark.text for mark in marks] == [
+        "car 5, true box", "the event", "event gate: within 2 m", "expected, by its own last forecast",
+        "detection, with its score", "track 1, which had it before", "track 2, which has it now",
+        "where it really goes", "forecast now", "forecast at 0.3 s", "all other boxes",
+    ]  # fmt: skip
 
 
 def test_the_file_says_what_it_shows(tmp_path: Path) -> None:

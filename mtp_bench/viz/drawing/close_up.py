@@ -23,7 +23,6 @@ OBJECT = Mark("{}, true box", Outline(ROLES["truth"], 2.5, heading=True))
 WAY = Mark("where it really goes", line=ROLES["truth"], width=4.0)
 OTHER_OBJECT = Mark("another true object", Outline(ROLES["truth"], 1.2, heading=True, dashed=True))
 DETECTED = Mark("detection, with its score", Outline(ROLES["detection"], 1.0, dashed=True))
-EGO = Mark("ego", VEHICLE)
 TAKEN = Mark("to the detection that a track took", line=BLACK)
 EXPECTED = Mark("expected, by its own last forecast", sign="cross")
 GATE = Mark("event gate: {}", line=GRAY, sign="circle")
@@ -43,7 +42,7 @@ class Name(NamedTuple):
     text: str
     color: Color
     reach: float = 6.0  # pixels from the place to the edge of the thing
-    size: int = BIG
+    far: bool = False  # an arrow at the edge points to the thing where it is outside of the picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,12 +88,12 @@ def draw_focus(
     draw_lanes(canvas, focus.replay.scene.lanes)
     _draw_dim(sketch, shown)
     _draw_paths(sketch, focus, shown, forecasts, near)
-    _draw_boxes(sketch, focus, shown)
+    _draw_boxes(sketch, focus, shown, near)
     _draw_signs(sketch, focus, shown)
     if gap is not None:
         canvas.stroke(canvas.pixels(gap), BLACK, 1.2, dashed=True)
     if focus.replay.card.has_ego:
-        sketch.boxes(ego_boxes(focus.replay.scene.ego[t][None]), EGO)
+        canvas.boxes(ego_boxes(focus.replay.scene.ego[t][None]), VEHICLE)
     if ringed:
         canvas.ring(canvas.pixels(place), radius)
         sketch.note(place[None], Mark("the event" if focus.at.kind in KINDS else "the object looked at"))
@@ -102,12 +101,13 @@ def draw_focus(
     ink = ImageDraw.Draw(image)
     scale_bar(canvas, ink)
     _keep_clear(canvas, shown, forecasts, place, radius + 3.0 if ringed else 0.8 * radius)
-    if not near:
-        _point_to_ego(sketch, ink, focus, t)
-    names = list(_names_of_boxes(focus, shown, gap, canvas.scale))
+    names = list(_names_of_boxes(focus, shown, gap, canvas.scale, near))
     names += [] if near else _other_names(focus, shown, forecasts, radius)
     for name in names:  # the most important first, the last ones if there is room
-        callout(canvas, ink, name.place, name.text, name.color, name.reach, min(name.size, MIDDLE if near else BIG))
+        if name.far and not near and not canvas.inside(name.place):
+            pointer(canvas, ink, place, name.place, name.text, name.color)
+        else:
+            callout(canvas, ink, name.place, name.text, name.color, name.reach, MIDDLE if near else BIG)
     return image, sketch.key
 
 
@@ -150,9 +150,12 @@ def _made(focus: Focus, forecast: ObjectForecast, shown: FocusFrame) -> str:
     return "forecast now" if forecast.frame == shown.frame else f"forecast at {focus.seconds(forecast.frame):.1f} s"
 
 
-def _draw_boxes(sketch: KeyedCanvas, focus: Focus, shown: FocusFrame) -> None:
+def _draw_boxes(sketch: KeyedCanvas, focus: Focus, shown: FocusFrame, near: bool) -> None:
     """Draw the boxes that belong to the event."""
     sketch.boxes(shown.others, OTHER_OBJECT)
+    for track in () if near else shown.absent:
+        outline = Outline(ROLES[track.role], 1.2, dashed=True)
+        sketch.boxes(track.box[None], Mark(f"track {track.track_id} at another time", outline))
     for track in shown.tracks[::-1]:
         outline = Outline(ROLES[track.role], 1.5, fill=90, dashed=track.role == "before")
         holds = "of the false forecast" if focus.at.object_id < 0 else HOLDS[track.role]
@@ -179,18 +182,12 @@ def _draw_signs(sketch: KeyedCanvas, focus: Focus, shown: FocusFrame) -> None:
         sketch.note(center[None], replace(GATE, text=GATE.text.format(rule.text)))
 
 
-def _point_to_ego(sketch: KeyedCanvas, ink: ImageDraw.ImageDraw, focus: Focus, t: int) -> None:
-    """An arrow to the ego with its distance, where the ego is outside of the picture."""
-    far, pose = distance(focus, t), focus.replay.scene.ego[t]
-    if far is not None and not sketch.canvas.inside(pose[:2]):
-        pointer(sketch.canvas, ink, focus.place(t), pose[:2], f"ego {far:.0f} m", BLACK)
-
-
 def _keep_clear(canvas: Canvas, shown: FocusFrame, forecasts: Forecasts, place: Floats, radius: float) -> None:
     """Keep names off the object, its tracks and its paths."""
     center = canvas.pixels(place)
     parts = [np.stack([center - radius, center + radius])]
     parts += [canvas.pixels(bev_corners(box)) for box in [*shown.event_box, *shown.others, *shown.detection_box]]
+    parts += [canvas.pixels(bev_corners(track.box)) for track in shown.absent]
     for path in [shown.future, *(forecast.nearest_path for _, forecast in forecasts)]:
         steps = np.linspace(path[:-1], path[1:], 4).reshape(-1, 2)
         parts += [np.stack([xy - 4.0, xy + 4.0]) for xy in canvas.pixels(steps)]
@@ -199,24 +196,27 @@ def _keep_clear(canvas: Canvas, shown: FocusFrame, forecasts: Forecasts, place: 
         canvas.taken.append((left, top, right, bottom))
 
 
-def _names_of_boxes(focus: Focus, shown: FocusFrame, gap: Floats | None, scale: float) -> Iterator[Name]:
+def _names_of_boxes(focus: Focus, shown: FocusFrame, gap: Floats | None, scale: float, near: bool) -> Iterator[Name]:
     if gap is not None:
         yield Name(gap.mean(axis=0), f"{np.hypot(*(gap[1] - gap[0])):.1f} m off", BLACK, 2.0)
-    boxes = [(track.box, f"track {track.track_id}", ROLES[track.role]) for track in shown.tracks]
-    boxes += [(box, name, ROLES["truth"]) for box, name in zip(shown.others, shown.other_names, strict=True)]
-    for box, text, color in boxes:
-        yield Name(box[:2], text, color, 0.5 * float(box[5]) * scale)
+    for track in (*shown.tracks, *(() if near else shown.absent)):
+        when = "" if track.frame == shown.frame else f" at {focus.seconds(track.frame):.1f} s"
+        reach = 0.5 * float(track.box[5]) * scale
+        yield Name(track.box[:2], f"track {track.track_id}{when}", ROLES[track.role], reach, True)
+    for box, name in zip(shown.others, shown.other_names, strict=True):
+        yield Name(box[:2], name, ROLES["truth"], 0.5 * float(box[5]) * scale, True)
     place = focus.place(shown.frame)
     for box, text in zip(shown.detection_box, shown.detection_text, strict=True):
         far = float(np.hypot(*(box[:2] - place)))
-        yield Name(box[:2], text + (f", {far:.1f} m off" if far > GAP else ""), BLACK, 3.0)
+        short = text + (f", {far:.1f} m off" if far > GAP and len(shown.object_box) else "")
+        yield Name(box[:2], short if near else f"detection: {short}", BLACK, 3.0, True)
 
 
 def _other_names(focus: Focus, shown: FocusFrame, forecasts: Forecasts, radius: float) -> Iterator[Name]:
     """The object, what it lacks from the event on, and the ends of its future and of the forecasts."""
     t, future, place = shown.frame, shown.future, focus.place(shown.frame)
     if focus.at.object_id < 0 and not len(shown.others):
-        yield Name(place, "no true object", ROLES["truth"], radius)
+        yield Name(place, f"no true object within {focus.near:g} m", ROLES["truth"], radius)
     if len(shown.object_box):
         missing = [f"no track {gate(focus).text}"] if focus.follower(t) < 0 else []
         missing += [f"no detection within {focus.near:g} m"] if not len(focus.detections(t)) else []
@@ -227,5 +227,7 @@ def _other_names(focus: Focus, shown: FocusFrame, forecasts: Forecasts, radius: 
     if len(future) > 1:
         later = focus.seconds(t + len(future) - 1) - focus.seconds(t)
         yield Name(future[-1], f"true, {later:.1f} s later", ROLES["truth"], 7.0)
+    if focus.replay.card.has_ego:
+        yield Name(focus.replay.scene.ego[t, :2], f"ego, {distance(focus, t):.0f} m", BLACK, 8.0, True)
     for role, forecast in reversed(forecasts):
         yield Name(forecast.nearest_path[-1], _made(focus, forecast, shown), ROLES[role])

@@ -1,7 +1,7 @@
 """The column beside a picture: a heading, the meaning of the marks, and remarks."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,10 +9,12 @@ from PIL import Image, ImageDraw
 
 from ..framing import Window
 from ..palette import BLACK, Color
-from .canvas import PAPER, Canvas, Outline, font, text_size
+from .canvas import FINER, GRAY, PAPER, Canvas, Outline, font, text_size
 from .labels import MIDDLE
 
-LINE = 23  # pixels between two marks
+LINE = 20  # pixels between two marks
+BAR_LEFT, BAR = 150, 90  # pixels, of bars
+NO_PARTS: Mapping[str, float] = {}
 _TIED = "\u00a0"  # a blank that breaks no line; the font has none
 Text = tuple[str, int, Color]  # text, size, colour
 
@@ -47,9 +49,16 @@ class Mark:
 
 
 def column(
-    size: tuple[int, int], heading: Sequence[Text], marks: Sequence[Mark], remarks: Sequence[Text]
+    size: tuple[int, int],
+    heading: Sequence[Text],
+    marks: Sequence[Mark],
+    remarks: Sequence[Text],
+    parts: Mapping[str, float] = NO_PARTS,
 ) -> Image.Image:
-    """A picture of ``size`` pixels with texts and marks below each other; remarks as many as there is room for."""
+    """A picture of ``size`` pixels with texts and marks below each other; remarks as many as there is room for.
+
+    ``parts``: metres by name, drawn as bars below the heading; those below 0 are hollow.
+    """
     canvas = Canvas.blank(*size, Window(0.0, 0.0, *size), PAPER)
     texts: list[tuple[float, float, Text]] = []
     y = 12.0
@@ -63,6 +72,13 @@ def column(
                     y += 1.45 * letters
 
     write(heading)
+    for name, value in parts.items():
+        long = round(BAR * abs(value) / max(map(abs, parts.values())))
+        bar, fill = [FINER * v for v in (BAR_LEFT, y + 4, BAR_LEFT + long, y + 14)], None if value < 0 else GRAY
+        canvas.draw.rectangle(bar, fill, GRAY, FINER)
+        texts.append((12, y + 1, (name, MIDDLE, BLACK)))
+        texts.append((BAR_LEFT + long + 6, y + 1, (f"{value:.1f} m", MIDDLE, BLACK)))
+        y += 19
     y += 8
     for mark in marks:
         mark.draw(canvas, y + LINE / 2)

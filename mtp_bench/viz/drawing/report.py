@@ -8,6 +8,7 @@ from PIL import Image, ImageDraw, PngImagePlugin
 
 from ..._version import __version__
 from ...files import whole_file
+from ...scoring.parts import LEAST_SHOWN
 from ..focus import Focus
 from ..framing import ROLES, close_window, frame_of, window_of
 from ..palette import BLACK, Color
@@ -22,8 +23,8 @@ COLUMN, CAPTION = 300, 46
 ROW = 256  # pixels of the height for the small pictures, with their captions
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
 REMARK = (
-    "Seen from above; the way of the object, or its front, points to the right. Bold: the sample of the forecast that "
-    "is nearest to the truth, or the heaviest if that is unknown; thin: the others."
+    "From above; the way of the object points to the right. Bold: the sample nearest to the truth, or the heaviest if "
+    "that is unknown; thin: the others."
 )
 
 
@@ -71,7 +72,9 @@ def picture(focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus]
     wide, high = size[0] - COLUMN, size[1] - top
     drawn, marks = draw_focus(focus, t, (wide, high), window_of(focus, t, beside))
     whole.paste(drawn, (0, top))
-    whole.paste(column((COLUMN, high), [], marks, [(REMARK, SMALL, GRAY)]), (wide, top))
+    parts = {name: value for name, value in (focus.at.parts or {}).items() if abs(value) >= LEAST_SHOWN}
+    heading = [(f"The error, {focus.at.error:.1f} m, by cause:", SMALL, BLACK)] if parts else []
+    whole.paste(column((COLUMN, high), heading, marks, [(REMARK, SMALL - 1, GRAY)], parts), (wide, top))
     ink = ImageDraw.Draw(whole)
     ink.text((14, 8), _title(focus, t), fill=GRAY, font=font(SMALL))
     for i, line in enumerate(lines):

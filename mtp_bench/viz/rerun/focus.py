@@ -9,7 +9,7 @@ from ...types import Floats, Ints, starts_of
 from ..drawing.report import small_pictures
 from ..focus import Focus
 from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
-from ..palette import NOW, SKY, TRUTH, Color
+from ..palette import NOW, PURPLE, SKY, TRUTH, Color
 from ..sentence import sentence
 from .colors import SWITCH, Colors, packed
 from .entities import EDGE as RING
@@ -17,8 +17,13 @@ from .entities import TRACK_FILL, Log, frame_times
 from .sdk import rr
 
 SECONDS = 5.0  # before and after the event in which its things are bright
-COLORS: dict[str, Color] = {"truth": TRUTH, "before": SKY, "now": NOW, "detection": (190, 190, 190)}
-SIDES = {"truth": np.pi / 2, "now": -np.pi / 2, "before": np.pi}  # rad from the way of the object to its name
+COLORS: dict[str, Color] = {"truth": TRUTH, "before": SKY, "now": NOW, "named": PURPLE, "detection": (190, 190, 190)}
+SIDES = {
+    "truth": np.pi / 2,
+    "now": -np.pi / 2,
+    "before": np.pi,
+    "named": 0.0,
+}  # rad from the way of the object to its name
 BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen
 LIFT = 0.3  # m, that lines lie above the ground of dim things
 
