@@ -18,6 +18,7 @@ from .dataset import Dataset, DataStatus
 from .text import SMALLEST, refuse_shared_place
 
 DataRoot = str | Path | None  # None: from MTP_BENCH_DATA, else the user data folder
+HALF_LANE = 1.75  # m
 SectionT = TypeVar("SectionT", bound=SourceSection)
 
 
@@ -145,6 +146,14 @@ def names_by_number(number: Ints, name: NDArray[Any]) -> dict[int, str]:
     numbers, row = np.unique(number, return_index=True)
     names = zip(numbers.tolist(), name[row].astype(np.str_).tolist(), strict=True)
     return {one: word for one, word in names if word != str(one)}
+
+
+def lane_around(center: Floats, junction: bool, following: tuple[int, ...] = ()) -> Lane:
+    """Lane with borders at `HALF_LANE` from its middle line ``center`` ``[n, 2]``, of two points or more."""
+    step = np.gradient(center, axis=0)
+    aside = HALF_LANE * np.stack([-step[:, 1], step[:, 0]], axis=1)
+    aside /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
+    return Lane(center, center + aside, center - aside, following, junction)
 
 
 def no_detections(frames: int) -> Detections:

@@ -12,6 +12,7 @@ import pytest
 
 from mtp_bench.errors import DataError
 from mtp_bench.sources import with_map
+from mtp_bench.sources.base import HALF_LANE
 from mtp_bench.sources.nuscenes import road
 from mtp_bench.sources.nuscenes.road import read_lanes
 from mtp_bench.types import Lane
@@ -46,13 +47,13 @@ def drawn(data: Path, notes: list[str] | None = None) -> tuple[Lane, ...]:
 def test_lanes_are_where_they_were_drawn(mapped: Path) -> None:
     own, other, bend = drawn(mapped)  # "far" is left out
     np.testing.assert_allclose(own.center[[0, -1]], [[0.0, -40.0], [0.0, 20.0]], atol=1e-9)
-    np.testing.assert_allclose(own.left[:, 0], -road.HALF, atol=1e-9)  # the ego heads along y: left is -x
-    np.testing.assert_allclose(own.right[:, 0], road.HALF, atol=1e-9)
+    np.testing.assert_allclose(own.left[:, 0], -HALF_LANE, atol=1e-9)  # the ego heads along y: left is -x
+    np.testing.assert_allclose(own.right[:, 0], HALF_LANE, atol=1e-9)
     np.testing.assert_allclose(other.center[[0, -1]], [[-4.0, 20.0], [-4.0, -40.0]], atol=1e-9)
-    np.testing.assert_allclose(other.left[:, 0], -4.0 + road.HALF, atol=1e-9)
+    np.testing.assert_allclose(other.left[:, 0], -4.0 + HALF_LANE, atol=1e-9)
     np.testing.assert_allclose(bend.center[-1], [-13.0, 32.0], atol=1e-9)  # 2 m on, a quarter of a circle, 3 m on
     assert (own.junction, other.junction, bend.junction) == (False, False, True)
-    np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), road.HALF)
+    np.testing.assert_allclose(np.hypot(*(bend.left - bend.center).T), HALF_LANE)
     for lane in (own, other, bend):
         assert lane.left.shape == lane.right.shape == lane.center.shape
         assert 0.01 < np.hypot(*np.diff(lane.center, axis=0).T).max() <= road.STEP + 1e-9

@@ -55,6 +55,7 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
         TableColumn("yaw", "rad, heading of the sensors", "0"),
     ),
 }
+PROJECTION = tuple(f"p{row}{column}" for row in range(3) for column in range(4))
 BORDERS = ("left_x", "left_y", "right_x", "right_y")
 PICTURES: dict[str, tuple[TableColumn, ...]] = {  # tables that scores do not need
     "lanes": (
@@ -77,11 +78,7 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # tables that scores do not ne
         TableColumn("file", "path of the image, relative to the folder of the scene", text=True),
         TableColumn("width", "pixels"),
         TableColumn("height", "pixels"),
-        *(
-            TableColumn(f"p{row}{column}", f"projection, row {row}, column {column}")
-            for row in range(3)
-            for column in range(4)
-        ),
+        *(TableColumn(name, f"projection, row {name[1]}, column {name[2]}") for name in PROJECTION),
     ),
 }
 TOGETHER = (("vx", "vy"), BORDERS)  # columns that a table has all or none of

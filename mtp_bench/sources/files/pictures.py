@@ -1,6 +1,7 @@
 """Lanes and camera images of own scenes, which pictures show and scores do not need."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import DataError
-from ...types import Floats, Ints, Lane
-from ..base import CameraImage
-from ..text import RowTable, refuse
+from ...types import Ints, Lane
+from ..base import CameraImage, lane_around
+from ..text import RowTable
 from .checks import check_ranges, frame_index
-from .columns import BORDERS
+from .columns import BORDERS, PROJECTION
 
-HALF = 1.75  # m, from the middle line to borders that a table does not have
+MOST_PIXELS = 20_000
 
 
 def lanes_of(table: RowTable) -> tuple[Lane, ...]:
@@ -30,12 +31,6 @@ def lanes_of(table: RowTable) -> tuple[Lane, ...]:
 
 
 def _lane(table: RowTable, rows: Ints, number: dict[str, int]) -> Lane:
-    center = table.matrix("x y")[rows]
-    if table.has(BORDERS[0]):
-        left, right = table.matrix("left_x left_y")[rows], table.matrix("right_x right_y")[rows]
-    else:
-        aside = _aside(center)
-        left, right = center + aside, center - aside
     following: list[int] = []
     for row in rows.tolist() if table.has("following") else ():
         for name in filter(None, map(str.strip, str(table.words["following"][row]).split(";"))):
@@ -43,14 +38,10 @@ def _lane(table: RowTable, rows: Ints, number: dict[str, int]) -> Lane:
                 raise DataError(f"{table.where(row, 'following')}: {name!r} is not a lane of this table")
             following.append(number[name])
     junction = table.has("junction") and bool(table["junction"][rows].any())
-    return Lane(center, left, right, tuple(following), junction)
-
-
-def _aside(center: Floats) -> Floats:
-    """Vectors [n, 2] of length `HALF` to the left of a line [n, 2]."""
-    step = np.gradient(center, axis=0)
-    length = np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-9)
-    return np.asarray(HALF * np.column_stack([-step[:, 1], step[:, 0]]) / length)
+    lane = lane_around(table.matrix("x y")[rows], junction, tuple(following))
+    if not table.has(BORDERS[0]):
+        return lane
+    return replace(lane, left=table.matrix("left_x left_y")[rows], right=table.matrix("right_x right_y")[rows])
 
 
 def lane_columns(lanes: Sequence[Lane]) -> dict[str, NDArray[Any]]:
@@ -71,13 +62,16 @@ def images_of(table: RowTable, folder: Path, number: Ints) -> tuple[CameraImage,
 
     ``number`` [F]: of the frames of the scene.
     """
-    frame, size = frame_index(table, number), np.column_stack([table.whole("width"), table.whole("height")])
-    table.refuse(size.min(axis=1, initial=1) < 1, "expected a width and a height of 1 pixel or more", "width")
+    frame, width, height = frame_index(table, number), table.whole("width"), table.whole("height")
+    wrong = (np.minimum(width, height) < 1) | (np.maximum(width, height) > MOST_PIXELS)
+    table.refuse(wrong, f"expected a width and a height of 1 to {MOST_PIXELS} pixels", "width")
     paths = [folder / name for name in table.words["file"].tolist()]
     lost = np.array([not path.is_file() for path in paths], dtype=bool)
-    refuse(lost, lambda row: f"{table.where(row, 'file')}: no file {paths[row]}")
-    projection = np.stack([table[f"p{i}{j}"] for i in range(3) for j in range(4)], axis=1).reshape(-1, 3, 4)
+    table.refuse(lost, lambda row: f"no file {paths[row]}", "file")
+    projection = table.matrix(" ".join(PROJECTION)).reshape(-1, 3, 4)
     return tuple(
-        CameraImage(int(frame[row]), str(table.words["camera"][row]), paths[row], (w, h), projection[row])
-        for row, (w, h) in ((row, size[row].tolist()) for row in np.argsort(frame, kind="stable").tolist())
+        CameraImage(
+            int(frame[i]), str(table.words["camera"][i]), paths[i], (int(width[i]), int(height[i])), projection[i]
+        )
+        for i in np.argsort(frame, kind="stable").tolist()
     )

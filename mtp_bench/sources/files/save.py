@@ -127,14 +127,12 @@ def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> dict[str, 
 def _check_names(scene: Scene, numbers: Sequence[int]) -> None:
     names = [scene.name_of(number) for number in numbers]
     for i, name in enumerate(names):
-        expected = ""
-        if not isinstance(name, str) or name != name.strip() or not 0 < len(name) <= MOST_LETTERS:
-            expected = f"a word of 1 to {MOST_LETTERS} characters"
-        elif name in names[:i]:
-            expected = f"another name than that of object {numbers[names.index(name)]}"
-        if expected:
-            where = f"scene {scene.name!r}: object_names of object {numbers[i]}"
-            raise DataError(f"{where} is {reprlib.repr(name)}, expected {expected}")
+        word = isinstance(name, str) and name == name.strip() and 0 < len(name) <= MOST_LETTERS
+        if not word or name in names[:i]:
+            raise DataError(
+                f"scene {scene.name!r}: object_names of object {numbers[i]} is {reprlib.repr(name)}, expected a word "
+                f"of 1 to {MOST_LETTERS} characters that no other object has"
+            )
 
 
 def _check_rows(where: str, rows: Truth | Detections, frames: int, classes: int) -> None:

@@ -1,8 +1,6 @@
 """The source of own scenes, and its status for ``mtp-bench data``."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -43,22 +41,20 @@ class OwnScenes:
         """``data``: not needed. Raises DataError for a missing folder, no scene, or other files than the card's."""
         self.card = card
         self.section = section_of(card, FilesSource)
-        self._read: dict[str, Callable[[], Scene]]
-        self._folders: dict[str, Path] = {}
-        if self.section.scenes is None:
-            self._folders = _card_folder(self.section, card)
-            self._read = {name: partial(read_scene, path, card) for name, path in self._folders.items()}
-        else:
-            self._read = {scene.name: partial(checked_scene, scene, card) for scene in self.section.scenes}
-        if not self._read:
+        self._scenes = {scene.name: scene for scene in self.section.scenes or ()}
+        self._folders = _card_folder(self.section, card) if self.section.scenes is None else {}
+        self.names = (*self._folders, *self._scenes)
+        if not self.names:
             raise DataError(f"{card.id}: no scene in the list, expected at least one")
-        self.names = tuple(self._read)
         for name in self.names:
             check_scene_name(name, f"{card.id}: ")
 
     def load(self, name: str) -> Scene:
         """Read one scene; DataError names the file, line and column that is wrong."""
-        scene = self._read[name]()
+        if name in self._scenes:
+            scene = checked_scene(self._scenes[name], self.card)
+        else:
+            scene = read_scene(self._folders[name], self.card)
         if self.card.velocity and self.section.traits.velocity_ahead:  # agents must not see future positions
             return replace(scene, truth=looking_back(scene.truth, scene.time, 1 / self.card.task.rate))
         return scene

@@ -15,14 +15,13 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Lane, Scene
-from ..base import DataRoot, section_of
+from ..base import DataRoot, lane_around, section_of
 from ..text import read_json
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
 from .tables import SceneRecord, TableRecord, Vector, by_token, find, read_records
 
 REACH = 100.0  # m from the way of the ego, within which the road is drawn
 STEP = 2.0  # m, between points of a middle line, at most
-HALF = 1.75  # m, from the middle of a lane to its borders
 _TURN = {"L": 1.0, "S": 0.0, "R": -1.0}  # sign of the curvature
 _Length = Annotated[float, msgspec.Meta(ge=0, le=5e3)]  # m
 
@@ -77,7 +76,7 @@ def location_of(version: Path, scene: str) -> str:
 
 @lru_cache(maxsize=1)
 def read_lanes(path: Path, changed: int = 0) -> tuple[Lane, ...]:
-    """The lanes of a location, in the global frame, with borders at `HALF`; the last map is kept.
+    """The lanes of a location, in the global frame, with borders at `base.HALF_LANE`; the last map is kept.
 
     ``changed``: state of the file, for the memory. DataError names the file and the place that is wrong.
     """
@@ -88,10 +87,7 @@ def read_lanes(path: Path, changed: int = 0) -> tuple[Lane, ...]:
             center = _center(layers.arcline_path_3.get(record.token, []))
             if len(center) < 2:
                 continue  # a lane without a middle line
-            step = np.gradient(center, axis=0)
-            aside = HALF * np.stack([-step[:, 1], step[:, 0]], axis=1)
-            aside /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
-            lanes.append(Lane(center, center + aside, center - aside, junction=junction))
+            lanes.append(lane_around(center, junction))
     if not lanes:
         raise DataError(f"{path} has no lane with a middle line, expected a file of the map expansion")
     return tuple(lanes)
