@@ -13,21 +13,10 @@ from ..errors import MtpBenchError, RecordError
 from ..parallel import Progress, reported
 from ..records import Record, Trust, load_record, read_level, record_paths, trusted
 from ..records.storage import shipped_records
-from ..viz.board import (
-    Entry,
-    Found,
-    Pages,
-    board_files,
-    board_json,
-    board_tables,
-    data_table,
-    entries_of,
-    is_baseline,
-    parts_folder,
-    require_parts,
-    style_of,
-)
-from ..viz.board import write_board as write_page
+from ..viz.board.columns import board_json, data_table
+from ..viz.board.entries import Entry, Found, entries_of, is_baseline
+from ..viz.board.page import Pages, board_files, parts_folder, require_parts, write_board
+from ..viz.board.tables import board_tables, style_of
 from ..viz.terminal.output import counted, show, show_lines, show_table
 from .options import BaseOption, JsonOption, TableOption, file_option
 from .output import write_json, write_table
@@ -76,7 +65,7 @@ def board(
         leaderboard = (records or shipped_records()).absolute().parent
         pages = leaderboard / "SUBMITTING.md", leaderboard.parent / "docs" / "definitions" / "index.md"
         addresses = Pages(*(_link(page, output) for page in pages))
-        write_page(output, board_files(entries, parts_folder(output).name, addresses))
+        write_board(output, board_files(entries, parts_folder(output).name, addresses))
         show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
     if strict and content.refused:
         raise RecordError(f"{counted(len(content.refused), 'record')} refused, the first: {content.refused[0]}")

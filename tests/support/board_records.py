@@ -16,7 +16,7 @@ from mtp_bench.records.shipped import shipped
 from mtp_bench.scoring import SUBSETS
 from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.weights import scene_key
-from mtp_bench.viz.board import Entry, Found, entries_of
+from mtp_bench.viz.board.entries import Entry, Found, entries_of
 from tests.support.stored_records import SIMULATED, hex_of, make_record, make_row, merged, signed_level
 
 Table = dict[str, Any]

@@ -11,8 +11,9 @@ import pytest
 from mtp_bench.records import Record
 from mtp_bench.scoring.rows import Row
 from mtp_bench.tables import Column, columns_of, to_csv, to_latex, to_markdown, to_text
-from mtp_bench.viz.board import board_files, board_json, data_table, entries_of
-from mtp_bench.viz.board.entries import Found
+from mtp_bench.viz.board.columns import board_json, data_table
+from mtp_bench.viz.board.entries import Found, entries_of
+from mtp_bench.viz.board.page import board_files
 from mtp_bench.viz.terminal import tables
 from tests.support.board_records import MAIN, made_up
 from tests.support.report_rows import rows

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mtp_bench.viz.board import Entry, board_files, parts_folder, write_board
+from mtp_bench.viz.board.entries import Entry
+from mtp_bench.viz.board.page import board_files, parts_folder, write_board
 from tests.support.board_records import FEW, HOSTILE, LEVELS_OF, MAIN, board_of, made_up, made_up_board
 from tests.support.browser import CHROMIUM, DRIVER, ENTER, MISSING, Browser, chromium
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from docs.generate.results import STORY, filled
-from mtp_bench.viz.board import Entry
+from mtp_bench.viz.board.entries import Entry
 from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
 
 
