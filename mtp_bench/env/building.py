@@ -12,17 +12,11 @@ from .action import FIELD
 from .checks import examine
 
 _ARGUMENT = {  # of make_action, by the field that it fills
-    "object_box": "boxes",
-    "object_class": "classes",
-    "object_confidence": "confidence",
-    "forecast": "forecasts",
-    "forecast_log_weight": "log_weights",
-    "track_id": "ids or tracks.track_id",
-    "track_box": "tracks.box",
-    "track_class": "tracks.class_id",
-    "hypothesis_log_weight": "tracks.log_weight",
+    "object_box": "boxes", "object_class": "classes", "object_confidence": "confidence", "forecast": "forecasts",
+    "forecast_log_weight": "log_weights", "track_id": "ids or tracks.track_id", "track_box": "tracks.box",
+    "track_class": "tracks.class_id", "hypothesis_log_weight": "tracks.log_weight",
     "hypothesis_parent": "tracks.parent",
-}
+}  # fmt: skip
 
 
 def make_action(

@@ -8,6 +8,7 @@ from ..cards import Card
 from ..scoring.holes import HOLES, LOST_TARGETS
 from ..scoring.targets import left_out
 from ..sources import DataStatus, describe, open_source
+from ..tables import counted
 
 
 def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
@@ -23,15 +24,11 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
     sentences = []
     if rows := {reason: number for reason, number in skipped.items() if reason not in (HOLES, LOST_TARGETS)}:
         reasons = ", ".join(f"{reason} ({number})" for reason, number in rows.items())
-        sentences.append(f"{_counted(sum(rows.values()), 'row')} of the data skipped or completed: {reasons}")
+        sentences.append(f"{counted(sum(rows.values()), 'row')} of the data skipped or completed: {reasons}")
     if holes := skipped.get(HOLES, 0):
-        left = f"{_counted(skipped[LOST_TARGETS], 'target')} across {'it' if holes == 1 else 'them'} left out"
-        sentences.append(f"{_counted(holes, 'hole')} in time, steps of more than 1.5 frame periods: {left}")
+        left = f"{counted(skipped[LOST_TARGETS], 'target')} across {'it' if holes == 1 else 'them'} left out"
+        sentences.append(f"{counted(holes, 'hole')} in time, steps of more than 1.5 frame periods: {left}")
     return "; ".join(sentences) or None
-
-
-def _counted(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:

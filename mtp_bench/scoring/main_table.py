@@ -7,7 +7,7 @@ from typing import Annotated
 
 from .._bundle import card_ids
 from ..cards import load_card
-from ..tables import Column, Table, columns_of
+from ..tables import Column, Table, columns_of, counted
 from .definitions import SUBSETS, Subset
 from .rank import span_text
 from .report import Report
@@ -54,8 +54,8 @@ def main_table(report: Report) -> Table:
 
 def heading(report: Report) -> str:
     """The place of a report, with the number of scenes and seeds."""
-    counts = [pair for row in report.rows[:1] for pair in ((row.scenes, "scene"), (row.seeds, "seed"))]
-    return ", ".join([place_of(report), *(f"{n} {noun}{'' if n == 1 else 's'}" for n, noun in counts)])
+    counts = [text for row in report.rows[:1] for text in (counted(row.scenes, "scene"), counted(row.seeds, "seed"))]
+    return ", ".join([place_of(report), *counts])
 
 
 def place_of(report: Report) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from ..cards import Card
 from ..cards.source import FilesSource
 from ..errors import MtpBenchError
-from ..tables import Table, to_html, to_text
+from ..tables import Table, counted, to_html, to_text
 from .definitions import DEFINITIONS, SUBSETS, Subset
 from .details import details
 from .gaps import GapPairs, Pair, References, gap_columns, pairs_of
@@ -27,8 +27,7 @@ from .weights import Reference
 
 def rejected_line(agent: str, rejected: int) -> str:
     """Note about rejected rows of an agent's actions."""
-    rows = f"{rejected} row{'s' * (rejected != 1)}"
-    return f"! {agent}: {rows} rejected; `mtp-bench check` explains the errors"
+    return f"! {agent}: {counted(rejected, 'row')} rejected; `mtp-bench check` explains the errors"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,7 +50,7 @@ class Report:
         agents = len({row.agent.split(" ")[0] for row in self.rows})
         failed = f"; failed: {', '.join(self.failures)}" if self.failures else ""
         return (
-            f"Report on {self._main_table().title.partition(':')[0]}, {agents} agent{'s' * (agents != 1)}{failed}\n"
+            f"Report on {self._main_table().title.partition(':')[0]}, {counted(agents, 'agent')}{failed}\n"
             "print(report) shows the table, report.to_frame() and report.per_scene() have the numbers"
         )
 
@@ -165,7 +164,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
         "split": card.source.split,
         "detector": card.detector_name,
         "card": card.digest,
-        "detections": "; ".join(f"{label} ({n} scene{'' if n == 1 else 's'})" for label, n in sorted(made.items())),
+        "detections": "; ".join(f"{label} ({counted(n, 'scene')})" for label, n in sorted(made.items())),
         "truth": "complete" if complete else "prediction targets only: false forecasts cannot be known",
         "weights": reference.origin if reference else "none",
     }

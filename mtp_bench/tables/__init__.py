@@ -12,10 +12,10 @@ The fields of a row declare the columns:
 """
 
 from .column import BLANK as BLANK
-from .column import Better as Better
 from .column import Column as Column
 from .column import Value as Value
 from .column import columns_of as columns_of
+from .column import counted as counted
 from .column import short as short
 from .screen import to_html as to_html
 from .screen import to_text as to_text

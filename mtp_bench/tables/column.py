@@ -88,6 +88,11 @@ def columns_of(kind: type) -> tuple[Column, ...]:
 _DEFAULTS = vars(Column())
 
 
+def counted(number: int | None, noun: str, plural: str = "s") -> str:
+    """A number with its noun, "1 event" or "2 events"; None gives "unknown events"."""
+    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else plural}"
+
+
 def short(value: float | None) -> str:
     """A number in at most five characters, without its sign and if it is below ten thousand."""
     if value is None:

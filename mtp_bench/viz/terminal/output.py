@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from ...tables import Table
+from ...tables import counted as counted
 from ...tables.screen import table_lines
 
 if TYPE_CHECKING:
@@ -16,11 +17,6 @@ if TYPE_CHECKING:
 
 PIPE_WIDTH = 180  # columns where the output is a file or a pipe
 TEXT_WIDTH = 80  # columns of reports
-
-
-def counted(number: int | None, noun: str, plural: str = "s") -> str:
-    """A number with its noun, "1 event" or "2 events"; None gives "unknown events"."""
-    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else plural}"
 
 
 def show(text: str) -> None:
