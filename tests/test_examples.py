@@ -16,6 +16,7 @@ import pytest
 from docs.generate.outputs import EXAMPLES as FOLDER
 from docs.generate.outputs import OUTPUTS, ROOT, run
 from tests.support.command_line import CommandLine
+from tests.test_readme import blocks
 
 NEEDS = re.compile(r"^# needs: (.+)$", flags=re.MULTILINE)
 ELSEWHERE = {"rl_association": "tests/wrappers/test_rl_example.py"}  # it takes a minute: there it trains on less
@@ -78,6 +79,20 @@ def test_the_example_of_the_commands_runs(tmp_path: Path, monkeypatch: pytest.Mo
     for line in (FOLDER / "reference/commands.sh").read_text().splitlines():
         cli.ok(*shlex.split(line, comments=True)[1:])
     assert (tmp_path / "frame.png").exists()
+
+
+def test_the_commands_of_the_page_on_causes_run_on_its_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(FOLDER / "planted_faults.py", tmp_path).returncode == 0
+    lines = "".join(blocks(ROOT / "docs/visualization/fault.md", "sh")).splitlines()
+    commands = [shlex.split(line, comments=True)[1:] for line in lines]
+    shown = [words for words in commands if words[0] == "worst" or "--png" in words]
+    printed = [cli.ok(*words) for words in shown]
+    assert len(printed) >= 3
+    assert "turning@" in printed[1], "the only moment that is the predictor's fault"
+    assert "hidden@" not in printed[1]
 
 
 @pytest.mark.parametrize(("name", "test"), ELSEWHERE.items())

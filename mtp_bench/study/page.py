@@ -50,7 +50,8 @@ def study_page(
         f"default-src 'none'; style-src-elem {source_of(style)}; style-src-attr 'unsafe-inline'; img-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
-    chapters = [each for each in TEXTS["chapters"] if each["key"] == GALLERY or {*each["tables"]} & {*tables}]
+    filled = {GALLERY: bool(pictures)}
+    chapters = [c for c in TEXTS["chapters"] if filled.get(c["key"], not {*tables}.isdisjoint(c["tables"]))]
     few = f"{findings.units:.3g}" if findings.few else ""
     if few:
         chapters.sort(key=lambda chapter: chapter["key"] not in LEADING)
