@@ -12,6 +12,8 @@ from mtp_bench import load_submission
 from mtp_bench.cards import Card, changed_card, load_card, with_files, with_scenes
 from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
+from mtp_bench.errors import DataError
+from mtp_bench.running.reading import read_status
 from mtp_bench.running.run import run_scene
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.sources import load_scenes
@@ -66,7 +68,9 @@ def test_tables_of_a_recording_score_as_its_original(form: str, tmp_path: Path, 
     _, said, score = played(card, scene.name, data)
     found, rollout, found_score = played(with_files(card, tmp_path), scene.name, data)
     assert digest(rollout) == digest(said)
-    assert_scores_alike(replace(found_score), score)
+    names = [found.name_of(number) for number in found_score.object_id.tolist()]
+    assert names == [scene.name_of(number) for number in score.object_id.tolist()]
+    assert_scores_alike(replace(found_score, object_id=score.object_id), score)
     assert found.detector == scene.detector
 
 
@@ -83,9 +87,6 @@ def test_tables_of_a_recording_score_as_its_original(form: str, tmp_path: Path, 
 def test_where_detections_are_missing_the_offer_works(
     env_id: str, lost: str, profile: str, tmp_path: Path, data_root: Path
 ) -> None:
-    from mtp_bench.errors import DataError
-    from mtp_bench.running.reading import read_status
-
     root = without(data_root, lost, tmp_path)
     with pytest.raises(DataError) as caught:
         MTPEnv(env_id, str(root))
@@ -102,8 +103,6 @@ def test_where_detections_are_missing_the_offer_works(
 
 @pytest.mark.data
 def test_targets_alone_have_no_simulated_detector_on_offer(tmp_path: Path, data_root: Path) -> None:
-    from mtp_bench.errors import DataError
-
     with pytest.raises(DataError, match=r"no folder .*detections; to get them") as caught:
         MTPEnv("MTP-nuScenes-v0", str(without(data_root, "nuscenes/detections", tmp_path)))
     assert "--detector" not in str(caught.value)

@@ -208,22 +208,12 @@ def test_unknown_names_and_classes_are_errors() -> None:
         open_source(card(rate=3.0))
 
 
-def test_preparing_makes_what_is_missing(made: list[int]) -> None:
-    WorldStore(open_source_traffic(card())).get(6)
+def test_preparing_makes_what_is_missing_and_the_status_counts_it(made: list[int]) -> None:
+    WorldStore(traffic_of(section_of(card(), HighwaySource))).get(6)
     prepare(card(), scenes=2)
     assert made == [6, 5]
+    status = describe(card())
+    assert (status.usable, status.about.generated) == (True, True)
+    assert status.notes[0].startswith("2 of 3 scenes are stored")
     prepare(card())
     assert made == [6, 5, 7]
-
-
-def open_source_traffic(of: Card) -> Traffic:
-    return traffic_of(section_of(of, HighwaySource))
-
-
-def test_the_status_counts_what_is_stored() -> None:
-    status = describe(card())
-    assert status.usable
-    assert status.about.generated
-    assert status.notes[0].startswith("0 of 3 scenes are stored")
-    prepare(card())
-    assert describe(card()).notes[0].startswith("3 of 3")
