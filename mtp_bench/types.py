@@ -219,12 +219,14 @@ class Scene:
         return self.object_names.get(object_id, str(object_id))
 
     def short_name(self, object_id: int) -> str:
-        """Id of a true object in at most 16 characters, by which no other object of the scene is called."""
+        """Id of a true object in at most 16 characters; the number where other ids have the same beginning."""
         name = self.name_of(object_id)
         if len(name) <= LONGEST_SHORT_NAME:
             return name
-        alike = sum(other.startswith(name[:8]) for other in self.object_names.values())
-        return name[:8] if alike <= 1 else f"{name[:6]}..{name[-8:]}"
+        for begin in (name[:8], name[:LONGEST_SHORT_NAME]):
+            if sum(other.startswith(begin) for other in self.object_names.values()) == 1:
+                return begin
+        return str(object_id)
 
 
 @dataclass(frozen=True)

@@ -165,8 +165,9 @@ def test_words_are_ids_and_rows_come_in_any_order(tmp_path: Path, base: Card) ->
     np.testing.assert_array_equal(scene.truth.class_id, [0, 0, 1])
     assert (scene.object_names, scene.name_of(1), scene.name_of(7)) == ({0: "a", 1: "van b"}, "van b", "7")
     assert with_scenes(base, [scene]).digest == with_scenes(base, [replace(scene, object_names={})]).digest
-    long = replace(scene, object_names={0: "c1e6" * 8, 1: "van with a trailer", 2: "van with a ladder"})
-    assert [long.short_name(i) for i in range(4)] == ["c1e6c1e6", "van wi.. trailer", "van wi..a ladder", "3"]
+    words = ["c1e6" * 8, "pedestrian of group 1", "pedestrian of group 2", "pedestrian alone"]
+    long = replace(scene, object_names=dict(enumerate(words)))
+    assert [long.short_name(i) for i in range(5)] == ["c1e6c1e6", "1", "2", "pedestrian alone", "4"]
 
 
 def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Card) -> None:
