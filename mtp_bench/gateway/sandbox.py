@@ -131,13 +131,9 @@ def bubblewrap_works() -> bool:
     layout = bare_layout()
     program = [*python(), "-c", "import os; print(sorted(os.listdir('/')))"]
     try:
+        command, variables = bubblewrap_command(layout, program, 1 << 20), environment(isolated=True)
         done = subprocess.run(
-            bubblewrap_command(layout, program, 1 << 20),
-            env=environment(isolated=True),
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            timeout=_TRIAL_SECONDS,
-            check=False,
+            command, env=variables, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TRIAL_SECONDS, check=False
         )
     except subprocess.TimeoutExpired:
         raise SubmissionError(

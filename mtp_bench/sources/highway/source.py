@@ -1,6 +1,6 @@
 """Scenes of simulated traffic: worlds from the cache, reduced to the card's frame rate, reach and classes."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -87,9 +87,7 @@ def highway_status(card: Card, data: object = None) -> DataStatus:
 
 def traffic_of(section: HighwaySource) -> Traffic:
     """The part of the section that the simulation depends on."""
-    return Traffic(
-        section.scenario, section.sensor, section.seconds, section.vehicles, section.pedestrians, section.parked
-    )  # fmt: skip
+    return Traffic(**{field.name: getattr(section, field.name) for field in fields(Traffic)})
 
 
 def scene_name(scenario: str, seed: int) -> str:
