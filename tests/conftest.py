@@ -1,7 +1,5 @@
 """Fixtures of all tests, and the marker ``data`` for tests that read real recordings."""
 
-from __future__ import annotations
-
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # small matrices: threads would only stand in each other's way

@@ -1,7 +1,5 @@
 """The Python blocks of the pages on own trackers and stored tracks."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The examples of CONTRIBUTING.md, followed in a copy of the repository."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

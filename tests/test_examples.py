@@ -4,8 +4,6 @@ A comment says what an example needs beside the library: `# needs: stable-baseli
 real recordings).
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from importlib.metadata import PackageNotFoundError, version

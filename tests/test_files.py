@@ -1,7 +1,5 @@
 """Files and folders that appear complete or not at all, and what a killed writer leaves."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Overlap and distance of boxes, against shapely and by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Notices about long work: in this process, in workers, where the error stream is broken, and of commands on a pipe."""
 
-from __future__ import annotations
-
 import io
 import sys
 import time

@@ -1,7 +1,5 @@
 """Public names of the package, modules that it loads, and the content of its wheel."""
 
-from __future__ import annotations
-
 import ast
 import json
 import runpy

@@ -1,7 +1,5 @@
 """The parallel map."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Mechanical rules of plain English: openings of docstrings, words of messages, and one meaning for each class name."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Classes that baselines have no settings for."""
 
-from __future__ import annotations
-
 import pytest
 
 from mtp_bench.errors import UnknownNameError

@@ -1,7 +1,5 @@
 """Objects that hypotheses agree on: one named case per row, and what holds for whatever a tracker says."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Files that nobody sends by accident: each is one line that says what was got and what to do, and ends in time."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

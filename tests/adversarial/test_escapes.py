@@ -4,8 +4,6 @@ Each trick raises AssertionError where it gets through. `test_the_tricks_work_wh
 do so without isolation: else these tests could not fail.
 """
 
-from __future__ import annotations
-
 import os
 import socket
 import threading

@@ -1,7 +1,5 @@
 """Forged records and levels: each is refused, shown without a level, or not ranked, for the reason that it deserves."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

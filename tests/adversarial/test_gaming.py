@@ -1,7 +1,5 @@
 """What cheating earns (`benchmarks/gaming.py`), on the first scenes of the Intersection: nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """An oracle: it looks for the maintainer's seal, makes the hidden scenes from it, and answers with their truth."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

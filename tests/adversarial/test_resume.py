@@ -1,7 +1,5 @@
 """A submit that does not come to its end: killed, interrupted, on a full disk, twice at once."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Tracker, predictor and sampler put together: one hypothesis is STP, more of them pool their samples."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Cards: strict TOML with a digest of its content."""
 
-from __future__ import annotations
-
 import copy
 import itertools
 import tomllib

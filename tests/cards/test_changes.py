@@ -1,7 +1,5 @@
 """Changed copies of cards: another split or detector, other detections, other scenes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`mtp-bench check`: what it prints of sound and of broken submissions, and its exit status."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`mtp-bench compare` and `score`: one table of 80 columns, the verdict, the rest when asked."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re

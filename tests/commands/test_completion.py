@@ -1,7 +1,5 @@
 """Completion of words in a shell."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Broken, empty and odd data through the commands: one clear error or a counted skip, and nothing half-written."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``mtp-bench fit-noise``: a card section from the detections of an env."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 from typing import Any

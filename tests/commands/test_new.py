@@ -1,7 +1,5 @@
 """`mtp-bench new`: a submission to start from that loads, keeps the contract and is no worse than nothing."""
 
-from __future__ import annotations
-
 import ast
 from pathlib import Path
 from typing import Any

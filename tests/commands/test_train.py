@@ -1,7 +1,5 @@
 """``mtp-bench train``: which scenes it learns from, and what it says where they are too short."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Couplings of a simulated detector: quality, score, error, misses, neighbours, false positives."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import rankdata

@@ -1,7 +1,5 @@
 """Random numbers depend on seed, kind, object and frame alone, not on other objects, their order or the process."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

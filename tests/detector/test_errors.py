@@ -1,7 +1,5 @@
 """Errors of position, heading, size, height and velocity against the distribution and memory of a profile."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """False positives: rate, dispersion, places, sizes and classes; no simple rule shows that they are false."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The fit finds the parameters that made the detections, as far as a few scenes tell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

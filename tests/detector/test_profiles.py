@@ -1,7 +1,5 @@
 """Profiles: the shipped ones, reading and writing, wrong ones, variants, and cards that use them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The shipped profile of PointRCNN against PointRCNN itself, on recordings they were fitted to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

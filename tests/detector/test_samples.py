@@ -1,7 +1,5 @@
 """Matching of detections to true boxes, and the statistics of a detector, on scenes that can be counted by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The simulated detector as a whole: determinism, order of rows, rigid motions, scenes without noise or objects."""
 
-from __future__ import annotations
-
 import hashlib
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Visible fractions against brute-force rays and figures worked out by hand; coverage, occlusion level, truncation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Envs on scenes in memory."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Every way to break the contract takes out the row and counts it; nothing raises and nothing is gained."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

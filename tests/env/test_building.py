@@ -1,7 +1,5 @@
 """An action made from plain arrays: what is filled in, what is left out, and which errors there are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

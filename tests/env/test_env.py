@@ -1,7 +1,5 @@
 """The env on scenes in memory: what is shown, what is taken, what is never told."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

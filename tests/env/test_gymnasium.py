@@ -1,7 +1,5 @@
 """The env as Gymnasium sees it: registration, checker, specs, vector envs."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from typing import Any

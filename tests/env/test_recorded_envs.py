@@ -1,7 +1,5 @@
 """The environments of nuScenes, WILDTRACK and 3DMOT2015 on real data, through the commands."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A strict env says what is wrong with an action; in any mode a wrong action earns no more than a right one."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Trackers of other packages as submissions: `trackers` (Roboflow) and `motpy`, which follow boxes of images."""
 
-from __future__ import annotations
-
 import importlib.util
 from functools import lru_cache
 from pathlib import Path

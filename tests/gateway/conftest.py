@@ -1,7 +1,5 @@
 """The court that hostile agents stand before."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

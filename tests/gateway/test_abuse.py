@@ -1,7 +1,5 @@
 """Agents that crash, hang, allocate, fork, flood and fill."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import py_compile

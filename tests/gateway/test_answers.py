@@ -1,7 +1,5 @@
 """Agents that answer late, ahead, at the end, or what is no answer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

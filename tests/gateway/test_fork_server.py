@@ -1,7 +1,5 @@
 """Agents as forks of a fork server: each is sandboxed, and starts from the same state."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

@@ -1,7 +1,5 @@
 """The gateway with agents that keep the rules: the same rollout as in one process, and what is told about the run."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Any

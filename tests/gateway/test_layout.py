@@ -1,7 +1,5 @@
 """What an agent sees, the image that it runs from, and the groups that hold its memory."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

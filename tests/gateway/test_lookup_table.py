@@ -1,7 +1,5 @@
 """An agent that has seen the scene before: it knows the futures by heart, until the world is turned."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """bADE, the error averaged over false-forecast budgets."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 

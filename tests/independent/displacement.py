@@ -1,7 +1,5 @@
 """Numbers of one forecast against the future of one target."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

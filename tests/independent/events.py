@@ -1,7 +1,5 @@
 """Events of the best hypothesis against its stated parent, in frame mode."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

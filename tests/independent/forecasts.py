@@ -1,7 +1,5 @@
 """One run: what an agent forecast in all scenes under one seed, and the verdict on each frame of it."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

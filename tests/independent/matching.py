@@ -1,7 +1,5 @@
 """The one matching rule, by successive cheapest augmenting paths over exact integers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 Keys = tuple[float, float, float]  # cost, confidence of the left one, minADE

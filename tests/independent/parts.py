@@ -1,7 +1,5 @@
 """Parts of bADE: the cause of each missing forecast, and what each error of a covered target is made of."""
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Numbers that are shown and do not rank, of one run."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Units, significance, and conditions of a rank."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

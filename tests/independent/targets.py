@@ -1,7 +1,5 @@
 """Targets, live frames, and neutral objects."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The product's scorer against the independent one: every number of random rollouts, to 1e-9."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The independent scorer against numbers computed by hand, and against enumeration."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The product's ranks, gaps and intervals against the independent ones, on drawn scenes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Compare the nuScenes source with what the devkit reads: `-m tests.parity.compare_nuscenes OUT.npz DATA_ROOT`."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterable, Iterator, Mapping

@@ -13,8 +13,6 @@ pairs ``<name>/key`` [n], texts that name each row, and ``<name>/value`` [n, ...
     <version>/<detections file>   "<sample> <class> <place in the file>"; x y z yaw l w h and score
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import platform

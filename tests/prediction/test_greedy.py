@@ -1,7 +1,5 @@
 """The greedy sampler: brute force as an oracle, and pools that are small, absent, equal or far away."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

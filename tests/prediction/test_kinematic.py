@@ -1,7 +1,5 @@
 """Kinematic predictors: the filter against a textbook one, the samples against the distribution they come from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Presence: features of tracks, the models that ship, and what stands in for a model that is not there."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Both samplers on pools that are small or absent; k-means++ with scikit-learn as an oracle."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Event weights of small cards are made once for all tests of records; a busy machine leaves no frame unanswered."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

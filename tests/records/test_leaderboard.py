@@ -1,7 +1,5 @@
 """The leaderboard as it is committed: records that hold together, and a page that was made of them."""
 
-from __future__ import annotations
-
 import itertools
 import shutil
 from pathlib import Path

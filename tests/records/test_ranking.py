@@ -1,7 +1,5 @@
 """Records rank as the comparison of the same runs does."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

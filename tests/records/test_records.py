@@ -1,7 +1,5 @@
 """Records: no changed one is taken, and ranks follow from errors per scene alone."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A whole round: all records of a folder, each as far as it can be checked; started again, it goes on."""
 
-from __future__ import annotations
-
 import errno
 import shutil
 from dataclasses import asdict, fields

@@ -1,7 +1,5 @@
 """Hidden seeds: what was promised is what is run, and nothing published tells it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import stat

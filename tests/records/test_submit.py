@@ -1,7 +1,5 @@
 """Records made behind the gateway and checked again: nothing that was changed holds."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """All records of a leaderboard in one go: what is there is kept, what cannot be made says why."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The small card as one that ships."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

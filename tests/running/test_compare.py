@@ -1,7 +1,5 @@
 """Agents side by side: what is run, what is written, and that it stays the same."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

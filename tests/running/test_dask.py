@@ -1,7 +1,5 @@
 """Scenes spread over a Dask cluster of processes: the same results, and nothing is lost with a worker."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

@@ -1,7 +1,5 @@
 """Agents of a program, scored in memory, and failing ones beside others."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """One car at constant speed, with and without two seconds that are missing in the files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

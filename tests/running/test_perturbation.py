@@ -1,7 +1,5 @@
 """The runs of the reference: noise as large as the detector's, cuts and assignments by the number of the run."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Event weights of an env: frozen where the card ships, made where it does not, and never taken on trust."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Sequence

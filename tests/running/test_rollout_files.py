@@ -1,7 +1,5 @@
 """Rollouts on disk: complete or not at all, and every change is noticed."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import zipfile

@@ -1,7 +1,5 @@
 """The runner: agents through scenes, in one process or several, with the same result."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Runs on disk: the same numbers as a comparison, complete or not there at all, and no word of a changed one taken."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Errors of samples: by hand, by enumeration, and what must never help."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Events and CLEAR counts on streams that can be read off a line; input that is wrong."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whose forecast is whose; the error at the fixed operating point; EPA and AP_f."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

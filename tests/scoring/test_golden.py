@@ -1,7 +1,5 @@
 """Values of independent programs on our own synthetic scenes (gate 2 m): golden/expected.json."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

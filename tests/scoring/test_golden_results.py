@@ -1,7 +1,5 @@
 """The hash of golden results beside the version of the definitions: no number changes without a decision."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import replace

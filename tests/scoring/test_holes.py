@@ -1,7 +1,5 @@
 """Holes in time: what no target, event or identity crosses."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

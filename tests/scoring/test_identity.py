@@ -1,7 +1,5 @@
 """IDF1 and HOTA: beside TrackEval on random scenes, and what must not matter."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Matching while forecasts are added: at every cut as good as a matching of what the cut keeps, made afresh."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lineages: parents of hypotheses, and events along them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Matching: maximum cardinality, then minimum cost, inside the gate; against enumeration for small n."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What no label of an image could confirm: objects in the picture of one camera, drawn by hand."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

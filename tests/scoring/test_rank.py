@@ -1,7 +1,5 @@
 """Who is ranked, on what, and in which order."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rows of a comparison, by hand on small scenes."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A whole scene: what must not matter, and what must never make a number better."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from typing import Any
 

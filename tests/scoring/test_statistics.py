@@ -1,7 +1,5 @@
 """Intervals, tests and gaps with units of recordings."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which true objects are to be forecast, and what is known about them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Blocks of recordings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

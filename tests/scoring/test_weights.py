@@ -1,7 +1,5 @@
 """Event weights: what is counted, what a file holds, and files that are wrong."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Fixtures of the sources: the small root of nuScenes, and a cache for one test."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Broken text files of KITTI, WILDTRACK and 3DMOT2015: one error each, which names the file and the place in it."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Parts of the simulated traffic against other programs: lanes against highway_env, overlap against shapely."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from shapely.geometry import Polygon

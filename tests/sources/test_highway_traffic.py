@@ -1,7 +1,5 @@
 """Worlds of simulated traffic: what a detector and a task may rely on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """3DMOT2015 source on a folder of a few lines: boxes, velocities, scenes, cards that do not fit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """3DMOT2015 source on the real recordings: known counts, and how well the detections lie on the truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rules that all sources share: their packages, roots, facts, and cards that do not fit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Simulated detections in place of stored ones: the frame of reference that they stand still in."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """WILDTRACK source on files of a few people: ground plane, scenes, truth, what is found and missing."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """WILDTRACK source on the real recording: known counts, and detections, stored and simulated, on the truth."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Generated worlds on disk, and the scenes that are cut from them."""
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Callable, Sequence

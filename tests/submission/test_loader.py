@@ -1,7 +1,5 @@
 """Submissions: read, built and kept apart."""
 
-from __future__ import annotations
-
 import importlib.util
 import pickle
 import py_compile

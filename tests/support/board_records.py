@@ -1,7 +1,5 @@
 """Made-up records, with the cards, scenes and weights of targets that ship: others are not ranked."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from functools import cache

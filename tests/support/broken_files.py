@@ -1,7 +1,5 @@
 """Files of which one byte is another one, and NPZ files with the head of an array cut short."""
 
-from __future__ import annotations
-
 import struct
 import zipfile
 from collections.abc import Iterator

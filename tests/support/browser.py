@@ -1,7 +1,5 @@
 """A headless Chromium for tests, driven over the WebDriver protocol (W3C): a few requests need no library."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil

@@ -4,8 +4,6 @@
 pixels. The ego drives along y, so that what lies at ``x`` and ``d`` metres ahead is at the pixel 800 + 1000 x / d.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

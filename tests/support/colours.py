@@ -1,7 +1,5 @@
 """Colours as people with any kind of colour vision see them."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """The command line called in this process, and submissions to call it with."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import os

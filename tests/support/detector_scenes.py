@@ -1,7 +1,5 @@
 """Truths of many objects, profiles with one property at a time, and the detections they give."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

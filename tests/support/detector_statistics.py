@@ -1,7 +1,5 @@
 """Recall of a detector and the dependence of its errors over time, per class, real or simulated."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 

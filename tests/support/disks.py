@@ -1,7 +1,5 @@
 """Small and read-only disks, where this system lets tests mount some."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Rerun's viewer without a screen, which draws in software."""
 
-from __future__ import annotations
-
 import ctypes.util
 import os
 import subprocess

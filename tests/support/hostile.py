@@ -1,7 +1,5 @@
 """Hostile submissions of a few lines: an honest agent, and one trick."""
 
-from __future__ import annotations
-
 import inspect
 import textwrap
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Along the heading of the ego, from 40 m behind it to 20 m ahead, run two lanes: 
 ``other`` to its left, towards it. At the end of ``own`` ``bend`` turns left, radius 10 m. ``far`` lies 1 km away.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -9,8 +9,6 @@ police   frames 0 1                stands at (-5, 5)
 dog      frame 2                   an animal, not used
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

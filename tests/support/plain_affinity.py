@@ -1,7 +1,5 @@
 """Affinities of pairs of boxes as they are defined, by shapely, to compare with the compiled ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The tracker written from its description alone, with textbook matrices and one track at a time, to compare with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

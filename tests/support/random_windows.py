@@ -1,7 +1,5 @@
 """Windows of made-up tracks, several frames of them, and a lesson of such windows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings read back from their files, as rerun itself reads them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Rows and details of reports, made by hand."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from mtp_bench.scoring import SUBSETS

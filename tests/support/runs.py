@@ -1,7 +1,5 @@
 """Agents that a function makes, run through scenes by their names, and limits for those in processes of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Cards, scenes and rollouts written as small literals, and random ones, for the tests of the scorer."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Scenes small enough to think through, a KITTI folder made of them, and agents that answer them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Text files of recordings: written, broken, and the one error that a broken one gives."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

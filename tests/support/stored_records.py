@@ -1,7 +1,5 @@
 """Records written by hand: other fields follow from the sums of their scenes."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """Runs written by hand on the tiny KITTI sequences, with events that are known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Every row of a parent takes one allowed column or none; leaving a row unmatched 
 Each solution found splits the other solutions of its parent into disjoint parts; one queue gives the best k of all.
 """
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Frames of detections for tests of trackers, and what an observation of them looks like."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any

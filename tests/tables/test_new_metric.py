@@ -1,7 +1,5 @@
 """A metric as a stranger adds it: one declared field, shown in every table; rows without it have a blank."""
 
-from __future__ import annotations
-
 import csv
 import io
 from typing import Annotated

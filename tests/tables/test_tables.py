@@ -1,7 +1,5 @@
 """One declaration of a column, and the table in each format."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The compiled sparse gains against the plain ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Compiling kernels: once per machine, again if a compiled file is damaged, and without a cache that can be written."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """More than one hypothesis: the tree of leaves that they share, and which of them survive."""
 
-from __future__ import annotations
-
 import itertools
 from collections import defaultdict
 

@@ -1,7 +1,5 @@
 """The joint k-best kernel against enumeration and the textbook solver, compiled and in plain Python."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The dense form of the k-best association: the edge cases that other codes get wrong, and wrong input."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

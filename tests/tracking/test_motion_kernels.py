@@ -1,7 +1,5 @@
 """The compiled motion filter against the textbook one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The tracker with AB3DMOT's settings against that tracker's published figures, on the KITTI validation split."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass

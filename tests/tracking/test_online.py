@@ -1,7 +1,5 @@
 """Ordinary online trackers behind the adapter: what they answer, and the tracks that it makes of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import fields
 from typing import Any

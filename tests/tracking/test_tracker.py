@@ -1,7 +1,5 @@
 """The hypothesis tracker with one hypothesis: AB3DMOT's filter and life cycle with Hungarian or greedy assignment."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 
 import numpy as np

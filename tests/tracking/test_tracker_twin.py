@@ -1,7 +1,5 @@
 """The compiled tracker against the one in plain NumPy."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Kernels of the hypothesis tree: compiled and plain code agree, and say what sets say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

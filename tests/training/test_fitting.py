@@ -1,7 +1,5 @@
 """The training of networks on tiny data: it learns, stages train what they say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Motion noise: what is stored, and that a fit finds what made the windows."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any

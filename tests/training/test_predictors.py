@@ -1,7 +1,5 @@
 """The training of networks: it learns, and it repeats itself."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The fit of presence: rows and their labels, scikit-learn against our evaluation, calibration on held-out scenes."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Training windows: what agents see, beside the truth that belongs to it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

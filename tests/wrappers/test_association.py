@@ -1,7 +1,5 @@
 """The agent associates, the wrapper does the rest: its rules, its observation, and what simple policies earn."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """The example of reinforcement learning trains and says what came of it, and the blocks of two pages run."""
 
-from __future__ import annotations
-
 import re
 import runpy
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Properties of all networks: equal in NumPy and torch, in any order, wherever the world is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

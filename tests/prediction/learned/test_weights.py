@@ -1,7 +1,5 @@
 """Files of weights, those that ship among them, and the predictor that runs them."""
 
-from __future__ import annotations
-
 import json
 import lzma
 import os
