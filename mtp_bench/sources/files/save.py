@@ -93,8 +93,8 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, dict[str, ND
     require_separate(truth, f"scene {scene.name!r}: truth")
     if number.dtype.kind not in "iu":
         raise DataError(
-            f"scene {scene.name!r}: truth.object_id is {number.dtype}, expected whole numbers; for words: words, "
-            "number = np.unique(ids, return_inverse=True), and the scene gets object_names=dict(enumerate(words.tolist()))"
+            f"scene {scene.name!r}: truth.object_id is {number.dtype}, expected whole numbers; words become some by "
+            "words, number = np.unique(ids, return_inverse=True) and object_names=dict(enumerate(words.tolist()))"
         )
     _check_names(scene, np.unique(number).tolist())
     if number.min() < 0 or number.max() > ID_LIMIT:
