@@ -3,7 +3,7 @@
 Nothing is drawn here.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -41,11 +41,11 @@ class Window:
 
 
 class Follower(NamedTuple):
-    """One of the tracks of the event in a frame."""
+    """A track that texts name in a picture; its box at the event where it is not output in that frame."""
 
     track_id: int
-    role: str  # "before", "now", or "named" for one that only texts name
-    frame: int  # of its box
+    role: str  # "before", "now", or "named" for one that has the object at another time
+    frame: int  # of its box: that of the picture, or the nearest one in which it is output
     box: Floats  # [7]
     trail: Floats  # [n, 2], the newest place last
     expected: Floats | None  # [2] place by its own forecast of the frame before
@@ -60,8 +60,7 @@ class FocusFrame:
     object_box: Floats  # [0 or 1, 7] the true object
     past: Floats  # [n, 2] places of the object, now first
     future: Floats  # [n, 2] places of the object, now first
-    tracks: tuple[Follower, ...]  # those that texts name and that are output
-    absent: tuple[Follower, ...]  # at the event: those that are not output then, with their nearest box in time
+    named: tuple[Follower, ...]  # the tracks that texts name; those that are not output then only at the event
     others: Floats  # [n, 7] true boxes that these tracks follow besides the object
     other_names: tuple[str, ...]  # n, such as "car 8"
     detection_box: Floats  # [D, 7] the nearest
@@ -74,6 +73,11 @@ class FocusFrame:
     def bright(self) -> int:
         """Number of bright boxes, at most MOST_BRIGHT."""
         return len(self.event_box) + len(self.others) + len(self.detection_box)
+
+    @property
+    def tracks(self) -> tuple[Follower, ...]:
+        """The named tracks that are output in this frame."""
+        return tuple(track for track in self.named if track.frame == self.frame)
 
     @property
     def event_box(self) -> Floats:
@@ -91,27 +95,12 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
     """Content of a picture of frame ``t``."""
     truth, detections, rollout = focus.replay.scene.truth, focus.replay.scene.detections, focus.replay.rollout
     back = round(TRAIL_SECONDS * focus.replay.card.task.rate)
-    # a track that is found again under its own id is that of "now"
-    roles = {**dict.fromkeys(focus.named_tracks, "named"), focus.at.old_id: "before", focus.at.new_id: "now"}
-    rows = {track_id: row for track_id in roles if (row := int(focus.track_rows(track_id)[t])) >= 0}
-    detected = {track_id: _present([taken(focus, track_id, t)]) for track_id in rows}
-    tracks = tuple(
-        Follower(
-            track_id=i,
-            role=roles[i],
-            frame=t,
-            box=rollout.track_box[row].astype(np.float64),
-            trail=focus.trail(i, t, 1 + back),
-            expected=expected(focus, i, t),
-            detection=detections.box[detected[i], :2],
-        )
-        for i, row in rows.items()
-    )
-    absent = [i for i in focus.named_tracks if i not in rows] if t == focus.at.frame else []
+    named = tuple(_followers(focus, t, back))
+    rows = _present([focus.track_rows(track.track_id)[t] for track in named])
     own = _present([focus.rows[t]])
-    others = np.unique(_present([*(focus.other(track_id, t) for track_id in rows), *_beside(focus, t)]))
-    near = np.concatenate([*detected.values(), _present([confusing(focus, t)]), focus.detections(t)[:MOST_DETECTIONS]])
-    near = np.unique(near.astype(np.int64))
+    others = np.unique(_present([*(focus.other(track.track_id, t) for track in named), *_beside(focus, t)]))
+    detected = [*(taken(focus, track.track_id, t) for track in named), confusing(focus, t)]
+    near = np.unique(_present([*detected, *focus.detections(t)[:MOST_DETECTIONS]]))
     tracked = rollout.tracks.rows(t)
     hidden = tracked.start + np.flatnonzero(~focus.shown[tracked])
     return FocusFrame(
@@ -119,27 +108,31 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
         object_box=truth.box[own],
         past=focus.path(t, t - back),
         future=focus.future(t),
-        tracks=tracks,
-        absent=tuple(each for i in absent for each in _elsewhen(focus, i, roles[i])),
+        named=named,
         others=truth.box[others],
         other_names=tuple(focus.name_of(int(row)) for row in others),
         detection_box=detections.box[near],
         detection_text=tuple(_detection_text(focus, row) for row in near.tolist()),
         dim_truth=truth.box[_rest(truth.rows(t), own, others)],
-        dim_track=rollout.track_box[_rest(tracked, hidden, _present(list(rows.values())))].astype(np.float64),
+        dim_track=rollout.track_box[_rest(tracked, hidden, rows)].astype(np.float64),
         dim_detection=detections.box[_rest(detections.rows(t), near)],
     )
 
 
-def _elsewhen(focus: Focus, track_id: int, role: str) -> list[Follower]:
-    """A track in the frame nearest to the event's in which it is output, if there is one."""
-    rows, none = focus.track_rows(track_id), np.zeros((0, 2))
-    frames = np.flatnonzero(rows >= 0)
-    if not len(frames):
-        return []
-    t = int(frames[np.argmin(np.abs(frames - focus.at.frame))])
-    box = focus.replay.rollout.track_box[rows[t]].astype(np.float64)
-    return [Follower(track_id, role, t, box, none, None, none)]
+def _followers(focus: Focus, t: int, back: int) -> Iterator[Follower]:
+    """The tracks that texts name, with trails of ``back`` frames."""
+    detections, at = focus.replay.scene.detections, focus.at
+    # a track that is found again under its own id is that of "now"
+    roles = {**dict.fromkeys(focus.named_tracks, "named"), at.old_id: "before", at.new_id: "now"}
+    for track_id, role in roles.items():
+        rows = focus.track_rows(track_id)
+        frames = np.flatnonzero(rows >= 0)
+        if len(frames) and (rows[t] >= 0 or t == at.frame):
+            frame = int(frames[np.argmin(np.abs(frames - t))])
+            box = focus.replay.rollout.track_box[rows[frame]].astype(np.float64)
+            detected = detections.box[_present([taken(focus, track_id, t)]), :2]
+            trail = focus.trail(track_id, t, 1 + back)
+            yield Follower(track_id, role, frame, box, trail, expected(focus, track_id, t), detected)
 
 
 def _beside(focus: Focus, t: int) -> list[int]:
@@ -204,10 +197,9 @@ def _things(focus: Focus) -> Floats:
     """Places [n, 2] that the picture of an event has to show, the object's own among them."""
     at = focus.at.frame
     paths, shown = [forecast.nearest_path for _, forecast in focus.forecasts(at)], frame_of(focus, at)
-    boxes = np.concatenate(
-        [shown.event_box, shown.others, shown.detection_box, *(each.box[None] for each in shown.absent)]
-    )
-    return np.concatenate([focus.future(at), *paths, boxes[:, :2], focus.place(at)[None]])
+    boxes = [*shown.object_box, *(track.box for track in shown.named), *shown.others, *shown.detection_box]
+    places = np.array([focus.place(at), *(box[:2] for box in boxes)])
+    return np.concatenate([focus.future(at), *paths, places])
 
 
 def close_window(focus: Focus, t: int, beside: Sequence[Focus] = ()) -> Window:

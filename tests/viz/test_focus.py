@@ -94,7 +94,7 @@ def test_few_boxes_are_bright_but_all_tracks_that_are_named_and_the_object_is_in
         assert_in_the_middle(focus)
         text, shown, window = sentence(focus), frame_of(focus, focus.at.frame), window_of(focus, focus.at.frame)
         assert text.startswith(f"{focus.at.name}: ")
-        drawn = {track.track_id: track.box for track in (*shown.tracks, *shown.absent)}
+        drawn = {track.track_id: track.box for track in shown.named}
         assert drawn.keys() == {*focus.named_tracks} >= {*map(int, re.findall(r"track (\d+)", text))}
         right = rotate(np.array([*drawn.values()]).reshape(-1, 7)[:, :2] - [window.x, window.y], -window.turn)
         assert (np.abs(right) < np.array([window.wide, window.high]) / 2).all()

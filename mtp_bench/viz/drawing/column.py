@@ -28,15 +28,16 @@ class Mark:
     line: Color | None = None
     width: float = 1.5  # pixels of the line
     dashed: bool = False
-    sign: str = ""  # "cross" or "circle", in the colour of the line
+    sign: str = ""  # "cross" or "circle", in the colour of the line, or "none"
 
     def draw(self, canvas: Canvas, y: float) -> None:
         """Draw it at the height ``y`` of a canvas where a metre is a pixel."""
         middle = np.array([28.0, y])
-        if self.sign:
-            draw, reach = (canvas.cross, 6.0) if self.sign == "cross" else (canvas.circle, 9.0)
-            draw(middle, reach, self.line or BLACK)
-        elif self.line is not None:
+        if self.sign == "cross":
+            canvas.cross(middle, 6.0, self.line or BLACK)
+        elif self.sign == "circle":
+            canvas.circle(middle, 9.0, self.line or BLACK)
+        elif self.line is not None and not self.sign:
             path = np.array([[14.0, y], [42.0, y]])
             canvas.stroke(path, self.line, self.width, dashed=self.dashed)
             if self.box is None:

@@ -56,9 +56,10 @@ def pointer(canvas: Canvas, ink: ImageDraw.ImageDraw, start: Floats, target: Flo
     while share > 0 and any(l < x < r and t < y < b for x, y in [a + share * way] for l, t, r, b in canvas.taken):
         share -= ARROW / length
     tip, unit = a + share * way, way / length
-    back, aside = tip - 14.0 * unit, 5.0 * np.array([-unit[1], unit[0]])
-    ink.line([*(tip - ARROW * unit), *back], fill=color, width=2)
+    tail, back, aside = tip - ARROW * unit, tip - 14.0 * unit, 5.0 * np.array([-unit[1], unit[0]])
+    ink.line([*tail, *back], fill=color, width=2)
     ink.polygon([*tip, *(back + aside), *(back - aside)], fill=color)
+    canvas.taken.append((*np.minimum(tip, tail).tolist(), *np.maximum(tip, tail).tolist()))
     callout(canvas, ink, start + (share - ARROW / length) * (target - start), text, color, 1.0)
 
 
