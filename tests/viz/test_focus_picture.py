@@ -81,7 +81,7 @@ def test_the_event_is_bright_and_the_crowd_is_not() -> None:
     assert coloured(np.asarray(drawn)) <= MOST_BRIGHT
     assert [mark.text for mark in marks] == [
         "car 5, true box", "the event", "event gate: within 2 m", "expected, by its own last forecast",
-        "detection, with its score", "track 1, which had it before", "track 2, which has it now",
+        "detection, with its score", "track 1, which had it before", "track 2, which follows it",
         "where it really goes", "forecast now", "forecast at 0.3 s", "all other boxes",
     ]  # fmt: skip
 

@@ -28,9 +28,7 @@ GATE = Mark("event gate: {}", line=GRAY, sign="circle")
 REST = Mark("all other boxes", Outline((205, 205, 205), 1.0, fill=40))
 DIM_TRACK = Outline((215, 215, 215), 0.8)
 DIM_DETECTION = Outline((225, 225, 225), 0.8)
-HOLDS = {  # role of a track -> what it has to do with the object
-    "before": "which had it before", "now": "which has it now", "named": "which has it at another time",
-}  # fmt: skip
+FORMER = {"before": ", which had it before", "named": ", which has it at another time"}  # by role of a track
 GAP = 1.0  # m, between the ends of forecast and future: smaller gaps need no line
 BIG = 15  # pixels of letters
 
@@ -149,8 +147,11 @@ class CloseUp:
         for track in shown.named[::-1]:
             now = track.frame == shown.frame
             outline = Outline(ROLES[track.role], 1.5, 90 if now else 0, dashed=track.role == "before" or not now)
-            holds = "of the false forecast" if focus.at.object_id < 0 else HOLDS[track.role]
-            self._boxes(track.box[None], Mark(f"track {track.track_id}, {holds if now else 'not output now'}", outline))
+            holds = (
+                ", which follows it" if focus.follower(shown.frame) == track.track_id else FORMER.get(track.role, "")
+            )
+            text = f"track {track.track_id}{holds if now else ', not output now'}"
+            self._boxes(track.box[None], Mark(text, outline))
         self._boxes(shown.object_box, replace(OBJECT, text=OBJECT.text.format(focus.named)))
         self._boxes(shown.detection_box, DETECTED)
         for xy in self.canvas.pixels(shown.detection_box[:, :2]):

@@ -67,10 +67,10 @@ def column(
     def write(lines: Sequence[Text]) -> None:
         nonlocal y
         for text, letters, color in lines:
-            for part in wrapped(text, letters, size[0] - 24):
-                if y + 1.45 * letters < size[1]:
-                    texts.append((12, y, (part, letters, color)))
-                    y += 1.45 * letters
+            broken = wrapped(text, letters, size[0] - 24)
+            for part in broken if y + 1.45 * letters * len(broken) < size[1] else ():
+                texts.append((12, y, (part, letters, color)))
+                y += 1.45 * letters
 
     write(heading)
     for name, value in parts.items():

@@ -23,8 +23,7 @@ COLUMN, CAPTION = 300, 46
 ROW = 256  # pixels of the height for the small pictures, with their captions
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
 REMARK = (
-    "From above; the way of the object points to the right. Bold: the sample nearest to the truth, or the heaviest if "
-    "that is unknown; thin: the others."
+    "From above; the object moves to the right. Bold: the sample nearest to the truth, else the heaviest; thin: others."
 )
 
 
