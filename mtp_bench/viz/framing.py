@@ -49,7 +49,7 @@ class Follower(NamedTuple):
     box: Floats  # [7]
     trail: Floats  # [n, 2], the newest place last
     expected: Floats | None  # [2] place by its own forecast of the frame before
-    detection: Floats  # [0 or 1, 2] place of the detection that it took
+    detection: int  # row of the detection that it took, -1 for none
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
     rows = _present([focus.track_rows(track.track_id)[t] for track in named])
     own = _present([focus.rows[t]])
     others = np.unique(_present([*(focus.other(track.track_id, t) for track in named), *_beside(focus, t)]))
-    detected = [*(taken(focus, track.track_id, t) for track in named), confusing(focus, t)]
+    detected = [*(track.detection for track in named), confusing(focus, t)]
     near = np.unique(_present([*detected, *focus.detections(t)[:MOST_DETECTIONS]]))
     tracked = rollout.tracks.rows(t)
     hidden = tracked.start + np.flatnonzero(~focus.shown[tracked])
@@ -121,7 +121,7 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
 
 def _followers(focus: Focus, t: int, back: int) -> Iterator[Follower]:
     """The tracks that texts name, with trails of ``back`` frames."""
-    detections, at = focus.replay.scene.detections, focus.at
+    at = focus.at
     # a track that is found again under its own id is that of "now"
     roles = {**dict.fromkeys(focus.named_tracks, "named"), at.old_id: "before", at.new_id: "now"}
     for track_id, role in roles.items():
@@ -130,9 +130,8 @@ def _followers(focus: Focus, t: int, back: int) -> Iterator[Follower]:
         if len(frames) and (rows[t] >= 0 or t == at.frame):
             frame = int(frames[np.argmin(np.abs(frames - t))])
             box = focus.replay.rollout.track_box[rows[frame]].astype(np.float64)
-            detected = detections.box[_present([taken(focus, track_id, t)]), :2]
-            trail = focus.trail(track_id, t, 1 + back)
-            yield Follower(track_id, role, frame, box, trail, expected(focus, track_id, t), detected)
+            trail, place = focus.trail(track_id, t, 1 + back), expected(focus, track_id, t)
+            yield Follower(track_id, role, frame, box, trail, place, taken(focus, track_id, t))
 
 
 def _beside(focus: Focus, t: int) -> list[int]:
@@ -164,8 +163,9 @@ def _rest(rows: slice, *shown: Ints) -> Ints:
 
 def length_of(focus: Focus) -> float:
     """Length of the object, m; of its track, if only that is there."""
-    boxes = frame_of(focus, focus.at.frame).event_box
-    return float(boxes[0, 4]) if len(boxes) else 2.0
+    t, run = focus.at.frame, focus.replay
+    rows = ((run.scene.truth.box, focus.rows), (run.rollout.track_box, focus.track_rows(focus.at.new_id)))
+    return next((float(boxes[row[t], 4]) for boxes, row in rows if row[t] >= 0), 2.0)
 
 
 def turn_of(focus: Focus) -> float:

@@ -159,11 +159,11 @@ class CloseUp:
 
     def _draw_evidence(self) -> None:
         """Draw the gate, the places where tracks were expected, and lines to the detections that they took."""
-        canvas, rule = self.canvas, gate(self.focus)
+        canvas, rule, detected = self.canvas, gate(self.focus), self.focus.replay.scene.detections.box
         for track in self.shown.tracks:
-            for xy in track.detection:
-                if np.hypot(*(xy - track.box[:2])) > GAP / 2:
-                    self._path(np.stack([track.box[:2], xy]), TAKEN, 2.0)
+            place = detected[track.detection, :2] if track.detection >= 0 else track.box[:2]
+            if np.hypot(*(place - track.box[:2])) > GAP / 2:
+                self._path(np.stack([track.box[:2], place]), TAKEN, 2.0)
             if track.expected is not None:
                 canvas.cross(canvas.pixels(track.expected), 6.0, ROLES[track.role])
                 self._note(track.expected, EXPECTED)
