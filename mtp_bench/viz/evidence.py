@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..geometry import iou_3d
 from ..scoring.holes import pieces
 from ..scoring.matching import match
 from ..scoring.pairs import Pairs
@@ -119,6 +120,28 @@ def _nearest(focus: Focus, places: Floats, t: int, rows: Ints) -> int:
     """The row of ``rows`` [n] whose place in ``places`` [n, 2] is nearest to the object, -1 if none is in reach."""
     far = np.hypot(*(places - focus.place(t)).T)
     return int(rows[np.argmin(far)]) if (far <= reach(focus)).any() else -1
+
+
+def says(focus: Focus, row: int) -> str:
+    """Class and score of a detection: "pedestrian, .85"."""
+    name = focus.replay.card.task.classes[focus.replay.scene.detections.class_id[row]].replace("_", " ")
+    return f"{name}, {score(focus, row)}"
+
+
+def score(focus: Focus, row: int) -> str:
+    """Score of a detection, such as ".85"."""
+    return share(float(focus.replay.scene.detections.score[row]))
+
+
+def share(value: float) -> str:
+    """A number below 1 in two digits, such as ".85"."""
+    return f"{value:.2f}".removeprefix("0")
+
+
+def overlap(focus: Focus, track_id: int, t: int) -> float:
+    """IoU in 3D of the object and a track that is output at frame ``t``."""
+    row, own = focus.track_rows(track_id)[t], focus.rows[t]
+    return float(iou_3d(focus.replay.scene.truth.box[own], focus.replay.rollout.track_box[row].astype(np.float64)))
 
 
 def distance(focus: Focus, t: int) -> float | None:

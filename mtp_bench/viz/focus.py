@@ -75,8 +75,7 @@ class Focus:
     @cached_property
     def regained(self) -> int:
         """First frame after the event's in which a track follows the object; -1 if it is gone before, or a log ends."""
-        rows = self._until_gap(self.rows, self.at.frame, self.replay.frames - 1)[1:]
-        followed = np.flatnonzero(self.track_of_truth[rows] >= 0)
+        followed = np.flatnonzero(self.followers(self.at.frame, self.replay.frames - 1)[1:] >= 0)
         return self.at.frame + 1 + int(followed[0]) if len(followed) else -1
 
     def name_of(self, row: int) -> str:
@@ -175,6 +174,11 @@ class Focus:
         """Id of the track that follows the object at frame ``t``, -1 without one."""
         track = np.append(self.track_of_truth, -1)[self.rows[t]]
         return int(np.append(self.replay.rollout.track_id, -1)[track])
+
+    def followers(self, first: int, last: int) -> Ints:
+        """Ids [n] of the tracks that follow the object from ``first`` until a gap or ``last``, or backwards."""
+        tracks = self.track_of_truth[self._until_gap(self.rows, first, last)]
+        return np.append(self.replay.rollout.track_id, -1)[tracks]
 
     def other(self, track_id: int, t: int) -> int:
         """Row of the true box, other than the object, that a track follows at frame ``t``, -1 without one."""
