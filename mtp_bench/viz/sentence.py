@@ -37,7 +37,7 @@ def sentence(focus: Focus) -> str:
 
 def _when(focus: Focus) -> str:
     at = focus.at
-    span = f" (bad from {_time(focus, at.first)} to {_time(focus, at.until)})" if 0 <= at.first < at.until else ""
+    span = f" (bad {focus.seconds(at.first):.1f} to {_time(focus, at.until)})" if 0 <= at.first < at.until else ""
     return f"at {_time(focus, at.frame)}{span}"
 
 
@@ -104,9 +104,11 @@ def _followed(focus: Focus) -> str:
             f"has track {tracks[0]} from its first frame on" if always else f"has {taker} since {_time(focus, since)}"
         )
     text = "has had no track so far" if always else f"has no track since {_time(focus, since)}"
-    if again < 0:
-        return f"{text} and gets none"
-    return f"{text}, until track {focus.follower(again)} takes it at {_time(focus, again)}"
+    return (
+        f"{text}, then track {focus.follower(again)} from {_time(focus, again)} on"
+        if again >= 0
+        else f"{text} and gets none"
+    )
 
 
 def _taker(focus: Focus, track: int, t: int, short: bool = False) -> str:
@@ -158,7 +160,7 @@ def _evidence(focus: Focus) -> Iterator[str]:
         yield f"no {focus.noun} is detected within {focus.near:g} m"
     elif missed and len(own):
         yield f"the nearest detection is {far:.1f} m away"
-    elif not followed:
+    elif len(own) and not followed:
         yield f"it is detected {far:.1f} m away, score {evidence.score(focus, int(own[0]))}"
     seen, ego = evidence.visible(focus, t), evidence.distance(focus, t)
     hidden = seen is not None and seen < HIDDEN
@@ -234,7 +236,7 @@ def _error(focus: Focus) -> str:
     samples = len(forecast.path)
     which = f"the nearest of {samples} samples" if samples > 1 else "its forecast"
     if at.confidence is not None and at.parts.get(BELOW, 0.0) > at.blame:
-        which = f"its forecast has confidence {evidence.share(at.confidence)}; {which}"
+        which += f" (confidence {evidence.share(at.confidence)})"
     return f"{which} {went(focus, forecast)}, {cost}"
 
 
