@@ -1,0 +1,91 @@
+"""Facts that the sentences of recorded runs state, worked out a second time from the tables of the run."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import load_card
+from mtp_bench.sources import open_source
+from mtp_bench.submission.loader import load_submission
+from mtp_bench.viz.evidence import reach
+from mtp_bench.viz.focus import Focus
+from mtp_bench.viz.framing import frame_of
+from mtp_bench.viz.moments import moments
+from mtp_bench.viz.replay import replay
+from mtp_bench.viz.sentence import WORDS, sentence
+from tests.support.runs import run_scenes
+
+RUNS = {"MTP-KITTI-v0": 11, "MTP-nuScenes-mini-v0": 10, "MTP-PETS-v0": 4, "MTP-Intersection-v0": 3}  # scenes
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("env_id", RUNS)
+def test_sentences_state_facts(env_id: str, data_root: Path) -> None:
+    card, submission = load_card(env_id), load_submission("stp")
+    names = open_source(card, str(data_root)).names[: RUNS[env_id]]
+    make, keywords = submission.factory(submission.parameters), {"data": str(data_root)}
+    runs = run_scenes(make, env_id, keywords, names, finish=replay)
+    focuses = [Focus(run, at) for run in runs for at in (*run.incidents, *(m.at for m in moments(run)[:20]))]
+    assert len(focuses) > 200
+    for focus in focuses:
+        check(focus, sentence(focus))
+
+
+def check(focus: Focus, text: str) -> None:
+    """Check that a sentence is short, names what is drawn, and agrees with the tables of the run."""
+    at, t, run = focus.at, focus.at.frame, focus.replay
+    where = f"{run.scene.name} {text}"
+    first, *others = text.removeprefix(f"{at.name}: ").split(". ")
+    assert len(others) <= 2, where
+    for part in (first, *others):
+        assert len(re.sub(r"(which costs \S+ m): .*", r"\1", part).split()) <= WORDS, where
+    for track in {int(number) for number in re.findall(r"track (\d+)", text)}:
+        assert track in focus.named_tracks, where
+        drawn = track in {each.track_id for each in frame_of(focus, t).tracks}
+        assert drawn == (focus.track_rows(track)[t] >= 0), where
+    for name in re.findall(r"\(((?:ids|lost|reacquired|spurious)-\d+)", text):
+        other = run.incident(name)
+        assert other.object_id == at.object_id or other.frame <= t <= max(other.until, at.until), where
+    check_metres(focus, text, where)
+    check_detections(focus, text, where)
+    assert at.kind != "lost" or focus.follower(t) < 0, where
+    assert (" no track " in text or "had no track" in text) <= (at.object_id >= 0 and focus.follower(t) < 0), where
+    assert ("has no forecast" in text) == (at.parts is not None and focus.forecast(t) is None), where
+
+
+def check_metres(focus: Focus, text: str, where: str) -> None:
+    """Check distances of tracks, ends of forecasts and costs."""
+    at, t, run = focus.at, focus.at.frame, focus.replay
+    for track, metres in re.findall(r"[Tt]rack (\d+) is ([\d.]+) m away", text):
+        box = run.rollout.track_box[focus.track_rows(int(track))[t]]
+        assert f"{np.hypot(*(box[:2] - focus.place(t))):.1f}" == metres, where
+        assert at.kind != "lost" or float(metres) >= round(reach(focus), 1) or focus.other(int(track), t) >= 0, where
+    for metres in re.findall(r"and ends ([\d.]+) m off", text):
+        forecast, future = focus.forecast(t), focus.future(t)
+        assert forecast is not None
+        assert f"{np.hypot(*(forecast.nearest_path[len(future) - 1] - future[-1])):.1f}" == metres, where
+    for metres in re.findall(r"costs ([\d.]+) m", text):
+        assert f"{at.error:.1f}" == metres, where
+
+
+def check_detections(focus: Focus, text: str, where: str) -> None:
+    """Check what is detected at the object, and that class confusion is said wherever an object is lost or a ghost."""
+    at, t, scene = focus.at, focus.at.frame, focus.replay.scene
+    table, place = scene.detections, focus.place(t)
+    rows = np.arange(len(table.box))[table.rows(t)]
+    far, own = np.hypot(*(table.box[rows, :2] - place).T), table.class_id[rows] == at.class_id
+    if at.kind == "lost":
+        assert ("detection there says" in text) == bool((far[~own] <= reach(focus)).any()), where
+    if at.kind == "spurious":
+        truth = np.arange(len(scene.truth.box))[scene.truth.rows(t)]
+        others = truth[scene.truth.class_id[truth] != at.class_id]
+        true = np.hypot(*(scene.truth.box[others, :2] - place).T)
+        assert (": The true " in text or ". The true " in text) == bool((true <= reach(focus)).any()), where
+    for metres in re.findall(r"is detected within (\S+) m", text):
+        assert not (far[own] <= float(metres)).any(), where
+    for metres in re.findall(r"nearest detection is ([\d.]+) m|it is detected ([\d.]+) m", text):
+        assert f"{far[own].min():.1f}" == "".join(metres), where
