@@ -1,20 +1,22 @@
-"""Evidence around an event that an agent does not state: where its tracks were expected and which detections they took.
+"""Evidence around an event that an agent does not state, worked out from its answers in the same way for every agent.
 
-Everything is worked out from the answers, so it is the same for every agent. Places are in the frame of reference of
-the scene, metres; rows are those of the tables of the run.
+Places are in the frame of reference of the scene, metres; rows are those of the tables of the run.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import iou_3d
+from ..geometry import iou_3d, wrap_angle
 from ..scoring.holes import pieces
 from ..scoring.matching import match
 from ..scoring.pairs import Pairs
 from ..types import Floats, Ints, to_metres
-from .focus import Focus
+from .focus import Focus, ObjectForecast
 
+STILL = 1.0  # m, within the horizon: an object that moves less stands still
+SHORT, LONG = 0.75, 1.33  # shares of a distance between which it is the same
+ASIDE, BACK = np.deg2rad(25.0), np.deg2rad(120.0)
 SMOOTHED = 0.25  # share of the forecast gate that a track's box may lie beside its detection without having moved
 
 
@@ -154,3 +156,39 @@ def visible(focus: Focus, t: int) -> float | None:
     """Share of the object in line of sight at frame ``t``, 0 to 1; None where the source does not state it."""
     shares, row = focus.replay.scene.visible, int(focus.rows[t])
     return None if shares is None or row < 0 else float(shares[row])
+
+
+def went(focus: Focus, forecast: ObjectForecast) -> str:
+    """The nearest sample beside what the object does."""
+    t = forecast.frame
+    future, past = focus.future(t), focus.path(t, t - round(focus.replay.card.task.rate))
+    path = forecast.nearest_path[: len(future)]
+    true, way = future[-1] - future[0], path[-1] - path[0]
+    start = (past[0] - past[-1]) * (len(future) - 1) / (len(past) - 1) if len(past) > 1 else true  # at its speed now
+    far, length, fast = (float(np.hypot(*each)) for each in (true, way, start))
+    turned, turns = (_turn(each, start if fast > STILL else true) for each in (true, way))
+    cases = (
+        (far < STILL and length < STILL, "stands still like it"),
+        (far < STILL, "moves off while it stands" if fast < STILL else "goes on while it stops"),
+        (length < max(STILL, 0.2 * far), "stands still while it moves"),
+        (abs(wrap_angle(turns - turned)) > BACK, "goes back"),
+        (abs(wrap_angle(turns - turned)) > ASIDE, _beside(turns, turned)),
+        (length < SHORT * far, "falls short" if far < LONG * fast else "keeps its speed while it speeds up"),
+        (length > LONG * far, "goes too far" if far > SHORT * fast else "keeps its speed while it brakes"),
+        (True, "goes the right way"),
+    )
+    text = next(text for applies, text in cases if applies)
+    return f"{text} and ends {np.hypot(*(path[-1] - future[-1])):.1f} m off"
+
+
+def _turn(way: Floats, start: Floats) -> float:
+    """Angle from ``start`` to ``way``, rad, to the left above 0."""
+    return float(wrap_angle(np.arctan2(way[1], way[0]) - np.arctan2(start[1], start[0])))
+
+
+def _beside(turns: float, turned: float) -> str:
+    """Turn of a forecast beside that of the object, both in rad."""
+    own, true = (
+        "turns left" if a > ASIDE / 2 else "turns right" if a < -ASIDE / 2 else "goes straight" for a in (turns, turned)
+    )
+    return f"{own} while it {true}" if own != true else f"{own} too {'far' if abs(turns) > abs(turned) else 'little'}"

@@ -67,7 +67,7 @@ def test_a_swap_shows_the_other_object_by_its_name() -> None:
     shown = frame_of(Focus(run, run.incident("ids-0")), EVENT)
     assert shown.other_names == ("car 6",)
     assert shown.others[:, 1].tolist() == [3.0]
-    assert "track 2, which followed car 6 before, and track 1 goes to car 6" in told(truth, tracks, "ids-0")
+    assert "track 2, of car 6 until then. Track 1 takes a detection 3.0 m from where" in told(truth, tracks, "ids-0")
 
 
 def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:
@@ -140,43 +140,43 @@ def test_the_way_of_the_object_points_to_the_right_wherever_it_goes(yaw: float) 
 
 def test_a_switch_in_one_sentence() -> None:
     assert sentence(switch(old_y=1.5, ahead=12.0)) == (
-        "ids-0: at 0.4 s car 5 changes from track 1 to the new track 2, while track 1 stays 1.5 m away; "
-        "the nearest of 2 samples goes too far and ends 10.5 m from the true place, which costs 7.0 m "
-        "(the frame before: 0.0 m)"
+        "ids-0: at 0.4 s car 5 changes from track 1 to the new track 2. "
+        "Track 1 takes no detection and is 1.5 m away, track 2 0.0 m. "
+        "The nearest of 2 samples goes too far and ends 10.5 m off, which costs 7.0 m: rest 7.0 m"
     )
-    assert "to the new track 2, and track 1 ends; " in sentence(switch(old_y=None))
+    assert "to the new track 2. Track 1 ends. " in sentence(switch(old_y=None))
 
 
 SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, event, what is said of it
     "an older track takes it": (
         [[Thing(1, t, 0.0 if t < 3 else 4.0), Thing(2, t, 4.0 if t < 3 else 0.0)] for t in range(8)],
         "ids-0",
-        "changes from track 1 to track 2 (3 frames old, of no object before), while track 1 stays 4.0 m away; ",
+        "changes from track 1 to track 2 (3 frames old, of no object before). Track 1 takes no detection and is 4.0 m away, track 2 0.0 m. ",
     ),
     "its track ends": (
         line([1, 1, None, None, None, None, None, None]),
         "lost-0",
-        "car 5 loses track 1, which ends, and the nearest detection is 0.0 m away; it has no forecast, ",
+        "car 5 loses track 1 for good. Track 1 ends; it is detected 0.0 m away, score 1.00; it is 2 m from the ego. It has no",
     ),
     "its track drifts off": (
         [[Thing(1, t, 0.0 if t < 3 else 2.5)] for t in range(8)],
         "lost-0",
-        "loses track 1, whose box is 2.5 m away, and the nearest detection",
+        "loses track 1 for good. Track 1 is 2.5 m away; it is detected 0.0 m away, ",
     ),
     "it is found again": (
         line([1, 1, None, None, 1, 1, 1, 1]),
         "reacquired-0",
-        "at 0.4 s car 5 is found again after 2 frames by its old track 1; ",
+        "at 0.4 s car 5 is found again after 0.2 s (lost-0) by its old track 1. ",
     ),
     "another track finds it": (
         line([1, 1, None, 2, 2, 2, 2, 2]),
         "reacquired-0",
-        "is found again after 1 frame by the new track 2; ",
+        "is found again after 0.1 s (lost-0) by the new track 2. ",
     ),
     "too near the end to be a target": (
         line([1, 1, 1, 1, 1, 1, 1, 2]),
         "ids-0",
-        "no error is counted, as it is not a target then",
+        "No error is counted, as it is not a target then",
     ),
 }
 
@@ -198,7 +198,7 @@ def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     focus = Focus(run, run.incident("reacquired-0"))
     assert focus.at.frame == 4
     assert [focus.follower(t) for t in range(5)] == [1, 1, -1, -1, 1]
-    assert "car 5 is found again after 2 frames by its old track 1; " in sentence(focus)
+    assert "car 5 is found again after 0.2 s by its old track 1. " in sentence(focus)
 
 
 def test_the_nearest_sample_is_the_one_that_the_score_counts() -> None:
@@ -250,7 +250,9 @@ def test_no_event(first: Replay) -> None:
     assert (found.old_id, found.new_id) == (7, 7)
     assert found.error == pytest.approx(0.0, abs=0.01)
     focus = Focus(run, found)
-    assert sentence(focus).startswith("no event: at 0.4 s car 5 stays with track 7; the nearest of 2 samples goes the ")
+    assert sentence(focus).startswith(
+        "no event: at 0.4 s car 5 has track 7 from its first frame on. The nearest of 2 samples goes the "
+    )
     assert "which costs 0.0 m" in sentence(focus)
 
 

@@ -49,7 +49,8 @@ def check(focus: Focus, text: str) -> None:
         assert drawn == (focus.track_rows(track)[t] >= 0), where
     for name in re.findall(r"\(((?:ids|lost|reacquired|spurious)-\d+)", text):
         other = run.incident(name)
-        assert other.object_id == at.object_id or other.frame <= t <= max(other.until, at.until), where
+        first_frame, last = (t, at.until) if at.kind == "spurious" else (other.frame, other.until)
+        assert other.object_id == at.object_id or first_frame <= max(t, other.frame) <= last, where
     check_metres(focus, text, where)
     check_detections(focus, text, where)
     assert at.kind != "lost" or focus.follower(t) < 0, where
