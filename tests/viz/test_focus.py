@@ -151,12 +151,12 @@ SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, even
     "an older track takes it": (
         [[Thing(1, t, 0.0 if t < 3 else 4.0), Thing(2, t, 4.0 if t < 3 else 0.0)] for t in range(8)],
         "ids-0",
-        "changes from track 1 to track 2 (3 frames old, of no object before). Track 1 takes no detection and is 4.0 m away, track 2 0.0 m. ",
+        "(3 frames old, of no object before). Track 1 takes no detection and is 4.0 m away, track 2 0.0 m. ",
     ),
     "its track ends": (
         line([1, 1, None, None, None, None, None, None]),
         "lost-0",
-        "car 5 loses track 1 for good. Track 1 ends; it is detected 0.0 m away, score 1.00; it is 2 m from the ego. It has no",
+        "loses track 1 for good. Track 1 ends; it is detected 0.0 m away, score 1.00; it is 2 m from the ego. It",
     ),
     "its track drifts off": (
         [[Thing(1, t, 0.0 if t < 3 else 2.5)] for t in range(8)],
