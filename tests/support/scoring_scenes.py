@@ -185,7 +185,8 @@ def moved(scene: Scene, rollout: Rollout, yaw: float, shift: tuple[float, float,
     """The same world turned about z and shifted; forecasts stay exact for turns by right angles."""
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     ego = transform_boxes(np.concatenate([scene.ego, np.ones((len(scene.ego), 3))], axis=1), yaw, shift)[:, :4]
-    truth, seen = (replace(each, box=transform_boxes(each.box, yaw, shift)) for each in (scene.truth, scene.detections))
+    truth = replace(scene.truth, box=transform_boxes(scene.truth.box, yaw, shift))
+    seen = replace(scene.detections, box=transform_boxes(scene.detections.box, yaw, shift))
     return replace(scene, ego=ego, truth=truth, detections=seen), replace(
         rollout,
         track_box=transform_boxes(rollout.track_box, yaw, shift),
