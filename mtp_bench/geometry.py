@@ -67,8 +67,7 @@ def bev_intersection_area(a: Floats, b: Floats) -> Floats:
     parallel = np.minimum(np.abs(cos), np.abs(sin)) < 1e-3
     hair = parallel * (_HAIR * np.minimum(np.minimum(l_a, w_a), np.minimum(l_b, w_b)))
     l_in, w_in = np.maximum(l_a - hair, 0.0), np.maximum(w_a - hair, 0.0)
-    # Corners of b in the frame of a and the other way round.
-    b_x, b_y = _corners_at(x, y, cos, sin, l_b, w_b)
+    b_x, b_y = _corners_at(x, y, cos, sin, l_b, w_b)  # corners of b in the frame of a and the other way round
     a_x, a_y = _corners_at(-cos * x - sin * y, sin * x - cos * y, cos, -sin, l_in, w_in)
     share_b, twice_area_b = _edges_inside(b_x, b_y, l_in, w_in)
     share_a, _ = _edges_inside(a_x, a_y, l_b, w_b)

@@ -8,8 +8,7 @@ from pathlib import Path
 VARIABLE = "MTP_BENCH_WEIGHTS"
 SHIPPED = Path(__file__).parent / "prediction" / "learned" / "weights"
 PACKED = ".xz"  # suffix of the files that ship
-# to train one, measured for MTP-nuScenes-v0 on two cores
-MINUTES = {
+MINUTES = {  # to train one, measured for MTP-nuScenes-v0 on two cores
     "modes-truth": 1, "modes-tracklets": 2, "tracking_free-tracklets": 4, "affinity-tracklets": 5, "ptp-truth": 54,
 }  # fmt: skip
 

@@ -30,8 +30,7 @@ def make_pools(row: Ints, log_weight: Floats) -> Pools:
     owner, rows, hypothesis = owner[order], rows[order], hypothesis[order]
     first = np.flatnonzero(np.append(True, (np.diff(owner) != 0) | (np.diff(rows) != 0))[: len(rows)])
     start = np.searchsorted(owner[first], np.arange(len(row) + 1))
-    # As logarithms: an object of very unlikely hypotheses must not come to a mass of 0.
-    mass = log_weight[hypothesis]
+    mass = log_weight[hypothesis]  # as logarithms: an object of very unlikely hypotheses must not come to a mass of 0
     log_mass = np.logaddexp.reduceat(mass, first) if len(first) else mass
     return Pools(start, rows[first], hypothesis[first], log_mass)
 
@@ -51,8 +50,7 @@ def reduce_pools(
     small = size <= task.samples
     entry, owner, place = _entries(pools.start, small)
     if np.ndim(forecasts.row) == 2 and len(forecasts.row) * each <= task.samples:  # type: ignore[arg-type]
-        # where all fit, samples of one hypothesis have the same places in all objects
-        place = pools.hypothesis[entry]
+        place = pools.hypothesis[entry]  # where all fit, samples of one hypothesis have the same places in all objects
     slot = place[:, None] * each + np.arange(each)
     samples[owner[:, None], slot] = forecasts.samples[pools.row[entry]]
     log_weight[owner[:, None], slot] = weight[pools.row[entry]] + pools.log_mass[entry][:, None]

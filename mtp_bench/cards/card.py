@@ -12,8 +12,7 @@ from ..strict import Section, rule
 from .source import SourceSection
 
 PerClass = dict[str, Annotated[float, Field(gt=0, le=1e4)]]  # a single number in the TOML stands for every class
-# hints for agents, and the place on the leaderboard
-_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")
+_NOT_SCORED = ("motion_noise", "weights_of", "board", "tracker")  # hints for agents, and the place on the leaderboard
 
 
 class EventGate(Section):

@@ -141,8 +141,7 @@ def about(
 
 def main() -> None:
     """Entry point: errors of the library become one line and exit status 1, Ctrl-C one line and 130."""
-    # before NumPy loads, and for workers: matrices are small
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy loads, and for workers: matrices are small
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):  # in the order of their descriptors
         if getattr(sys, name) is None:  # it was closed
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115

@@ -74,8 +74,7 @@ def fail(text: str) -> None:
 def say(text: str) -> None:
     """Print one line on the error stream."""
     line = " ".join(part.strip() for part in text.splitlines())
-    # clean: it may contain names from a foreign submission
-    print(clean_text(line, len(line) + 1), file=sys.stderr)
+    print(clean_text(line, len(line) + 1), file=sys.stderr)  # clean: it may contain names from a foreign submission
 
 
 def show_report(

@@ -66,8 +66,7 @@ def _line(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) 
     asked_for = record.status == "partial" and not record.missed.crashed_scenes  # by --scenes
     if asked_for or not record.unfinished:
         return Line(piece, outcome, seconds)
-    # these statuses state one
-    reasons = {} if record.status in ("crashed", "rejected") else record.missed.reasons
+    reasons = {} if record.status in ("crashed", "rejected") else record.missed.reasons  # these statuses state one
     return Line(piece, "failed", note=": ".join([record.unfinished, *list(reasons.values())[:1]]))
 
 

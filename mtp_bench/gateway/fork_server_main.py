@@ -24,8 +24,7 @@ from typing import Any
 READY, FORKED = b"ready", b"forked"
 MOST_REQUEST = 1 << 20  # bytes
 MOST_FILES = 1024  # open files of a process
-# pid, net, ipc, uts, mnt of <sched.h>
-_NEW_NAMESPACES = 0x20000000 | 0x40000000 | 0x8000000 | 0x4000000 | 0x20000
+_NEW_NAMESPACES = 0x20000000 | 0x40000000 | 0x8000000 | 0x4000000 | 0x20000  # pid, net, ipc, uts, mnt of <sched.h>
 _NEW_CGROUP_NAMESPACE = 0x2000000
 # <sys/mount.h>; MOUNT_ATTR_RDONLY, _NOSUID and _NODEV have the same values
 _READ_ONLY, _NOSUID, _NODEV, _NOEXEC, _BIND, _RECURSIVE, _PRIVATE = 1, 2, 4, 8, 0x1000, 0x4000, 0x40000

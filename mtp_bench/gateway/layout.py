@@ -39,8 +39,7 @@ LIBRARY = (  # parts of the package that agents use: not judge, sources, cards a
     "env/__init__.py", "env/action.py", "env/building.py", "env/checks.py",
     "gateway/child.py", "gateway/wire.py", "gateway/fork_server_main.py",
 )  # fmt: skip
-# files of /proc on the kernel, keys or the whole machine: empty for agents
-_MASKED = (
+_MASKED = (  # files of /proc on the kernel, keys or the whole machine: empty for agents
     "kallsyms", "kcore", "keys", "key-users", "slabinfo", "vmallocinfo", "timer_list", "kpagecount", "kpageflags",
     "kpagecgroup", "vmstat", "sysrq-trigger", "pagetypeinfo", "kmsg",
 )  # fmt: skip

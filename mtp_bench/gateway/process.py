@@ -264,8 +264,7 @@ class AgentProcess:
         elif self._handle is not None:
             with suppress(OSError):
                 signal.pidfd_send_signal(self._handle, signal.SIGKILL)
-            # the first process of a namespace ends after all others
-            processes.ready(self._handle, _END_SECONDS)
+            processes.ready(self._handle, _END_SECONDS)  # the first process of a namespace ends after all others
             while processes.ready(self._news, _END_SECONDS) and os.read(self._news, 4096):
                 pass  # until its parent, which waits for it, has ended too
         if self._handle is not None:

@@ -21,8 +21,7 @@ _PIDS = Path("/proc/self/ns/pid")  # the namespace in which the pids of this pro
 _NAME = f"mtp_bench-{_PIDS.stat().st_ino if _PIDS.exists() else 0}"  # of a group, followed by the pid of the judge
 _V2 = {"memory.max": "memory", "memory.swap.max": None, "pids.max": "processes"}
 _V1 = {"memory.limit_in_bytes": "memory", "memory.memsw.limit_in_bytes": "with_swap", "pids.max": "processes"}
-# the others limit swap, which not every system has
-_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")
+_NEEDED = ("memory.max", "memory.limit_in_bytes", "pids.max")  # the others limit swap, which not every system has
 _REMOVE_SECONDS = 2.0  # that the system may take to empty a group
 _DUMPABLE, _CHILD_SUBREAPER = 4, 36  # of prctl
 _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096

@@ -20,8 +20,7 @@ from .layout import DEVICES, TEMPORARY, Layout, bare_layout, environment, python
 from .limits import SandboxBackend
 
 _UID = 1000  # of the agent, inside
-# over the sandbox: to mount, and to drop capabilities for good
-_CAPABILITIES = ("CAP_SYS_ADMIN", "CAP_SETPCAP")
+_CAPABILITIES = ("CAP_SYS_ADMIN", "CAP_SETPCAP")  # over the sandbox: to mount, and to drop capabilities for good
 _TRIAL_SECONDS = 30.0
 _NAMESPACES = (
     "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try "

@@ -65,8 +65,7 @@ def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
             continue
         for s in range(_BLOCK * b, _BLOCK * (b + 1)):
             partial += chance[s]
-            # the last one, where sums round otherwise than the block's
-            chosen = s if chance[s] > 0.0 else chosen
+            chosen = s if chance[s] > 0.0 else chosen  # the last one, where sums round otherwise than the block's
             if partial > mark:
                 break
         break

@@ -26,8 +26,7 @@ _NOT_KNOWN_ALONE = (  # they depend on other records, or are measured
     "gap_same_predictor_interval", "association_gap_closed", "association_gap_interval", "gap_blank_because",
     "association_gap_blank_because", "ms_per_frame",
 )  # fmt: skip
-# m, at most that of a missed target
-_ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")
+_ERRORS = ("error", "localisation", "missed", "error_by_score", "plain_error")  # m, at most that of a missed target
 _LENGTHS = (*_ERRORS, "minADE", "minFDE", "fixed_error")
 
 

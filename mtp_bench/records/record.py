@@ -45,8 +45,7 @@ else:  # finite numbers, bounded whole numbers and texts, however deep; chosen b
     }  # fmt: skip
     _any_kind = reduce(or_, (Annotated[kind, Tag(name)] for name, kind in _KINDS.items()))
     Json = TypeAliasType("Json", Annotated[_any_kind, Discriminator(lambda value: type(value).__name__)])
-# part of a path
-_FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]
+_FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=MOST_NAME)]  # part of a path
 _Url = Annotated[str, Field(pattern=r"^(https?://\S+)?$", max_length=MOST_TEXT), AfterValidator(_visible)]
 _CardDigest = Annotated[str, Field(pattern=r"^[0-9a-f]{16}$")]
 _Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the record is stored

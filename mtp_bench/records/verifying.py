@@ -30,8 +30,7 @@ from .storage import stored_rollouts
 from .submitting import declared_data, submission_part
 from .trust import Trust, trusted
 
-# Fields of a record that follow from rollouts, card and data
-_RESCORED = {
+_RESCORED = {  # fields of a record that follow from rollouts, card and data
     "env", "status", "status_reason", "hypotheses", "samples", "measured", "reference", "rows", "silence", "details",
     "per_scene",
 }  # fmt: skip

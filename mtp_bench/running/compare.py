@@ -18,8 +18,7 @@ from .reading import total_skipped
 from .run import AgentFailedError
 from .settings import Key, Setting, all_settings, references_of, require_list
 
-# docs/definitions, "Controls"
-CONTROLS: tuple[Role, ...] = (
+CONTROLS: tuple[Role, ...] = (  # docs/definitions, "Controls"
     "ground_truth", "single", "same_samples", "hedged", "associated", "associated_same_samples",
 )  # fmt: skip
 _IN_FULL: tuple[Role, ...] = ("associated",)  # controls that the main table leaves out

@@ -85,8 +85,7 @@ def save_run(folder: str | Path, info: RunInfo, rollouts: Iterable[Rollout]) -> 
         for rollout in rollouts:
             if by_name.setdefault(rollout.scene, rollout) is not rollout:
                 raise RolloutError(f"scene {rollout.scene!r} occurs twice among the rollouts of a run, expected once")
-        # zlib, which takes most of the time, releases the interpreter lock
-        with ThreadPoolExecutor(cores()) as pool:
+        with ThreadPoolExecutor(cores()) as pool:  # zlib, which takes most of the time, releases the interpreter lock
             entries = list(pool.map(lambda each: _write_scene(part, each), by_name.values()))
         content = _RunFile(format=FORMAT, info=info, scenes=entries).model_dump()
         try:

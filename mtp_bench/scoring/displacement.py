@@ -152,8 +152,7 @@ def energy_score(samples: Floats, truth: Floats, weights: Floats) -> Floats:
 
 def _pair_term(flat: Floats, weight: Floats) -> Floats:
     """Sum over unordered pairs of w_a w_b |x_a - x_b|, for [n, S, d] and [n, S]."""
-    # centred, the Gram matrix loses least to cancellation
-    flat = flat - np.einsum("ns,nsd->nd", weight, flat)[:, None]
+    flat = flat - np.einsum("ns,nsd->nd", weight, flat)[:, None]  # centred, the Gram matrix loses least to cancellation
     square = np.einsum("nsd,nsd->ns", flat, flat)
     total = np.zeros(len(flat))
     for low in range(0, flat.shape[1] - 1, _BLOCK):

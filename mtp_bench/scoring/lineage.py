@@ -159,12 +159,10 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
         if lost[rows].any():
             wrong[rows] = lost[rows] & _still_output(rollout, lineage.member, t, track_id[old])
         matches = np.where(held, now, last[who])
-        # forget objects that are absent in this frame
-        before, last = np.full_like(before, -1), np.full_like(last, -1)
+        before, last = np.full_like(before, -1), np.full_like(last, -1)  # forget objects that are absent in this frame
         before[who], last[who] = now, matches
     alive = lineage.alive[truth.frame_of_rows]
-    # absent hypotheses have no events
-    return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)
+    return LineageEvents(ids, lost & alive, wrong & alive, reacquired, earlier)  # absent hypotheses have no events
 
 
 def in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) -> Bools:
@@ -197,8 +195,7 @@ def _parents(rollout: Rollout, member: Bools, alive: Bools, weight: Floats, t: i
     saved = np.zeros((len(cap_now), len(cap_past)))
     saved[row, column] = cap_now[row] + cap_past[column] - moved
     holds_now, holds_past = member[now].astype(np.float64), member[past].astype(np.float64)
-    # [H now, H past], less what all share
-    cost = (cap_past @ holds_past)[None] - holds_now.T @ saved @ holds_past
+    cost = (cap_past @ holds_past)[None] - holds_now.T @ saved @ holds_past  # [H now, H past], less what all share
     order = np.lexsort((np.arange(len(weight)), -weight))
     order = order[alive[order]]
     # sums of the same terms in another order differ by rounding: such costs are equal

@@ -17,8 +17,7 @@ from ..types import Bools, Floats, Ints
 from .pairs import Pairs, Rows
 
 Matched = NDArray[np.intp]
-# of a dense table of costs: a few boxes that touch many objects must not choose the memory
-_MOST_CELLS = 1 << 20
+_MOST_CELLS = 1 << 20  # of a dense table of costs: a few boxes that touch many objects must not choose the memory
 
 
 @dataclass(frozen=True, eq=False)

@@ -122,8 +122,7 @@ def units(scene: Scene, card: Card) -> Ints:
     hole = np.diff(pieces(scene, card)) > 0
     missing = (np.diff(scene.time) - 1.0 / card.task.rate)[hole].sum()
     seconds = float(scene.time[-1] - scene.time[0] - missing) * scene.frames / (scene.frames - 1)
-    # times are sums of rounded periods
-    count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))
+    count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))  # times are sums of rounded periods
     return np.arange(scene.frames) * count // scene.frames
 
 

@@ -116,8 +116,7 @@ def _unpacked(text: str, shape: tuple[int, int], where: str) -> NDArray[np.uint8
     size = shape[0] * shape[1]
     try:
         reader = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=MOST_BYTES)
-        # never more than is needed
-        content = reader.decompress(base64.b64decode(text, validate=True), size + 1)
+        content = reader.decompress(base64.b64decode(text, validate=True), size + 1)  # never more than is needed
     except (ValueError, lzma.LZMAError, EOFError) as error:
         raise DataError(f"{where} cannot be read: {error}: {_ADVICE}") from None
     if len(content) != size:

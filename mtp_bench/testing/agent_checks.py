@@ -183,8 +183,7 @@ def extreme_frames(task: Task) -> list[tuple[str, Observation]]:
     return [(f"frame {t} ({words[bool(_FULL[t])]})", feed.observe(t)) for t in range(frames)]
 
 
-# name, check, text shown if it finds nothing
-_CHECKS: tuple[tuple[str, Callable[[Suite], Findings], str], ...] = (
+_CHECKS: tuple[tuple[str, Callable[[Suite], Findings], str], ...] = (  # name, check, text shown if it finds nothing
     ("build", _builds, "builds an agent"),
     ("contract", _contract, "every row of every action is sound"),
     ("determinism", _deterministic, "same seed, same actions"),

@@ -127,8 +127,7 @@ class HypothesisTracker:
     def _output(self, parent: Ints, rows: Ints) -> Tracks:
         tree = self._tree
         least = self._min_hits[tree.class_id]
-        # a recording does not wait for its first tracks
-        confirmed = (tree.hits >= least) | (self._frame <= least)
+        confirmed = (tree.hits >= least) | (self._frame <= least)  # a recording does not wait for its first tracks
         out = np.flatnonzero(confirmed)
         past, taken = tree.history(out)
         weight = -self._cost / self._temperature

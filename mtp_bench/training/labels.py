@@ -32,8 +32,7 @@ class SceneLabels:
         self._scene, self._local = evaluated(scene), local
         truth = self._scene.truth
         self._gate = np.asarray(card.per_class(card.task.forecast_gate))
-        # objects by their place in `_ids`
-        self._ids, self._object = np.unique(truth.object_id, return_inverse=True)
+        self._ids, self._object = np.unique(truth.object_id, return_inverse=True)  # objects by their place in `_ids`
         self._box = local.to_local(truth.box)
         self._future = card.task.future
         # The last row is of no object.
@@ -43,8 +42,7 @@ class SceneLabels:
         targets = find_targets(scene, card)
         self._target = np.zeros(self._place.shape[:2], dtype=bool)
         self._target[self._object[targets.row], targets.frame] = True
-        # The last row is of "no detection in the past that is kept".
-        if feed.object_id is not None:
+        if feed.object_id is not None:  # the last row is of "no detection in the past that is kept"
             known = np.searchsorted(self._ids, feed.object_id)
         else:
             frames = map(feed.rows, range(feed.frames))

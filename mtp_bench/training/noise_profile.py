@@ -61,8 +61,7 @@ def fit_noise(
     lines = [f"# too few detections to fit: {', '.join(missing)}; --alike names a class whose noise they have"]
     lines = lines if missing else []
     lines += ["[detector]", f"reach = {section.reach}", f"field_of_view = {section.field_of_view}", ""]
-    # headings start a line
-    nested = re.sub(r"^\[", "[detector.noise.", profile_text(profile), flags=re.MULTILINE)
+    nested = re.sub(r"^\[", "[detector.noise.", profile_text(profile), flags=re.MULTILINE)  # headings start a line
     return "\n".join([*lines, "[detector.noise]", nested])
 
 

@@ -109,8 +109,7 @@ def training_set(network: Network, found: Windows, sizes: Sizes) -> TrainingSet:
     Windows without a known future have weight 0: they are there for the others to see.
     """
     validation = validation_rows(found)
-    # near the end of a scene only slow errors could be seen
-    whole = found.future_known.all(axis=1) | ~validation
+    whole = found.future_known.all(axis=1) | ~validation  # near the end of a scene only slow errors could be seen
     return TrainingSet(
         inputs=network.inputs(found, found.moment, found.seen, sizes),
         future=local_future(found, found.future),

@@ -31,8 +31,7 @@ class Slots:
         self.unseen, self._age = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)  # [N] frames
         self.hits = np.zeros(n, dtype=np.int64)  # [N] detections
         self._score, self._last_score = np.zeros(n), np.zeros(n)  # [N] sum, and that of the last one
-        # the last row is the last frame
-        self._past, self._taken = np.zeros((n, past, 7)), np.full((n, past), UNBORN)
+        self._past, self._taken = np.zeros((n, past, 7)), np.full((n, past), UNBORN)  # the last row is the last frame
         self.choose(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
     @property

@@ -209,8 +209,7 @@ def match_boxes(truth: Truth, detections: Detections, classes: Sequence[str]) ->
                 continue
             distance = center_distance(truth.box[i, None], detections.box[None, j])
             gate = _GATES.get(name, _VEHICLE_GATE)
-            # more than all pairs together
-            near, beyond = distance <= gate, (min(distance.shape) + 1) * (gate + 1.0)
+            near, beyond = distance <= gate, (min(distance.shape) + 1) * (gate + 1.0)  # more than all pairs together
             pair_i, pair_j = linear_sum_assignment(np.where(near, distance, beyond))
             kept = near[pair_i, pair_j]
             pair_i, pair_j = pair_i[kept], pair_j[kept]

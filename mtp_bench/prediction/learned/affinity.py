@@ -42,8 +42,7 @@ class AffinityNetwork:
 
     def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
         """Random layers; before training an affinity is mostly a distance."""
-        # never all alike
-        score = np.append(inputs["score"][inputs["near"] > 0], np.array([0, 1], dtype=np.float32))
+        score = np.append(inputs["score"][inputs["near"] > 0], np.array([0, 1], dtype=np.float32))  # never all alike
         weights = initial(_trained(sizes), np.random.default_rng([seed, 1]))
         weights |= {"score.mean": score.mean(keepdims=True), "score.spread": score.std(keepdims=True)}
         return {**weights, **MODES.start(soft_past(weights, inputs, sizes), future, known, sizes, seed)}

@@ -22,8 +22,7 @@ from ...types import Task
 from .local import Arrays
 from .network import Network, Sizes
 
-# pairs of bytes
-_FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0, "lp": 1, "pb": 1}]
+_FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0, "lp": 1, "pb": 1}]  # pairs of bytes
 FORMAT = "mtp-bench weights 1"
 MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 

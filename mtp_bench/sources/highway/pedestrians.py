@@ -24,8 +24,7 @@ _CORNER = 2.0  # m to a point of the way, where people turn to the next one
 _LOOKS = 3.0  # m before the waiting point, from where people see if they can cross
 _STROLL = 0.55  # share of the groups that do not cross
 _GONE = 1.4  # m to the end of the way
-# of the first people: share that have crossed, largest done share of the way of others
-_CROSSED, _DONE = 0.25, 0.8
+_CROSSED, _DONE = 0.25, 0.8  # of the first people: share that have crossed, largest done share of the way of others
 
 
 @dataclass(eq=False)

@@ -50,8 +50,7 @@ class HighwayTraffic:
         keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
         keep &= world.truth.frame_of_rows % self.stride == 0
         truth = replace(world.truth, eligible=ever_seen(world.truth, world.visible), class_id=class_id).select(keep)
-        # no rows between the frames
-        truth = replace(truth, start=truth.start[np.append(frames, world.truth.frames)])
+        truth = replace(truth, start=truth.start[np.append(frames, world.truth.frames)])  # no rows between the frames
         return Scene(
             name=name,
             time=world.time[frames],

@@ -13,8 +13,7 @@ from .world import CLASSES, FILLED, LEAVING
 
 LONG = 6.6  # m; longer vehicles do not turn at the intersection
 _SHARES = {"urban": (0.66, 0.12, 0.10, 0.07, 0.05), "fast": (0.62, 0.13, 0.05, 0.17, 0.03)}  # in the order of _SIZES
-# mean and deviation of length, width, height; the least and the largest length
-_SIZES = {
+_SIZES = {  # mean and deviation of length, width, height; the least and the largest length
     "car": ((4.5, 0.3), (1.82, 0.07), (1.52, 0.09), (3.6, 5.2)),
     "van": ((5.3, 0.4), (1.98, 0.06), (2.05, 0.2), (4.7, 6.4)),
     "motorcycle": ((2.15, 0.12), (0.8, 0.06), (1.5, 0.1), (1.8, 2.5)),

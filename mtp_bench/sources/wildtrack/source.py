@@ -107,8 +107,7 @@ def _detections(path: Path) -> Detections:
         lambda row: f"frame {number[row]} is not among the annotated test frames, {expected}",
     )
     order = np.argsort(frame, kind="stable")
-    # The file has no scores.
-    return people_detections(frame[order], place[order], np.ones(len(frame)), SCENE_FRAMES)
+    return people_detections(frame[order], place[order], np.ones(len(frame)), SCENE_FRAMES)  # the file has no scores
 
 
 class _Person(msgspec.Struct):
