@@ -10,7 +10,6 @@ from .changes import with_detector as with_detector
 from .changes import with_files as with_files
 from .changes import with_scenes as with_scenes
 from .changes import with_split as with_split
-from .loading import card_text as card_text
 from .loading import load_card as load_card
 from .loading import parse_card as parse_card
 from .source import FilesSource as FilesSource

@@ -1,11 +1,10 @@
-"""Cards as TOML: by env id, from a file, and back to text."""
+"""Cards as TOML: by env id, and from a file."""
 
 import os
 from pathlib import Path
 from typing import Any
 
 from .._bundle import bundled, card_ids
-from ..detector.profile_file import toml_table, toml_values
 from ..errors import CardError, UnknownNameError
 from ..strict import read_toml, validate
 from .card import Card, check_consistency
@@ -42,18 +41,3 @@ def parse_card(content: dict[str, Any], where: str = "card") -> Card:
     card = validate(Card, content, where, CardError)
     check_consistency(card, where)
     return card
-
-
-def card_text(card: Card) -> str:
-    """TOML of a card that `load_card` reads again.
-
-    Of own scenes it names the folder, not the digest, which is computed again.
-    """
-    content = card.model_dump(exclude_none=True, exclude={"source": {"sha256"}})
-    tables = {name: content.pop(name) for name in ("source", "detector", "task", "size", "tracker") if name in content}
-    if isinstance(card.source, FilesSource) and card.source.folder is not None:
-        tables["source"]["folder"] = card.source.folder
-    lines = toml_values(content)
-    for name, table in tables.items():
-        lines += toml_table(name, table)
-    return "\n".join(lines) + "\n"

@@ -62,11 +62,6 @@ class Windows(TrackWindows):
         """The windows ``rows``; frames and scenes keep their numbers."""
         return replace(self, **{name: getattr(self, name)[rows] for name in BY_WINDOW})
 
-    @property
-    def negative(self) -> Bools:
-        """Mask [n] of the tracks that follow no true object; all False if the truth is not complete."""
-        return np.asarray(self.object_id < 0)
-
     def split(self, fold: Fold) -> tuple[Self, Self]:
         """The windows to learn from, and those of the scenes of a fold, which are held out.
 

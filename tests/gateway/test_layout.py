@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 from filelock import FileLock
 
-from mtp_bench.cards import card_text, load_card, with_files
 from mtp_bench.commands.output import said_of
 from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.gateway import run_isolated, sandbox
@@ -108,12 +107,11 @@ def test_own_files_inside_a_submission_are_a_secret(tmp_path: Path) -> None:
 
 def test_scenes_inside_a_submission_are_no_scenes_for_it(tmp_path: Path) -> None:
     folder = submission(tmp_path / "mine")
-    card = with_files(load_card("MTP-nuScenes-v0"), write_long_log(folder / "log", frames=20))
-    (tmp_path / "own.toml").write_text(card_text(card.model_copy(update={"id": "own"})))
+    log = str(write_long_log(folder / "log", frames=20))
     with pytest.raises(
         SubmissionError, match=r"log holds data inside .*mine, which agents see: move the data elsewhere"
     ):
-        run_isolated(folder, str(tmp_path / "own.toml"), {}, "one")
+        run_isolated(folder, "MTP-nuScenes-v0", {"files": log}, "one")
 
 
 def test_an_image_is_what_its_digest_covers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
