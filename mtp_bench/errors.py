@@ -94,10 +94,7 @@ def closest(got: object, known: Iterable[str]) -> str:
 
 def require_shape(name: str, array: NDArray[Any], shape: tuple[int | None, ...]) -> None:
     """Raise ShapeError unless ``array`` has ``shape``; None stands for any length."""
-    fits = array.ndim == len(shape) and all(
-        want is None or want == got for want, got in zip(shape, array.shape, strict=True)
-    )
-    if not fits:
+    if array.ndim != len(shape) or any(n not in (None, size) for n, size in zip(shape, array.shape, strict=True)):
         want = tuple("any" if n is None else n for n in shape)
         raise ShapeError(f"{name} has shape {array.shape}, expected {want}")
 

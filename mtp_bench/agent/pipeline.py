@@ -124,6 +124,5 @@ def _used_tracks(tracks: Tracks, objects: Objects) -> tuple[Tracks, Ints]:
 def _within_limit(offset: Floats) -> Floats:
     """Offsets [..., 2], shortened to just below the limit of an action: a wrong track may be that fast."""
     length = np.linalg.norm(offset, axis=-1, keepdims=True)
-    return np.asarray(
-        np.where(length > FORECAST_LIMIT, offset * (0.999 * FORECAST_LIMIT / np.maximum(length, 1)), offset)
-    )
+    shortened = offset * (0.999 * FORECAST_LIMIT / np.maximum(length, 1))
+    return np.asarray(np.where(length > FORECAST_LIMIT, shortened, offset))

@@ -21,9 +21,7 @@ _STYLE = {"error": "bold red", "warning": "yellow", "ok": ""}  # of a row
 
 def check(
     path: SubmissionArgument,
-    env: Annotated[
-        str, typer.Option(help="Environment to check on; `mtp-bench envs` lists them.")
-    ] = "MTP-Intersection-v0",
+    env: Annotated[str, typer.Option(help="Environment to check on, of `mtp-bench envs`.")] = "MTP-Intersection-v0",
     root: DataOption = None,
     tracks: TracksOption = None,
     scenes: Annotated[int, typer.Option(min=1, max=SCENES, help="Scenes to check on.")] = SCENES,

@@ -83,9 +83,7 @@ def file_option(*names: str, text: str, suffixes: Sequence[str] = ()) -> Any:
     return typer.Option(*names, help=text, callback=check)
 
 
-DataOption = Annotated[
-    str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, else the user data folder.")
-]
+DataOption = Annotated[str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, or the user's folder.")]
 JsonOption = Annotated[
     Path | None,
     typer.Option("--json", callback=json_alone, help="Write the table's content to this file; -: print it instead."),
@@ -99,14 +97,10 @@ TableOption = Annotated[
         "or --subsets all four hold these.",
     ),
 ]
-EnvOption = Annotated[
-    str, typer.Option("--env", help="Environment id; `mtp-bench envs` lists them.", autocompletion=env_ids)
-]
+EnvOption = Annotated[str, typer.Option("--env", help="Environment id, of `mtp-bench envs`.", autocompletion=env_ids)]
 JobsOption = Annotated[int, typer.Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
 ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only the first N scenes.")]
-SplitOption = Annotated[
-    str | None, typer.Option("--split", help="Another split of the environment, such as train or val.")
-]
+SplitOption = Annotated[str | None, typer.Option("--split", help="Another split of the environment, such as train.")]
 TextOption = Annotated[Path | None, file_option("-o", "--output", text="Write here instead of printing.")]
 FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
 TracksOption = Annotated[
@@ -170,9 +164,7 @@ class EnvScenes:
         Path | None,
         typer.Option(help="Stored detections: a file as submitted to nuScenes; for KITTI a folder of text files."),
     ] = None
-    files: Annotated[Path | None, typer.Option(help="Folder of scenes of your own, in place of the environment's.")] = (
-        None
-    )
+    files: Annotated[Path | None, typer.Option(help="Folder of own scenes, in place of the environment's.")] = None
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""

@@ -30,14 +30,10 @@ class EntryOptions:
     """Options of the entry on the leaderboard, and of an earlier submit of it."""
 
     seeds: SeedsOption = SEEDS
-    scenes: Annotated[
-        int | None, typer.Option(min=1, help="Only the first N scenes: a partial record, never ranked.")
-    ] = None
+    scenes: Annotated[int | None, typer.Option(min=1, help="Only the first N scenes: a record without a rank.")] = None
     commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
     resume: Annotated[bool, typer.Option("--resume", help="Continue with scenes that were finished before.")] = False
-    force: Annotated[bool, typer.Option("--force", help="Replace a finished record also by one that cannot rank.")] = (
-        False
-    )
+    force: Annotated[bool, typer.Option("--force", help="Replace a finished record by one that cannot rank.")] = False
 
     def arguments(self) -> dict[str, Any]:
         """Arguments of `records.submit`; BadParameter for what is not a commit."""

@@ -60,9 +60,7 @@ class Field:
 
     def shape_in(self, task: Task) -> tuple[int, ...]:
         """The shape under ``task``."""
-        size = {
-            "N": task.tracks, "H": task.hypotheses, "O": task.objects, "K": task.samples, "T": task.future
-        }  # fmt: skip
+        size = {"N": task.tracks, "H": task.hypotheses, "O": task.objects, "K": task.samples, "T": task.future}
         return tuple(size[letter] if letter in size else int(letter) for letter in self.shape.split())
 
     def array_in(self, task: Task) -> str:

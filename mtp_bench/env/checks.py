@@ -112,9 +112,7 @@ def _read_all(action: object, task: Task) -> tuple[Arrays, list[ActionProblem]]:
     for field in FIELDS:
         array = _read(given, field, task)
         if isinstance(array, str):
-            problems.append(
-                ActionProblem(field.name, array, field.array_in(task), kind=field.rows, advice=_MAKE_ACTION)
-            )
+            problems += [ActionProblem(field.name, array, field.array_in(task), kind=field.rows, advice=_MAKE_ACTION)]
         else:
             arrays[field.name] = array
     unknown = sorted(key if isinstance(key, str) else type(key).__name__ for key in given if key not in FIELD)

@@ -100,10 +100,8 @@ class Exchange:
 
     def _answer(self, observation: Arrays, begin: float) -> Action | None:
         token = secrets.token_hex(8)  # the answer repeats it, so that no frame is answered before it was shown
-        question = {"kind": "frame", "frame": self._frame, "token": token}
-        self._process.channel.send(
-            {**question, "fields": list(self._shapes), "most": self._process.most_bytes}, observation
-        )
+        wanted = {"fields": list(self._shapes), "most": self._process.most_bytes}
+        self._process.channel.send({"kind": "frame", "frame": self._frame, "token": token, **wanted}, observation)
         limit = self._limits.first_frame if self._frame == 0 else self._limits.frame
         message = self._message(min(begin + limit, self._begin + self._limits.scene))
         if message is None:

@@ -70,9 +70,7 @@ class AgentProcess:
 
     def __enter__(self) -> Self:
         if sys.platform == "win32":
-            raise MtpBenchError(
-                "agents run in processes of their own on Linux and macOS only; use `mtp-bench run` here"
-            )
+            raise MtpBenchError("agents run in processes of their own on Linux and macOS only; use `mtp-bench run`")
         with ExitStack() as undo:  # after an interruption half-way no process is left either
             self._start(undo)
             self._undo = undo.pop_all()

@@ -66,10 +66,8 @@ def filtered(position: Floats, valid: Bools, class_id: Ints, noise: NoiseTable, 
     n = len(position)
     state = np.empty((n, 2, _STATE))
     # Copies: compiled code takes arrays that may be written, in one order.
-    measured, seen = np.array(position, dtype=np.float64, order="C"), np.array(valid, dtype=bool, order="C")
-    filter_pasts(
-        measured, seen, noise.measurement[class_id], noise.jerkiness[class_id], noise.speed[class_id], dt, state
-    )
+    place, seen = np.array(position, dtype=np.float64, order="C"), np.array(valid, dtype=bool, order="C")
+    filter_pasts(place, seen, noise.measurement[class_id], noise.jerkiness[class_id], noise.speed[class_id], dt, state)
     covariance = np.stack([state[..., 2:4], state[..., 3:5]], axis=-2)
     return Posterior(state[..., 0].copy(), state[..., 1].copy(), covariance)
 

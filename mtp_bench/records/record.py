@@ -66,7 +66,7 @@ def _without_rank(rows: Any) -> Any:
     ]
 
 
-def _one_per_subset(rows: list[Row]) -> list[Row]:
+def _each_subset(rows: list[Row]) -> list[Row]:
     subsets = tuple(row.subset for row in rows)
     if subsets != SUBSETS:
         raise ValueError(f"holds rows of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}")
@@ -79,9 +79,7 @@ def _equally_long(sums: UnitSums) -> UnitSums:
     return sums
 
 
-Rows = Annotated[
-    list[Row], Field(max_length=MOST_NAMES), BeforeValidator(_without_rank), AfterValidator(_one_per_subset)
-]
+Rows = Annotated[list[Row], Field(max_length=MOST_NAMES), BeforeValidator(_without_rank), AfterValidator(_each_subset)]
 _SceneSums = Annotated[UnitSums, AfterValidator(_equally_long)]
 
 

@@ -137,9 +137,8 @@ def _retired(path: Path, promise: Commitment) -> str:
 def _ssh_keygen(arguments: Sequence[str], message: bytes, seconds: float | None) -> tuple[str, str]:
     """Output of ssh-keygen on ``message``, and the reason why it failed; empty if it did not."""
     try:
-        done = subprocess.run(
-            ["ssh-keygen", *arguments], input=message, capture_output=True, timeout=seconds, check=False
-        )
+        command = ["ssh-keygen", *arguments]
+        done = subprocess.run(command, input=message, capture_output=True, timeout=seconds, check=False)
     except FileNotFoundError:
         raise MtpBenchError(MISSING) from None
     except subprocess.TimeoutExpired:

@@ -139,9 +139,7 @@ def verify(
     name, digest = record.submission.name, record.submission.digest
     ours = baseline_digest(name, record.submission.networks) == digest
     if not ours and options.workers.scheduler is None and sandbox_backend() == "none":
-        raise RecordError(
-            f"{path}: no sandbox is available here, so {name!r} would run with your rights: install bubblewrap"
-        )
+        raise RecordError(f"{path}: no sandbox works here, so {name!r} would have your rights: install bubblewrap")
     if len(record.seeds) > len(SEEDS):
         raise RecordError(f"{path}: has {len(record.seeds)} seeds, expected at most {len(SEEDS)} to run it again")
     plan = _plan(path, record, env_id, submission, options)
@@ -278,6 +276,5 @@ def _notes(record: Record, reference: Reference) -> tuple[str, ...]:
         "the event weights": (record.reference.hash, reference.digest),
     }
     changed = [what for what, (then, now) in pairs.items() if then != now]
-    return (
-        (f"changed since it was made: {', '.join(changed)}; make it again with `mtp-bench submit`",) if changed else ()
-    )
+    note = f"changed since it was made: {', '.join(changed)}; make it again with `mtp-bench submit`"
+    return (note,) if changed else ()

@@ -93,9 +93,7 @@ def write_tracks(
     """Write the tracks of scenes of ``card``; see `export_tracks`."""
     if isinstance(card.source, NuScenesSource) and not table:
         if path.suffix != ".json":
-            raise CardError(
-                f"{path}: the tracking task of nuScenes takes a .json file; for a folder of tables pass --table"
-            )
+            raise CardError(f"{path}: the task of nuScenes takes a .json file; for a folder of tables pass --table")
         return _write_submission(rows, card, data, path)
     of_kitti = isinstance(card.source, KittiSource) and not table
     if path.suffix in _FILES:

@@ -199,9 +199,8 @@ class _FalsePositiveSimulation:
     def _qualities(self, scene: SensedScene, visible: Floats | None, seed: int) -> Qualities:
         grid = truth_grid(scene.truth, [self.profile.noise(name) for name in self.classes], 1.0)
         neighbours = truth_neighbours(grid, scene.truth.box[:, :2], self.profile.neighbours)
-        return draw_qualities(
-            grid, visibility_of(scene.truth, scene.ego, scene.sensor, visible), neighbours, Draws(seed)
-        )
+        seen = visibility_of(scene.truth, scene.ego, scene.sensor, visible)
+        return draw_qualities(grid, seen, neighbours, Draws(seed))
 
     def _figures(self, near: NearFalsePositives, free: FreeFalsePositives) -> Floats:
         """Mean figures of simulated false positives over seeds."""

@@ -109,9 +109,8 @@ def _found(weights: Weights, seen: dict[str, Array], now: _Backward) -> _SoftDet
     share, doubt = share / (found + doubt)[:, None], doubt / (found + doubt)
     mean = {name: (share[..., None] * seen[name]).sum(1) for name in ("position", "velocity")}
     position = mean["position"] + doubt[:, None] * now.expected
-    return _SoftDetection(
-        position, mean["velocity"], (share * seen["yaw"]).sum(1), (share * seen["score"]).sum(1), found
-    )
+    yaw, score = ((share * seen[name]).sum(1) for name in ("yaw", "score"))
+    return _SoftDetection(position, mean["velocity"], yaw, score, found)
 
 
 def _pairs(weights: Weights, seen: dict[str, Array], now: _Backward) -> Array:

@@ -87,9 +87,8 @@ def encoded(weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> tuple[A
     Detections vote for a velocity, are compared with it, vote again, and are pooled, frame by frame and altogether.
     """
     xp, near, age = namespace(inputs["near"]), inputs["near"], ages(inputs["near"], sizes.dt)
-    of_object = xp.concatenate(
-        [inputs["size"][:, :2] / 5, one_hot(inputs["class_id"], len(sizes.classes), near[:, 0])], 1
-    )
+    classes = one_hot(inputs["class_id"], len(sizes.classes), near[:, 0])
+    of_object = xp.concatenate([inputs["size"][:, :2] / 5, classes], 1)
     seen = (described(inputs, sizes) - weights["around.mean"]) / weights["around.spread"]
     repeated = of_object[:, None, None] + xp.zeros_like(near)[..., None]
     token = relu(mlp(weights, "token", xp.concatenate([xp.clip(seen, -10, 10), repeated], 3), 2))

@@ -165,9 +165,8 @@ def _bin(part: Bin) -> Column:
     heading = "\n".join([*wrap(part.bin.replace("_", " "), 8), str(part.errors.targets)])
 
     def read(line: AgentLine) -> Value:
-        return next(
-            (each.errors.error for each in line.details.bins if (each.by, each.bin) == (part.by, part.bin)), None
-        )
+        same = (each for each in line.details.bins if (each.by, each.bin) == (part.by, part.bin))
+        return next((each.errors.error for each in same), None)
 
     return Column(heading, key=part.bin, read=read)
 
