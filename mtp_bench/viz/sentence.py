@@ -3,7 +3,8 @@
 The terminal, pictures, videos and recordings show the same sentences.
 """
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -26,7 +27,20 @@ def sentence(focus: Focus) -> str:
         happened = {"ids": _switched, "lost": _lost, "reacquired": _found, MOMENT: _followed}[at.kind](focus)
         texts = [f"{_when(focus)} {focus.named} {happened}", _fitting(_evidence(focus)), _error(focus)]
     texts[1:] = [text[0].upper() + text[1:] for text in texts[1:] if text]
-    return f"{at.name}: {'. '.join(texts)}"
+    return _with_ids_in_file(f"{at.name}: {'. '.join(texts)}", focus.replay.scene.track_names)
+
+
+def _with_ids_in_file(text: str, names: Mapping[int, str]) -> str:
+    """``text``, whose first mention of each stored track has its id in the file behind it; ``names``: by number."""
+    told: set[int] = set()
+
+    def named(match: re.Match[str]) -> str:
+        track = int(match[1])
+        first = track in names and track not in told
+        told.add(track)
+        return f"{match[0]} ({names[track]} in its file)" if first else match[0]
+
+    return re.sub(r"\btrack (\d+)\b", named, text)
 
 
 def _when(focus: Focus) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -39,10 +40,12 @@ def _weights(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def tracks(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> str:
-    """STP's tracks of the small scenes, as KITTI results."""
+    """STP's tracks of the small scenes, as KITTI results, whose ids begin at 2000."""
     folder = tmp_path_factory.mktemp("stp")
     stored.run("stp", card, folder / "run", RunOptions(kitti))
     export_tracks(open_run(folder / "run", kitti, card), folder / "tracks")
+    for path in (folder / "tracks").glob("*.txt"):
+        path.write_text(re.sub(r"(?m)^(\d+) (\d+)", lambda line: f"{line[1]} {2000 + int(line[2])}", path.read_text()))
     return str(folder / "tracks")
 
 
@@ -71,7 +74,12 @@ def test_a_run_is_stored_scored_and_looked_at(
     events = json.loads(cli.ok("events", tmp_path / "run", *known, "--json", "-"))
     stp = json.loads(cli.ok("events", Path(tracks).parent / "run", *known, "--json", "-"))
     assert events["counts"] == stp["counts"]
-    assert events["counts"]["lost"] > 0
+    lost = next(event for event in events["events"] if event["kind"] == "lost")
+    assert int(lost["old_id_in_file"]) >= 2000
+    told = cli.ok(
+        "view", tmp_path / "run", *known, "--scene", lost["scene"], "--at", lost["event"], "--png", tmp_path / "a.png"
+    )
+    assert f"track {lost['old_id']} ({lost['old_id_in_file']} in its file)" in " ".join(told.split())
 
 
 def test_tracks_without_scores_are_counted_for_the_user(

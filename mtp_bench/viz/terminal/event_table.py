@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,6 +35,7 @@ class EventRow:
     object_name: str  # class, and id in the source
     object_id: str | None  # in the source; None: of no object
     view: str  # the command that shows it
+    track_names: Mapping[int, str] = field(default_factory=dict)  # of stored tracks: see `Scene`
 
 
 @dataclass
@@ -73,6 +74,7 @@ def event_rows(
             incident=incident,
             object_name=noun if incident.object_id < 0 else f"{noun} {replay.scene.short_name(incident.object_id)}",
             object_id=None if incident.object_id < 0 else replay.scene.name_of(incident.object_id),
+            track_names=replay.scene.track_names,
             view=command_line("view", folder, scene=scene, at=incident.name, data=data, env=env),
         )
         for incident in replay.incidents
@@ -154,7 +156,8 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
 def _record(row: EventRow) -> dict[str, Any]:
     event = row.incident
     same = ("frame", "until", "kind", "wrong", "minADE", "error", "parts", "error_before", "confidence")
-    ids = {"object": event.object_id, "old_id": event.old_id, "new_id": event.new_id}
+    tracks = {"old_id": event.old_id, "new_id": event.new_id}
+    ids = {"object": event.object_id, **tracks}
     return {
         "scene": row.scene,
         "time": row.seconds,
@@ -162,6 +165,7 @@ def _record(row: EventRow) -> dict[str, Any]:
         "class": row.class_name,
         **{name: None if identity < 0 else identity for name, identity in ids.items()},
         "object_id": row.object_id,
+        **{f"{name}_in_file": row.track_names[track] for name, track in tracks.items() if track in row.track_names},
         "position": list(event.position),
         **{name: getattr(event, name) for name in same},
         "view": row.view,
