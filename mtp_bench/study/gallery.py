@@ -11,8 +11,9 @@ from ..cards import Card
 from ..parallel import parallel_map
 from ..running.causes import run_parts
 from ..running.stored import OpenedRun, open_run
-from ..scoring.parts import SceneParts, parts_text
+from ..scoring.parts import SceneParts
 from ..sources import open_source
+from ..tables import counted
 from ..types import Rollout
 from ..viz.drawing.report import save_report
 from ..viz.framing import focuses_of
@@ -100,9 +101,10 @@ def _draw(findings: Findings, played: list[PlayedSetting], scene: str, moment: M
     ]
     focuses = focuses_of(replays, moment.at)
     save_report(path, *focuses)
+    frames = counted(moment.frames, "frame")
     sentences = "; ".join(f"{focus.replay.agent}: {sentence(focus)}" for focus in focuses)
     return MomentPicture(
-        title=f"{focuses[0].named}, scene {scene}: {parts_text(moment.parts)}",
+        title=f"{moment.cause}: {focuses[0].named}, scene {scene}, {sum(moment.parts.values()):.1f} m in {frames}",
         path=path,
         sentence=sentences + ("; the road is not drawn, for its map is broken" if notes else ""),
         command=command_of(findings, scene, moment),

@@ -13,7 +13,7 @@ import numpy as np
 from ..running.settings import training_note
 from ..scoring.definitions import RANKED_UNITS
 from ..scoring.main_table import place_of
-from ..scoring.parts import PARTS, named_parts, parts_text
+from ..scoring.parts import PARTS, named_parts
 from ..tables import Column, Table
 from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 GALLERY = "gallery"  # chapter of the pictures
+LEAST_SHARE = 0.005  # of bADE: causes below it are left out of the sentence
 LEADING = ("parts", GALLERY)  # first chapters of few recordings
 _HERE = Path(__file__).parent
 
@@ -87,10 +88,11 @@ def summary(findings: Findings) -> list[str]:
 
 
 def cause_sentence(findings: Findings, subject: StudiedAgent) -> str:
-    """The parts of bADE of an agent with the most hypotheses, largest first."""
+    """Shares of bADE of an agent with the most hypotheses by cause, largest first."""
     row = findings.row(subject.most, "all")
-    parts = named_parts(np.array([getattr(row, f"cost_{key}") or 0.0 for key in PARTS]))
-    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {parts_text(parts)}."
+    share = np.array([getattr(row, f"cost_{key}") or 0.0 for key in PARTS]) / (row.error or 1.0)
+    causes = ", ".join(f"{name} {part:.0%}" for name, part in named_parts(share).items() if abs(part) >= LEAST_SHARE)
+    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {causes or 'no error'}."
 
 
 def facts(findings: Findings) -> list[tuple[str, str]]:
