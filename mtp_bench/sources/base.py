@@ -148,12 +148,12 @@ def names_by_number(number: Ints, name: NDArray[Any]) -> dict[int, str]:
     return {one: word for one, word in names if word != str(one)}
 
 
-def lane_around(center: Floats, junction: bool, following: tuple[int, ...] = ()) -> Lane:
+def lane_around(center: Floats, junction: bool) -> Lane:
     """Lane with borders at `HALF_LANE` from its middle line ``center`` ``[n, 2]``, of two points or more."""
     step = np.gradient(center, axis=0)
     aside = HALF_LANE * np.stack([-step[:, 1], step[:, 0]], axis=1)
     aside /= np.maximum(np.linalg.norm(step, axis=1), 1e-9)[:, None]
-    return Lane(center, center + aside, center - aside, following, junction)
+    return Lane(center, center + aside, center - aside, junction=junction)
 
 
 def no_detections(frames: int) -> Detections:

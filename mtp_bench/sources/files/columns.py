@@ -64,13 +64,6 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # tables that scores do not ne
         TableColumn("y", "m, point of its middle line"),
         *(TableColumn(name, "m, point of a border beside x y", "1.75 m from the middle line") for name in BORDERS),
         TableColumn("junction", "1 or 0, true or false: inside a junction, drawn without borders", "0", flag=True),
-        TableColumn(
-            "following",
-            "lanes that continue it, with semicolons between them, in any row",
-            "none",
-            text=True,
-            gaps=True,
-        ),
     ),
     "images": (
         _FRAME,

@@ -30,7 +30,8 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: T
     """Write a scene as tables into a sub-folder of a folder of own scenes, and return the sub-folder.
 
     ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives equal numbers to the last bit, but
-    ids of objects that have names are written as these names, and numbered anew when they are read.
+    ids of objects that have names are written as these names and numbered anew when they are read, and lanes are
+    written without those that follow them.
     Raises DataError for a wrong scene, and MtpBenchError if it cannot be written or would replace other files.
     """
     if form not in FORMS:
@@ -127,12 +128,9 @@ def box_columns(rows: Truth | Detections, names: NDArray[np.str_]) -> dict[str, 
 def _check_names(scene: Scene, numbers: Sequence[int]) -> None:
     names = [scene.name_of(number) for number in numbers]
     for i, name in enumerate(names):
-        word = isinstance(name, str) and name == name.strip() and 0 < len(name) <= MOST_LETTERS
-        if not word or name in names[:i]:
-            raise DataError(
-                f"scene {scene.name!r}: object_names of object {numbers[i]} is {reprlib.repr(name)}, expected a word "
-                f"of 1 to {MOST_LETTERS} characters that no other object has"
-            )
+        if not isinstance(name, str) or not 0 < len(name.strip()) <= MOST_LETTERS or name in names[:i]:
+            where, expected = f"scene {scene.name!r}: object_names of object {numbers[i]}", f"1 to {MOST_LETTERS}"
+            raise DataError(f"{where} is {name!r:.99}, expected {expected} characters that name no other object")
 
 
 def _check_rows(where: str, rows: Truth | Detections, frames: int, classes: int) -> None:
