@@ -1,4 +1,4 @@
-"""The page of the keys of `compare --json` and `score --json`, made from the declarations of the rows."""
+"""The page of the keys of `--json`: of `compare` and `score` made from the declarations of the rows."""
 
 from __future__ import annotations
 
@@ -40,6 +40,44 @@ PER_SCENE = {  # of `score --per-scene` and `Report.per_scene`, beside columns o
     "identity_switches": "The agent's own ones.",
 }
 
+_WHERE = {
+    "scene": "Name of the scene.",
+    "class": "Class of the object.",
+    "object": "Number of the object in the scene; null for a false forecast.",
+    "object_id": "Its whole id in the source.",
+    "frame": "Frame of the event, or worst frame of the moment.",
+    "until": "Last frame.",
+    "error": "What the target adds to bADE, metres; of a moment the mean of its frames. null: not a target.",
+    "parts": "Its parts, metres, by name: the largest first, below threshold last.",
+    "minADE": "minADE of the forecast in that frame, metres; null without one.",
+    "confidence": "Confidence of the forecast; of a run of false forecasts the highest.",
+    "view": "Command that opens it.",
+}
+MOMENT = {  # of `worst --json`
+    **_WHERE,
+    "moment": "Name, as `--at` takes it.",
+    "first": "First frame.",
+    "start": "Time of the first frame since the begin of the scene, seconds.",
+    "end": "Time of the last frame, seconds.",
+    "frames": "Number of its targets.",
+    "cost": "Sum over its frames of the error without the part below threshold, metres.",
+    "cause": "Name of its largest part.",
+    "distance": "Distance from the ego in the worst frame, metres.",
+}
+EVENT = {  # of `events --json`
+    **_WHERE,
+    "event": "Name, as `--at` takes it.",
+    "kind": "`ids`, `lost`, `reacquired` or `spurious`.",
+    "time": "Time since the begin of the scene, seconds.",
+    "old_id": "Track that matched the object before.",
+    "new_id": "Track that matches it now.",
+    "old_id_in_file": "Id of that track in a file of stored tracks.",
+    "new_id_in_file": "The same of the track now.",
+    "position": "Place of the object, metres, frame of the scene.",
+    "wrong": "True for a loss whose track is still output, outside the gate.",
+    "error_before": "Error of the object in the frame before, metres.",
+}
+
 PAGE = "definitions/json.md"
 HEAD = """\
 # Keys of --json
@@ -51,6 +89,8 @@ defines the numbers.
 
 The keys of `rows` can be columns of `--table`: `--columns error,interval,minADE --subsets all,ids`. So can those of
 `details` that are single numbers with a direction, and MOTA, IDF1, HOTA, IDS and FRAG.
+
+`mtp-bench worst --json` and `events --json` write lists of moments and of events, at the end of this page.
 """
 SECTIONS: dict[str, type[BaseModel]] = {
     "rows[]": Row, "paired[]": PairedRow, "details[]": Details, "details[].bins[]": Bin,
@@ -64,7 +104,12 @@ def page() -> str:
     """The page in Markdown."""
     parts = [HEAD, _table("The file", _plain(CONTENT)), _table("condition", _plain(CONDITION))]
     parts += [_table(title, keys_of(kind)) for title, kind in SECTIONS.items()]
-    return "\n".join([*parts, _table("Rows of score --per-scene (other keys as in rows[])", _plain(PER_SCENE))])
+    plain = {
+        "Rows of score --per-scene (other keys as in rows[])": PER_SCENE,
+        "moments[] of worst --json": MOMENT,
+        "events[] of events --json": EVENT,
+    }
+    return "\n".join([*parts, *(_table(title, _plain(keys)) for title, keys in plain.items())])
 
 
 def keys_of(kind: type[BaseModel]) -> dict[str, tuple[str, str, str]]:

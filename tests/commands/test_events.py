@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import typer.main
 
+from docs.generate import json_keys
 from mtp_bench.commands.app import app
 from mtp_bench.viz.replay import Incident
 from mtp_bench.viz.terminal.event_table import EventRow, in_order
@@ -105,6 +106,7 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
         "ids": 1, "lost": 1, "reacquired": 1, "spurious": 1, "wrong": 0, "spurious_forecasts": 3,
     }  # fmt: skip
     switch, *_, ghost = content["events"]
+    assert switch.keys() <= json_keys.EVENT.keys(), "the page of keys explains them"
     assert [type(value) for value in switch.pop("position")] == [float] * 3
     assert switch.pop("view").startswith("mtp-bench view ")
     assert switch == {

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mtp_bench
+from docs.generate import json_keys
 from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running.causes import run_parts
 from mtp_bench.running.stored import open_run
@@ -75,6 +76,7 @@ def test_the_list_and_its_file(cli: CommandLine, run: Path, tmp_path: Path) -> N
     content = read_json(tmp_path / "a.json")
     first = content["moments"][0]
     assert first["view"] in printed
+    assert first.keys() == json_keys.MOMENT.keys(), "the page of keys explains them"
     assert {each["object_id"]: each["cause"] for each in content["moments"][:3]} == CAUSES
     assert sum(first["parts"].values()) == pytest.approx(first["error"])
     only = cli.ok("worst", run, "--cause", "predictor", "--class", "car", "--within", "60")
