@@ -112,7 +112,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     kind = table.words["class"]
     twice = repeated(frame, kind, number)  # an id in another class is another track
     table.refuse(twice, lambda row: f"a second box of this {kind[row]} in frame {frame[row]}", "id")
-    kept, velocity, words = np.flatnonzero(class_id >= 0), velocities_of(table), table.words["id"]
+    kept, words = np.flatnonzero(class_id >= 0), table.words["id"]
     identity = number if np.array_equal(number.astype(np.str_), words) else words
     return with_stored(
         scene,
@@ -121,7 +121,7 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
         class_id[kept],
         boxes_of(table)[kept],
         scores_of(table)[kept],
-        None if velocity is None else velocity[kept],
+        velocities_of(table)[kept],
     )
 
 

@@ -43,8 +43,8 @@ def read_scene(folder: Path, card: Card) -> Scene:
         if "ego" in tables and tables["ego"].has(column):
             ego[:, i] = tables["ego"].numbers[column]
     check_frames(time, ego, card, str(folder))
-    scene = _true_scene(unquote(folder.name), tables["truth"], frame_index(tables["truth"], number), time, ego, card)
-    scene = replace(scene, lanes=lanes)
+    index = frame_index(tables["truth"], number)
+    scene = replace(_true_scene(unquote(folder.name), tables["truth"], index, time, ego, card), lanes=lanes)
     if "detections" not in tables:
         return _for_card(scene, card, str(folder), detected=False)
     if card.detector is None:
@@ -129,12 +129,12 @@ def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floa
     row = _usable_rows(table, frame, len(time), "truth", card.task.classes, skipped)
     number = ids_of(table)
     check_objects(table, frame, number, card.task.classes)
-    box, given = boxes_of(table)[row], velocities_of(table)
+    box = boxes_of(table)[row]
     backward = backward_velocity(frame[row], number[row], box[:, :2], time, 1 / card.task.rate)
     truth = Truth(
         start=starts_of_sorted(frame[row], len(time)),
         box=box,
-        velocity=backward if given is None else given[row],
+        velocity=velocities_of(table)[row] if table.has("vx") else backward,
         class_id=class_ids_of(table, card.task.classes)[row],
         object_id=number[row],
         eligible=table.numbers.get("eligible", np.ones(len(table)))[row] == 1,
@@ -154,11 +154,10 @@ def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floa
 
 def _detections(table: RowTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]) -> Detections:
     row = _usable_rows(table, frame, frames, "detections", card.task.classes, skipped)
-    velocity = velocities_of(table)
     return Detections(
         start=starts_of_sorted(frame[row], frames),
         box=boxes_of(table)[row],
-        velocity=np.full((len(row), 2), np.nan) if velocity is None else velocity[row],
+        velocity=velocities_of(table)[row],
         class_id=class_ids_of(table, card.task.classes)[row],
         score=scores_of(table)[row],
     )
@@ -192,9 +191,9 @@ def boxes_of(table: RowTable) -> Floats:
     return np.column_stack([columns[name] for name in BOX])
 
 
-def velocities_of(table: RowTable) -> Floats | None:
-    """Velocities ``[R, 2]``; None if the table has none."""
-    return table.matrix("vx vy") if table.has("vx") else None
+def velocities_of(table: RowTable) -> Floats:
+    """Velocities ``[R, 2]``; NaN if the table has none."""
+    return table.matrix("vx vy") if table.has("vx") else np.full((len(table), 2), np.nan)
 
 
 def scores_of(table: RowTable) -> Floats:
