@@ -165,6 +165,7 @@ class CloseUp:
             if np.hypot(*(place - track.box[:2])) > GAP / 2:
                 self._path(np.stack([track.box[:2], place]), TAKEN, 2.0)
             if track.expected is not None:
+                canvas.lines([np.stack([track.box[:2], track.expected])], ROLES[track.role], 1.0, 150)
                 canvas.cross(canvas.pixels(track.expected), 6.0, ROLES[track.role])
                 self._note(track.expected, EXPECTED)
         for center in self.shown.object_box[:, :2]:
