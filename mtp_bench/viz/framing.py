@@ -134,12 +134,11 @@ def _followers(focus: Focus, t: int, back: int) -> Iterator[Follower]:
             yield Follower(track_id, role, frame, box, trail, place, taken(focus, track_id, t))
 
 
-def _beside(focus: Focus, t: int) -> list[int]:
-    """Row of the true object at a false forecast or near it, whatever its class."""
-    truth = focus.replay.scene.truth
-    far = np.hypot(*(truth.box[truth.rows(t), :2] - focus.place(t)).T)
-    near = focus.at.object_id < 0 and (far <= focus.near).any()
-    return [truth.rows(t).start + int(np.argmin(far))] if near else []
+def _beside(focus: Focus, t: int) -> Ints:
+    """Row [0 or 1] of the true object beside the object or at a false forecast, whatever its class."""
+    rows = _rest(focus.replay.scene.truth.rows(t), focus.rows[t : t + 1])
+    far = np.hypot(*(focus.replay.scene.truth.box[rows, :2] - focus.place(t)).T)
+    return rows[np.argsort(far, kind="stable")][: int((far <= focus.near).any())]
 
 
 def _detection_text(focus: Focus, row: int) -> str:

@@ -182,6 +182,8 @@ class CloseUp:
         self._keep_clear()
         self._name_boxes(ink)
         if not self.near:
+            if len(self.shown.object_box):
+                self._name(ink, self.place, self.focus.named, "truth", self.radius)
             self._name_lacks(ink)
             self._name_rest(ink)
 
@@ -236,10 +238,8 @@ class CloseUp:
             self._name(ink, self.place, text, "now", self.radius)
 
     def _name_rest(self, ink: ImageDraw.ImageDraw) -> None:
-        """Name the object, the ends of its future and of the forecasts, and the ego."""
+        """Name the ends of the future and of the forecasts, and the ego."""
         focus, t, future = self.focus, self.shown.frame, self.shown.future
-        if len(self.shown.object_box):
-            self._name(ink, self.place, focus.named, "truth", self.radius)
         if len(future) > 1:
             later = focus.seconds(t + len(future) - 1) - focus.seconds(t)
             self._name(ink, future[-1], f"true, {later:.1f} s later", "truth", 7.0)

@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw, PngImagePlugin
 
 from ..._version import __version__
 from ...files import whole_file
-from ...scoring.parts import LEAST_SHOWN
+from ...scoring.parts import BELOW, LEAST_SHOWN
 from ..focus import Focus
 from ..framing import ROLES, close_window, frame_of, window_of
 from ..palette import BLACK, Color
@@ -25,6 +25,7 @@ LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
 REMARK = (
     "From above; the object moves to the right. Bold: the sample nearest to the truth, else the heaviest; thin: others."
 )
+UNSURE = "Below threshold: at some budgets of false forecasts it is too unsure to count."
 
 
 def report(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
@@ -73,7 +74,8 @@ def picture(focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus]
     whole.paste(drawn, (0, top))
     parts = {name: value for name, value in (focus.at.parts or {}).items() if abs(value) >= LEAST_SHOWN}
     heading = [(f"The error, {focus.at.error:.1f} m, by cause:", SMALL, BLACK)] if parts else []
-    whole.paste(column((COLUMN, high), heading, marks, [(REMARK, SMALL - 1, GRAY)], parts), (wide, top))
+    remarks = [(text, SMALL - 1, GRAY) for text in (REMARK, *([UNSURE] if BELOW in parts else []))]
+    whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
     ink = ImageDraw.Draw(whole)
     ink.text((14, 8), _title(focus, t), fill=GRAY, font=font(SMALL))
     for i, line in enumerate(lines):
