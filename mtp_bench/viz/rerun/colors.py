@@ -1,10 +1,10 @@
-"""Colours of recordings: those of `palette` on a dark ground, and one for every track."""
+"""Colours of recordings, and one for every track; those of texts can be read on a dark and on a light ground."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...types import Ints
-from ..palette import BLUE, FALSE, GREEN, ORANGE, PURPLE, SKY, YELLOW, Color
+from ..palette import BLUE, FALSE, GREEN, NOW, ORANGE, PURPLE, YELLOW, Color
 
 Colors = NDArray[np.uint8]  # [..., 3] red green blue
 
@@ -17,12 +17,17 @@ CENTER: Color = (44, 44, 52)
 BORDER: Color = (92, 92, 104)
 UNTRACKED: Color = (84, 84, 84)
 UNKNOWN: Color = (150, 150, 150)
-SWITCH: Color = (255, 80, 200)
+SWITCH: Color = (235, 70, 180)
+SKY: Color = (50, 145, 215)
 TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch seldom share one
-    ORANGE, SKY, PURPLE, BLUE, (245, 235, 200), (166, 112, 0), (180, 160, 250),
+    ORANGE, SKY, PURPLE, BLUE, (140, 150, 70), (166, 112, 0), (150, 130, 240),
 )  # fmt: skip
 EVENTS = {"ids": SWITCH, "lost": FALSE, "reacquired": SKY, "spurious": UNKNOWN}
-SERIES = {"TP": TRUTH, "FN": FALSE, "FP": YELLOW, **EVENTS}
+SERIES = {"TP": TRUTH, "FN": FALSE, "FP": ORANGE}
+ROLES: dict[str, Color] = {  # of a thing in an event
+    "truth": TRUTH, "before": SKY, "now": NOW, "named": PURPLE, "detection": UNKNOWN,
+    "ego": (140, 140, 150),
+}  # fmt: skip
 
 
 def track_colors(track_id: Ints) -> Colors:

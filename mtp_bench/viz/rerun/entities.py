@@ -14,6 +14,7 @@ from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
 from ..palette import FALSE, Color
 from ..replay import Replay, ego_boxes
 from .colors import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, packed, track_colors
+from .names import object_names
 from .sdk import rr
 
 TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
@@ -21,20 +22,23 @@ TRACK_FILL = "transparentfillmajorwireframe"
 TRAIL_POINTS = 12
 TRAIL_RATE = 5.0  # Hz, at most: a longer trail of faster recordings has no more points
 TOP_SAMPLES = 3
+EVENT = "event"  # timeline with the frames around an event alone
 Labels = Sequence[str] | None
 
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Target of entities: a recording, its times and the prefix of the paths.
+    """Target of entities: a recording, the frames and timelines that are logged, and the prefix of the paths.
 
-    The rows of an entity are those of all frames: frame t has those from ``start[t]`` to ``start[t + 1]``.
+    The rows of an entity are those of all frames from ``first`` on, which has those from ``start[0]`` to ``start[1]``.
     """
 
     recording: rr.RecordingStream
-    times: list[rr.TimeColumn]  # of the frames that are logged
+    scene: Scene
+    frames: range  # that are logged
     root: str = ""  # prefix of the paths
-    only: int | None = None  # the one frame that is logged; None: all
+    seconds: tuple[str, ...] = ("time",)  # timelines that have the seconds since frame 0; beside them "frame"
+    first: int = 0
 
     def boxes(
         self, path: str, start: Ints, box: Floats, color: Colors, labels: Labels = None, fill: Any = "majorwireframe",
@@ -64,26 +68,30 @@ class Log:
         style = rr.LineStrips3D.from_fields(radii=radius, show_labels=False)
         self.columns(path, style, columns.partition(counts))
 
-    def columns(self, path: str, style: Any, columns: Any) -> None:
-        """Values of the frames, and the style of all of them."""
-        self.recording.log(self.root + path, style, static=True)
-        self.recording.send_columns(self.root + path, self.times, columns)
+    def columns(self, path: str, style: Any, columns: Any, frames: Sequence[int] | None = None) -> None:
+        """Values of ``frames``, by default all that are logged, and the style of all of them."""
+        frame = np.array(self.frames if frames is None else frames, dtype=np.int64)
+        duration = np.rint((self.scene.time - self.scene.time[0])[frame] * 1e9).astype("timedelta64[ns]")
+        times = [rr.TimeColumn(name, duration=duration) for name in self.seconds]
+        if self.seconds != (EVENT,):
+            times.append(rr.TimeColumn("frame", sequence=frame))
+        if style is not None:
+            self.recording.log(self.root + path, style, static=True)
+        self.recording.send_columns(self.root + path, times, columns)
 
     def _rows(self, start: Ints) -> tuple[slice, Ints]:
         """The rows that are logged, and their number in each frame."""
-        first = slice(None) if self.only is None else slice(self.only, self.only + 2)
-        start = np.asarray(start)[first]
+        start = np.asarray(start)[self.frames.start - self.first : self.frames.stop + 1 - self.first]
         return slice(int(start[0]), int(start[-1])), np.diff(start)
 
 
-def frame_times(scene: Scene, frames: Ints | None = None) -> list[rr.TimeColumn]:
-    """Both timelines at ``frames``, by default all: numbers of frames, and seconds since the first."""
-    frames = np.arange(scene.frames) if frames is None else frames
-    seconds = (scene.time - scene.time[0])[frames]
-    return [
-        rr.TimeColumn("frame", sequence=frames),
-        rr.TimeColumn("time", duration=np.rint(seconds * 1e9).astype("timedelta64[ns]")),
-    ]
+def logs_of(recording: rr.RecordingStream, scene: Scene, window: range | None) -> list[Log]:
+    """Targets for all frames, and once more for those of the ``window``, on a timeline of their own.
+
+    A viewer begins at the first time of a timeline: a layout has no field for another one.
+    """
+    logs = [Log(recording, scene, range(scene.frames))]
+    return logs if window is None else [*logs, Log(recording, scene, window, seconds=(EVENT,))]
 
 
 def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None:
@@ -106,12 +114,12 @@ def log_scene(log: Log, run: Replay) -> None:
     scene, truth, detections = run.scene, run.scene.truth, run.scene.detections
     if run.card.has_ego:
         log.boxes("world/ego", np.arange(scene.frames + 1), ego_boxes(scene.ego), _all(EGO, scene.frames), fill="solid")
-        place = scene.ego[:, :3] if log.only is None else scene.ego[log.only, None, :3]
-        columns = rr.Transform3D.columns(translation=place.astype(np.float32))
-        log.recording.send_columns(f"{log.root}world/follow", log.times, columns)
+        place = scene.ego[log.frames, :3]
+        log.columns("world/follow", None, rr.Transform3D.columns(translation=place.astype(np.float32)))
     if len(truth.box):
-        colors, ids = _either(truth.neutral, NEUTRAL, TRUTH), truth.object_id.astype(str).tolist()
-        log.boxes("world/gt", truth.start, truth.box, colors, ids, radius=2 * EDGE)
+        names, colors = object_names(run), _either(truth.neutral, NEUTRAL, TRUTH)
+        labels = [names[object_id] for object_id in truth.object_id.tolist()]
+        log.boxes("world/gt", truth.start, truth.box, colors, labels, radius=2 * EDGE)
         start, point = true_futures(separated_truth(scene, run.card), run.card.task.future)
         log.strips("world/gt_future", start, point, _all(TRUTH, len(point)), FUTURE)
     log.boxes("world/det", detections.start, detections.box, _either(run.detection_false, FALSE, DETECTION))

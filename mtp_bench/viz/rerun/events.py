@@ -1,19 +1,21 @@
-"""Judgement of a run in a recording: events, identity lanes and counts of the best hypothesis."""
+"""Judgement of a run in a recording: events on the time line, identity lanes and counts of the best hypothesis."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
-from ...types import Scene
 from ..focus import Focus
-from ..replay import KINDS, Replay
+from ..replay import KINDS, Incident, Replay
 from ..sentence import sentence
-from .colors import EVENTS, SERIES, UNTRACKED, packed, tone, track_colors
-from .entities import Log, frame_times
+from .colors import EVENTS, SERIES, UNTRACKED, Colors, packed, tone, track_colors
+from .entities import Log
+from .names import drawable
 from .sdk import rr
 from .shown import ShownAgent
 
 EVENT_FRAMES = 10  # frames that an event stays in the picture
+EVENT_SECONDS = 1.0  # that its mark on the time line lasts at least: so its name has room
 MARKER = (0.0, 3.4, 3.0)  # m, from an event to its mark: beside the label of the box
 
 
@@ -21,34 +23,41 @@ def log_judgement(log: Log, agent: ShownAgent, number: int) -> None:
     """Log events, identity lanes and counts of the best hypothesis of the agent with this number."""
     run = agent.replay
     _log_markers(log, run)
-    _log_texts(log, run)
-    for object_id, lane in lanes(run).items():
-        _log_lane(log, run.scene, object_id, lane)
-    counts = {name: count for name, count in run.counts.items() if name != "FP" or run.scene.truth_complete}
-    for kind in KINDS[:-1]:  # numbers of events until each frame
-        happened = np.bincount([i.frame for i in run.events if i.kind == kind], minlength=run.frames)
-        counts[kind] = np.cumsum(happened)
-    for name, values in counts.items():
-        color = packed(tone(SERIES[name], number))
-        style = rr.SeriesLines(colors=color, names=f"{agent.name} {name}".strip(), widths=2)
-        log.columns(f"metrics/{name}", style, rr.Scalars.columns(scalars=values.astype(np.float64)))
-
-
-def _log_texts(log: Log, run: Replay) -> None:
-    """Log the sentences of the events."""
     for kind in KINDS:
         incidents = [i for i in run.incidents if i.kind == kind]
         if incidents:
-            texts = [sentence(Focus(run, incident)) for incident in incidents]
-            colors = np.tile(packed(EVENTS[kind]), len(texts))
-            columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=colors)
-            times = frame_times(run.scene, np.array([i.frame for i in incidents]))
-            log.recording.send_columns(f"{log.root}events/{kind}", times, columns)
+            _log_texts(log, run, kind, [i for i in incidents if i.frame in log.frames])
+            marks = marks_of(run, incidents)
+            names = sorted({*marks} - {""})
+            _log_lane(log, f"marks/{kind}", marks, names, np.array([EVENTS[kind]] * len(names), dtype=np.uint8))
+    for object_id, lane in lanes(run).items():
+        tracks = np.unique([track for track in lane if track is not None])
+        colors = np.where(tracks[:, None] < 0, UNTRACKED, track_colors(tracks)).astype(np.uint8)
+        states = ["" if track is None else _named(track) for track in lane]
+        _log_lane(log, agent.lanes[object_id], states, [_named(track) for track in tracks.tolist()], colors)
+    for name, values in run.counts.items():
+        if name != "FP" or run.scene.truth_complete:
+            color, title = packed(tone(SERIES[name], number)), f"{agent.name} {name}".strip()
+            style = rr.SeriesLines(colors=color, names=title, widths=2)
+            log.columns(f"metrics/{name}", style, rr.Scalars.columns(scalars=values[log.frames].astype(np.float64)))
+
+
+def _named(track: int) -> str:
+    return "untracked" if track < 0 else f"track {track}"
+
+
+def _log_texts(log: Log, run: Replay, kind: str, incidents: Sequence[Incident]) -> None:
+    """Log the sentences of events."""
+    if incidents:
+        texts = [drawable(sentence(Focus(run, incident))) for incident in incidents]
+        color = np.tile(packed(EVENTS[kind]), len(texts))
+        columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=color)
+        log.columns(f"marks/{kind}", None, columns, [i.frame for i in incidents])
 
 
 def _log_markers(log: Log, run: Replay) -> None:
     """Log the places of events, for some frames after."""
-    now = [run.recent(t, EVENT_FRAMES) for t in range(run.frames)]
+    now = [run.recent(t, EVENT_FRAMES) for t in log.frames]
     incidents = list(itertools.chain.from_iterable(now))
     if incidents:
         columns = rr.Points3D.columns(
@@ -60,31 +69,34 @@ def _log_markers(log: Log, run: Replay) -> None:
         log.columns("world/events", style, columns.partition([len(each) for each in now]))
 
 
-def lanes(run: Replay) -> dict[int, dict[int, int | None]]:
-    """Identity lane of each evaluated object, by its id: the track of the best hypothesis that follows it.
+def marks_of(run: Replay, incidents: Sequence[Incident]) -> list[str]:
+    """Names of the events that are marked on the time line in each frame [F], "" without one."""
+    names: list[list[str]] = [[] for _ in range(run.frames)]
+    for incident in incidents:
+        first = np.searchsorted(run.scene.time, run.scene.time[incident.frame] + EVENT_SECONDS)
+        for t in range(incident.frame, max(incident.until + 1, int(first))):
+            names[t].append(incident.name)
+    return [", ".join(each) for each in names]
 
-    A lane has the track from each frame on at which it changes: -1 untracked, None while the object is absent.
+
+def lanes(run: Replay) -> dict[int, list[int | None]]:
+    """Identity lane of each evaluated object, by its number: the track [F] of the best hypothesis that follows it.
+
+    It is -1 while the object is untracked, None while it is absent.
     """
     truth = run.scene.truth
     frame, evaluated = truth.frame_of_rows, ~truth.neutral
     track = np.append(run.rollout.track_id, -1)[run.truth_track]
-    lanes = {}
+    lanes: dict[int, list[int | None]] = {}
     for object_id in np.unique(truth.object_id[evaluated]).tolist():
         rows = np.flatnonzero(evaluated & (truth.object_id == object_id))
         tracks = dict(zip(frame[rows].tolist(), track[rows].tolist(), strict=True))
-        series = [tracks.get(t) for t in range(run.frames)]
-        changes = zip([None, *series], series, strict=False)
-        lanes[object_id] = {t: new for t, (old, new) in enumerate(changes) if new != old}
+        lanes[object_id] = [tracks.get(t) for t in range(run.frames)]
     return lanes
 
 
-def _log_lane(log: Log, scene: Scene, object_id: int, lane: dict[int, int | None]) -> None:
-    names = {track: "untracked" if track < 0 else f"track {track}" for track in lane.values() if track is not None}
-    tracks = np.array(sorted(names))
-    colors = np.where(tracks[:, None] < 0, UNTRACKED, track_colors(tracks))
-    values = [names[track] for track in tracks.tolist()]
-    labels = [name.removeprefix("track ") for name in values]
-    style = rr.StateConfiguration(values=values, labels=labels, colors=packed(colors))
-    columns = rr.StateChange.columns(state=["" if track is None else names[track] for track in lane.values()])
-    own = Log(log.recording, frame_times(scene, np.array(list(lane))), log.root)
-    own.columns(f"identity/gt_{object_id:03d}", style, columns)
+def _log_lane(log: Log, path: str, states: Sequence[str], values: Sequence[str], colors: Colors) -> None:
+    """Log a lane with a state in each frame [F], "" for none; ``values`` have these ``colors``."""
+    style = rr.StateConfiguration(values=values, labels=values, colors=packed(colors))
+    changes = [t for t in log.frames if t == log.frames.start or states[t] != states[t - 1]]
+    log.columns(path, style, rr.StateChange.columns(state=[states[t] for t in changes]), changes)

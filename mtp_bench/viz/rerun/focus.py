@@ -7,54 +7,37 @@ import numpy as np
 
 from ...types import Floats, Ints, starts_of
 from ..drawing.report import small_pictures
+from ..evidence import distance, gate
 from ..focus import Focus
 from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
-from ..palette import NOW, PURPLE, SKY, TRUTH, Color
-from ..sentence import sentence
-from .colors import SWITCH, Colors, packed
+from .colors import ROLES, SWITCH, Colors, packed
 from .entities import EDGE as RING
-from .entities import TRACK_FILL, Log, frame_times
+from .entities import EVENT, TRACK_FILL, Log
+from .names import drawable
 from .sdk import rr
+from .texts import event_text
 
-SECONDS = 5.0  # before and after the event in which its things are bright
-COLORS: dict[str, Color] = {"truth": TRUTH, "before": SKY, "now": NOW, "named": PURPLE, "detection": (190, 190, 190)}
-SIDES = {
-    "truth": np.pi / 2,
-    "now": -np.pi / 2,
-    "before": np.pi,
-    "named": 0.0,
-}  # rad from the way of the object to its name
+SIDES = {"truth": np.pi / 2, "now": -np.pi / 2, "before": np.pi, "named": 0.0}  # rad from the way to the name
 BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen
 LIFT = 0.3  # m, that lines lie above the ground of dim things
+MOST_SCORES = 3  # detections whose score is shown: the nearest
+CROSS = 0.3  # m, half of the sign for an expected place
+CIRCLE = np.column_stack([np.cos(ANGLES := np.linspace(0.0, 2 * np.pi, 49)), np.sin(ANGLES)])  # [49, 2]
+GAP = 0.5  # m, from a track to the detection that it took: a smaller one needs no line
 
 Things = Sequence[tuple[str, Floats]]  # a role, and a box [7] or a path [n, 2]
 Labelled = tuple[str, Floats, str]  # role, place [2] and text
 
 
-TEXT = """{heading}
+def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: int, root: str, window: range) -> None:
+    """Log the bright things of the frames in the ``window``, and the text and the pictures beside them.
 
-| mark | what |
-|---|---|
-| green box, green path | the object, and where it really goes |
-| blue box, blue path | its track before the event, and its forecast |
-| orange box, orange paths | its track now, and its forecast |
-| light grey box | detections nearby |
-| pink ring | the event |
-| dark grey box | all other boxes |
-
-Bold: the sample that is nearest to the truth, or the heaviest if that is unknown.
-The viewer stays at frame {frame}. Drag the time cursor to leave it, and step with the arrow keys; the play button leads
-back. To play the whole scene, switch the loop off and set the speed to 1.
-"""
-
-
-def log_focus(recording: rr.RecordingStream, focus: Focus, root: str, large: bool) -> None:
-    """Log the bright things of the frames around the event, and the texts and pictures beside them.
-
-    ``root``: prefix of the paths; ``large``: the sentence in large letters.
+    ``number``: of the focus among those of all runs; ``root``: prefix of its paths.
     """
-    log = Log(recording, frame_times(focus.replay.scene, _frames(focus)), root)
-    shown = [frame_of(focus, t) for t in _frames(focus)]
+    focus = focuses[number]
+    scene, end = focus.replay.scene, window.stop
+    log = Log(recording, scene, window, root, ("time", EVENT), window.start)
+    shown = [frame_of(focus, t) for t in window]
     height = focus.at.position[2] + LIFT
 
     def boxes(path: str, things: Callable[[FocusFrame], Things], radius: float, **style: Any) -> None:
@@ -76,29 +59,26 @@ def log_focus(recording: rr.RecordingStream, focus: Focus, root: str, large: boo
     strips("way", lambda frame: [("truth", frame.future)] if len(frame.future) > 1 else [], BOLD)
     strips("samples", lambda frame: _samples(focus, frame), THIN)
     strips("forecast", lambda frame: _nearest(focus, frame), BOLD)
-    _log_names(log, focus, [_names(focus, frame) for frame in shown], height)
-    scene, end = focus.replay.scene, int(_frames(focus)[-1]) + 1
+    strips("signs", lambda frame: _signs(focus, frame), EDGE)
+    beside = window_of(focus, focus.at.frame, focuses)
+    _log_names(log, [_names(focus, frame, max(beside.high, beside.wide / 2)) for frame in shown], height)
+    texts = [drawable(event_text(focus, frame, "###" if len(focuses) == 1 else "####")) for frame in shown]
+    log.columns("focus/text", None, rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts)))
     if end < scene.frames:
         recording.set_time("frame", sequence=end)
         recording.set_time("time", duration=float(scene.time[end] - scene.time[0]))
         recording.log(f"{root}world/focus", rr.Clear(recursive=True))
         recording.reset_time()
-    recording.log(f"{root}focus/pictures", rr.Image(np.asarray(small_pictures(focus))), static=True)
-    text = TEXT.format(heading=f"{'###' if large else '####'} {sentence(focus)}.", frame=focus.at.frame)
-    recording.log(f"{root}focus/text", rr.TextDocument(text, media_type="text/markdown"), static=True)
+    pictures = rr.Image(np.asarray(small_pictures(focus, focuses)))
+    recording.log(f"{root}focus/pictures", pictures, static=True)
 
 
 def log_ring(recording: rr.RecordingStream, focus: Focus) -> None:
     """A ring around the place of the event, in all frames."""
-    angle, (x, y, z), radius = np.linspace(0.0, 2 * np.pi, 49), focus.at.position, 0.4 + 0.65 * length_of(focus)
-    ring = np.column_stack([x + radius * np.cos(angle), y + radius * np.sin(angle), np.full(len(angle), z)])
+    x, y, z = focus.at.position
+    circle = np.array([x, y]) + (0.4 + 0.65 * length_of(focus)) * CIRCLE
+    ring = np.column_stack([circle, np.full(len(circle), z)])
     recording.log("world/at", rr.LineStrips3D([ring], radii=RING, colors=SWITCH), static=True)
-
-
-def _frames(focus: Focus) -> Ints:
-    """The frames around the event."""
-    time = focus.replay.scene.time
-    return np.flatnonzero(np.abs(time - time[focus.at.frame]) <= SECONDS)
 
 
 def _nearest(focus: Focus, frame: FocusFrame) -> Things:
@@ -112,39 +92,73 @@ def _samples(focus: Focus, frame: FocusFrame) -> Things:
     return trails + [(role, np.vstack([forecast.start, path])) for role, forecast in newest for path in forecast.path]
 
 
+def _signs(focus: Focus, frame: FocusFrame) -> Things:
+    """The event gate, crosses at expected places, lines to detections that tracks took, and the line to the ego."""
+    signs: list[tuple[str, Floats]] = []
+    rule, place = gate(focus), focus.place(frame.frame)
+    if len(frame.object_box) and not rule.iou:
+        signs.append(("detection", place + rule.threshold * CIRCLE))
+    for track in frame.tracks:
+        if track.expected is not None:
+            signs += [(track.role, track.expected + CROSS * np.array([[-1, -side], [1, side]])) for side in (1, -1)]
+        taken = (np.stack([track.box[:2], xy]) for xy in track.detection)
+        signs += [("detection", line) for line in taken if np.hypot(*(line[1] - line[0])) > GAP]
+    if distance(focus, frame.frame) is not None:
+        signs.append(("ego", np.stack([place, focus.replay.scene.ego[frame.frame, :2]])))
+    return signs
+
+
 def _starts(rows: Sequence[Sequence[Any]]) -> Ints:
     return starts_of([len(row) for row in rows])
 
 
 def _colors(rows: Sequence[Sequence[tuple[Any, ...]]]) -> Colors:
-    return np.array([COLORS[thing[0]] for row in rows for thing in row], dtype=np.uint8).reshape(-1, 3)
+    return np.array([ROLES[thing[0]] for row in rows for thing in row], dtype=np.uint8).reshape(-1, 3)
 
 
-def _log_names(log: Log, focus: Focus, rows: Sequence[Sequence[Labelled]], height: float) -> None:
+def _log_names(log: Log, rows: Sequence[Sequence[Labelled]], height: float) -> None:
     names = [name for row in rows for name in row]
     place = np.array([place for _, place, _ in names]).reshape(-1, 2)
     columns = rr.Points3D.columns(
         positions=np.column_stack([place, np.full(len(names), height)]),
         colors=packed(_colors(rows)),
-        labels=[name for _, _, name in names],
+        labels=[drawable(name) for _, _, name in names],
     )
     style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.5), show_labels=True)
     log.columns("world/focus/name", style, columns.partition([len(row) for row in rows]))
 
 
-def _names(focus: Focus, frame: FocusFrame) -> list[Labelled]:
-    """Names beside the boxes, each on a side of its own, and at the ends of paths, so that none hides another."""
-    window, place, turn = window_of(focus, focus.at.frame), focus.place(frame.frame), turn_of(focus)
-    away = 0.5 * length_of(focus) + 0.1 * max(window.high, window.wide / 2)
-    texts = [("truth", focus.named)] if len(frame.object_box) else []
-    texts += [(track.role, f"track {track.track_id}") for track in frame.tracks]
-    names: list[Labelled] = []
-    for role, name in texts:
-        angle = turn + SIDES[role]
-        names.append((role, place + away * np.array([np.cos(angle), np.sin(angle)]), name))
+def _names(focus: Focus, frame: FocusFrame, half: float) -> list[Labelled]:
+    """Names beside the boxes, each on a side of its own, and at the ends of paths, so that none hides another.
+
+    ``half``: of what is shown, m.
+    """
+    t, place, turn = frame.frame, focus.place(frame.frame), turn_of(focus)
+    away = 0.5 * length_of(focus) + 0.1 * half
+    sides: dict[str, list[str]] = {"truth": [focus.named]} if len(frame.object_box) else {}
+    for track in frame.tracks:
+        sides.setdefault(track.role, []).append(f"track {track.track_id}")
+    angle = {role: turn + SIDES[role] for role in sides}
+    names: list[Labelled] = [
+        (role, place + away * np.array([np.cos(angle[role]), np.sin(angle[role])]), ", ".join(texts))
+        for role, texts in sides.items()
+    ]
     ends = [(role, path[-1], f"forecast {role}") for role, path in _nearest(focus, frame)[::-1]]
     ends[1:1] = [("truth", frame.future[-1], "true place then")] if len(frame.future) > 1 else []
+    ends += _scores(focus, frame)
+    ends += [(track.role, track.expected, "expected") for track in frame.tracks if track.expected is not None]
+    far = distance(focus, t)
+    if far is not None:
+        share = min(1.0, 0.8 * half / max(far, 1e-9))
+        ends.append(("ego", place + share * (focus.replay.scene.ego[t, :2] - place), f"ego {far:.0f} m away"))
     for role, end, name in ends:
-        if all(np.hypot(*(end - taken)) > away for taken in [place, *(taken for _, taken, _ in names)]):
+        if all(np.hypot(*(end - taken)) > away / 2 for taken in [taken for _, taken, _ in names]):
             names.append((role, end, name))
     return names
+
+
+def _scores(focus: Focus, frame: FocusFrame) -> list[Labelled]:
+    """Scores of the nearest detections."""
+    far = np.hypot(*(frame.detection_box[:, :2] - focus.place(frame.frame)).T)
+    nearest = np.argsort(far, kind="stable")[:MOST_SCORES]
+    return [("detection", frame.detection_box[i, :2], frame.detection_text[i]) for i in nearest.tolist()]

@@ -1,4 +1,4 @@
-"""Layout of a recording: the scene, bird's-eye views per hypothesis, an event alone, counts, identity lanes, events."""
+"""Layout of a recording: the scene, hypotheses side by side, an event alone, curves, events on the time line, lanes."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -11,7 +11,10 @@ from ...cards import Card
 from ...types import Floats
 from ..framing import turn_of, window_of
 from ..palette import Color
-from ..replay import KINDS, MOMENT, Incident
+from ..replay import KINDS, Incident
+from .colors import SERIES
+from .curves import curves_of
+from .entities import EVENT
 from .sdk import rr, rrb
 from .shown import ShownAgent
 
@@ -23,10 +26,10 @@ ASIDE, UP = (-0.9, -1.0, 0.9), (0.0, 0.0, 1.0)  # of an oblique eye
 DARK: Color = (66, 66, 76)  # true boxes that are not of the event
 DARKER: Color = (46, 46, 54)  # detections and tracks
 DARKEST: Color = (34, 34, 42)  # forecasts
-ASPECT = 1.9  # width of the view of an event in units of its height
+ASPECT, NARROW = 1.9, 1.3  # width of the view of an event in units of its height; of one of several
 NEAR = 16.0  # m, half the side of what the views show around an event
-MOST_LANES, FEWER_LANES = 5, 3  # in the first tab: as many as fit, without an event and with one
-FAST = 1e6  # times the usual speed
+MOST_LANES = 3  # of objects in the first tab, without an event
+MOST_BESIDE = 4  # bird's-eye views side by side
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,44 +72,36 @@ class Eye:
 
 def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     """The blueprint of a recording; all views of the scene look at its event."""
-    first, replay, alone = agents[0], agents[0].replay, len(agents) == 1
-    eye = _eye(first, at)
-    oblique = replace(eye, offset=ASIDE, up=UP).view(first, "scene", first.best)
-    below = rrb.Horizontal(
-        *_plots(agents),
-        *(_identities(agent, at) for agent in agents),
-        column_shares=[1, 1, *[1.6 if alone else 1.2] * len(agents)],
-    )
+    first, alone, eye = agents[0], len(agents) == 1, _eye(agents[0], at)
+    oblique = [replace(eye, offset=ASIDE, up=UP).view(first, "scene", first.hypotheses[0])]
     if at is None:
-        birds = [rrb.Tabs(*_birds(agent, eye), active_tab=agent.hypotheses.index(agent.best)) for agent in agents]
-        above = rrb.Horizontal(*([oblique] if alone else []), *birds)
-        return _blueprint(rrb.Vertical(above, below, row_shares=[2, 1]), "Paused", replay.card)
-    behind = [[oblique, *_birds(first, eye)], *(_birds(agent, eye) for agent in agents[1:])]
-    columns = [_alone(agent, tabs) for agent, tabs in zip(agents, behind, strict=True)]
+        views = [view for agent in agents for view in _beside(agent, eye, oblique if alone else [], len(agents))]
+        key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
+        above = rrb.Horizontal(*views, key, column_shares=[*[1.0] * len(views), 0.7])
+        below = rrb.Horizontal(_counts(agents), _lanes(agents, at), column_shares=[1, 2])
+        return _blueprint(rrb.Vertical(above, below, row_shares=[1.7, 1]), "Paused", "time", first.replay.card)
+    columns = [_alone(agents, agent, [*(oblique if agent is first else []), *_tabs(agent, eye)]) for agent in agents]
     shares = [2.2, 1.0] if alone else [1.8, 1.0, *[1.8] * (len(agents) - 1)]
-    names = {agent.root: agent.titled("what happened") for agent in agents}
-    texts = rrb.Vertical(*(rrb.TextDocumentView(origin=f"/{r}focus/text", name=name) for r, name in names.items()))
-    above = rrb.Horizontal(columns[0], texts, *columns[1:], column_shares=shares)
-    parts = rrb.Vertical(above, below, row_shares=[3.2, 1])
-    if at.frame == replay.frames - 1:
-        return _blueprint(parts, "Following", replay.card)
-    # A layout has no field for the time cursor. One that plays a selection so fast that every step leaves it is put
-    # back to its beginning at every step, until the time cursor is moved by hand.
-    selection = rr.encodings.AbsoluteTimeRange(at.frame, at.frame + 1)
-    stay = {"loop_mode": "selection", "time_selection": selection, "playback_speed": FAST}
-    return _blueprint(parts, "Playing", replay.card, **stay)
+    texts = [rrb.TextDocumentView(origin=f"/{a.root}focus/text", name=a.titled("what happened")) for a in agents]
+    key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
+    beside = rrb.Vertical(*texts, key, row_shares=[*[1.0 if alone else 1.4] * len(agents), 1.0])
+    above = rrb.Horizontal(columns[0], beside, *columns[1:], column_shares=shares)
+    below = rrb.Horizontal(*_curves(agents), _lanes(agents, at))
+    # the timeline of the event has nothing but its window, which is played over and over
+    return _blueprint(rrb.Vertical(above, below, row_shares=[2.8, 1]), "Playing", EVENT, first.replay.card, "All")
 
 
 def live_layout(agent: ShownAgent) -> rrb.Blueprint:
     """Blueprint of an episode that is still running: its hypotheses, at the newest frame."""
-    return _blueprint(rrb.Tabs(*_birds(agent, _eye(agent, None)), active_tab=0), "Following", agent.replay.card)
+    views = _beside(agent, _eye(agent, None), [], 1)
+    return _blueprint(rrb.Horizontal(*views), "Following", "frame", agent.replay.card)
 
 
-def _blueprint(parts: Any, play: Any, card: Card, **time: Any) -> rrb.Blueprint:
-    """``parts`` with a time panel, which has the settings ``time``."""
+def _blueprint(parts: Any, play: Any, timeline: str, card: Card, loop: Any = None) -> rrb.Blueprint:
+    """``parts`` with a time panel that plays in real time."""
     return rrb.Blueprint(
         parts,
-        rrb.TimePanel(state="collapsed", timeline="frame", play_state=play, fps=card.task.rate, **time),
+        rrb.TimePanel(state="collapsed", timeline=timeline, play_state=play, fps=card.task.rate, loop_mode=loop),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
     )
@@ -127,54 +122,90 @@ def _eye(agent: ShownAgent, at: Incident | None) -> Eye:
 
 
 def _birds(agent: ShownAgent, eye: Eye) -> list[Any]:
-    """Bird's-eye views: one per hypothesis, and one of the detections."""
-    views = [eye.view(agent, f"hypothesis {h}", h, detections=False) for h in agent.hypotheses]
-    return [*views, eye.view(agent, "detections")]
+    """Bird's-eye views of the hypotheses, the heaviest first."""
+    names = [f"hypothesis {h}, weight {weight:.2f}" for h, weight in zip(agent.hypotheses, agent.weights, strict=False)]
+    names = names if len(names) > 1 else ["seen from above"]
+    return [eye.view(agent, name, h, detections=False) for h, name in zip(agent.hypotheses, names, strict=True)]
 
 
-def _plots(agents: Sequence[ShownAgent]) -> list[rrb.TimeSeriesView]:
-    """Plots of boxes per frame and of events so far."""
-    plots = {"boxes per frame": ("TP", "FN", "FP"), "events so far": ("ids", "lost", "reacquired")}
-    return [
-        rrb.TimeSeriesView(
-            origin="/",
-            contents=[f"/{agent.root}metrics/{series}" for agent in agents for series in names],
-            name=name,
-            plot_legend=rrb.Corner2D.LeftTop,
-        )
-        for name, names in plots.items()
-    ]
+def _beside(agent: ShownAgent, eye: Eye, others: Sequence[Any], agents: int) -> list[Any]:
+    """Hypotheses side by side, as many as there is room for; those left, ``others`` and detections in tabs."""
+    first, *views = _birds(agent, eye)
+    most = MOST_BESIDE // agents - 1
+    if not views:
+        views, others = [*others], []
+    return [rrb.Tabs(first, *others, *views[most:], eye.view(agent, "detections"), active_tab=0), *views[:most]]
 
 
-def _identities(agent: ShownAgent, at: Incident | None) -> rrb.Tabs:
-    """Lanes of the objects with events; all lanes; the event log."""
-    replay, truth = agent.replay, agent.replay.scene.truth
-    # first that of the event, then those with many switches and other events
-    events, switches = (Counter(i.object_id for i in replay.events if i.kind in kinds) for kinds in (KINDS, ("ids",)))
-    own = None if at is None else at.object_id
-    order = sorted(events, key=lambda g: (g != own, -switches[g], -events[g], g))
-    lanes = {
-        "track of each object with events": order[: MOST_LANES if at is None else FEWER_LANES],
-        "of every object": np.unique(truth.object_id[~truth.neutral]).tolist(),
-    }
-    tabs: list[Any] = [
-        rrb.StateTimelineView(
-            origin="/", contents=[f"/{agent.root}identity/gt_{g:03d}" for g in objects], name=agent.titled(name)
-        )
-        for name, objects in lanes.items()
-        if objects
-    ]
-    return rrb.Tabs(*tabs, rrb.TextLogView(origin=f"/{agent.root}events", name=agent.titled("event log")), active_tab=0)
+def _tabs(agent: ShownAgent, eye: Eye) -> list[Any]:
+    """The hypotheses side by side in one tab, the detections in another."""
+    birds = _birds(agent, eye)
+    shown = rrb.Horizontal(*birds[:MOST_BESIDE], name=agent.titled("hypotheses")) if len(birds) > 1 else birds[0]
+    return [shown, *birds[MOST_BESIDE:], eye.view(agent, "detections")]
 
 
-def _alone(agent: ShownAgent, others: Sequence[Any]) -> Any:
+def _counts(agents: Sequence[ShownAgent]) -> rrb.TimeSeriesView:
+    """Plot of boxes per frame."""
+    contents = [f"/{agent.root}metrics/{series}" for agent in agents for series in SERIES]
+    name = "boxes per frame: right (TP), missed (FN), false (FP)"
+    return rrb.TimeSeriesView(origin="/", contents=contents, name=name, plot_legend=rrb.Corner2D.LeftTop)
+
+
+def _curves(agents: Sequence[ShownAgent]) -> list[Any]:
+    """Plots of the object of the event; those of several agents in tabs, all but the error."""
+    plots: list[Any] = []
+    for agent in agents:
+        assert agent.focus is not None, "an event is shown"
+        views = [
+            rrb.TimeSeriesView(
+                origin=f"/{agent.root}object/{number}",
+                name=agent.titled(title),
+                plot_legend=rrb.Corner2D.RightTop if number else rrb.Corner2D.LeftTop,
+            )
+            for number, title in enumerate(curves_of(agent.focus))
+        ]
+        plots += views if len(agents) == 1 else [rrb.Tabs(*views, active_tab=0)] if views else []
+    return plots
+
+
+def _lanes(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Tabs:
+    """Events on the time line and lanes of the objects with most of them; all lanes; the event log."""
+    first = None if at is None else at.object_id
+    kinds = KINDS if at is None or first == -1 else KINDS[:-1]  # there is no room for false forecasts of others
+    lanes: dict[str, list[str]] = {"events and tracks": [], "tracks of every object": []}
+    for agent in agents:
+        run, root = agent.replay, f"/{agent.root}"
+        count, switches = (Counter(i.object_id for i in run.events if i.kind in some) for some in (KINDS, ("ids",)))
+        objects = np.unique(run.scene.truth.object_id[~run.scene.truth.neutral]).tolist()
+        # first the object of the event, then those with many switches and other events
+        order = sorted(objects, key=lambda g: (g != first, -switches[g], -count[g], g))
+        tracks = [root + agent.lanes[g] for g in order]
+        events = [f"{root}marks/{kind}" for kind in kinds if any(i.kind == kind for i in run.incidents)]
+        few = tracks[: MOST_LANES // len(agents) if at is None else int(first in objects)]
+        lanes["events and tracks"] += few + events
+        lanes["tracks of every object"] += tracks
+    log = rrb.TextLogView(
+        origin="/",
+        contents=[f"/{agent.root}marks/**" for agent in agents],
+        name="event log",
+        columns=rrb.TextLogColumns(
+            timeline_columns=[rrb.encodings.TimelineColumn(timeline="frame")],
+            text_log_columns=[rrb.encodings.TextLogColumn(kind="Body")],
+        ),
+    )
+    views = [rrb.StateTimelineView(origin="/", contents=paths, name=name) for name, paths in lanes.items() if paths]
+    return rrb.Tabs(*views, log, active_tab=0)
+
+
+def _alone(agents: Sequence[ShownAgent], agent: ShownAgent, others: Sequence[Any]) -> Any:
     """The event alone from above, turned like its picture, above the small pictures; ``others`` in tabs behind."""
     focus, world = agent.focus, f"/{agent.root}world"
     assert focus is not None, "an event is shown"
-    window, turn = window_of(focus, focus.at.frame), turn_of(focus)
-    reach = 0.85 * max(window.high, window.wide / ASPECT) / 2
+    window = window_of(focus, focus.at.frame, [each.focus for each in agents if each.focus is not None])
+    turn, aspect = turn_of(focus), ASPECT if len(agents) == 1 else NARROW
+    reach = 0.85 * max(window.high, window.wide / aspect) / 2
     eye = Eye(np.array([window.x, window.y, focus.at.position[2]]), reach, up=(-np.sin(turn), np.cos(turn), 0.0))
-    box = f"{world}/hyp/{agent.best:02d}/box"
+    box = f"{world}/hyp/{agent.hypotheses[0]:02d}/box"
     contents = [f"/world/{name}" for name in ("map/**", "ego", "gt", "det", "at")]
     contents += [f"{world}/focus/**", f"{world}/forecast", f"{world}/false_forecast", box]
     hidden = rrb.EntityBehavior(visible=False)  # until the eye icon is clicked
@@ -186,9 +217,8 @@ def _alone(agent: ShownAgent, others: Sequence[Any]) -> Any:
         f"{world}/false_forecast": hidden,
         box: rr.Boxes3D.from_fields(colors=DARKER, radii=-0.5, show_labels=False, fill_mode="majorwireframe"),
     }
-    name = f"{focus.at.name} alone" if focus.at.kind != MOMENT else "the same object: no event"
-    view = eye.view_of(agent.titled(name), contents, dim)
-    name = agent.titled("the frames t - 1, t and t + 1")
-    pictures = rrb.Spatial2DView(origin=f"/{agent.root}focus/pictures", name=name)
+    view = eye.view_of(agent.titled(f"{focus.at.name} at {focus.seconds(focus.at.frame):.1f} s"), contents, dim)
+    frames = f"frames {focus.at.frame - 1}, {focus.at.frame} and {focus.at.frame + 1}"
+    pictures = rrb.Spatial2DView(origin=f"/{agent.root}focus/pictures", name=agent.titled(frames))
     shares = [1.2 if focus.replay.images else 2.3, 1]
     return rrb.Vertical(rrb.Tabs(view, *others, active_tab=0), pictures, row_shares=shares)

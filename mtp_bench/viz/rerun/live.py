@@ -3,12 +3,11 @@
 import itertools
 from dataclasses import replace
 
-import numpy as np
 from gymnasium import logger
 
 from ...env.live import LiveEpisode
 from ..replay import Replay
-from .entities import Log, frame_times, log_answers, log_map, log_scene, trail_frames
+from .entities import Log, log_answers, log_map, log_scene, trail_frames
 from .layout import live_layout
 from .sdk import rr
 from .shown import TOP_HYPOTHESES, ShownAgent
@@ -39,13 +38,14 @@ class LiveRecording:
         if self._episode is not episode:
             self._episode, self._root = episode, f"episode-{next(_EPISODES)}/"
             # the default: a layout that the user has sent or made stays
-            agent = ShownAgent(run, list(range(TOP_HYPOTHESES)), root=self._root, shared=self._root)
+            names = [*range(TOP_HYPOTHESES)]
+            agent = ShownAgent(run, names, [], root=self._root, shared=self._root)
             layout = live_layout(agent)
             self._recording.send_blueprint(layout, make_active=False, make_default=True)
             log_map(self._recording, scene, self._root)
-        log = Log(self._recording, frame_times(scene, np.array([t])), self._root, only=t)
+        log = Log(self._recording, scene, range(t, t + 1), self._root)
         log_scene(log, run)
-        log_answers(replace(log, only=t - run.first), run, hypotheses, "top")
+        log_answers(replace(log, first=run.first), run, hypotheses, "top")
 
     def close(self) -> None:
         """Wait until everything has been sent; the viewer stays."""

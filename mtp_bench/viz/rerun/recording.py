@@ -6,19 +6,27 @@ A recording is the same for the same runs: no clock, no random name is in it.
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
+from ...types import Scene
 from ..replay import Incident, Replay
-from .entities import Log, frame_times, log_answers, log_map, log_scene
+from .curves import log_curves
+from .entities import log_answers, log_map, log_scene, logs_of
 from .events import log_judgement
 from .focus import log_focus, log_ring
 from .layout import layout
+from .names import drawable
 from .sdk import rr
 from .shown import ShownAgent, shown_agents
+from .texts import event_key, scene_key
 
+SECONDS = 3.0  # before and after an event that are played, and in which its things are bright
 APPLICATION = "mtp_bench"
 
 
@@ -37,7 +45,7 @@ def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "to
             part.touch()  # fails before the work where nothing can be written
             recording = _new_recording(agents, level, at)
             recording.save(part, default_blueprint=layout(agents, at))
-            _log_runs(recording, agents, level)
+            _log_runs(recording, agents, level, at)
             recording.flush()
             recording.disconnect()
     except (OSError, RuntimeError) as error:  # RuntimeError: from rerun, whose texts name the cause
@@ -60,17 +68,28 @@ def _new_recording(agents: Sequence[ShownAgent], level: str, at: Incident | None
     return recording
 
 
-def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level: str) -> None:
+def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level: str, at: Incident | None) -> None:
     """Log the content that all runs share once, then each run under its root."""
-    first = agents[0].replay
-    times = frame_times(first.scene)
-    log_map(recording, first.scene)
-    log_scene(Log(recording, times), first)
-    for number, agent in enumerate(agents):
-        log = Log(recording, times, agent.root)
-        log_answers(log, agent.replay, agent.hypotheses, level)
-        log_judgement(log, agent, number)
-        if agent.focus is not None:
-            log_focus(recording, agent.focus, agent.root, large=len(agents) == 1)
-    if agents[0].focus is not None:
-        log_ring(recording, agents[0].focus)
+    scene, runs = agents[0].replay.scene, [agent.replay for agent in agents]
+    focuses = [agent.focus for agent in agents if agent.focus is not None]
+    window = None if at is None else frames_around(scene, at.frame)
+    log_map(recording, scene)
+    for log in logs_of(recording, scene, window):
+        log_scene(log, runs[0])
+        for number, agent in enumerate(agents):
+            log_answers(replace(log, root=agent.root), agent.replay, agent.hypotheses, level)
+            log_judgement(replace(log, root=agent.root), agent, number)
+            if agent.focus is not None:
+                log_curves(replace(log, root=agent.root), agent.focus)
+    if window is not None:
+        for number, agent in enumerate(agents):
+            log_focus(recording, focuses, number, agent.root, window)
+        log_ring(recording, focuses[0])
+    key = drawable(event_key(focuses[0]) if focuses else scene_key(runs))
+    recording.log("key", rr.TextDocument(key, media_type="text/markdown"), static=True)
+
+
+def frames_around(scene: Scene, t: int) -> range:
+    """The frames within SECONDS of frame ``t``."""
+    near = np.flatnonzero(np.abs(scene.time - scene.time[t]) <= SECONDS + 1e-6)
+    return range(int(near[0]), int(near[-1]) + 1)

@@ -1,8 +1,9 @@
 """Runs as a recording shows them: names, paths and the hypotheses of each agent."""
 
-import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ...errors import MtpBenchError, UnknownNameError
 from ..focus import Focus
 from ..framing import focuses_of
 from ..replay import Incident, Replay
+from .names import object_names, path_part
 
 LEVELS = ("tracks", "top", "all")  # of detail, each with the content of the one before it
 TOP_HYPOTHESES = 4
@@ -20,17 +22,19 @@ class ShownAgent:
     """One agent in a recording."""
 
     replay: Replay
-    hypotheses: list[int]  # at least one
+    hypotheses: list[int]  # at least one, the heaviest first
+    weights: list[float]  # of these hypotheses at the event, or their means over the scene; empty if unknown
     name: str = ""  # empty for the only agent
     root: str = ""  # prefix of the paths of its entities
     shared: str = ""  # prefix of the paths of the map, the truth and the detections
     focus: Focus | None = None  # the event that the views look at
 
-    @property
-    def best(self) -> int:
-        """The shown hypothesis that is best in most frames."""
-        count = np.bincount(self.replay.answers.hypotheses.best, minlength=max(self.hypotheses) + 1)
-        return max(self.hypotheses, key=lambda h: count[h])
+    @cached_property
+    def lanes(self) -> dict[int, str]:
+        """Path of the identity lane of each true object by its number."""
+        names = {number: path_part(name) for number, name in object_names(self.replay).items()}
+        count = Counter(names.values())
+        return {i: f"identity/{name}{f'-{i}' if count[name] > 1 else ''}" for i, name in names.items()}
 
     def titled(self, text: str) -> str:
         """``text`` for a view of this agent, with its name if there are several agents."""
@@ -50,18 +54,19 @@ def shown_agents(replays: Sequence[Replay], level: str, at: Incident | None = No
     focuses = [None] * len(replays) if at is None else focuses_of(replays, at)
     agents: list[ShownAgent] = []
     for replay, focus in zip(replays, focuses, strict=True):
-        base = re.sub(r"[^\w.-]", "_", replay.agent) or "agent"
+        base = path_part(replay.agent) or "agent"
         names = [base, *(f"{base}-{number}" for number in range(2, len(replays) + 1))]
         name = next(each for each in names if each not in {agent.name for agent in agents})
         root = f"agents/{name}/" if agents else ""
-        agents.append(ShownAgent(replay, _hypotheses(replay, level), name if len(replays) > 1 else "", root, "", focus))
+        shown, name = _hypotheses(replay, level, at), name if len(replays) > 1 else ""
+        agents.append(ShownAgent(replay, [*shown], [*shown.values()], name, root, "", focus))
     return agents
 
 
-def _hypotheses(replay: Replay, level: str) -> list[int]:
-    """The hypotheses of a level: all that ever hold a track, else the few that weigh most over the scene."""
+def _hypotheses(replay: Replay, level: str, at: Incident | None) -> dict[int, float]:
+    """The hypotheses of a level with their weights, the heaviest first: all that ever hold a track, else a few."""
+    weight = np.exp(replay.rollout.hypothesis_log_weight.astype(np.float64))
+    weight = weight.mean(axis=0) if at is None else weight[at.frame]
     alive = np.flatnonzero(replay.answers.hypotheses.member.any(axis=0))
-    if level != "all":
-        weight = np.exp(replay.rollout.hypothesis_log_weight.astype(np.float64))[:, alive].sum(axis=0)
-        alive = np.sort(alive[np.argsort(-weight, kind="stable")[:TOP_HYPOTHESES]])
-    return alive.tolist() or [0]
+    alive = alive[np.argsort(-weight[alive], kind="stable")][: None if level == "all" else TOP_HYPOTHESES]
+    return {int(h): float(weight[h]) for h in alive} or {0: 1.0}

@@ -1,0 +1,87 @@
+"""Texts of a recording: a key to colours and lines, and the sentence and the numbers of an event, frame by frame."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...scoring.parts import named_parts, parts_text
+from ..evidence import distance, gate, visible
+from ..focus import Focus
+from ..framing import FocusFrame
+from ..replay import Replay
+from ..sentence import sentence
+
+EVENT_KEY = """\
+- **green box, green path**: the object, and where it really goes
+- **blue**: its track before the event, and its forecast
+- **orange**: its track now, and its forecast
+- **light grey box**: a detection nearby, with its score, and its class where that is another one
+- **grey circle**: event gate of the scorer, {gate}
+- **cross**: place where the track's own last forecast put it; **grey line**: to the detection that it took
+- **long grey line**: to the ego; **dark grey boxes**: all others
+- **pink ring**: the event
+
+Bold: the sample that is nearest to the truth, or the heaviest if that is unknown.
+
+The seconds around the event are played over and over in real time. Space stops, the arrow keys step. In place of
+the timeline "event", "time" has the whole scene, and "frame" the numbers of its frames.
+"""
+SCENE_KEY = """\
+### {agents}scene {scene}
+
+{seconds:.1f} s, {frames} frames, {events} events
+
+- **green box, green line**: a true object, and where it really goes; dark green: not evaluated
+- **filled box in another colour**: a track, in the colour of its id, with the line behind it and its forecasts
+- **dot with a name**: an event: ids (pink) is an identity switch
+- **yellow box**: a detection; red: a false one
+- **white box**: the ego, which carries the sensors
+- **grey lines**: lanes
+
+Hypotheses stand side by side, the heaviest first. Below: boxes per frame; events on the time line; the track that
+follows each object.
+
+Space plays in real time, the arrow keys step. The timeline "time" has seconds, "frame" the numbers of frames.
+"""
+
+
+def scene_key(replays: Sequence[Replay]) -> str:
+    """Key to the views of a whole scene."""
+    run, scene = replays[0], replays[0].scene
+    agents = ", ".join(replay.agent for replay in replays if replay.agent)
+    seconds = float(scene.time[-1] - scene.time[0])
+    return SCENE_KEY.format(
+        agents=agents and f"{agents} on ", scene=scene.name, seconds=seconds, frames=run.frames, events=len(run.events)
+    )
+
+
+def event_key(focus: Focus) -> str:
+    """Key to the view of an event."""
+    return EVENT_KEY.format(gate=gate(focus).text)
+
+
+def event_text(focus: Focus, frame: FocusFrame, heading: str) -> str:
+    """The sentence of an event as ``heading``, such as "###", and numbers of one frame."""
+    t, run = frame.frame, focus.replay
+    row, rows = int(focus.rows[t]), {}
+    if row >= 0:
+        parts = named_parts(run.part[row])
+        error = f"{sum(parts.values()):.1f} m"
+        rows["error"] = "not a target" if np.isnan(run.part[row, 0]) else f"{error}: {parts_text(parts)}"
+    follower = focus.follower(t)
+    if focus.at.object_id >= 0:
+        rows["followed by"] = f"track {follower}" if follower >= 0 else f"no track {gate(focus).text}"
+    for track in frame.tracks:
+        off = "" if row < 0 else f"{np.hypot(*(track.box[:2] - focus.place(t))):.1f} m from the object"
+        took = "took a detection" if len(track.detection) else "took no detection"
+        rows[f"track {track.track_id}"] = ", ".join(each for each in (off, took) if each)
+    gaps = np.hypot(*(frame.detection_box[:, :2] - focus.place(t)).T)
+    nearest = np.argsort(gaps, kind="stable")[:3]
+    rows["detected"] = (
+        "; ".join(f"{frame.detection_text[i]}, {gaps[i]:.1f} m off" for i in nearest.tolist()) or "nothing"
+    )
+    far, seen = distance(focus, t), visible(focus, t)
+    if far is not None:
+        rows["ego"] = f"{far:.0f} m away" + ("" if seen is None else f", sees {seen:.0%}")
+    lines = [f"{heading} {sentence(focus)}.", "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
+    return "\n".join([*lines, *(f"| {name} | {text} |" for name, text in rows.items())])
