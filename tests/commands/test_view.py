@@ -17,6 +17,7 @@ from mtp_bench.commands.view import _opened, _replays
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
+from mtp_bench.viz.rerun.entities import SECONDS
 from mtp_bench.viz.rerun.sdk import ViewerClient
 from tests.support.command_line import CommandLine, plain_environment, write_submission
 from tests.support.headless_viewer import require_driver, until, windows_without_a_screen
@@ -67,7 +68,7 @@ def test_each_run_stands_beside_what_its_agent_was_given(
     np.testing.assert_array_equal(together.scene.detections.box, alone.scene.detections.box)
 
 
-def test_a_window_opens_at_the_event(
+def test_a_window_plays_the_seconds_around_the_event(
     cli: CommandLine, folder: Path, known: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     require_driver()
@@ -75,15 +76,18 @@ def test_a_window_opens_at_the_event(
         cli.ok("view", folder, *known, "--at", "lost-0")
         viewer = ViewerClient.connect(address)
 
-        def opened() -> None:
+        def opened() -> float:
             viewer.take_screenshot()
-            times = [(each.current_timeline, each.current_time) for each in viewer.get_state().recordings]
-            if times != [("frame", 3)]:
-                raise RuntimeError(f"{times}, expected frame 3")
+            (recording,) = viewer.get_state().recordings
+            if recording.current_timeline != "event" or recording.current_time is None:
+                raise RuntimeError(f"{recording}, expected the timeline of the event")
+            return recording.current_time / 1e9
 
-        until(opened)
+        times = [until(opened), until(opened)]
+        assert times[1] != times[0], "it plays"
+        assert all(0.0 <= time <= 0.3 + SECONDS for time in times)
         views = {view.name: view.reports for view in viewer.get_state().views}
-        assert "lost-0 alone" in views
+        assert "lost-0 at 0.3 s" in views
         assert not any(views.values()), "every view is drawn without a report"
 
 

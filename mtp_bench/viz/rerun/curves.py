@@ -48,8 +48,10 @@ def log_curves(log: Log, focus: Focus) -> None:
     for number, curves in enumerate(curves_of(focus).values()):
         for i, curve in enumerate(curves):
             style = rr.SeriesLines(colors=packed(curve.color), names=curve.name, widths=curve.width)
-            values = rr.Scalars.columns(scalars=curve.values[log.frames])
-            log.columns(f"object/{number}/{i:02d}", style, values)
+            values = curve.values[log.frames]
+            known = np.isfinite(values)  # a frame without a value is a gap
+            columns = rr.Scalars.columns(scalars=values[known]).partition(known.astype(int))
+            log.columns(f"object/{number}/{i:02d}", style, columns)
 
 
 def _errors(focus: Focus) -> list[Curve]:
@@ -84,7 +86,7 @@ def _places(focus: Focus) -> list[tuple[str, Floats, Color]]:
     truth, rollout, at = focus.replay.scene.truth.box, focus.replay.rollout.track_box.astype(np.float64), focus.at
     tables = [(focus.named, truth, focus.rows, TRUTH)] if at.object_id >= 0 else []
     for track_id in focus.named_tracks[:MOST_TRACKS]:
-        role = {at.new_id: "now", at.old_id: "before"}.get(track_id, "named")
+        role = {at.old_id: "before", at.new_id: "now"}.get(track_id, "named")
         tables.append((f"track {track_id}", rollout, focus.track_rows(track_id), ROLES[role]))
     nowhere = np.full((1, 2), np.nan)  # row -1
     return [(name, np.append(box[:, :2], nowhere, axis=0)[rows], color) for name, box, rows, color in tables]

@@ -62,7 +62,7 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
     strips("signs", lambda frame: _signs(focus, frame), EDGE)
     beside = window_of(focus, focus.at.frame, focuses)
     _log_names(log, [_names(focus, frame, max(beside.high, beside.wide / 2)) for frame in shown], height)
-    texts = [drawable(event_text(focus, frame, "###" if len(focuses) == 1 else "####")) for frame in shown]
+    texts = [drawable(event_text(focus, frame)) for frame in shown]
     log.columns("focus/text", None, rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts)))
     if end < scene.frames:
         recording.set_time("frame", sequence=end)

@@ -14,7 +14,7 @@ from ..palette import Color
 from ..replay import KINDS, Incident
 from .colors import SERIES
 from .curves import curves_of
-from .entities import EVENT
+from .entities import EVENT, frames_around
 from .sdk import rr, rrb
 from .shown import ShownAgent
 
@@ -73,7 +73,7 @@ class Eye:
 def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     """The blueprint of a recording; all views of the scene look at its event."""
     first, alone, eye = agents[0], len(agents) == 1, _eye(agents[0], at)
-    oblique = [replace(eye, offset=ASIDE, up=UP).view(first, "scene", first.hypotheses[0])]
+    oblique = [replace(eye, offset=ASIDE, up=UP).view(first, "scene", next(iter(first.hypotheses)))]
     if at is None:
         views = [view for agent in agents for view in _beside(agent, eye, oblique if alone else [], len(agents))]
         key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
@@ -84,7 +84,7 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     shares = [2.2, 1.0] if alone else [1.8, 1.0, *[1.8] * (len(agents) - 1)]
     texts = [rrb.TextDocumentView(origin=f"/{a.root}focus/text", name=a.titled("what happened")) for a in agents]
     key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
-    beside = rrb.Vertical(*texts, key, row_shares=[*[1.0 if alone else 1.4] * len(agents), 1.0])
+    beside = rrb.Vertical(*texts, key, row_shares=[*[1.2] * len(agents), 1.0])
     above = rrb.Horizontal(columns[0], beside, *columns[1:], column_shares=shares)
     below = rrb.Horizontal(*_curves(agents), _lanes(agents, at))
     # the timeline of the event has nothing but its window, which is played over and over
@@ -123,9 +123,12 @@ def _eye(agent: ShownAgent, at: Incident | None) -> Eye:
 
 def _birds(agent: ShownAgent, eye: Eye) -> list[Any]:
     """Bird's-eye views of the hypotheses, the heaviest first."""
-    names = [f"hypothesis {h}, weight {weight:.2f}" for h, weight in zip(agent.hypotheses, agent.weights, strict=False)]
-    names = names if len(names) > 1 else ["seen from above"]
-    return [eye.view(agent, name, h, detections=False) for h, name in zip(agent.hypotheses, names, strict=True)]
+    alone = len(agent.hypotheses) == 1
+    names = {h: "" if np.isnan(w) else f", weight {w:.2f}" for h, w in agent.hypotheses.items()}
+    return [
+        eye.view(agent, "seen from above" if alone else f"hypothesis {h}{weight}", h, detections=False)
+        for h, weight in names.items()
+    ]
 
 
 def _beside(agent: ShownAgent, eye: Eye, others: Sequence[Any], agents: int) -> list[Any]:
@@ -172,6 +175,7 @@ def _lanes(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Tabs:
     """Events on the time line and lanes of the objects with most of them; all lanes; the event log."""
     first = None if at is None else at.object_id
     kinds = KINDS if at is None or first == -1 else KINDS[:-1]  # there is no room for false forecasts of others
+    near = range(agents[0].replay.frames) if at is None else frames_around(agents[0].replay.scene, at.frame)
     lanes: dict[str, list[str]] = {"events and tracks": [], "tracks of every object": []}
     for agent in agents:
         run, root = agent.replay, f"/{agent.root}"
@@ -180,7 +184,9 @@ def _lanes(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Tabs:
         # first the object of the event, then those with many switches and other events
         order = sorted(objects, key=lambda g: (g != first, -switches[g], -count[g], g))
         tracks = [root + agent.lanes[g] for g in order]
-        events = [f"{root}marks/{kind}" for kind in kinds if any(i.kind == kind for i in run.incidents)]
+        events = [
+            f"{root}marks/{kind}" for kind in kinds if any(i.kind == kind and i.frame in near for i in run.incidents)
+        ]
         few = tracks[: MOST_LANES // len(agents) if at is None else int(first in objects)]
         lanes["events and tracks"] += few + events
         lanes["tracks of every object"] += tracks
@@ -205,7 +211,7 @@ def _alone(agents: Sequence[ShownAgent], agent: ShownAgent, others: Sequence[Any
     turn, aspect = turn_of(focus), ASPECT if len(agents) == 1 else NARROW
     reach = 0.85 * max(window.high, window.wide / aspect) / 2
     eye = Eye(np.array([window.x, window.y, focus.at.position[2]]), reach, up=(-np.sin(turn), np.cos(turn), 0.0))
-    box = f"{world}/hyp/{agent.hypotheses[0]:02d}/box"
+    box = f"{world}/hyp/{next(iter(agent.hypotheses)):02d}/box"
     contents = [f"/world/{name}" for name in ("map/**", "ego", "gt", "det", "at")]
     contents += [f"{world}/focus/**", f"{world}/forecast", f"{world}/false_forecast", box]
     hidden = rrb.EntityBehavior(visible=False)  # until the eye icon is clicked

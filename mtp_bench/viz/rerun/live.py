@@ -3,6 +3,7 @@
 import itertools
 from dataclasses import replace
 
+import numpy as np
 from gymnasium import logger
 
 from ...env.live import LiveEpisode
@@ -38,8 +39,8 @@ class LiveRecording:
         if self._episode is not episode:
             self._episode, self._root = episode, f"episode-{next(_EPISODES)}/"
             # the default: a layout that the user has sent or made stays
-            names = [*range(TOP_HYPOTHESES)]
-            agent = ShownAgent(run, names, [], root=self._root, shared=self._root)
+            shown = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)  # their weights change
+            agent = ShownAgent(run, shown, root=self._root, shared=self._root)
             layout = live_layout(agent)
             self._recording.send_blueprint(layout, make_active=False, make_default=True)
             log_map(self._recording, scene, self._root)

@@ -9,15 +9,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
-from ...types import Scene
 from ..replay import Incident, Replay
 from .curves import log_curves
-from .entities import log_answers, log_map, log_scene, logs_of
+from .entities import frames_around, log_answers, log_map, log_scene, logs_of
 from .events import log_judgement
 from .focus import log_focus, log_ring
 from .layout import layout
@@ -26,7 +23,6 @@ from .sdk import rr
 from .shown import ShownAgent, shown_agents
 from .texts import event_key, scene_key
 
-SECONDS = 3.0  # before and after an event that are played, and in which its things are bright
 APPLICATION = "mtp_bench"
 
 
@@ -87,9 +83,3 @@ def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level
         log_ring(recording, focuses[0])
     key = drawable(event_key(focuses[0]) if focuses else scene_key(runs))
     recording.log("key", rr.TextDocument(key, media_type="text/markdown"), static=True)
-
-
-def frames_around(scene: Scene, t: int) -> range:
-    """The frames within SECONDS of frame ``t``."""
-    near = np.flatnonzero(np.abs(scene.time - scene.time[t]) <= SECONDS + 1e-6)
-    return range(int(near[0]), int(near[-1]) + 1)

@@ -22,8 +22,7 @@ class ShownAgent:
     """One agent in a recording."""
 
     replay: Replay
-    hypotheses: list[int]  # at least one, the heaviest first
-    weights: list[float]  # of these hypotheses at the event, or their means over the scene; empty if unknown
+    hypotheses: dict[int, float]  # the heaviest first, with their weights at the event, or the means over the scene
     name: str = ""  # empty for the only agent
     root: str = ""  # prefix of the paths of its entities
     shared: str = ""  # prefix of the paths of the map, the truth and the detections
@@ -59,7 +58,7 @@ def shown_agents(replays: Sequence[Replay], level: str, at: Incident | None = No
         name = next(each for each in names if each not in {agent.name for agent in agents})
         root = f"agents/{name}/" if agents else ""
         shown, name = _hypotheses(replay, level, at), name if len(replays) > 1 else ""
-        agents.append(ShownAgent(replay, [*shown], [*shown.values()], name, root, "", focus))
+        agents.append(ShownAgent(replay, shown, name, root, "", focus))
     return agents
 
 

@@ -13,13 +13,10 @@ from ..sentence import sentence
 
 EVENT_KEY = """\
 - **green box, green path**: the object, and where it really goes
-- **blue**: its track before the event, and its forecast
-- **orange**: its track now, and its forecast
+- **blue**: its track before the event, and its forecast; **orange**: its track now
 - **light grey box**: a detection nearby, with its score, and its class where that is another one
-- **grey circle**: event gate of the scorer, {gate}
 - **cross**: place where the track's own last forecast put it; **grey line**: to the detection that it took
-- **long grey line**: to the ego; **dark grey boxes**: all others
-- **pink ring**: the event
+- **grey circle**: event gate of the scorer ({gate}); **long grey line**: to the ego; **pink ring**: the event
 
 Bold: the sample that is nearest to the truth, or the heaviest if that is unknown.
 
@@ -35,8 +32,7 @@ SCENE_KEY = """\
 - **filled box in another colour**: a track, in the colour of its id, with the line behind it and its forecasts
 - **dot with a name**: an event: ids (pink) is an identity switch
 - **yellow box**: a detection; red: a false one
-- **white box**: the ego, which carries the sensors
-- **grey lines**: lanes
+- **white box**: the ego, which carries the sensors; **grey lines**: lanes
 
 Hypotheses stand side by side, the heaviest first. Below: boxes per frame; events on the time line; the track that
 follows each object.
@@ -57,31 +53,30 @@ def scene_key(replays: Sequence[Replay]) -> str:
 
 def event_key(focus: Focus) -> str:
     """Key to the view of an event."""
-    return EVENT_KEY.format(gate=gate(focus).text)
+    rule = gate(focus)
+    return EVENT_KEY.format(gate=f"{rule.text}, not drawn" if rule.iou else rule.text)
 
 
-def event_text(focus: Focus, frame: FocusFrame, heading: str) -> str:
-    """The sentence of an event as ``heading``, such as "###", and numbers of one frame."""
+def event_text(focus: Focus, frame: FocusFrame) -> str:
+    """The sentence of an event, and numbers of one frame."""
     t, run = frame.frame, focus.replay
-    row, rows = int(focus.rows[t]), {}
+    row, rows, follower = int(focus.rows[t]), {}, focus.follower(t)
     if row >= 0:
         parts = named_parts(run.part[row])
-        error = f"{sum(parts.values()):.1f} m"
-        rows["error"] = "not a target" if np.isnan(run.part[row, 0]) else f"{error}: {parts_text(parts)}"
-    follower = focus.follower(t)
-    if focus.at.object_id >= 0:
-        rows["followed by"] = f"track {follower}" if follower >= 0 else f"no track {gate(focus).text}"
+        error = f"{sum(parts.values()):.1f} m: {parts_text(parts)}"
+        rows["error"] = "not a target" if np.isnan(run.part[row, 0]) else error
+        if follower < 0:
+            rows["followed by"] = f"no track {gate(focus).text}"
     for track in frame.tracks:
-        off = "" if row < 0 else f"{np.hypot(*(track.box[:2] - focus.place(t))):.1f} m from the object"
-        took = "took a detection" if len(track.detection) else "took no detection"
-        rows[f"track {track.track_id}"] = ", ".join(each for each in (off, took) if each)
+        off = f"{np.hypot(*(track.box[:2] - focus.place(t))):.1f} m from it, " if row >= 0 else ""
+        took = f"took {'a' if len(track.detection) else 'no'} detection"
+        follows = "follows it, " if track.track_id == follower else ""
+        rows[f"track {track.track_id}"] = follows + off + took
     gaps = np.hypot(*(frame.detection_box[:, :2] - focus.place(t)).T)
-    nearest = np.argsort(gaps, kind="stable")[:3]
-    rows["detected"] = (
-        "; ".join(f"{frame.detection_text[i]}, {gaps[i]:.1f} m off" for i in nearest.tolist()) or "nothing"
-    )
+    nearest = np.argsort(gaps, kind="stable")[:3].tolist()
+    rows["detected"] = "; ".join(f"{frame.detection_text[i]}, {gaps[i]:.1f} m off" for i in nearest) or "nothing"
     far, seen = distance(focus, t), visible(focus, t)
     if far is not None:
         rows["ego"] = f"{far:.0f} m away" + ("" if seen is None else f", sees {seen:.0%}")
-    lines = [f"{heading} {sentence(focus)}.", "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
+    lines = [f"#### {sentence(focus)}.", "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
     return "\n".join([*lines, *(f"| {name} | {text} |" for name, text in rows.items())])
