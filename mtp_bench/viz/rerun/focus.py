@@ -101,8 +101,9 @@ def _signs(focus: Focus, frame: FocusFrame) -> Things:
     for track in frame.tracks:
         if track.expected is not None:
             signs += [(track.role, track.expected + CROSS * np.array([[-1, -side], [1, side]])) for side in (1, -1)]
-        taken = (np.stack([track.box[:2], xy]) for xy in track.detection)
-        signs += [("detection", line) for line in taken if np.hypot(*(line[1] - line[0])) > GAP]
+        if track.detection >= 0:
+            line = np.stack([track.box[:2], focus.replay.scene.detections.box[track.detection, :2]])
+            signs += [("detection", line)] if np.hypot(*(line[1] - line[0])) > GAP else []
     if distance(focus, frame.frame) is not None:
         signs.append(("ego", np.stack([place, focus.replay.scene.ego[frame.frame, :2]])))
     return signs

@@ -13,7 +13,7 @@ from ..sentence import sentence
 
 EVENT_KEY = """\
 - **green box, green path**: the object, and where it really goes
-- **blue**: its track before the event, and its forecast; **orange**: its track now
+- **blue**: its track before the event, and its forecast; **orange**: its track now; **purple**: another
 - **light grey box**: a detection nearby, with its score, and its class where that is another one
 - **cross**: place where the track's own last forecast put it; **grey line**: to the detection that it took
 - **grey circle**: event gate of the scorer ({gate}); **long grey line**: to the ego; **pink ring**: the event
@@ -69,7 +69,7 @@ def event_text(focus: Focus, frame: FocusFrame) -> str:
             rows["followed by"] = f"no track {gate(focus).text}"
     for track in frame.tracks:
         off = f"{np.hypot(*(track.box[:2] - focus.place(t))):.1f} m from it, " if row >= 0 else ""
-        took = f"took {'a' if len(track.detection) else 'no'} detection"
+        took = f"took {'no' if track.detection < 0 else 'a'} detection"
         follows = "follows it, " if track.track_id == follower else ""
         rows[f"track {track.track_id}"] = follows + off + took
     gaps = np.hypot(*(frame.detection_box[:, :2] - focus.place(t)).T)
