@@ -135,7 +135,7 @@ def _followers(focus: Focus, t: int, back: int) -> Iterator[Follower]:
 
 
 def _beside(focus: Focus, t: int) -> Ints:
-    """Row [0 or 1] of the true object beside the object or at a false forecast, whatever its class."""
+    """Row [0 or 1] of the true object beside the object or at a false forecast, of any class."""
     rows = _rest(focus.replay.scene.truth.rows(t), focus.rows[t : t + 1])
     far = np.hypot(*(focus.replay.scene.truth.box[rows, :2] - focus.place(t)).T)
     return rows[np.argsort(far, kind="stable")][: int((far <= focus.near).any())]
