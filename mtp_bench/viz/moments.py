@@ -34,7 +34,7 @@ class Moment:
 
 
 def costs(run: Replay, below: bool = False) -> Floats:
-    """Cost [R] of each true box, m: its blame, or its part ``below`` threshold; NaN for one that is not a target."""
+    """Cost [R] of each true box, m: its blame, or its part ``below`` threshold; NaN where it is not a target."""
     return run.part[:, list(PARTS.values()).index(BELOW)] if below else blame(run.part)
 
 
