@@ -66,7 +66,7 @@ class Focus:
 
     @cached_property
     def named_tracks(self) -> tuple[int, ...]:
-        """Ids of the tracks that texts name: of the event, of the frames around it, and of the one that takes it next."""
+        """Ids of the tracks that texts name: of the event, of the frames around it, and of the next one."""
         at, last = self.at, self.replay.frames - 1
         frames = [t for t in (*range(at.frame - 1, at.frame + 2), self.regained) if 0 <= t <= last]
         named = dict.fromkeys([at.old_id, at.new_id, *map(self.follower, frames)])
