@@ -75,15 +75,14 @@ def _lost(focus: Focus) -> str:
         return f"loses track {at.old_id} for good"
     track = focus.follower(again)
     then = "until it has it again" if track == at.old_id else f"then {_taker(focus, track, again)} takes it"
-    seconds, event = _time(focus, again, at.frame), _event(focus, at.object_id, again, again)
-    return f"loses track {at.old_id} for {seconds}, {then}{event}"
+    return f"loses track {at.old_id} for {_time(focus, again, at.frame)}, {then}{_event(focus, at.object_id, again)}"
 
 
 def _found(focus: Focus) -> str:
     at = focus.at
     lost = at.frame - int(np.argmax(focus.followers(at.frame, 0)[1:] >= 0))
     by = f"its old track {at.new_id}" if at.new_id == at.old_id else _taker(focus, at.new_id, at.frame)
-    return f"is found again after {_time(focus, at.frame, lost)}{_event(focus, at.object_id, lost, lost)} by {by}"
+    return f"is found again after {_time(focus, at.frame, lost)}{_event(focus, at.object_id, lost)} by {by}"
 
 
 def _followed(focus: Focus) -> str:
@@ -91,9 +90,9 @@ def _followed(focus: Focus) -> str:
     frames = int(np.argmin(np.append(tracks == tracks[0], False)))  # with this track, or without one
     since, always = focus.at.frame - frames + 1, frames == len(tracks)
     if tracks[0] >= 0 and always:
-        return f"has track {tracks[0]} from its first frame on"
+        return f"is followed by track {tracks[0]} from its first frame on"
     if tracks[0] >= 0:
-        return f"has since {_time(focus, since)} {_taker(focus, int(tracks[0]), since)}"
+        return f"is followed since {_time(focus, since)} by {_taker(focus, int(tracks[0]), since)}"
     text = "has had no track so far" if always else f"has no track since {_time(focus, since)}"
     then = "and gets none" if again < 0 else f"then track {focus.follower(again)} from {_time(focus, again)} on"
     return f"{text}, {then}"
@@ -110,22 +109,20 @@ def _taker(focus: Focus, track: int, t: int) -> str:
     row, frames = int(followed[objects[0]]), int(objects[0])
     if focus.replay.scene.truth.object_id[row] == focus.at.object_id:
         return f"its earlier track {track}"
-    return (
-        f"track {track}, of {focus.name_of(row)} until {f'{_time(focus, t, t - frames)} before' if frames else 'then'}"
-    )
+    until = f"{_time(focus, t, t - frames)} before" if frames else "then"
+    return f"track {track}, of {focus.name_of(row)} until {until}"
 
 
 def _named(focus: Focus, row: int) -> str:
-    """Name of the object of a true box, with the event that it has in this frame; of a false forecast: its loss."""
-    object_id, at = int(focus.replay.scene.truth.object_id[row]), focus.at
-    ghost = at.object_id < 0
-    return focus.name_of(row) + _event(focus, object_id, at.frame, at.until if ghost else at.frame, "lost" * ghost)
+    """Name of the object of a true box, with its event."""
+    return focus.name_of(row) + _event(focus, int(focus.replay.scene.truth.object_id[row]), focus.at.frame)
 
 
-def _event(focus: Focus, object_id: int, first: int, last: int, kind: str = "") -> str:
-    """Name of the first event of an object from a frame to another, in brackets after a blank; empty without one."""
-    own = (each for each in focus.replay.events if each.object_id == object_id and each.kind.startswith(kind))
-    return next((f" ({each.name})" for each in own if first <= each.frame <= last), "")
+def _event(focus: Focus, object_id: int, t: int) -> str:
+    """Name of the event of an object in frame ``t``, or of its loss during a run of false forecasts, in brackets."""
+    last = focus.at.until if focus.at.kind == "spurious" else t
+    own = (each for each in focus.replay.events if each.object_id == object_id and t <= each.frame <= last)
+    return next((f" ({each.name})" for each in own if focus.at.object_id >= 0 or each.kind == "lost"), "")
 
 
 # ---- the evidence
@@ -149,7 +146,7 @@ def _evidence(focus: Focus) -> Iterator[str]:
     if not len(own) and confused < 0:
         yield f"no {focus.noun} is detected within {focus.near:g} m"
     elif len(own) and (missed or not followed):
-        score = f"it is detected {far:.1f} m away, score {evidence.score(focus, int(own[0]))}"
+        score = f"it is detected {far:.1f} m away, score {evidence.share(table.score[own[0]])}"
         yield f"the nearest detection is {far:.1f} m away" if missed else score
     seen, ego = evidence.visible(focus, t), evidence.distance(focus, t)
     hidden = seen is not None and seen < HIDDEN
@@ -166,10 +163,8 @@ def _fate(focus: Focus) -> str:
     if (other := focus.other(old, t)) >= 0:
         return f"track {old} {took}goes to {_named(focus, other)}"
     if rule.iou:
-        overlap = np.floor(100 * evidence.overlap(focus, old, t)) / 100
-        return f"track {old} {took}has an IoU of {overlap:.2f} with it" + (
-            f", below {rule.threshold:g}" if new < 0 else ""
-        )
+        overlap, below = np.floor(100 * evidence.overlap(focus, old, t)) / 100, f", below {rule.threshold:g}"
+        return f"track {old} {took}has an IoU of {overlap:.2f} with it{below if new < 0 else ''}"
     beside = f", track {new} {_away(focus, new):.1f} m" if new >= 0 else ""
     return f"track {old} {took}is {_away(focus, old):.1f} m away{beside}"
 
@@ -253,4 +248,8 @@ def _surplus(focus: Focus) -> Iterator[str]:
         yield f"no true {focus.noun} is within {focus.gate:g} m: {text}"
     row = evidence.taken(focus, at.new_id, t)
     if at.new_id >= 0:
-        yield "it takes no detection" if row < 0 else f"its detection scores {evidence.score(focus, row)}"
+        yield (
+            "it takes no detection"
+            if row < 0
+            else f"its detection scores {evidence.share(focus.replay.scene.detections.score[row])}"
+        )

@@ -251,7 +251,7 @@ def test_no_event(first: Replay) -> None:
     assert found.error == pytest.approx(0.0, abs=0.01)
     focus = Focus(run, found)
     assert sentence(focus).startswith(
-        "no event: at 0.4 s car 5 has track 7 from its first frame on. The nearest of 2 samples goes the "
+        "no event: at 0.4 s car 5 is followed by track 7 from its first frame on. The nearest of 2 samples goes the "
     )
     assert "which costs 0.0 m" in sentence(focus)
 
