@@ -60,7 +60,7 @@ def expected(focus: Focus, track_id: int, t: int) -> Floats | None:
         sample = int(np.argmax(run.rollout.forecast_log_weight[row]))
         return np.asarray(run.rollout.object_box[row, :2] + to_metres(run.rollout.forecast[row, sample, 0]))
     trail = focus.trail(track_id, t - 1, 2)
-    return 2 * trail[-1] - trail[0]
+    return np.asarray(2 * trail[-1] - trail[0])
 
 
 def taken(focus: Focus, track_id: int, t: int) -> int:
