@@ -37,11 +37,14 @@ def draw_focus(
     focus: Focus, t: int, size: tuple[int, int], window: Window, near: bool = False
 ) -> tuple[Image.Image, list[Mark]]:
     """Frame ``t`` of an event in ``size`` pixels, and its key; ``near``: a small picture, without forecasts."""
-    shown = frame_of(focus, t)
-    shown = replace(shown, named=shown.tracks) if near else shown
-    close_up = CloseUp(focus, shown, Canvas.blank(*size, window), near)
+    canvas, shown = Canvas.blank(*size, window), frame_of(focus, t)
+    if near:
+        shown = replace(shown, named=shown.tracks)
+    box = shown.object_box[0, 4:6] if len(shown.object_box) else np.ones(2)
+    radius = float(np.clip(0.6 * np.hypot(*box) * canvas.scale, 15.0, 110.0))
+    close_up = CloseUp(focus, shown, canvas, near, [] if near else focus.forecasts(t), focus.place(t), radius)
     close_up.draw()
-    image = close_up.canvas.finished()
+    image = canvas.finished()
     close_up.write(image)
     return image, sorted(close_up.marks, key=lambda mark: mark.box != OBJECT.box)
 
@@ -54,23 +57,10 @@ class CloseUp:
     shown: FocusFrame
     canvas: Canvas
     near: bool
+    forecasts: list[tuple[str, ObjectForecast]]  # each with its role
+    place: Floats  # [2] m, of the object
+    radius: float  # pixels of the ring around it
     marks: list[Mark] = field(default_factory=list)  # those that lie in the picture, the last one first
-
-    @cached_property
-    def forecasts(self) -> list[tuple[str, ObjectForecast]]:
-        """The forecasts, each with its role."""
-        return [] if self.near else self.focus.forecasts(self.shown.frame)
-
-    @cached_property
-    def place(self) -> Floats:
-        """Place [2] of the object."""
-        return self.focus.place(self.shown.frame)
-
-    @cached_property
-    def radius(self) -> float:
-        """Pixels of the ring around the object."""
-        box = self.shown.object_box[0, 4:6] if len(self.shown.object_box) else np.ones(2)
-        return float(np.clip(0.6 * np.hypot(*box) * self.canvas.scale, 15.0, 110.0))
 
     @cached_property
     def gap(self) -> Floats | None:
