@@ -84,16 +84,9 @@ class Pipeline:
             objects, samples, weight, confidence = (
                 select(objects, known), samples[known], weight[known], confidence[known]
             )  # fmt: skip
-        return make_action(
-            self._task,
-            objects.box,
-            objects.class_id,
-            _within_limit(samples - objects.box[:, None, None, :2]),
-            weight,
-            confidence=confidence,
-            tracks=tracks,
-            checked=False,
-        )
+        box, kind = objects.box, objects.class_id
+        offset = _within_limit(samples - box[:, None, None, :2])
+        return make_action(self._task, box, kind, offset, weight, confidence=confidence, tracks=tracks, checked=False)
 
     def _confidence(self, tracks: Tracks, leaf: Ints, presence: Floats | None, row: Ints) -> Floats:
         """Confidence [O]: mean presence over the hypotheses by their weight.

@@ -75,12 +75,8 @@ def summary_table(lines: Sequence[Line]) -> Table:
     envs = dict.fromkeys(line.piece.env for line in lines)
     rows = [_summary(env_id, [line for line in lines if line.piece.env == env_id]) for env_id in envs]
     outcomes = (Column(key=name) for name in get_args(Outcome))
-    columns = [
-        Column("environment", key="env"),
-        *outcomes,
-        Column(key="minutes", format=".1f"),
-        Column("MiB", key="size", format=".1f"),
-    ]
+    sizes = Column(key="minutes", format=".1f"), Column("MiB", key="size", format=".1f")
+    columns = [Column("environment", key="env"), *outcomes, *sizes]
     return Table("records", "Records with their rollouts", "", [*rows, _summary("all", lines)], columns)
 
 

@@ -68,12 +68,8 @@ def free_false_positives(
 def _visible(parameters: FreeFalsePositives, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
     """Visible rows of the grid and the ranks of their quality; siblings share a part of it."""
     families = int(members.family.max(initial=-1)) + 1
-    family_grid = replace(
-        grid,
-        ids=np.arange(families),
-        column=members.family[grid.column],
-        noise_number=np.zeros(families, dtype=np.int64),
-    )
+    column, number = members.family[grid.column], np.zeros(families, dtype=np.int64)
+    family_grid = replace(grid, ids=np.arange(families), column=column, noise_number=number)
     own, own_constant = _latent(parameters, grid, draws, NoiseKind.QUALITY)
     common, common_constant = _latent(parameters, family_grid, draws, NoiseKind.FAMILY)
     share, rest = np.sqrt(parameters.family), np.sqrt(1 - parameters.family)

@@ -82,11 +82,8 @@ class _Comparison(ctypes.Structure):
     """A condition of a rule on an argument: its place, the operator, and a value, or a mask and a value."""
 
     _fields_ = (
-        ("argument", ctypes.c_uint),
-        ("operator", ctypes.c_int),
-        ("first", ctypes.c_uint64),
-        ("second", ctypes.c_uint64),
-    )
+        ("place", ctypes.c_uint), ("operator", ctypes.c_int), ("first", ctypes.c_uint64), ("second", ctypes.c_uint64),
+    )  # fmt: skip
 
 
 @cache

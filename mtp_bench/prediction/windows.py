@@ -102,12 +102,9 @@ def _with_past(tracks: Tracks, past: int) -> Tracks:
     detection = tracks.past_detection
     if detection is not None:
         detection = np.pad(detection, ((0, 0), (more, 0)), constant_values=UNBORN)[:, -past:]
-    return replace(
-        tracks,
-        past=np.pad(tracks.past, ((0, 0), (more, 0), (0, 0)))[:, -past:],
-        past_valid=np.pad(tracks.past_valid, ((0, 0), (more, 0)))[:, -past:],
-        past_detection=detection,
-    )
+    box = np.pad(tracks.past, ((0, 0), (more, 0), (0, 0)))[:, -past:]
+    valid = np.pad(tracks.past_valid, ((0, 0), (more, 0)))[:, -past:]
+    return replace(tracks, past=box, past_valid=valid, past_detection=detection)
 
 
 def _distinct(tracks: Tracks) -> tuple[Ints, Ints]:

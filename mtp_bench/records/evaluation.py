@@ -79,11 +79,9 @@ def evaluate(
     mode of the env. Raises RolloutError if the rollouts do not fit the scenes, DataError if data is missing.
     """
     calls = [(card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)]
+    workers = Workers(options.workers.count)
     scored: list[tuple[str, tuple[SceneScore, ...]]] = parallel_map(
-        _score_scene,
-        calls,
-        Workers(options.workers.count),
-        lambda place: options.progress.done(calls[place][2][0].scene),
+        _score_scene, calls, workers, lambda place: options.progress.done(calls[place][2][0].scene)
     )
     seeds = tuple(zip(*(scores for _, scores in scored), strict=True))
     samples = next(iter(runs.values()))[0].forecast.shape[1]

@@ -46,14 +46,8 @@ def displacement(samples: ArrayLike, truth: ArrayLike, weights: ArrayLike | None
     share = weight[valid]
     clean = np.where((share > 0)[:, :, None, None], guess[valid], true[valid][:, None])
     score[valid] = energy_score(clean, true[valid], share / share.sum(axis=1, keepdims=True))
-    return Displacement(
-        min_ade=ade.min(axis=1, initial=np.inf),
-        min_fde=min_fde,
-        miss=~(min_fde <= MISS_RATE_GATE),
-        energy_score=score,
-        valid=valid,
-        ade=ade,
-    )
+    min_ade, miss = ade.min(axis=1, initial=np.inf), ~(min_fde <= MISS_RATE_GATE)
+    return Displacement(min_ade=min_ade, min_fde=min_fde, miss=miss, energy_score=score, valid=valid, ade=ade)
 
 
 def floored(weights: NDArray[Any]) -> Floats:

@@ -58,14 +58,8 @@ class RecordedForecasts:
     @classmethod
     def of(cls, rollout: Rollout) -> RecordedForecasts:
         """All forecasts of a rollout."""
-        return cls(
-            rollout.objects.frame_of_rows,
-            rollout.object_box,
-            rollout.object_class,
-            rollout.object_confidence,
-            rollout.forecast,
-            rollout.forecast_log_weight,
-        )
+        objects = rollout.object_box, rollout.object_class, rollout.object_confidence
+        return cls(rollout.objects.frame_of_rows, *objects, rollout.forecast, rollout.forecast_log_weight)
 
     def paths(self, row: Ints) -> NDArray[np.float64]:
         """Samples [n, K, T, 2] of these rows [n], m, absolute."""

@@ -34,13 +34,8 @@ class _Contested:
     def keep(self, mask: Bools) -> _Contested:
         """The components where ``mask`` [components] holds."""
         inside = mask[self.label]
-        return replace(
-            self,
-            pairs=self.pairs.keep(inside),
-            label=self.label[inside],
-            local_row=self.local_row[inside],
-            local_column=self.local_column[inside],
-        )
+        label, row, column = (part[inside] for part in (self.label, self.local_row, self.local_column))
+        return replace(self, pairs=self.pairs.keep(inside), label=label, local_row=row, local_column=column)
 
     def parts(self) -> list[tuple[int, int]]:
         """First and last place of each component."""

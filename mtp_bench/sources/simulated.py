@@ -43,16 +43,8 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
     if card.velocity:
         moving = world.truth if scene.world is None else looking_back(world.truth, scene.time, period)
         world = replace(world, truth=replace(moving, velocity=np.nan_to_num(moving.velocity)))
-    detections = simulate(
-        world.truth,
-        world.ego,
-        card.task.classes,
-        profile,
-        sensor,
-        seed,
-        dt=period,
-        visibility=visibility_of(world.truth, world.ego, sensor, visible),
-    )
+    seen = visibility_of(world.truth, world.ego, sensor, visible)
+    detections = simulate(world.truth, world.ego, card.task.classes, profile, sensor, seed, dt=period, visibility=seen)
     if scene.world is not None:
         detections = in_frames(detections, scene.world, scene.time, period)
     if card.source.traits.places_only:
