@@ -22,9 +22,7 @@ SIZE = (1200, 800)  # pixels, of a report
 COLUMN, CAPTION = 300, 46
 ROW = 256  # pixels of the height for the small pictures, with their captions
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
-REMARK = (
-    "From above; the object moves to the right. Bold: the sample nearest to the truth, else the heaviest; thin: others."
-)
+REMARK = "From above; {}. Bold: the sample nearest to the truth, else the heaviest; thin: others."
 UNSURE = "Below threshold: at some budgets of false forecasts it is too unsure to count."
 
 
@@ -74,7 +72,8 @@ def picture(focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus]
     whole.paste(drawn, (0, top))
     parts = {name: value for name, value in (focus.at.parts or {}).items() if abs(value) >= LEAST_SHOWN}
     heading = [(f"The error, {focus.at.error:.1f} m, by cause:", SMALL, BLACK)] if parts else []
-    remarks = [(text, SMALL - 1, GRAY) for text in (REMARK, *([UNSURE] if BELOW in parts else []))]
+    above = REMARK.format("north is up" if focus.at.object_id < 0 else "the object heads to the right")
+    remarks = [(text, SMALL - 1, GRAY) for text in (above, *([UNSURE] if BELOW in parts else []))]
     whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
     ink = ImageDraw.Draw(whole)
     ink.text((14, 8), _title(focus, t), fill=GRAY, font=font(SMALL))
