@@ -56,14 +56,9 @@ class Episode:
         """Score of an action for the frame that is shown; zeros in evaluation mode."""
         if self.scorer is None:
             return FrameScore()
-        forecasts = RecordedForecasts(
-            frame=np.full(len(action.object_box), self.t),
-            box=action.object_box,
-            class_id=action.object_class,
-            confidence=action.object_confidence,
-            offset=action.forecast,
-            log_weight=action.forecast_log_weight,
-        )
+        objects = action.object_box, action.object_class, action.object_confidence
+        frame = np.full(len(action.object_box), self.t)
+        forecasts = RecordedForecasts(frame, *objects, action.forecast, action.forecast_log_weight)
         return self.scorer.score(self.t, forecasts, action.malformed)
 
     def take(self, action: RecordedAction) -> float:

@@ -170,13 +170,8 @@ def _rows(observation: Observation, least: Floats) -> Ints:
 
 def _seen(observation: Observation, rows: Ints, measured: bool) -> Seen:
     velocity = np.asarray(observation["detection_velocity"], dtype=np.float64)[rows] if measured else np.zeros((0, 2))
-    return Seen(
-        np.asarray(observation["detection_box"], dtype=np.float64)[rows],
-        np.asarray(observation["detection_class"], dtype=np.int64)[rows],
-        np.asarray(observation["detection_score"], dtype=np.float64)[rows],
-        velocity,
-        rows,
-    )
+    box, score = (np.asarray(observation[f"detection_{name}"], dtype=np.float64)[rows] for name in ("box", "score"))
+    return Seen(box, np.asarray(observation["detection_class"], dtype=np.int64)[rows], score, velocity, rows)
 
 
 def _greedy_where_asked(cost: Floats, class_id: Ints, parameters: tuple[ClassParameters, ...]) -> Ints:

@@ -38,16 +38,10 @@ class Answers:
         The matching is one-to-one. An action does not say which track a forecast belongs to: this is only for names.
         """
         rollout, chosen = self.rollout, np.flatnonzero(self.shown)
-        pairs = box_pairs(
-            rollout.objects.frame_of_rows,
-            rollout.object_box,
-            rollout.object_class,
-            rollout.tracks.frame_of_rows[chosen],
-            rollout.track_box[chosen],
-            rollout.track_class[chosen],
-            "center_distance",
-            self.card.per_class(self.card.task.forecast_gate),
-        )
+        objects = rollout.objects.frame_of_rows, rollout.object_box, rollout.object_class
+        tracks = rollout.tracks.frame_of_rows[chosen], rollout.track_box[chosen], rollout.track_class[chosen]
+        gates = self.card.per_class(self.card.task.forecast_gate)
+        pairs = box_pairs(*objects, *tracks, "center_distance", gates)
         return np.append(chosen, -1)[match(pairs, len(rollout.object_box))]
 
     @property
