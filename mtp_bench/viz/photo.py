@@ -51,6 +51,7 @@ def photo_of(focus: Focus) -> Photo | None:
     boxes = [("truth", box) for box in shown.object_box] + [(track.role, track.box) for track in shown.tracks]
     if not boxes and at.kind == "spurious":  # a forecast without a track
         boxes = [("now", focus.replay.rollout.object_box[at.row].astype(np.float64))]
+    boxes += [("detection", box) for box in shown.detection_box if boxes]
     best, most = None, 0.0
     for image in focus.replay.images if boxes else ():
         if image.frame == at.frame:

@@ -87,7 +87,7 @@ def test_the_camera_that_sees_most_of_it_is_chosen(seen: Replay) -> None:
     photo = photo_of(event(seen))
     assert photo is not None
     assert photo.image.camera == "BEHIND"
-    assert [role for role, _ in photo.edges] == ["truth", "before", "now"]
+    assert [role for role, _ in photo.edges] == ["truth", "before", "now", "detection"]
     car = seen.scene.truth.box[event(seen).rows[EVENT]]
     np.testing.assert_allclose(photo.middle[0], 800, atol=1e-6)
     assert photo.extent == pytest.approx(1000 * car[5] / (car[0] - car[4] / 2 + 10))
