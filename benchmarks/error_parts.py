@@ -1,10 +1,10 @@
 """Split bADE of three agents into its parts on several environments, and write the figures for RESULTS.md.
 
     python benchmarks/error_parts.py --data ROOT -o leaderboard/error_parts.json
-    python benchmarks/error_parts.py --data ROOT --env MTP-PETS-v0 -o leaderboard/error_parts.json
+    python benchmarks/error_parts.py --data ROOT --env MTP-nuScenes-v0 --seeds 1 -o leaderboard/error_parts.json
 
-Agents are run with their own references, and on all scenes. The rows of an environment replace those that the file has
-of it. ``MTP_BENCH_WEIGHTS`` names the folder of networks that do not ship.
+Agents are run with their own references. Each row says how many scenes and seeds it is of; the rows of an environment
+replace those that the file has of it. ``MTP_BENCH_WEIGHTS`` names the folder of networks that do not ship.
 """
 
 from __future__ import annotations
@@ -71,12 +71,13 @@ def main() -> None:
     parser.add_argument("--env", action="append", choices=ENVS, help="may be repeated; default: all")
     parser.add_argument("--data", help="data root; else MTP_BENCH_DATA")
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--scenes", type=int, help="only the first N; default: all")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, required=True)
     given = parser.parse_args()
     for env_id in given.env or ENVS:
         rows = json.loads(given.output.read_text(encoding="utf-8")) if given.output.is_file() else []
-        options = RunOptions(given.data, seeds=tuple(range(given.seeds)), workers=Workers(given.jobs))
+        options = RunOptions(given.data, given.scenes, seeds=tuple(range(given.seeds)), workers=Workers(given.jobs))
         rows = [row for row in rows if row["env"] != env_id] + measure(env_id, options)
         rows.sort(key=lambda row: (ENVS.index(row["env"]), AGENTS.index(row["agent"])))
         write_text(given.output, json.dumps(rows, indent=1) + "\n")

@@ -3,12 +3,12 @@
 import os
 from base64 import b64encode
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .. import notice
 from ..cards import Card
-from ..parallel import parallel_map
+from ..parallel import NO_PROGRESS, parallel_map
 from ..running.causes import run_parts
 from ..running.stored import OpenedRun, open_run
 from ..scoring.parts import SceneParts
@@ -56,11 +56,11 @@ def draw_worst_moments(findings: Findings, folder: Path) -> list[MomentPicture]:
     """Draw the worst moments of each cause into ``folder``."""
     subject, bench = findings.subject, findings.bench
     settings = {findings.of(each).folders[0]: each for each in (subject.most, subject.single)}
-    played = []
+    played, quiet = [], replace(bench.options, progress=NO_PROGRESS)
     for place, setting in settings.items():
         opened = open_run(place, bench.options.data, bench.card)
         name = setting.label if (setting.hypotheses or 1) == 1 else f"{setting.label}, H = {setting.hypotheses}"
-        played.append(PlayedSetting(name, opened, run_parts(opened, bench.options)))
+        played.append(PlayedSetting(name, opened, run_parts(opened, quiet)))
     worst = worst_moments(findings, played[0])
     with notice.work("drawing the worst moments") as work:
         work.started(len(worst))

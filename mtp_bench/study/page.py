@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 GALLERY = "gallery"  # chapter of the pictures
 LEAST_SHARE = 0.005  # of bADE: causes below it are left out of the sentence
 LEADING = ("parts", GALLERY)  # first chapters of few recordings
+_SHARE = Column(unit="share")
 _HERE = Path(__file__).parent
 
 
@@ -91,7 +92,8 @@ def cause_sentence(findings: Findings, subject: StudiedAgent) -> str:
     """Shares of bADE of an agent with the most hypotheses by cause, largest first."""
     row = findings.row(subject.most, "all")
     share = np.array([getattr(row, f"cost_{key}") or 0.0 for key in PARTS]) / (row.error or 1.0)
-    causes = ", ".join(f"{name} {part:.0%}" for name, part in named_parts(share).items() if abs(part) >= LEAST_SHARE)
+    shares = {name: part for name, part in named_parts(share).items() if abs(part) >= LEAST_SHARE}
+    causes = ", ".join(f"{name} {_SHARE.text(part)}" for name, part in shares.items())
     return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {causes or 'no error'}."
 
 

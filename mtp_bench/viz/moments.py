@@ -60,13 +60,16 @@ def _spans(run: Replay, bad: np.ndarray) -> Iterator[Ints]:
 
 
 def _moment(run: Replay, rows: Ints, cost: Floats) -> Moment:
-    frame, worst = run.scene.truth.frame_of_rows, int(rows[np.argmax(cost[rows])])
+    frame, part = run.scene.truth.frame_of_rows, run.part[rows]
+    parts = named_parts(part.mean(axis=0))
+    of_cause = part[:, list(PARTS.values()).index(next(iter(parts)))]
+    worst = int(rows[np.lexsort((-of_cause, -cost[rows].round(3)))[0]])  # of equal costs, one of the moment's cause
     gap = run.scene.truth.box[worst, :2] - run.scene.ego[frame[worst], :2]
     return Moment(
         at=replace(run.moment(worst), first=int(frame[rows[0]]), until=int(frame[rows[-1]])),
         frames=len(rows),
         cost=float(cost[rows].sum()),
-        parts=named_parts(run.part[rows].mean(axis=0)),
+        parts=parts,
         distance=float(np.hypot(*gap)),
     )
 
