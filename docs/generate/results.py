@@ -175,6 +175,7 @@ def parts_table(rows: Sequence[dict[str, Any]]) -> Table:
     columns = [
         Column("environment", key="env"),
         Column("agent", key="agent", read=lambda row: f"`{row['agent']}`"),
+        Column("scenes; seeds", key="runs", read=lambda row: f"{row['scenes']}; {row['seeds']}"),
         Column("bADE", "m", "lower", key="error"),
     ]
     columns += [Column(name, format=".1%", key=key, read=share(key)) for key, name in PARTS.items()]

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
-from docs.generate.results import STORY, filled
+from docs.generate.results import PARTS_FILE, STORY, filled
+from mtp_bench.cards import load_card
+from mtp_bench.scoring.definitions import DEFINITIONS
+from mtp_bench.scoring.parts import PARTS
 from mtp_bench.viz.board.entries import Entry
 from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
 
@@ -55,6 +60,20 @@ def test_costs_are_differences_of_controls_and_references() -> None:
     rows = rows_of(filled(marked("costs"), entries, "page.md"))[2:]
     assert [row[1] for row in rows] == ["all", "ids", "reacquired"]
     assert (rows[0][2][:6], rows[0][3][:6]) == ("+0.700", "+0.200")
+
+
+def test_shares_of_the_error_by_cause_are_those_of_the_file_and_add_up() -> None:
+    measured = json.loads(PARTS_FILE.read_text(encoding="utf-8"))
+    for row in measured:
+        assert list(row["parts"]) == list(PARTS)
+        assert sum(row["parts"].values()) == pytest.approx(row["error"], abs=1e-9)
+        assert (row["definitions"], row["card"]) == (DEFINITIONS, load_card(row["env"]).digest)
+    headings, _, *rows = rows_of(filled(marked("parts"), [], "page.md"))
+    assert headings == ["environment", "agent", "scenes; seeds", "bADE (m) ↓", *PARTS.values()]
+    assert [row[:2] for row in rows] == [[row["env"], f"`{row['agent']}`"] for row in measured]
+    for row in rows:
+        shares = [float(cell.removesuffix(" %").replace("−", "-")) for cell in row[4:]]
+        assert sum(shares) == pytest.approx(100, abs=0.05 * len(PARTS))
 
 
 def test_records_of_earlier_definitions_fill_a_table_that_has_no_others() -> None:
