@@ -81,13 +81,13 @@ class CloseUp:
         canvas.boxes(shown.dim_detection, DIM_DETECTION)
         canvas.boxes(shown.dim_track, DIM_TRACK)
         self._boxes(shown.dim_truth, REST)
+        if focus.replay.card.has_ego:
+            canvas.boxes(ego_boxes(focus.replay.scene.ego[shown.frame][None]), VEHICLE)
         self._draw_paths()
         self._draw_boxes()
         self._draw_evidence()
         if self.gap is not None:
             canvas.stroke(canvas.pixels(self.gap), BLACK, 1.2, dashed=True)
-        if focus.replay.card.has_ego:
-            canvas.boxes(ego_boxes(focus.replay.scene.ego[shown.frame][None]), VEHICLE)
         if self.near or focus.ringed(shown.frame):
             canvas.ring(canvas.pixels(self.place), self.radius)
             self._note(self.place, Mark("the event" if focus.at.kind in KINDS else "the object looked at"))
@@ -180,9 +180,10 @@ class CloseUp:
     def _name(
         self, ink: ImageDraw.ImageDraw, place: Floats, text: str, role: str, reach: float = 6.0, far: bool = False
     ) -> None:
-        """Write a text ``reach`` pixels beside a place [2]; ``far``: an arrow points to it if it is outside."""
+        """Write a text ``reach`` pixels beside a place [2]; ``far``: outside, an arrow with its distance points to it."""
         if far and not self.near and not self.canvas.inside(place):
-            pointer(self.canvas, ink, self.place, place, text, ROLES[role])
+            away = "" if text.endswith((" m", " m off")) else f", {np.hypot(*(place - self.place)):.0f} m"
+            pointer(self.canvas, ink, self.place, place, text + away, ROLES[role])
         else:
             callout(self.canvas, ink, place, text, ROLES[role], reach, MIDDLE if self.near else BIG)
 
