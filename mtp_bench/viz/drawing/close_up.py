@@ -180,7 +180,7 @@ class CloseUp:
     def _name(
         self, ink: ImageDraw.ImageDraw, place: Floats, text: str, role: str, reach: float = 6.0, far: bool = False
     ) -> None:
-        """Write a text ``reach`` pixels beside a place [2]; ``far``: outside, an arrow with its distance points to it."""
+        """Write a text ``reach`` pixels beside a place [2]; ``far``: outside the picture, an arrow points to it."""
         if far and not self.near and not self.canvas.inside(place):
             away = "" if text.endswith((" m", " m off")) else f", {np.hypot(*(place - self.place)):.0f} m"
             pointer(self.canvas, ink, self.place, place, text + away, ROLES[role])
