@@ -20,7 +20,7 @@ from mtp_bench.viz.drawing.report import save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.replay import replay
 from mtp_bench.viz.sentence import sentence
-from mtp_bench.viz.terminal.event_table import event_rows, in_order
+from mtp_bench.viz.terminal.event_table import Listed, in_order
 
 HERE = Path(__file__).parent / "pictures"
 
@@ -51,8 +51,8 @@ def take(shot: Shot, path: Path) -> str:
     scene = shot.scene or env.scene_names[0]
     rollout = run_scene(load_submission("stp").build(agent_task(env, 0, scene)), env, scene, seed=0)
     run = replay(env.scene, rollout, env.card, "stp")
-    events = in_order(event_rows(run, [shot.kind], "run"), "cost")
-    focus = Focus(run, events[0].incident)
+    events = [Listed.of(run, each, "run", None, None) for each in run.incidents if each.kind == shot.kind]
+    focus = Focus(run, in_order(events, "cost")[0].incident)
     save_report(path, focus)
     return sentence(focus)
 

@@ -52,6 +52,10 @@ _WHERE = {
     "minADE": "minADE of the forecast in that frame, metres; null without one.",
     "confidence": "Confidence of the forecast; of a run of false forecasts the highest.",
     "view": "Command that opens it.",
+    "old_id": "Track that matched the object before.",
+    "new_id": "Track that matches it now.",
+    "old_id_in_file": "Id of that track in a file of stored tracks.",
+    "new_id_in_file": "The same of the track now.",
 }
 MOMENT = {  # of `worst --json`
     **_WHERE,
@@ -69,10 +73,6 @@ EVENT = {  # of `events --json`
     "event": "Name, as `--at` takes it.",
     "kind": "`ids`, `lost`, `reacquired` or `spurious`.",
     "time": "Time since the begin of the scene, seconds.",
-    "old_id": "Track that matched the object before.",
-    "new_id": "Track that matches it now.",
-    "old_id_in_file": "Id of that track in a file of stored tracks.",
-    "new_id_in_file": "The same of the track now.",
     "position": "Place of the object, metres, frame of the scene.",
     "wrong": "True for a loss whose track is still output, outside the gate.",
     "error_before": "Error of the object in the frame before, metres.",

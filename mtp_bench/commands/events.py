@@ -6,15 +6,14 @@ import typer
 
 from ..parallel import reported
 from ..running.stored import open_run
-from ..viz.played import PlayedRun
+from ..viz.played import replays
 from ..viz.replay import KINDS
 from ..viz.terminal.event_table import (
     CAPTION,
     LOOK,
     ORDERS,
-    EventRow,
+    Listed,
     Tally,
-    event_rows,
     event_table,
     events_json,
     in_order,
@@ -42,17 +41,13 @@ def events(
     json_file: JsonOption = None,
 ) -> None:
     """List identity switches, losses, re-acquisitions and false forecasts, and how to look at each."""
-    tally = Tally()
-    rows: list[EventRow] = []
+    tally, rows = Tally(), list[Listed]()
     with reported("finding events") as progress:
         opened = open_run(folder, root, env)
-        run, rollouts = PlayedRun(opened), opened.rollouts(scene)
-        progress.started(len(rollouts))
-        for rollout in rollouts:
-            played = run.replay(rollout)
+        for played in replays(opened, scene, progress):
             tally.add(played)
-            rows += event_rows(played, kind or KINDS, str(folder), root, env)
-            progress.done(rollout.scene)
+            events = (each for each in played.incidents if each.kind in (kind or KINDS))
+            rows += [Listed.of(played, each, str(folder), root, env) for each in events]
     rows = in_order(rows, sort)[:top]
     write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
     listed = rows if kind or top else longest_only(rows)

@@ -8,10 +8,10 @@ import typer
 from ..parallel import reported
 from ..running.stored import open_run
 from ..scoring.parts import BELOW, PARTS
-from ..viz.moments import costs
-from ..viz.played import PlayedRun
+from ..viz.moments import costs, moments
+from ..viz.played import replays
 from ..viz.terminal.output import counted, show, show_command, show_lines, show_table
-from ..viz.terminal.worst_table import CAPTION, WorstRow, worst_json, worst_rows, worst_table
+from ..viz.terminal.worst_table import CAPTION, WorstRow, worst_json, worst_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice, one_of
 from .output import write_json
 
@@ -39,13 +39,11 @@ def worst(
         opened = open_run(folder, root, env)
         if class_name is not None:
             one_of(class_name, opened.card.task.classes, "--class")
-        run, rollouts = PlayedRun(opened), opened.rollouts(scene)
-        progress.started(len(rollouts))
-        for rollout in rollouts:
-            played = run.replay(rollout)
+        for played in replays(opened, scene, progress):
             total += float(np.nansum(costs(played, below)))
-            rows += worst_rows(played, below, str(folder), root, env)
-            progress.done(rollout.scene)
+            rows += [
+                WorstRow.of(played, each.at, str(folder), root, env, moment=each) for each in moments(played, below)
+            ]
     kept = [
         row
         for row in rows
@@ -61,4 +59,5 @@ def worst(
         show_lines([CAPTION, LOOK])
         show_command(shown[0].view)
     share = sum(row.moment.cost for row in shown) / total if total else 0.0
-    show(f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the error; {counted(len(rollouts), 'scene')}")
+    scenes = counted(len(opened.rollouts(scene)), "scene")
+    show(f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the error; {scenes}")

@@ -1,6 +1,8 @@
 """Replays of a stored run, with the causes of its errors."""
 
-from ..parallel import SERIAL, Workers, cores
+from collections.abc import Iterator
+
+from ..parallel import SERIAL, Progress, Workers, cores
 from ..running.causes import run_parts
 from ..running.options import RunOptions
 from ..running.stored import OpenedRun
@@ -23,3 +25,12 @@ class PlayedRun:
         opened = self.opened
         content = opened.scene(rollout.scene) if scene is None else scene
         return replay(content, rollout, opened.card, agent or opened.run.info.agent, self._parts[rollout.scene])
+
+
+def replays(opened: OpenedRun, scene: str | None, progress: Progress) -> Iterator[Replay]:
+    """Replays of all scenes of a stored run, or of one ``scene``."""
+    run, rollouts = PlayedRun(opened), opened.rollouts(scene)
+    progress.started(len(rollouts))
+    for rollout in rollouts:
+        yield run.replay(rollout)
+        progress.done(rollout.scene)

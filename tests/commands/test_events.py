@@ -13,8 +13,9 @@ import typer.main
 from docs.generate import json_keys
 from mtp_bench.commands.app import app
 from mtp_bench.viz.replay import Incident
-from mtp_bench.viz.terminal.event_table import EventRow, in_order
+from mtp_bench.viz.terminal.event_table import Listed, in_order
 from tests.support.command_line import CommandLine, on_terminal, read_json
+from tests.support.scoring_scenes import make_scene
 
 ROW = re.compile(
     r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+)" + 2 * r" +([\d.–]+)" + r" +(.+?) +([\d.–]+) *"
@@ -41,10 +42,10 @@ def test_the_events_are_listed_by_scene_and_frame(cli: CommandLine, events_run: 
 
 
 def test_the_costliest_events_come_first() -> None:
-    def row(name: str, error: float | None, before: float | None = None, far: float | None = None) -> EventRow:
+    def row(name: str, error: float | None, before: float | None = None, far: float | None = None) -> Listed:
         parts = None if error is None else {"rest": error, "below threshold": 20.0 - error}
         incident = Incident("ids", 1, 1, 0, 0, (0.0, 0.0, 0.0), name, parts=parts, error_before=before, minADE=far)
-        return EventRow("s", 0.1, "car", incident, "car 1", "1", "")
+        return Listed(make_scene([[]]), "car", incident, "")
 
     rows = [
         row("no target", None),
@@ -113,6 +114,7 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
         "scene": "0001", "frame": 4, "until": 4, "time": pytest.approx(0.41, abs=0.01), "event": "ids-0", "kind": "ids",
         "object": 7, "class": "car", "old_id": 7, "new_id": 8, "wrong": False, "minADE": None, "error": 2.0,
         "parts": {"not detected now": 2.0}, "object_id": "7", "error_before": 2.0, "confidence": None,
+        "old_id_in_file": None, "new_id_in_file": None,
     }  # fmt: skip
     assert (ghost["frame"], ghost["until"], ghost["object"], ghost["new_id"]) == (1, 3, None, 90)
 

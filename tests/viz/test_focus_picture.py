@@ -20,7 +20,7 @@ from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import MOST_BRIGHT, ROLES, Window, window_of
 from mtp_bench.viz.replay import Replay
 from mtp_bench.viz.sentence import sentence
-from mtp_bench.viz.terminal.event_table import event_rows, in_order
+from mtp_bench.viz.terminal.event_table import Listed, in_order
 from tests.support.command_line import CommandLine
 from tests.support.focus_scenes import EVENT, crowd
 
@@ -59,7 +59,8 @@ def assert_ringed_in_the_middle(panel: Picture) -> None:
 
 def focus_of(run: Replay, kind: str = "ids") -> Focus:
     """The costliest event of a kind, as `mtp-bench events --sort cost --kind` lists it first."""
-    rows = in_order(event_rows(run, [kind], "run"), "cost")
+    events = [each for each in run.incidents if each.kind == kind]
+    rows = in_order([Listed.of(run, each, "run", None, None) for each in events], "cost")
     return Focus(run, rows[0].incident)
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 from ...scoring.parts import parts_text
 from ...tables import BLANK, Column, Table
+from ...types import Scene
 from ..replay import KINDS, Incident, Replay
 from .output import command_line, counted
 
@@ -25,17 +26,46 @@ LOOK = (
 
 
 @dataclass(frozen=True)
-class EventRow:
-    """One event with its scene."""
+class Listed:
+    """An incident with its scene."""
 
-    scene: str
-    seconds: float  # since the first frame
+    scene: Scene
     class_name: str
     incident: Incident
-    object_name: str  # class, and id in the source
-    object_id: str | None  # in the source; None: of no object
     view: str  # the command that shows it
-    track_names: Mapping[int, str] = field(default_factory=dict)  # of stored tracks: see `Scene`
+
+    @classmethod
+    def of(cls, replay: Replay, at: Incident, *run: str | None, **further: Any) -> Self:
+        """The row of an incident; ``run``: folder, data root and env that name the run in the command."""
+        folder, data, env = run
+        view = command_line("view", str(folder), scene=replay.scene.name, at=at.name, data=data, env=env)
+        return cls(replay.scene, replay.card.task.classes[at.class_id], at, view, **further)
+
+    @property
+    def object_name(self) -> str:
+        """Class and short id of the object."""
+        known = self.incident.object_id >= 0
+        return f"{self.class_name} {self.scene.short_name(self.incident.object_id)}" if known else self.class_name
+
+    def seconds(self, t: int) -> float:
+        """Time of frame ``t`` since the first frame of the scene."""
+        return float(self.scene.time[t] - self.scene.time[0])
+
+    def record(self, *names: str) -> dict[str, Any]:
+        """Content of ``--json`` that all lists have, and fields of the incident by their ``names``."""
+        at, numbers = self.incident, ("object_id", "old_id", "new_id")
+        ids = {name: None if (number := getattr(at, name)) < 0 else number for name in numbers}
+        tracks = {f"{name}_in_file": self.scene.track_names.get(getattr(at, name)) for name in numbers[1:]}
+        return {
+            "scene": self.scene.name,
+            "class": self.class_name,
+            "object": ids["object_id"],
+            **ids,
+            **tracks,
+            "object_id": None if at.object_id < 0 else self.scene.name_of(at.object_id),
+            **{name: getattr(at, name) for name in ("frame", "until", "minADE", "confidence", *names)},
+            "view": self.view,
+        }
 
 
 @dataclass
@@ -58,31 +88,7 @@ class Tally:
             self.wrong += incident.wrong
 
 
-def event_rows(
-    replay: Replay, kinds: Sequence[str], folder: str, data: str | None = None, env: str | None = None
-) -> list[EventRow]:
-    """The events of a scene that are of these ``kinds``, in the order of frames.
-
-    ``folder``, ``data`` and ``env``: arguments that name the run in the command that shows an event.
-    """
-    scene, time, classes = replay.scene.name, replay.scene.time, replay.card.task.classes
-    return [
-        EventRow(
-            scene=scene,
-            seconds=float(time[incident.frame] - time[0]),
-            class_name=(noun := classes[incident.class_id]),
-            incident=incident,
-            object_name=noun if incident.object_id < 0 else f"{noun} {replay.scene.short_name(incident.object_id)}",
-            object_id=None if incident.object_id < 0 else replay.scene.name_of(incident.object_id),
-            track_names=replay.scene.track_names,
-            view=command_line("view", folder, scene=scene, at=incident.name, data=data, env=env),
-        )
-        for incident in replay.incidents
-        if incident.kind in kinds
-    ]
-
-
-def in_order(rows: Sequence[EventRow], order: str) -> list[EventRow]:
+def in_order(rows: Sequence[Listed], order: str) -> list[Listed]:
     """The rows by ``order`` of ORDERS, the largest first.
 
     "cost": by the error without the part below threshold, then by its rise since the frame before and by minADE; false
@@ -91,7 +97,7 @@ def in_order(rows: Sequence[EventRow], order: str) -> list[EventRow]:
     return sorted(rows, key=_ORDER[order], reverse=True) if order in _ORDER else list(rows)
 
 
-def _cost(row: EventRow) -> tuple[float, ...]:
+def _cost(row: Listed) -> tuple[float, ...]:
     event = row.incident
     if event.error is None:
         return -1.0, event.confidence or 0.0
@@ -99,25 +105,23 @@ def _cost(row: EventRow) -> tuple[float, ...]:
     return event.blame, rise, event.minADE or 0.0
 
 
-def _length(row: EventRow) -> float:
-    return row.incident.until - row.incident.frame
+_ORDER: dict[str, Callable[[Listed], Any]] = {
+    "cost": _cost,
+    "confidence": lambda row: row.incident.confidence or 0.0,
+    "length": lambda row: row.incident.until - row.incident.frame,
+}
 
 
-_ORDER: dict[str, Callable[[EventRow], Any]] = {
-    "cost": _cost, "confidence": lambda row: row.incident.confidence or 0.0, "length": _length,
-}  # fmt: skip
-
-
-def longest_only(rows: Sequence[EventRow]) -> list[EventRow]:
+def longest_only(rows: Sequence[Listed]) -> list[Listed]:
     """The rows, with only the LONGEST longest runs of false forecasts of each scene."""
     runs = [row for row in rows if row.incident.kind == "spurious"]
     kept: dict[str, list[int]] = {}
     for row in sorted(runs, key=lambda row: row.incident.frame - row.incident.until):
-        kept.setdefault(row.scene, []).append(id(row))
-    return [row for row in rows if row.incident.kind != "spurious" or id(row) in kept[row.scene][:LONGEST]]
+        kept.setdefault(row.scene.name, []).append(id(row))
+    return [row for row in rows if row.incident.kind != "spurious" or id(row) in kept[row.scene.name][:LONGEST]]
 
 
-def event_table(rows: Sequence[EventRow]) -> Table:
+def event_table(rows: Sequence[Listed]) -> Table:
     """One row per event, to be shown with CAPTION below."""
     return Table("events", "Events of the best hypothesis, along its lineage", "", rows, _COLUMNS)
 
@@ -141,7 +145,7 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
     return text
 
 
-def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str) -> dict[str, Any]:
+def events_json(rows: Sequence[Listed], tally: Tally, env_id: str, agent: str) -> dict[str, Any]:
     """Content of ``events --json``."""
     return {
         "env": env_id,
@@ -153,37 +157,24 @@ def events_json(rows: Sequence[EventRow], tally: Tally, env_id: str, agent: str)
     }
 
 
-def _record(row: EventRow) -> dict[str, Any]:
+def _record(row: Listed) -> dict[str, Any]:
     event = row.incident
-    same = ("frame", "until", "kind", "wrong", "minADE", "error", "parts", "error_before", "confidence")
-    tracks = {"old_id": event.old_id, "new_id": event.new_id}
-    ids = {"object": event.object_id, **tracks}
-    return {
-        "scene": row.scene,
-        "time": row.seconds,
-        "event": event.name,
-        "class": row.class_name,
-        **{name: None if identity < 0 else identity for name, identity in ids.items()},
-        "object_id": row.object_id,
-        **{f"{name}_in_file": row.track_names[track] for name, track in tracks.items() if track in row.track_names},
-        "position": list(event.position),
-        **{name: getattr(event, name) for name in same},
-        "view": row.view,
-    }
+    own = {"time": row.seconds(event.frame), "event": event.name, "position": list(event.position)}
+    return own | row.record("kind", "wrong", "error", "parts", "error_before")
 
 
-def _frames(row: EventRow) -> str:
+def _frames(row: Listed) -> str:
     event = row.incident
     return str(event.frame) if event.until == event.frame else f"{event.frame}–{event.until}"
 
 
-def _track(row: EventRow) -> str:
+def _track(row: Listed) -> str:
     old, new = (BLANK if each < 0 else str(each) for each in (row.incident.old_id, row.incident.new_id))
     return new if row.incident.kind == "spurious" else f"{old} → {new}"
 
 
 _COLUMNS = (
-    Column(key="scene"),
+    Column("scene", read=lambda row: row.scene.name),
     Column(key="frame", read=_frames),
     Column(key="event", read=lambda row: row.incident.name + ("*" if row.incident.wrong else "")),
     Column(key="object", read=lambda row: row.object_name),
