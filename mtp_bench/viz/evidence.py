@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..geometry import iou_3d, wrap_angle
+from ..geometry import wrap_angle
 from ..scoring.holes import pieces
 from ..scoring.matching import match
 from ..scoring.pairs import Pairs
@@ -84,37 +84,27 @@ def taken(focus: Focus, track_id: int, t: int) -> int:
     return int(seen[matched]) if matched >= 0 and gap[own, matched] <= SMOOTHED * focus.gate + moved else -1
 
 
-def confusing(focus: Focus, t: int) -> int:
-    """Row of the detection of another class at the object at frame ``t``, the nearest one; -1 without one."""
-    return _other_class(focus, focus.replay.scene.detections, t) if focus.rows[t] >= 0 else -1
+def confusing(focus: Focus, t: int, true: bool = False) -> int:
+    """Row of the nearest detection of another class at the object at frame ``t``, -1 without one.
 
-
-def mistaken(focus: Focus, t: int) -> int:
-    """Row of the true object of another class at a false forecast at frame ``t``, the nearest one; -1 without one."""
-    return _other_class(focus, focus.replay.scene.truth, t)
-
-
-def _other_class(focus: Focus, table: Detections | Truth, t: int) -> int:
+    ``true``: of the nearest true object of another class, at a false forecast.
+    """
+    table: Truth | Detections = focus.replay.scene.truth if true else focus.replay.scene.detections
     rows = table.start[t] + np.flatnonzero(table.class_id[table.rows(t)] != focus.at.class_id)
     far = np.hypot(*(table.box[rows, :2] - focus.place(t)).T)
-    return int(rows[np.argmin(far)]) if (far <= reach(focus)).any() else -1
+    there = true or focus.rows[t] >= 0
+    return int(rows[np.argmin(far)]) if there and (far <= reach(focus)).any() else -1
 
 
 def says(focus: Focus, row: int) -> str:
-    """Class and score of a detection: "pedestrian, .85"."""
+    """Class and score of a detection: "pedestrian .85"."""
     table, classes = focus.replay.scene.detections, focus.replay.card.task.classes
-    return f"{classes[table.class_id[row]].replace('_', ' ')}, {share(table.score[row])}"
+    return f"{classes[table.class_id[row]].replace('_', ' ')} {share(table.score[row])}"
 
 
 def share(value: float) -> str:
     """A number below 1 in two digits, such as ".85"."""
     return f"{value:.2f}".removeprefix("0")
-
-
-def overlap(focus: Focus, track_id: int, t: int) -> float:
-    """IoU in 3D of the object and a track that is output at frame ``t``."""
-    row, own = focus.track_rows(track_id)[t], focus.rows[t]
-    return float(iou_3d(focus.replay.scene.truth.box[own], focus.replay.rollout.track_box[row].astype(np.float64)))
 
 
 def distance(focus: Focus, t: int) -> float | None:

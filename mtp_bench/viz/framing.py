@@ -12,7 +12,7 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Floats, Ints
 from .counterpart import counterpart
-from .evidence import confusing, expected, taken
+from .evidence import confusing, expected, says, share, taken
 from .focus import Focus
 from .palette import BEFORE, BLACK, DIM, EVENT, NOW, PURPLE, TRUTH
 from .replay import Incident, Replay
@@ -144,10 +144,8 @@ def _beside(focus: Focus, t: int) -> Ints:
 def _detection_text(focus: Focus, row: int) -> str:
     """Score of a detection, after its class where no object is of that class: "pedestrian .85"."""
     detections = focus.replay.scene.detections
-    name = focus.replay.card.task.classes[detections.class_id[row]].replace("_", " ")
-    score = f"{detections.score[row]:.2f}".replace("0.", ".", 1)
     same = focus.at.object_id >= 0 and detections.class_id[row] == focus.at.class_id
-    return score if same else f"{name} {score}"
+    return share(detections.score[row]) if same else says(focus, row)
 
 
 def _present(rows: Sequence[int]) -> Ints:

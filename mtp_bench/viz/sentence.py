@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from ..geometry import iou_3d
 from ..scoring.parts import BELOW, parts_text
 from . import evidence
 from .focus import Focus
@@ -157,14 +158,15 @@ def _evidence(focus: Focus) -> Iterator[str]:
 def _fate(focus: Focus) -> str:
     """Fate of the track that had the object before."""
     t, old, new, rule = focus.at.frame, focus.at.old_id, focus.at.new_id, evidence.gate(focus)
-    if focus.track_rows(old)[t] < 0:
+    if (row := focus.track_rows(old)[t]) < 0:
         return f"track {old} ends"
     took = f"{took} and " if (took := _took(focus, old)) else ""
     if (other := focus.other(old, t)) >= 0:
         return f"track {old} {took}goes to {_named(focus, other)}"
     if rule.iou:
-        overlap, below = np.floor(100 * evidence.overlap(focus, old, t)) / 100, f", below {rule.threshold:g}"
-        return f"track {old} {took}has an IoU of {overlap:.2f} with it{below if new < 0 else ''}"
+        overlap = iou_3d(focus.replay.scene.truth.box[focus.rows[t]], focus.replay.rollout.track_box[row])
+        below = f", below {rule.threshold:g}" if new < 0 else ""
+        return f"track {old} {took}has an IoU of {np.floor(100 * overlap) / 100:.2f} with it{below}"
     beside = f", track {new} {_away(focus, new):.1f} m" if new >= 0 else ""
     return f"track {old} {took}is {_away(focus, old):.1f} m away{beside}"
 
@@ -234,22 +236,18 @@ def _false_forecast(focus: Focus) -> Iterator[str]:
 def _surplus(focus: Focus) -> Iterator[str]:
     """Reasons why a forecast is false: an object of another class, a second forecast of one object, or no object."""
     at, truth, t = focus.at, focus.replay.scene.truth, focus.at.frame
-    other, rows = evidence.mistaken(focus, t), truth.rows(t)
-    same = rows.start + np.flatnonzero(truth.class_id[rows] == at.class_id)
-    far = np.hypot(*(truth.box[same, :2] - np.array(at.position[:2])).T)
+    rows, far = truth.rows(t), np.hypot(*(truth.box[truth.rows(t), :2] - focus.place(t)).T)
+    other, far = evidence.confusing(focus, t, true=True), np.where(truth.class_id[rows] == at.class_id, far, np.inf)
     if other >= 0:
-        away = float(np.hypot(*(truth.box[other, :2] - np.array(at.position[:2]))))
+        away = float(np.hypot(*(truth.box[other, :2] - focus.place(t))))
         yield f"the true {_named(focus, other)} is {away:.1f} m away, forecast as {focus.noun}"
-    if (far <= focus.gate).any():
-        nearest = int(same[np.argmin(far)])
-        yield f"it is a second forecast of {focus.name_of(nearest)}, {far.min():.1f} m away"
+    nearest = float(far.min(initial=np.inf))
+    if nearest <= focus.gate:
+        yield f"it is a second forecast of {focus.name_of(rows.start + int(far.argmin()))}, {nearest:.1f} m away"
     elif other < 0:
-        text = f"the nearest is {far.min():.1f} m away" if len(far) else "the scene has none"
+        text = f"the nearest is {nearest:.1f} m away" if np.isfinite(nearest) else "the scene has none"
         yield f"no true {focus.noun} is within {focus.gate:g} m: {text}"
-    row = evidence.taken(focus, at.new_id, t)
-    if at.new_id >= 0:
-        yield (
-            "it takes no detection"
-            if row < 0
-            else f"its detection scores {evidence.share(focus.replay.scene.detections.score[row])}"
-        )
+    if (row := evidence.taken(focus, at.new_id, t)) >= 0:
+        yield f"its detection scores {evidence.share(focus.replay.scene.detections.score[row])}"
+    elif at.new_id >= 0:
+        yield "it takes no detection"
