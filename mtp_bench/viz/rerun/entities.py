@@ -74,10 +74,10 @@ class Log:
         frame = np.array(self.frames if frames is None else frames, dtype=np.int64)
         duration = np.rint((self.scene.time - self.scene.time[0])[frame] * 1e9).astype("timedelta64[ns]")
         times = [rr.TimeColumn(name, duration=duration) for name in self.seconds]
-        if self.seconds != (EVENT,):
+        if self.seconds != (EVENT,):  # whose frames are logged for the second time
             times.append(rr.TimeColumn("frame", sequence=frame))
-        if style is not None:
-            self.recording.log(self.root + path, style, static=True)
+            if style is not None:
+                self.recording.log(self.root + path, style, static=True)
         self.recording.send_columns(self.root + path, times, columns)
 
     def _rows(self, start: Ints) -> tuple[slice, Ints]:
