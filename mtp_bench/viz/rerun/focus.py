@@ -62,7 +62,7 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
     strips("signs", lambda frame: _signs(focus, frame), EDGE)
     beside = window_of(focus, focus.at.frame, focuses)
     _log_names(log, [_names(focus, frame, max(beside.high, beside.wide / 2)) for frame in shown], height)
-    texts = [drawable(event_text(focus, frame)) for frame in shown]
+    texts = [drawable(event_text(focus, frame, large=len(focuses) == 1)) for frame in shown]
     log.columns("focus/text", None, rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts)))
     if end < scene.frames:
         recording.set_time("frame", sequence=end)
@@ -153,7 +153,7 @@ def _names(focus: Focus, frame: FocusFrame, half: float) -> list[Labelled]:
         share = min(1.0, 0.8 * half / max(far, 1e-9))
         ends.append(("ego", place + share * (focus.replay.scene.ego[t, :2] - place), f"ego {far:.0f} m away"))
     for role, end, name in ends:
-        if all(np.hypot(*(end - taken)) > away / 2 for taken in [taken for _, taken, _ in names]):
+        if all(np.hypot(*(end - taken)) > 0.9 * away for taken in [taken for _, taken, _ in names]):
             names.append((role, end, name))
     return names
 

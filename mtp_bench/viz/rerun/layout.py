@@ -84,7 +84,7 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     shares = [2.2, 1.0] if alone else [1.8, 1.0, *[1.8] * (len(agents) - 1)]
     texts = [rrb.TextDocumentView(origin=f"/{a.root}focus/text", name=a.titled("what happened")) for a in agents]
     key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
-    beside = rrb.Vertical(*texts, key, row_shares=[*[1.2] * len(agents), 1.0])
+    beside = rrb.Vertical(*texts, key, row_shares=[*[1.2 if alone else 1.8] * len(agents), 1.0])
     above = rrb.Horizontal(columns[0], beside, *columns[1:], column_shares=shares)
     below = rrb.Horizontal(*_curves(agents), _lanes(agents, at))
     # the timeline of the event has nothing but its window, which is played over and over

@@ -57,8 +57,8 @@ def event_key(focus: Focus) -> str:
     return EVENT_KEY.format(gate=f"{rule.text}, not drawn" if rule.iou else rule.text)
 
 
-def event_text(focus: Focus, frame: FocusFrame) -> str:
-    """The sentence of an event, and numbers of one frame."""
+def event_text(focus: Focus, frame: FocusFrame, large: bool) -> str:
+    """The sentence of an event, in ``large`` letters or not, and numbers of one frame."""
     t, run = frame.frame, focus.replay
     row, rows, follower = int(focus.rows[t]), {}, focus.follower(t)
     if row >= 0:
@@ -78,5 +78,5 @@ def event_text(focus: Focus, frame: FocusFrame) -> str:
     far, seen = distance(focus, t), visible(focus, t)
     if far is not None:
         rows["ego"] = f"{far:.0f} m away" + ("" if seen is None else f", sees {seen:.0%}")
-    lines = [f"#### {sentence(focus)}.", "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
+    lines = [f"#### {sentence(focus)}." if large else f"**{sentence(focus)}.**", "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
     return "\n".join([*lines, *(f"| {name} | {text} |" for name, text in rows.items())])
