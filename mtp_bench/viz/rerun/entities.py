@@ -14,8 +14,8 @@ from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
 from ..palette import FALSE, Color
 from ..replay import Replay, ego_boxes
 from .colors import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, packed, track_colors
-from .names import object_names
 from .sdk import rr
+from .shown import object_names
 
 TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
 TRACK_FILL = "transparentfillmajorwireframe"
@@ -90,15 +90,6 @@ def frames_around(scene: Scene, t: int) -> range:
     """The frames within SECONDS of frame ``t``."""
     near = np.flatnonzero(np.abs(scene.time - scene.time[t]) <= SECONDS + 1e-6)
     return range(int(near[0]), int(near[-1]) + 1)
-
-
-def logs_of(recording: rr.RecordingStream, scene: Scene, window: range | None) -> list[Log]:
-    """Targets for all frames, and once more for those of the ``window``, on a timeline of their own.
-
-    A viewer begins at the first time of a timeline: a layout has no field for another one.
-    """
-    logs = [Log(recording, scene, range(scene.frames))]
-    return logs if window is None else [*logs, Log(recording, scene, window, seconds=(EVENT,))]
 
 
 def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None:

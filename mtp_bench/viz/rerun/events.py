@@ -6,13 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..focus import Focus
-from ..replay import KINDS, Incident, Replay
+from ..replay import Incident, Replay
 from ..sentence import sentence
 from .colors import EVENTS, SERIES, UNTRACKED, Colors, packed, tone, track_colors
 from .entities import Log
-from .names import drawable
 from .sdk import rr
-from .shown import ShownAgent
+from .shown import ShownAgent, drawable
 
 EVENT_FRAMES = 10  # frames that an event stays in the picture
 EVENT_SECONDS = 1.0  # that its mark on the time line lasts at least: so its name has room
@@ -23,36 +22,27 @@ def log_judgement(log: Log, agent: ShownAgent, number: int) -> None:
     """Log events, identity lanes and counts of the best hypothesis of the agent with this number."""
     run = agent.replay
     _log_markers(log, run)
-    for kind in KINDS:
+    for kind in dict.fromkeys(i.kind for i in run.incidents):
         incidents = [i for i in run.incidents if i.kind == kind]
-        if incidents:
-            _log_texts(log, run, kind, [i for i in incidents if i.frame in log.frames])
-            marks = marks_of(run, incidents)
-            names = sorted({*marks} - {""})
-            _log_lane(log, f"marks/{kind}", marks, names, np.array([EVENTS[kind]] * len(names), dtype=np.uint8))
+        marks = marks_of(run, incidents)
+        names = sorted({*marks} - {""})
+        _log_lane(log, f"marks/{kind}", marks, names, np.array([EVENTS[kind]] * len(names), dtype=np.uint8))
+        incidents = [i for i in incidents if i.frame in log.frames]
+        texts, color = [drawable(sentence(Focus(run, i))) for i in incidents], packed(EVENTS[kind])
+        if texts:
+            columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=np.tile(color, len(texts)))
+            log.columns(f"marks/{kind}", None, columns, [i.frame for i in incidents])
     for object_id, lane in lanes(run).items():
         tracks = np.unique([track for track in lane if track is not None])
+        names = ["untracked" if track < 0 else f"track {track}" for track in tracks.tolist()]
+        states = ["" if track is None else names[np.searchsorted(tracks, track)] for track in lane]
         colors = np.where(tracks[:, None] < 0, UNTRACKED, track_colors(tracks)).astype(np.uint8)
-        states = ["" if track is None else _named(track) for track in lane]
-        _log_lane(log, agent.lanes[object_id], states, [_named(track) for track in tracks.tolist()], colors)
+        _log_lane(log, agent.lanes[object_id], states, names, colors)
     for name, values in run.counts.items():
         if name != "FP" or run.scene.truth_complete:
             color, title = packed(tone(SERIES[name], number)), f"{agent.name} {name}".strip()
             style = rr.SeriesLines(colors=color, names=title, widths=2)
             log.columns(f"metrics/{name}", style, rr.Scalars.columns(scalars=values[log.frames].astype(np.float64)))
-
-
-def _named(track: int) -> str:
-    return "untracked" if track < 0 else f"track {track}"
-
-
-def _log_texts(log: Log, run: Replay, kind: str, incidents: Sequence[Incident]) -> None:
-    """Log the sentences of events."""
-    if incidents:
-        texts = [drawable(sentence(Focus(run, incident))) for incident in incidents]
-        color = np.tile(packed(EVENTS[kind]), len(texts))
-        columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=color)
-        log.columns(f"marks/{kind}", None, columns, [i.frame for i in incidents])
 
 
 def _log_markers(log: Log, run: Replay) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ...geometry import rotate
 from ...types import Floats, Ints, starts_of
 from ..drawing.report import small_pictures
 from ..evidence import distance, gate
@@ -13,17 +14,16 @@ from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
 from .colors import ROLES, SWITCH, Colors, packed
 from .entities import EDGE as RING
 from .entities import EVENT, TRACK_FILL, Log
-from .names import drawable
 from .sdk import rr
-from .texts import event_text
+from .shown import drawable
+from .texts import event_text, nearest_detections
 
-SIDES = {"truth": np.pi / 2, "now": -np.pi / 2, "before": np.pi, "named": 0.0}  # rad from the way to the name
+SIDES = {"truth": (0.0, 1.0), "now": (0.0, -1.0), "before": (-1.0, 0.0)}  # from a box to its name, if the way is (1, 0)
 BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen
 LIFT = 0.3  # m, that lines lie above the ground of dim things
-MOST_SCORES = 3  # detections whose score is shown: the nearest
-CROSS = 0.3  # m, half of the sign for an expected place
-CIRCLE = np.column_stack([np.cos(ANGLES := np.linspace(0.0, 2 * np.pi, 49)), np.sin(ANGLES)])  # [49, 2]
-GAP = 0.5  # m, from a track to the detection that it took: a smaller one needs no line
+CROSS = 0.3 * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])  # m, at an expected place
+ANGLES = np.linspace(0.0, 2 * np.pi, 49)
+CIRCLE = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 Things = Sequence[tuple[str, Floats]]  # a role, and a box [7] or a path [n, 2]
 Labelled = tuple[str, Floats, str]  # role, place [2] and text
@@ -34,11 +34,10 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
 
     ``number``: of the focus among those of all runs; ``root``: prefix of its paths.
     """
-    focus = focuses[number]
-    scene, end = focus.replay.scene, window.stop
+    focus, end = focuses[number], window.stop
+    scene, (x, y, z) = focus.replay.scene, focus.at.position
     log = Log(recording, scene, window, root, ("time", EVENT), window.start)
     shown = [frame_of(focus, t) for t in window]
-    height = focus.at.position[2] + LIFT
 
     def boxes(path: str, things: Callable[[FocusFrame], Things], radius: float, **style: Any) -> None:
         rows = [things(frame) for frame in shown]
@@ -48,7 +47,7 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
     def strips(path: str, things: Callable[[FocusFrame], Things], radius: float) -> None:
         rows = [things(frame) for frame in shown]
         paths = [path for row in rows for _, path in row]
-        point = np.full((len(paths), max(map(len, paths), default=2), 3), height)
+        point = np.full((len(paths), max(map(len, paths), default=2), 3), z + LIFT)
         for i, each in enumerate(paths):  # a shorter path repeats its last point
             point[i, :, :2] = np.pad(each, ((0, point.shape[1] - len(each)), (0, 0)), mode="edge")
         log.strips(f"world/focus/{path}", _starts(rows), point, _colors(rows), radius)
@@ -60,8 +59,13 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
     strips("samples", lambda frame: _samples(focus, frame), THIN)
     strips("forecast", lambda frame: _nearest(focus, frame), BOLD)
     strips("signs", lambda frame: _signs(focus, frame), EDGE)
-    beside = window_of(focus, focus.at.frame, focuses)
-    _log_names(log, [_names(focus, frame, max(beside.high, beside.wide / 2)) for frame in shown], height)
+    picture = window_of(focus, focus.at.frame, focuses)
+    rows = [_names(focus, frame, max(picture.high, picture.wide / 2)) for frame in shown]
+    places = [(*place, z + LIFT) for row in rows for _, place, _ in row]
+    labels = [drawable(name) for row in rows for _, _, name in row]
+    names = rr.Points3D.columns(positions=np.reshape(places, (-1, 3)), colors=packed(_colors(rows)), labels=labels)
+    style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.5), show_labels=True)
+    log.columns("world/focus/name", style, names.partition([len(row) for row in rows]))
     texts = [drawable(event_text(focus, frame, large=len(focuses) == 1)) for frame in shown]
     log.columns("focus/text", None, rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts)))
     if end < scene.frames:
@@ -71,14 +75,9 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
         recording.reset_time()
     pictures = rr.Image(np.asarray(small_pictures(focus, focuses)))
     recording.log(f"{root}focus/pictures", pictures, static=True)
-
-
-def log_ring(recording: rr.RecordingStream, focus: Focus) -> None:
-    """A ring around the place of the event, in all frames."""
-    x, y, z = focus.at.position
-    circle = np.array([x, y]) + (0.4 + 0.65 * length_of(focus)) * CIRCLE
-    ring = np.column_stack([circle, np.full(len(circle), z)])
-    recording.log("world/at", rr.LineStrips3D([ring], radii=RING, colors=SWITCH), static=True)
+    if number == 0:
+        ring = np.insert((x, y) + (0.4 + 0.65 * length_of(focus)) * CIRCLE, 2, z, axis=1)
+        recording.log("world/at", rr.LineStrips3D([ring], radii=RING, colors=SWITCH), static=True)
 
 
 def _nearest(focus: Focus, frame: FocusFrame) -> Things:
@@ -94,16 +93,12 @@ def _samples(focus: Focus, frame: FocusFrame) -> Things:
 
 def _signs(focus: Focus, frame: FocusFrame) -> Things:
     """The event gate, crosses at expected places, lines to detections that tracks took, and the line to the ego."""
-    signs: list[tuple[str, Floats]] = []
-    rule, place = gate(focus), focus.place(frame.frame)
-    if len(frame.object_box) and not rule.iou:
-        signs.append(("detection", place + rule.threshold * CIRCLE))
+    rule, place, detections = gate(focus), focus.place(frame.frame), focus.replay.scene.detections
+    signs = [("detection", place + rule.threshold * CIRCLE)] if len(frame.object_box) and not rule.iou else []
     for track in frame.tracks:
-        if track.expected is not None:
-            signs += [(track.role, track.expected + CROSS * np.array([[-1, -side], [1, side]])) for side in (1, -1)]
-        if track.detection >= 0:
-            line = np.stack([track.box[:2], focus.replay.scene.detections.box[track.detection, :2]])
-            signs += [("detection", line)] if np.hypot(*(line[1] - line[0])) > GAP else []
+        signs += [(track.role, track.expected + CROSS)] if track.expected is not None else []
+        took = detections.box[track.detection : track.detection + 1, :2] if track.detection >= 0 else ()
+        signs += [("detection", np.stack([track.box[:2], xy])) for xy in took]
     if distance(focus, frame.frame) is not None:
         signs.append(("ego", np.stack([place, focus.replay.scene.ego[frame.frame, :2]])))
     return signs
@@ -117,49 +112,27 @@ def _colors(rows: Sequence[Sequence[tuple[Any, ...]]]) -> Colors:
     return np.array([ROLES[thing[0]] for row in rows for thing in row], dtype=np.uint8).reshape(-1, 3)
 
 
-def _log_names(log: Log, rows: Sequence[Sequence[Labelled]], height: float) -> None:
-    names = [name for row in rows for name in row]
-    place = np.array([place for _, place, _ in names]).reshape(-1, 2)
-    columns = rr.Points3D.columns(
-        positions=np.column_stack([place, np.full(len(names), height)]),
-        colors=packed(_colors(rows)),
-        labels=[drawable(name) for _, _, name in names],
-    )
-    style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.5), show_labels=True)
-    log.columns("world/focus/name", style, columns.partition([len(row) for row in rows]))
-
-
 def _names(focus: Focus, frame: FocusFrame, half: float) -> list[Labelled]:
-    """Names beside the boxes, each on a side of its own, and at the ends of paths, so that none hides another.
+    """Names beside the boxes, on a side for each role, and at the ends of paths, so that none hides another.
 
     ``half``: of what is shown, m.
     """
-    t, place, turn = frame.frame, focus.place(frame.frame), turn_of(focus)
+    t, place = frame.frame, focus.place(frame.frame)
     away = 0.5 * length_of(focus) + 0.1 * half
-    sides: dict[str, list[str]] = {"truth": [focus.named]} if len(frame.object_box) else {}
-    for track in frame.tracks:
-        sides.setdefault(track.role, []).append(f"track {track.track_id}")
-    angle = {role: turn + SIDES[role] for role in sides}
-    names: list[Labelled] = [
-        (role, place + away * np.array([np.cos(angle[role]), np.sin(angle[role])]), ", ".join(texts))
-        for role, texts in sides.items()
-    ]
+    boxes = [("truth", box, focus.named) for box in frame.object_box]
+    boxes += [(track.role, track.box, f"track {track.track_id}") for track in frame.tracks]
+    sides = {role: away * rotate(np.array(side), turn_of(focus)) for role, side in SIDES.items()}
+    wanted = [(role, box[:2] + sides.get(role, 0.0), name) for role, box, name in boxes]
     ends = [(role, path[-1], f"forecast {role}") for role, path in _nearest(focus, frame)[::-1]]
     ends[1:1] = [("truth", frame.future[-1], "true place then")] if len(frame.future) > 1 else []
-    ends += _scores(focus, frame)
-    ends += [(track.role, track.expected, "expected") for track in frame.tracks if track.expected is not None]
+    wanted += ends + [("detection", place, text) for place, text, _ in nearest_detections(focus, frame)]
+    wanted += [(track.role, track.expected, "expected") for track in frame.tracks if track.expected is not None]
     far = distance(focus, t)
     if far is not None:
         share = min(1.0, 0.8 * half / max(far, 1e-9))
-        ends.append(("ego", place + share * (focus.replay.scene.ego[t, :2] - place), f"ego {far:.0f} m away"))
-    for role, end, name in ends:
-        if all(np.hypot(*(end - taken)) > 0.9 * away for taken in [taken for _, taken, _ in names]):
-            names.append((role, end, name))
+        wanted.append(("ego", place + share * (focus.replay.scene.ego[t, :2] - place), f"ego {far:.0f} m away"))
+    names: list[Labelled] = []
+    for each in wanted:
+        if all(np.hypot(*(each[1] - other[1])) > 0.9 * away for other in names):
+            names.append(each)
     return names
-
-
-def _scores(focus: Focus, frame: FocusFrame) -> list[Labelled]:
-    """Scores of the nearest detections."""
-    far = np.hypot(*(frame.detection_box[:, :2] - focus.place(frame.frame)).T)
-    nearest = np.argsort(far, kind="stable")[:MOST_SCORES]
-    return [("detection", frame.detection_box[i, :2], frame.detection_text[i]) for i in nearest.tolist()]

@@ -72,29 +72,26 @@ class Eye:
 
 def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     """The blueprint of a recording; all views of the scene look at its event."""
-    first, alone, eye = agents[0], len(agents) == 1, _eye(agents[0], at)
-    oblique = [replace(eye, offset=ASIDE, up=UP).view(first, "scene", next(iter(first.hypotheses)))]
+    alone, eye, card = len(agents) == 1, _eye(agents[0], at), agents[0].replay.card
+    key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
     if at is None:
-        views = [view for agent in agents for view in _beside(agent, eye, oblique if alone else [], len(agents))]
-        key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
+        views = [view for agent in agents for view in _beside(agent, eye, MOST_BESIDE // len(agents))]
         above = rrb.Horizontal(*views, key, column_shares=[*[1.0] * len(views), 0.7])
         below = rrb.Horizontal(_counts(agents), _lanes(agents, at), column_shares=[1, 2])
-        return _blueprint(rrb.Vertical(above, below, row_shares=[1.7, 1]), "Paused", "time", first.replay.card)
-    columns = [_alone(agents, agent, [*(oblique if agent is first else []), *_tabs(agent, eye)]) for agent in agents]
-    shares = [2.2, 1.0] if alone else [1.8, 1.0, *[1.8] * (len(agents) - 1)]
+        return _blueprint(rrb.Vertical(above, below, row_shares=[1.7, 1]), "Paused", "time", card)
     texts = [rrb.TextDocumentView(origin=f"/{a.root}focus/text", name=a.titled("what happened")) for a in agents]
-    key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
     beside = rrb.Vertical(*texts, key, row_shares=[*[1.2 if alone else 1.8] * len(agents), 1.0])
-    above = rrb.Horizontal(columns[0], beside, *columns[1:], column_shares=shares)
+    first, *others = (_alone(agents, agent, eye) for agent in agents)
+    above = rrb.Horizontal(first, beside, *others, column_shares=[2.2 if alone else 1.8, 1.0, *[1.8] * len(others)])
     below = rrb.Horizontal(*_curves(agents), _lanes(agents, at))
     # the timeline of the event has nothing but its window, which is played over and over
-    return _blueprint(rrb.Vertical(above, below, row_shares=[2.8, 1]), "Playing", EVENT, first.replay.card, "All")
+    return _blueprint(rrb.Vertical(above, below, row_shares=[2.8, 1]), "Playing", EVENT, card, "All")
 
 
 def live_layout(agent: ShownAgent) -> rrb.Blueprint:
     """Blueprint of an episode that is still running: its hypotheses, at the newest frame."""
-    views = _beside(agent, _eye(agent, None), [], 1)
-    return _blueprint(rrb.Horizontal(*views), "Following", "frame", agent.replay.card)
+    views = rrb.Horizontal(*_beside(agent, _eye(agent, None), MOST_BESIDE))
+    return _blueprint(views, "Following", "frame", agent.replay.card)
 
 
 def _blueprint(parts: Any, play: Any, timeline: str, card: Card, loop: Any = None) -> rrb.Blueprint:
@@ -121,30 +118,17 @@ def _eye(agent: ShownAgent, at: Incident | None) -> Eye:
     return Eye(center, float(np.clip(spread, NEAR, 6 * NEAR)), world)
 
 
-def _birds(agent: ShownAgent, eye: Eye) -> list[Any]:
-    """Bird's-eye views of the hypotheses, the heaviest first."""
-    alone = len(agent.hypotheses) == 1
-    names = {h: "" if np.isnan(w) else f", weight {w:.2f}" for h, w in agent.hypotheses.items()}
-    return [
-        eye.view(agent, "seen from above" if alone else f"hypothesis {h}{weight}", h, detections=False)
-        for h, weight in names.items()
-    ]
+def _beside(agent: ShownAgent, eye: Eye, most: int) -> list[Any]:
+    """Views side by side: the hypotheses from above, the heaviest first, the scene and the detections.
 
-
-def _beside(agent: ShownAgent, eye: Eye, others: Sequence[Any], agents: int) -> list[Any]:
-    """Hypotheses side by side, as many as there is room for; those left, ``others`` and detections in tabs."""
-    first, *views = _birds(agent, eye)
-    most = MOST_BESIDE // agents - 1
-    if not views:
-        views, others = [*others], []
-    return [rrb.Tabs(first, *others, *views[most:], eye.view(agent, "detections"), active_tab=0), *views[:most]]
-
-
-def _tabs(agent: ShownAgent, eye: Eye) -> list[Any]:
-    """The hypotheses side by side in one tab, the detections in another."""
-    birds = _birds(agent, eye)
-    shown = rrb.Horizontal(*birds[:MOST_BESIDE], name=agent.titled("hypotheses")) if len(birds) > 1 else birds[0]
-    return [shown, *birds[MOST_BESIDE:], eye.view(agent, "detections")]
+    Those that are more than ``most`` are in tabs behind the first.
+    """
+    hypotheses, best = agent.hypotheses, next(iter(agent.hypotheses))
+    names = {h: f"hypothesis {h}" + ("" if np.isnan(w) else f", weight {w:.2f}") for h, w in hypotheses.items()}
+    names = names if len(names) > 1 else {best: "seen from above"}
+    views = [eye.view(agent, name, h, detections=False) for h, name in names.items()]
+    views += [replace(eye, offset=ASIDE, up=UP).view(agent, "scene", best), eye.view(agent, "detections")]
+    return [rrb.Tabs(views[0], *views[most:], active_tab=0), *views[1:most]]
 
 
 def _counts(agents: Sequence[ShownAgent]) -> rrb.TimeSeriesView:
@@ -155,56 +139,43 @@ def _counts(agents: Sequence[ShownAgent]) -> rrb.TimeSeriesView:
 
 
 def _curves(agents: Sequence[ShownAgent]) -> list[Any]:
-    """Plots of the object of the event; those of several agents in tabs, all but the error."""
-    plots: list[Any] = []
-    for agent in agents:
-        assert agent.focus is not None, "an event is shown"
-        views = [
-            rrb.TimeSeriesView(
-                origin=f"/{agent.root}object/{number}",
-                name=agent.titled(title),
-                plot_legend=rrb.Corner2D.RightTop if number else rrb.Corner2D.LeftTop,
-            )
-            for number, title in enumerate(curves_of(agent.focus))
+    """Plots of the object of the event; those of one of several agents in tabs."""
+    corners = (rrb.Corner2D.LeftTop, *[rrb.Corner2D.RightTop] * 2)
+    plots = [
+        [
+            rrb.TimeSeriesView(origin=f"/{a.root}object/{i}", name=a.titled(title), plot_legend=corners[i])
+            for i, title in enumerate(curves_of(a.focus))
         ]
-        plots += views if len(agents) == 1 else [rrb.Tabs(*views, active_tab=0)] if views else []
-    return plots
+        for a in agents
+        if a.focus is not None
+    ]
+    return plots[0] if len(agents) == 1 else [rrb.Tabs(*views, active_tab=0) for views in plots if views]
 
 
 def _lanes(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Tabs:
     """Events on the time line and lanes of the objects with most of them; all lanes; the event log."""
-    first = None if at is None else at.object_id
-    kinds = KINDS if at is None or first == -1 else KINDS[:-1]  # there is no room for false forecasts of others
+    own = None if at is None else at.object_id
+    kinds = KINDS if at is None or own == -1 else KINDS[:-1]  # there is no room for false forecasts of others
     near = range(agents[0].replay.frames) if at is None else frames_around(agents[0].replay.scene, at.frame)
-    lanes: dict[str, list[str]] = {"events and tracks": [], "tracks of every object": []}
+    few, every = [], []
     for agent in agents:
         run, root = agent.replay, f"/{agent.root}"
         count, switches = (Counter(i.object_id for i in run.events if i.kind in some) for some in (KINDS, ("ids",)))
         objects = np.unique(run.scene.truth.object_id[~run.scene.truth.neutral]).tolist()
         # first the object of the event, then those with many switches and other events
-        order = sorted(objects, key=lambda g: (g != first, -switches[g], -count[g], g))
-        tracks = [root + agent.lanes[g] for g in order]
-        events = [
-            f"{root}marks/{kind}" for kind in kinds if any(i.kind == kind and i.frame in near for i in run.incidents)
-        ]
-        few = tracks[: MOST_LANES // len(agents) if at is None else int(first in objects)]
-        lanes["events and tracks"] += few + events
-        lanes["tracks of every object"] += tracks
-    log = rrb.TextLogView(
-        origin="/",
-        contents=[f"/{agent.root}marks/**" for agent in agents],
-        name="event log",
-        columns=rrb.TextLogColumns(
-            timeline_columns=[rrb.encodings.TimelineColumn(timeline="frame")],
-            text_log_columns=[rrb.encodings.TextLogColumn(kind="Body")],
-        ),
-    )
-    views = [rrb.StateTimelineView(origin="/", contents=paths, name=name) for name, paths in lanes.items() if paths]
-    return rrb.Tabs(*views, log, active_tab=0)
+        order = sorted(objects, key=lambda g: (g != own, -switches[g], -count[g], g))
+        every += [root + agent.lanes[g] for g in objects]
+        few += [root + agent.lanes[g] for g in order[: MOST_LANES // len(agents) if at is None else own in objects]]
+        happened = {i.kind for i in run.incidents if i.frame in near}
+        few += [f"{root}marks/{kind}" for kind in kinds if kind in happened]
+    names = {"events and tracks": few, "tracks of every object": every}
+    views = [rrb.StateTimelineView(origin="/", contents=paths, name=name) for name, paths in names.items() if paths]
+    columns = rrb.TextLogColumns(timeline_columns=["frame"], text_log_columns=["Body"])
+    return rrb.Tabs(*views, rrb.TextLogView(origin="/", name="event log", columns=columns), active_tab=0)
 
 
-def _alone(agents: Sequence[ShownAgent], agent: ShownAgent, others: Sequence[Any]) -> Any:
-    """The event alone from above, turned like its picture, above the small pictures; ``others`` in tabs behind."""
+def _alone(agents: Sequence[ShownAgent], agent: ShownAgent, wide: Eye) -> Any:
+    """The event alone from above, turned like its picture, above the small pictures; behind it the whole scene."""
     focus, world = agent.focus, f"/{agent.root}world"
     assert focus is not None, "an event is shown"
     window = window_of(focus, focus.at.frame, [each.focus for each in agents if each.focus is not None])
@@ -227,4 +198,5 @@ def _alone(agents: Sequence[ShownAgent], agent: ShownAgent, others: Sequence[Any
     frames = f"frames {focus.at.frame - 1}, {focus.at.frame} and {focus.at.frame + 1}"
     pictures = rrb.Spatial2DView(origin=f"/{agent.root}focus/pictures", name=agent.titled(frames))
     shares = [1.2 if focus.replay.images else 2.3, 1]
-    return rrb.Vertical(rrb.Tabs(view, *others, active_tab=0), pictures, row_shares=shares)
+    whole = rrb.Horizontal(*_beside(agent, wide, MOST_BESIDE), name=agent.titled("whole scene"))
+    return rrb.Vertical(rrb.Tabs(view, whole, active_tab=0), pictures, row_shares=shares)

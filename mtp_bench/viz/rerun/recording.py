@@ -14,13 +14,12 @@ from ...errors import MtpBenchError
 from ...files import whole_file
 from ..replay import Incident, Replay
 from .curves import log_curves
-from .entities import frames_around, log_answers, log_map, log_scene, logs_of
+from .entities import EVENT, Log, frames_around, log_answers, log_map, log_scene
 from .events import log_judgement
-from .focus import log_focus, log_ring
+from .focus import log_focus
 from .layout import layout
-from .names import drawable
 from .sdk import rr
-from .shown import ShownAgent, shown_agents
+from .shown import ShownAgent, drawable, shown_agents
 from .texts import event_key, scene_key
 
 APPLICATION = "mtp_bench"
@@ -68,18 +67,19 @@ def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level
     """Log the content that all runs share once, then each run under its root."""
     scene, runs = agents[0].replay.scene, [agent.replay for agent in agents]
     focuses = [agent.focus for agent in agents if agent.focus is not None]
-    window = None if at is None else frames_around(scene, at.frame)
     log_map(recording, scene)
-    for log in logs_of(recording, scene, window):
+    logs = [Log(recording, scene, range(scene.frames))]
+    if at is not None:  # a viewer begins at the first time of a timeline: a layout has no field for another one
+        logs.append(Log(recording, scene, frames_around(scene, at.frame), seconds=(EVENT,)))
+    for log in logs:
         log_scene(log, runs[0])
         for number, agent in enumerate(agents):
-            log_answers(replace(log, root=agent.root), agent.replay, agent.hypotheses, level)
-            log_judgement(replace(log, root=agent.root), agent, number)
+            own = replace(log, root=agent.root)
+            log_answers(own, agent.replay, agent.hypotheses, level)
+            log_judgement(own, agent, number)
             if agent.focus is not None:
-                log_curves(replace(log, root=agent.root), agent.focus)
-    if window is not None:
-        for number, agent in enumerate(agents):
-            log_focus(recording, focuses, number, agent.root, window)
-        log_ring(recording, focuses[0])
+                log_curves(own, agent.focus)
+    for number in range(len(focuses)):
+        log_focus(recording, focuses, number, agents[number].root, logs[1].frames)
     key = drawable(event_key(focuses[0]) if focuses else scene_key(runs))
     recording.log("key", rr.TextDocument(key, media_type="text/markdown"), static=True)

@@ -5,12 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...scoring.parts import named_parts, parts_text
+from ...types import Floats
 from ..evidence import distance, gate, visible
 from ..focus import Focus
 from ..framing import FocusFrame
 from ..replay import Replay
 from ..sentence import sentence
 
+MOST_DETECTIONS = 3  # whose scores are shown
 EVENT_KEY = """\
 - **green box, green path**: the object, and where it really goes
 - **blue**: its track before the event, and its forecast; **orange**: its track now; **purple**: another
@@ -24,9 +26,7 @@ The seconds around the event are played over and over in real time. Space stops,
 the timeline "event", "time" has the whole scene, and "frame" the numbers of its frames.
 """
 SCENE_KEY = """\
-### {agents}scene {scene}
-
-{seconds:.1f} s, {frames} frames, {events} events
+### {agents}: scene {scene}
 
 - **green box, green line**: a true object, and where it really goes; dark green: not evaluated
 - **filled box in another colour**: a track, in the colour of its id, with the line behind it and its forecasts
@@ -43,12 +43,7 @@ Space plays in real time, the arrow keys step. The timeline "time" has seconds, 
 
 def scene_key(replays: Sequence[Replay]) -> str:
     """Key to the views of a whole scene."""
-    run, scene = replays[0], replays[0].scene
-    agents = ", ".join(replay.agent for replay in replays if replay.agent)
-    seconds = float(scene.time[-1] - scene.time[0])
-    return SCENE_KEY.format(
-        agents=agents and f"{agents} on ", scene=scene.name, seconds=seconds, frames=run.frames, events=len(run.events)
-    )
+    return SCENE_KEY.format(agents=", ".join(run.agent for run in replays), scene=replays[0].scene.name)
 
 
 def event_key(focus: Focus) -> str:
@@ -65,18 +60,23 @@ def event_text(focus: Focus, frame: FocusFrame, large: bool) -> str:
         parts = named_parts(run.part[row])
         error = f"{sum(parts.values()):.1f} m: {parts_text(parts)}"
         rows["error"] = "not a target" if np.isnan(run.part[row, 0]) else error
-        if follower < 0:
-            rows["followed by"] = f"no track {gate(focus).text}"
+        rows |= {"followed by": f"no track {gate(focus).text}"} if follower < 0 else {}
     for track in frame.tracks:
-        off = f"{np.hypot(*(track.box[:2] - focus.place(t))):.1f} m from it, " if row >= 0 else ""
-        took = f"took {'no' if track.detection < 0 else 'a'} detection"
         follows = "follows it, " if track.track_id == follower else ""
-        rows[f"track {track.track_id}"] = follows + off + took
-    gaps = np.hypot(*(frame.detection_box[:, :2] - focus.place(t)).T)
-    nearest = np.argsort(gaps, kind="stable")[:3].tolist()
-    rows["detected"] = "; ".join(f"{frame.detection_text[i]}, {gaps[i]:.1f} m off" for i in nearest) or "nothing"
+        off = f"{np.hypot(*(track.box[:2] - focus.place(t))):.1f} m from it, " if row >= 0 else ""
+        rows[f"track {track.track_id}"] = f"{follows}{off}took {'no' if track.detection < 0 else 'a'} detection"
+    detected = [f"{text}, {far:.1f} m off" for _, text, far in nearest_detections(focus, frame)]
+    rows["detected"] = "; ".join(detected) or "nothing"
     far, seen = distance(focus, t), visible(focus, t)
     if far is not None:
         rows["ego"] = f"{far:.0f} m away" + ("" if seen is None else f", sees {seen:.0%}")
-    lines = [f"#### {sentence(focus)}." if large else f"**{sentence(focus)}.**", "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
+    heading = f"#### {sentence(focus)}." if large else f"**{sentence(focus)}.**"
+    lines = [heading, "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
     return "\n".join([*lines, *(f"| {name} | {text} |" for name, text in rows.items())])
+
+
+def nearest_detections(focus: Focus, frame: FocusFrame) -> list[tuple[Floats, str, float]]:
+    """Place [2], score and distance (m) of the detections nearest to the object."""
+    gaps = np.hypot(*(frame.detection_box[:, :2] - focus.place(frame.frame)).T).tolist()
+    rows = zip(frame.detection_box[:, :2], frame.detection_text, gaps, strict=True)
+    return sorted(rows, key=lambda row: row[2])[:MOST_DETECTIONS]
