@@ -60,7 +60,8 @@ def assert_recorded(
         for h in hypotheses:
             mine, logged = rollout.member[rows, h], found[f"world/hyp/{h:02d}/box"]
             np.testing.assert_allclose(boxes(logged, t), rollout.track_box[rows][mine], rtol=1e-6, atol=1e-5)
-            assert [int(label) for label in logged[t]["labels"]] == rollout.track_id[rows][mine].tolist()
+            labels = found[f"world/hyp/{h:02d}/name"][t]["labels"]
+            assert [int(label) for label in labels] == rollout.track_id[rows][mine].tolist()
             assert logged[t]["colors"] == packed(track_colors(rollout.track_id[rows][mine])).tolist()
         objects = rollout.objects.rows(t)
         stated = np.isfinite(weight[objects]) & heaviest[objects]

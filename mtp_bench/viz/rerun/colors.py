@@ -44,6 +44,11 @@ def packed(colors: Colors | Color) -> NDArray[np.uint32]:
     return number
 
 
+def pale(colors: Colors) -> Colors:
+    """Lighter colours [N, 3], of names in a view: a viewer writes them on a dark ground, or on grey."""
+    return np.uint8(255) - (0.36 * (255 - colors.astype(np.float64))).astype(np.uint8)
+
+
 def tone(color: Color, number: int) -> Color:
     """The colour for the first agent, and lighter ones for those beside it."""
     share = 1.0 - 0.6**number

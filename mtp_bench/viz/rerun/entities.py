@@ -13,9 +13,9 @@ from ...scoring.holes import separated_truth
 from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
 from ..palette import FALSE, Color
 from ..replay import Replay, ego_boxes
-from .colors import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, packed, track_colors
+from .colors import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, packed, pale, track_colors
 from .sdk import rr
-from .shown import object_names
+from .shown import drawable, object_names
 
 TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
 TRACK_FILL = "transparentfillmajorwireframe"
@@ -67,6 +67,14 @@ class Log:
         labels = (labels and labels[rows]) or None
         columns = rr.LineStrips3D.columns(strips=point, colors=packed(color[rows]), labels=labels)
         style = rr.LineStrips3D.from_fields(radii=radius, show_labels=False)
+        self.columns(path, style, columns.partition(counts))
+
+    def names(self, path: str, start: Ints, place: Floats, color: Colors, labels: Labels, size: float) -> None:
+        """Names [R] at places [R, 3] with colours [R, 3], which are made lighter; dots of ``size`` points."""
+        rows, counts = self._rows(start)
+        labels = [drawable(label) for label in labels[rows]] if labels else None
+        columns = rr.Points3D.columns(positions=place[rows], colors=packed(pale(color[rows])), labels=labels or None)
+        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(size), show_labels=True)
         self.columns(path, style, columns.partition(counts))
 
     def columns(self, path: str, style: Any, columns: Any, frames: Sequence[int] | None = None) -> None:
@@ -149,8 +157,9 @@ def log_answers(log: Log, run: Replay, hypotheses: Iterable[int], level: str) ->
     for h in hypotheses:
         rows = np.flatnonzero(answers.hypotheses.member[:, h])
         start, ids = np.searchsorted(rows, rollout.track_start), rollout.track_id[rows]
-        labels, colors = ids.astype(str).tolist(), track_colors(ids)
-        log.boxes(f"world/hyp/{h:02d}/box", start, rollout.track_box[rows], colors, labels, TRACK_FILL)
+        box, colors = rollout.track_box[rows], track_colors(ids)
+        log.boxes(f"world/hyp/{h:02d}/box", start, box, colors, fill=TRACK_FILL)
+        log.names(f"world/hyp/{h:02d}/name", start, box[:, :3], colors, ids.astype(str).tolist(), 1.0)
         past = answers.past(rows, h, trail_frames(run.card.task.rate))[:, :: _stride(run.card.task.rate)]
         log.strips(f"world/hyp/{h:02d}/trail", start, rollout.track_box[past, :3], colors, TRAIL)
     if level != "tracks":

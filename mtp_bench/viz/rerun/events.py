@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...types import starts_of
 from ..focus import Focus
 from ..replay import Incident, Replay
 from ..sentence import sentence
@@ -47,16 +48,12 @@ def log_judgement(log: Log, agent: ShownAgent, number: int) -> None:
 
 def _log_markers(log: Log, run: Replay) -> None:
     """Log the places of events, for some frames after."""
-    now = [run.recent(t, EVENT_FRAMES) for t in log.frames]
+    now = [run.recent(t, EVENT_FRAMES) for t in range(run.frames)]
     incidents = list(itertools.chain.from_iterable(now))
     if incidents:
-        columns = rr.Points3D.columns(
-            positions=np.array([i.position for i in incidents]) + MARKER,
-            colors=packed(np.array([EVENTS[i.kind] for i in incidents], dtype=np.uint8)),
-            labels=[f"{i.name}: {i.label}" for i in incidents],
-        )
-        style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(6.0), show_labels=True)
-        log.columns("world/events", style, columns.partition([len(each) for each in now]))
+        place, labels = np.array([i.position for i in incidents]) + MARKER, [f"{i.name}: {i.label}" for i in incidents]
+        colors = np.array([EVENTS[i.kind] for i in incidents], dtype=np.uint8)
+        log.names("world/events", starts_of([len(each) for each in now]), place, colors, labels, 6.0)
 
 
 def marks_of(run: Replay, incidents: Sequence[Incident]) -> list[str]:

@@ -11,7 +11,7 @@ from ..drawing.report import small_pictures
 from ..evidence import distance, gate
 from ..focus import Focus
 from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
-from .colors import ROLES, SWITCH, Colors, packed
+from .colors import ROLES, SWITCH, Colors
 from .entities import EDGE as RING
 from .entities import EVENT, TRACK_FILL, Log
 from .sdk import rr
@@ -62,11 +62,9 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
     picture = window_of(focus, focus.at.frame, focuses)
     rows = [_names(focus, frame, max(picture.high, picture.wide / 2)) for frame in shown]
     places = [(*place, z + LIFT) for row in rows for _, place, _ in row]
-    labels = [drawable(name) for row in rows for _, _, name in row]
-    names = rr.Points3D.columns(positions=np.reshape(places, (-1, 3)), colors=packed(_colors(rows)), labels=labels)
-    style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(1.5), show_labels=True)
-    log.columns("world/focus/name", style, names.partition([len(row) for row in rows]))
-    texts = [drawable(event_text(focus, frame, large=len(focuses) == 1)) for frame in shown]
+    labels = [name for row in rows for _, _, name in row]
+    log.names("world/focus/name", _starts(rows), np.reshape(places, (-1, 3)), _colors(rows), labels, 1.5)
+    texts = [drawable(event_text(focus, frame)) for frame in shown]
     log.columns("focus/text", None, rr.TextDocument.columns(text=texts, media_type=["text/markdown"] * len(texts)))
     if end < scene.frames:
         recording.set_time("frame", sequence=end)

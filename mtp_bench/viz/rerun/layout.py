@@ -53,7 +53,6 @@ class Eye:
         overrides: dict[Any, Any] = {f"{world}/false_forecast": rrb.EntityBehavior(visible=False)}
         if hypothesis is not None:
             contents += [f"{world}/{path}" for path in ("forecast", "false_forecast", f"hyp/{hypothesis:02d}/**")]
-            overrides[f"{world}/hyp/{hypothesis:02d}/box"] = rr.Boxes3D.from_fields(show_labels=True)
         return self.view_of(agent.titled(name), contents, overrides)
 
     def view_of(self, name: str, contents: Sequence[str], overrides: dict[Any, Any]) -> rrb.Spatial3DView:
@@ -192,7 +191,7 @@ def _alone(agents: Sequence[ShownAgent], agent: ShownAgent, wide: Eye) -> Any:
         "/world/ego": rr.Boxes3D.from_fields(colors=DARKER),
         f"{world}/forecast": [rr.LineStrips3D.from_fields(colors=DARKEST), hidden],
         f"{world}/false_forecast": hidden,
-        box: rr.Boxes3D.from_fields(colors=DARKER, radii=-0.5, show_labels=False, fill_mode="majorwireframe"),
+        box: rr.Boxes3D.from_fields(colors=DARKER, radii=-0.5, fill_mode="majorwireframe"),
     }
     view = eye.view_of(agent.titled(f"{focus.at.name} at {focus.seconds(focus.at.frame):.1f} s"), contents, dim)
     frames = f"frames {focus.at.frame - 1}, {focus.at.frame} and {focus.at.frame + 1}"

@@ -15,9 +15,10 @@ from ..sentence import sentence
 MOST_DETECTIONS = 3  # whose scores are shown
 EVENT_KEY = """\
 - **green box, green path**: the object, and where it really goes
-- **blue**: its track before the event, and its forecast; **orange**: its track now; **purple**: another
+- **blue**: its track before the event, with its forecast; **orange**: its track now
+- **purple**: a track that has it at another time
 - **light grey box**: a detection nearby, with its score, and its class where that is another one
-- **cross**: place where the track's own last forecast put it; **grey line**: to the detection that it took
+- **cross**: place where a track was expected by its own last forecast; **grey line**: to the detection that it took
 - **grey circle**: event gate of the scorer ({gate}); **long grey line**: to the ego; **pink ring**: the event
 
 Bold: the sample that is nearest to the truth, or the heaviest if that is unknown.
@@ -52,15 +53,15 @@ def event_key(focus: Focus) -> str:
     return EVENT_KEY.format(gate=f"{rule.text}, not drawn" if rule.iou else rule.text)
 
 
-def event_text(focus: Focus, frame: FocusFrame, large: bool) -> str:
-    """The sentence of an event, in ``large`` letters or not, and numbers of one frame."""
+def event_text(focus: Focus, frame: FocusFrame) -> str:
+    """The sentences of an event, and numbers of one frame."""
     t, run = frame.frame, focus.replay
     row, rows, follower = int(focus.rows[t]), {}, focus.follower(t)
     if row >= 0:
         parts = named_parts(run.part[row])
         error = f"{sum(parts.values()):.1f} m: {parts_text(parts)}"
         rows["error"] = "not a target" if np.isnan(run.part[row, 0]) else error
-        rows |= {"followed by": f"no track {gate(focus).text}"} if follower < 0 else {}
+        rows |= {"followed by": f"no track (gate: {gate(focus).text})"} if follower < 0 else {}
     for track in frame.tracks:
         follows = "follows it, " if track.track_id == follower else ""
         off = f"{np.hypot(*(track.box[:2] - focus.place(t))):.1f} m from it, " if row >= 0 else ""
@@ -70,8 +71,8 @@ def event_text(focus: Focus, frame: FocusFrame, large: bool) -> str:
     far, seen = distance(focus, t), visible(focus, t)
     if far is not None:
         rows["ego"] = f"{far:.0f} m away" + ("" if seen is None else f", sees {seen:.0%}")
-    heading = f"#### {sentence(focus)}." if large else f"**{sentence(focus)}.**"
-    lines = [heading, "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
+    heading, _, remark = f"{sentence(focus)}.".partition(". ")
+    lines = [f"#### {heading}", "", remark, "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
     return "\n".join([*lines, *(f"| {name} | {text} |" for name, text in rows.items())])
 
 
