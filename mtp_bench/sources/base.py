@@ -158,8 +158,7 @@ def lane_around(center: Floats, junction: bool) -> Lane:
 
 def no_detections(frames: int) -> Detections:
     """Detections of a scene of ``frames`` frames without any."""
-    no_ids = np.zeros(0, dtype=np.int64)
-    start = np.zeros(frames + 1, dtype=np.int64)
+    start, no_ids = np.zeros(frames + 1, dtype=np.int64), np.zeros(0, dtype=np.int64)
     return Detections(start, np.zeros((0, 7)), np.zeros((0, 2)), no_ids, np.zeros(0))
 
 

@@ -44,15 +44,13 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         moving = world.truth if scene.world is None else looking_back(world.truth, scene.time, period)
         world = replace(world, truth=replace(moving, velocity=np.nan_to_num(moving.velocity)))
     seen = visibility_of(world.truth, world.ego, sensor, visible)
-    detections = simulate(world.truth, world.ego, card.task.classes, profile, sensor, seed, dt=period, visibility=seen)
+    found = simulate(world.truth, world.ego, card.task.classes, profile, sensor, seed, dt=period, visibility=seen)
     if scene.world is not None:
-        detections = in_frames(detections, scene.world, scene.time, period)
+        found = in_frames(found, scene.world, scene.time, period)
     if card.source.traits.places_only:
-        detections = as_places(detections)
+        found = as_places(found)
     label = f"{profile.name}, simulated detections"
-    return replace(
-        scene, truth=truth, detections=detections, detector=label, simulated=True, skipped={}, visible=visible
-    )
+    return replace(scene, truth=truth, detections=found, detector=label, simulated=True, skipped={}, visible=visible)
 
 
 def in_world(scene: Scene) -> Scene:

@@ -45,19 +45,13 @@ def find_tracks(package: SourcePackage, card: Card, data: DataRoot, path: str | 
 
 
 def with_stored(
-    scene: Scene,
-    frame: Ints,
-    identity: NDArray[Any],
-    class_id: Ints,
-    box: Floats,
-    score: Floats,
-    velocity: Floats | None = None,
+    scene: Scene, frame: Ints, identity: NDArray[Any], class_id: Ints, box: Floats, score: Floats, velocity: Floats
 ) -> Scene:
     """The scene with stored tracks, from R rows in any order.
 
     ``frame`` [R], ``identity`` [R] as in the file, ``class_id`` [R] of the task, ``box`` [R, 7] in the scene's frame of
-    reference, ``score`` [R], ``velocity`` [R, 2] m/s if known. An identity in two classes is two identities: some
-    programs count per class.
+    reference, ``score`` [R], ``velocity`` [R, 2] m/s, NaN where unknown. An identity in two classes is two identities:
+    some programs count per class.
     """
     order = np.argsort(frame, kind="stable")
     _, name = np.unique(identity, return_inverse=True)
@@ -66,7 +60,7 @@ def with_stored(
     tracks = StoredTracks(
         start=starts_of_sorted(frame[order], scene.frames),
         box=box[order],
-        velocity=np.full((len(box), 2), np.nan) if velocity is None else velocity[order],
+        velocity=velocity[order],
         class_id=class_id[order],
         score=score[order],
         object_id=number[order],
@@ -112,17 +106,10 @@ def read_track_table(path: Path, scene: Scene, classes: Sequence[str]) -> Scene:
     kind = table.words["class"]
     twice = repeated(frame, kind, number)  # an id in another class is another track
     table.refuse(twice, lambda row: f"a second box of this {kind[row]} in frame {frame[row]}", "id")
-    kept, words = np.flatnonzero(class_id >= 0), table.words["id"]
+    kept, words = class_id >= 0, table.words["id"]
     identity = number if np.array_equal(number.astype(np.str_), words) else words
-    return with_stored(
-        scene,
-        frame[kept],
-        identity[kept],
-        class_id[kept],
-        boxes_of(table)[kept],
-        scores_of(table)[kept],
-        velocities_of(table)[kept],
-    )
+    box, score, velocity = boxes_of(table)[kept], scores_of(table)[kept], velocities_of(table)[kept]
+    return with_stored(scene, frame[kept], identity[kept], class_id[kept], box, score, velocity)
 
 
 def _refuse_misspelt(table: RowTable, classes: Sequence[str]) -> None:
@@ -140,9 +127,8 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
     def read(scene: Scene) -> Scene:
         path = find_table(folder, file_stem(scene.name))
         if path is None:
-            raise DataError(
-                f"no file {table_path(folder, scene.name)}, expected the tracks of each scene that is run; {FEWER}"
-            )
+            lost = table_path(folder, scene.name)
+            raise DataError(f"no file {lost}, expected the tracks of each scene that is run; {FEWER}")
         return read_track_table(path, scene, card.task.classes)
 
     return read

@@ -110,10 +110,8 @@ def refuse_shared_place(frame: Ints, place: Floats, name: NDArray[Any], where: C
     """Raise DataError if two rows [R] of a frame have the same ``place`` [R, 2]; ``name`` [R]: of the objects."""
 
     def problem(row: int) -> str:
-        names = [str(each) for each in name[(frame == frame[row]) & (place == place[row]).all(axis=1)]]
-        both = (
-            f"the objects {', '.join(names[:-1])} and {names[-1]} are all at x {place[row, 0]:g}, y {place[row, 1]:g}"
-        )
+        *others, last = (str(each) for each in name[(frame == frame[row]) & (place == place[row]).all(axis=1)])
+        both = f"the objects {', '.join(others)} and {last} are all at x {place[row, 0]:g}, y {place[row, 1]:g}"
         return f"{where(row)}: {both}; expected a place of its own for each: leave out objects whose place is unknown"
 
     refuse(repeated(frame, *place.T), problem)
@@ -157,20 +155,15 @@ def read_table(path: Path, columns: str, delimiter: str | None = None, text: str
         names.remove(optional)
     kinds: list[Any] = [(name, "U16" if name == text else "f8") for name in names]
     try:
-        rows = (
-            np.loadtxt(lines, dtype=kinds, delimiter=delimiter, comments=None, ndmin=1) if lines else np.empty(0, kinds)
-        )
+        rows = np.loadtxt(lines, kinds, comments=None, delimiter=delimiter, ndmin=1) if lines else np.empty(0, kinds)
     except ValueError as error:
-        problem = _first_problem(lines, names, delimiter, text)
-        where, what = problem if problem is not None else (0, str(error))
+        where, what = _first_problem(lines, names, delimiter, text) or (0, str(error))
         raise DataError(f"{path}, line {number[where]}{what}") from None
     numbers = {name: np.ascontiguousarray(rows[name]) for name in names if name != text}
     return RowTable(str(path), "line", number, numbers, {text: rows[text]} if text else {})
 
 
-def _first_problem(
-    lines: Sequence[str], columns: Sequence[str], delimiter: str | None, text: str
-) -> tuple[int, str] | None:
+def _first_problem(lines: list[str], columns: list[str], delimiter: str | None, text: str) -> tuple[int, str] | None:
     """Index of the first line that does not fit the columns, and the end of the message about it."""
     for index, line in enumerate(lines):
         cells = line.split(delimiter)

@@ -14,8 +14,7 @@ from mtp_bench.scoring import evaluated, find_targets
 from mtp_bench.sources import load_scenes, open_source
 from mtp_bench.sources.kitti.files import read_imu_to_camera, read_labels, read_oxts
 from mtp_bench.sources.kitti.layout import TYPES, VALIDATION
-from mtp_bench.sources.kitti.poses import BOX_SIZES, FRAME_PERIOD, Poses, integrated_poses
-from mtp_bench.sources.kitti.source import read_poses
+from mtp_bench.sources.kitti.poses import BOX_SIZES, FRAME_PERIOD, Poses, integrated_poses, read_poses
 from mtp_bench.types import Floats, Ints, Scene
 from tests.support.source_files import write
 

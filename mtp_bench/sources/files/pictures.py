@@ -56,9 +56,6 @@ def images_of(table: RowTable, folder: Path, number: Ints) -> tuple[CameraImage,
     lost = np.array([not path.is_file() for path in paths], dtype=bool)
     table.refuse(lost, lambda row: f"no file {paths[row]}", "file")
     projection = table.matrix(" ".join(PROJECTION)).reshape(-1, 3, 4)
-    return tuple(
-        CameraImage(
-            int(frame[i]), str(table.words["camera"][i]), paths[i], (int(width[i]), int(height[i])), projection[i]
-        )
-        for i in np.argsort(frame, kind="stable").tolist()
-    )
+    camera, size = table.words["camera"].tolist(), np.column_stack([width, height]).tolist()
+    order = np.argsort(frame, kind="stable").tolist()
+    return tuple(CameraImage(int(frame[i]), camera[i], paths[i], tuple(size[i]), projection[i]) for i in order)

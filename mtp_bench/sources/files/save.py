@@ -80,29 +80,27 @@ def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, dict[str, ND
 
     Raises DataError for rows that are not divided into frames, unknown classes and impossible object ids.
     """
-    names = np.array(classes, dtype=np.str_)
+    names, of_scene = np.array(classes, dtype=np.str_), f"scene {scene.name!r}:"
     truth, detections = scene.truth, scene.detections
     for name, rows, kind in (("truth", truth, Truth), ("detections", detections, Detections)):
-        where = f"scene {scene.name!r}: {name}"
+        where = f"{of_scene} {name}"
         if not isinstance(rows, kind):
             hint = "; use one without rows for none" if kind is Detections else ""
             raise DataError(f"{where} is {type(rows).__name__}, expected {kind.__name__}{hint}")
         _check_rows(where, rows, scene.frames, len(names))
     number = np.asarray(truth.object_id)
     if not len(number):
-        raise DataError(f"scene {scene.name!r}: truth has no rows, expected one per object and frame")
-    require_separate(truth, f"scene {scene.name!r}: truth")
+        raise DataError(f"{of_scene} truth has no rows, expected one per object and frame")
+    require_separate(truth, f"{of_scene} truth")
     if number.dtype.kind not in "iu":
         raise DataError(
-            f"scene {scene.name!r}: truth.object_id is {number.dtype}, expected whole numbers; words become some by "
+            f"{of_scene} truth.object_id is {number.dtype}, expected whole numbers; words become some by "
             "words, number = np.unique(ids, return_inverse=True) and object_names=dict(enumerate(words.tolist()))"
         )
     _check_names(scene, np.unique(number).tolist())
     if number.min() < 0 or number.max() > ID_LIMIT:
-        raise DataError(
-            f"scene {scene.name!r}: truth.object_id has {number.min()} to {number.max()}, expected whole numbers from "
-            f"0 to {ID_LIMIT}"
-        )
+        got = f"{number.min()} to {number.max()}"
+        raise DataError(f"{of_scene} truth.object_id has {got}, expected whole numbers from 0 to {ID_LIMIT}")
     ego = dict(zip(("x", "y", "z", "yaw"), np.asarray(scene.ego).T, strict=True))
     tables = {"ego": {"frame": np.arange(scene.frames), "time": np.asarray(scene.time), **ego}}
     columns = box_columns(truth, names)

@@ -72,9 +72,7 @@ def checked_scene(scene: Scene, card: Card) -> Scene:
         if name in columns:
             words = {"class": columns[name].pop("class")}
             rows = np.arange(len(words["class"]))
-            numbers: dict[str, Floats] = {
-                key: np.asarray(value, dtype=np.float64) for key, value in columns[name].items()
-            }
+            numbers: dict[str, Floats] = {key: np.asarray(own, dtype=np.float64) for key, own in columns[name].items()}
             table = RowTable(f"{where}: {name}", "row", rows, numbers, words)
             check_boxes(table, table.whole("frame"), scene.frames, name == "truth")
             if name == "truth":
@@ -113,8 +111,7 @@ def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
     if card.detector is None and not detected:
         raise DataError(f"{where}: no detections{instead_of_stored(card)}")
     if card.detector is None:
-        label = scene.detector or f"{section_of(card, FilesSource).detector}, stored detections"
-        return replace(scene, detector=label)
+        return replace(scene, detector=scene.detector or f"{section_of(card, FilesSource).detector}, stored detections")
     if not scene.truth_complete:
         raise DataError(
             f"{where}: its truth has prediction targets only, so a simulated detector would miss all other objects; "
@@ -154,13 +151,8 @@ def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floa
 
 def _detections(table: RowTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]) -> Detections:
     row = _usable_rows(table, frame, frames, "detections", card.task.classes, skipped)
-    return Detections(
-        start=starts_of_sorted(frame[row], frames),
-        box=boxes_of(table)[row],
-        velocity=velocities_of(table)[row],
-        class_id=class_ids_of(table, card.task.classes)[row],
-        score=scores_of(table)[row],
-    )
+    start, class_id = starts_of_sorted(frame[row], frames), class_ids_of(table, card.task.classes)[row]
+    return Detections(start, boxes_of(table)[row], velocities_of(table)[row], class_id, scores_of(table)[row])
 
 
 def _usable_rows(
@@ -204,7 +196,7 @@ def scores_of(table: RowTable) -> Floats:
 def class_ids_of(table: RowTable, classes: Sequence[str]) -> Ints:
     """Index of each row's class among ``classes`` ``[R]``, -1 for another class."""
     names, index = np.unique(table.words["class"], return_inverse=True)
-    return class_ids(names.tolist(), classes)[index] if len(names) else np.zeros(0, dtype=np.int64)
+    return class_ids(names.tolist(), classes)[index]
 
 
 def ids_of(table: RowTable) -> Ints:

@@ -16,19 +16,7 @@ from .save import check_scene_name
 from .scene import checked_scene, find_table, read_images, read_scene
 
 EXPECTED = "a sub-folder for each scene with the tables truth, detections and ego"
-DATASET = Dataset(
-    name="own scenes",
-    folders=(),
-    layout="""\
-<folder>/
-  <scene>/truth.csv                 true boxes (.parquet, too)
-  <scene>/detections.csv            detections (not needed with a simulated detector)
-  <scene>/ego.csv                   frames and positions of the sensors (optional)
-  <scene>/lanes.csv, images.csv     the road and camera images, for pictures (optional)""",
-    licence="your own",
-    citation="your own",
-    how_to_get="write them with mtp_bench.save_scene, or as docs/data/own.md shows",
-)
+DATASET = Dataset.of(__file__)
 
 
 class OwnScenes:

@@ -102,9 +102,8 @@ class DriverBehaviour:
         """
         late, limit = self._late.step(state.numbers)
         sudden, hard = self._sudden.step(state.numbers)
-        needed = np.maximum(
-            _stopping(state.speed - ahead.speed, ahead.gap - state.style[:, 3]), _stopping(state.speed, lines - _KEPT)
-        )
+        behind = _stopping(state.speed - ahead.speed, ahead.gap - state.style[:, 3])
+        needed = np.maximum(behind, _stopping(state.speed, lines - _KEPT))
         slow = ~np.isfinite(ahead.gap) | (ahead.speed < _STANDS * state.speed)
         waits = late & slow & (state.speed > _ALERT)
         result = np.where(waits, np.where(needed > limit, -_FIRM * needed, free), careful)

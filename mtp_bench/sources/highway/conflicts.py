@@ -130,9 +130,6 @@ def _passage(
 def _stretches(number: int, crossing: Crossing, path: _Path) -> list[CrossingStretch]:
     along, across = np.array(crossing.direction), np.array([-crossing.direction[1], crossing.direction[0]])
     offset = path.xy - np.array(crossing.origin)
-    t, u = offset @ along, offset @ across
+    t, u, s = offset @ along, offset @ across, path.s
     on = (t > 0) & (t < crossing.span) & (np.abs(u) <= crossing.width / 2)
-    return [
-        CrossingStretch(number, float(path.s[run[0]]), float(path.s[run[-1]]), float(t[run].mean()))
-        for run in _runs(on)
-    ]
+    return [CrossingStretch(number, float(s[run[0]]), float(s[run[-1]]), float(t[run].mean())) for run in _runs(on)]

@@ -13,7 +13,6 @@ from .lanes import NO_LANE, LaneGeometry, RouteTable
 from .networks import RoadMap
 from .vehicles import Driver
 
-HARDEST = 8.0  # m/s2, emergency braking
 _DISCS = 7  # discs along a vehicle's axis that cover its box
 _DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS  # their centres, as shares of the length
 _PERSON_RADIUS = 0.4  # m

@@ -92,11 +92,8 @@ def lane_map(geometry: LaneGeometry) -> tuple[Lane, ...]:
     result = []
     for k, lane in enumerate(lanes):
         half = float(lane.width_at(0.0)) / 2
-        following = tuple(
-            j
-            for j in range(len(lanes))
-            if index[j][0] == index[k][1] and np.linalg.norm(centers[j][0] - centers[k][-1]) < JOINT
-        )
+        after = [j for j in range(len(lanes)) if index[j][0] == index[k][1]]
+        following = tuple(j for j in after if np.linalg.norm(centers[j][0] - centers[k][-1]) < JOINT)
         result.append(Lane(centers[k], _polyline(lane, -half), _polyline(lane, half), following))
     return tuple(result)
 

@@ -9,20 +9,15 @@ import numpy as np
 from ...types import Floats
 from .lanes import LaneGeometry, Route
 from .library import CircularLane, RoadNetwork, SineLane, StraightLane
-from .world import (
-    APPROACH,
-    ARM_WEIGHTS,
-    BEND_LIMITS,
-    ENTRY_RADIUS,
-    QUARTER_WEIGHTS,
-    RING_RADIUS,
-    ROUNDABOUT_LIMITS,
-    STREET_LIMIT,
-    STRIP,
-    TURN_WEIGHTS,
-    ScenarioName,
-)
+from .world import APPROACH, ARM_WEIGHTS, STRIP, ScenarioName
 
+_TURN_WEIGHTS = (0.235, 1.0, 0.57)  # frequency of left turns, straight on and right turns at the intersection
+_QUARTER_WEIGHTS = (0.6, 1.0, 0.4)  # frequency of one, two and three quarters around the roundabout
+_STREET_LIMIT = 9.0  # m/s, on the arms
+_BEND_LIMITS = (4.8, 3.4)  # m/s, of left and right turns
+_RING_RADIUS = 24.0  # m, of the roundabout
+_ENTRY_RADIUS = 20.0  # m, of its entries and exits
+_ROUNDABOUT_LIMITS = (4.4, 5.0, 5.3)  # m/s, of the entries, the ring and the exits
 _WIDTH = 3.5  # m, of a lane
 _LANES = 2  # of each direction of the intersection
 _ROUND_WIDTH = 4.5  # m, of the lanes of the roundabout
@@ -105,9 +100,9 @@ def _intersection() -> RoadMap:
     for arm in range(4):
         into, left, ahead, right = (f"m{arm}", *(f"w{(arm + turn) % 4}" for turn in (1, 2, 3)))
         for to, places, turn, heavy in (
-            (left, (0,), TURN_WEIGHTS[0], False),
-            (ahead, tuple(range(lanes)), TURN_WEIGHTS[1], True),
-            (right, (lanes - 1,), TURN_WEIGHTS[2], False),
+            (left, (0,), _TURN_WEIGHTS[0], False),
+            (ahead, tuple(range(lanes)), _TURN_WEIGHTS[1], True),
+            (right, (lanes - 1,), _TURN_WEIGHTS[2], False),
         ):
             for k in places:
                 within = k if heavy else 0  # a turn has a single lane
@@ -145,16 +140,14 @@ def _intersection_arm(network: Any, arm: int, mouth: float) -> None:
     for k in range(lanes):
         x = _WIDTH * (k + 0.5)
         start, end, over = _turned(arm, x, mouth + APPROACH), _turned(arm, x, mouth), _turned(arm, x, -mouth)
-        network.add_lane(f"o{arm}", into, StraightLane(start, end, _WIDTH, speed_limit=STREET_LIMIT))
-        network.add_lane(into, ahead, StraightLane(end, over, _WIDTH, speed_limit=STREET_LIMIT))
+        network.add_lane(f"o{arm}", into, StraightLane(start, end, _WIDTH, speed_limit=_STREET_LIMIT))
+        network.add_lane(into, ahead, StraightLane(end, over, _WIDTH, speed_limit=_STREET_LIMIT))
         start, end = _turned(arm, -x, mouth), _turned(arm, -x, mouth + APPROACH)
-        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, _WIDTH, speed_limit=STREET_LIMIT))
-    right_arc = _arc(
-        _turned(arm, mouth, mouth), mouth - outer, (quarter + np.pi, quarter + 1.5 * np.pi), BEND_LIMITS[1]
-    )
-    left_arc = _arc(_turned(arm, -mouth, mouth), mouth + inner, (quarter, quarter - np.pi / 2), BEND_LIMITS[0])
-    network.add_lane(into, right, right_arc)
-    network.add_lane(into, left, left_arc)
+        network.add_lane(f"w{arm}", f"x{arm}", StraightLane(start, end, _WIDTH, speed_limit=_STREET_LIMIT))
+    center, phases = _turned(arm, mouth, mouth), (quarter + np.pi, quarter + 1.5 * np.pi)
+    network.add_lane(into, right, _arc(center, mouth - outer, phases, _BEND_LIMITS[1]))
+    center, phases = _turned(arm, -mouth, mouth), (quarter, quarter - np.pi / 2)
+    network.add_lane(into, left, _arc(center, mouth + inner, phases, _BEND_LIMITS[0]))
 
 
 def _arc(center: Floats, radius: float, phases: tuple[float, float], limit: float, width: float = _WIDTH) -> Any:
@@ -169,7 +162,7 @@ def _roundabout() -> RoadMap:
     ring = [node for k in range(4) for node in (f"n{-k % 4}", f"e{(-k - 1) % 4}")]
     routes = []
     for arm in range(4):
-        for quarters, share in zip((1, 2, 3), QUARTER_WEIGHTS, strict=True):
+        for quarters, share in zip((1, 2, 3), _QUARTER_WEIGHTS, strict=True):
             out = (arm - quarters) % 4
             first = ring.index(f"n{arm}")
             nodes = [f"o{arm}", f"a{arm}", *(ring[(first + k) % 8] for k in range(2 * quarters)), f"z{out}", f"x{out}"]
@@ -181,27 +174,27 @@ def _roundabout() -> RoadMap:
 
 def _mouth() -> float:
     """Distance in m from the middle of the roundabout to the straight part of its arms."""
-    return float(np.sqrt((RING_RADIUS + ENTRY_RADIUS) ** 2 - (_ISLAND + ENTRY_RADIUS) ** 2))
+    return float(np.sqrt((_RING_RADIUS + _ENTRY_RADIUS) ** 2 - (_ISLAND + _ENTRY_RADIUS) ** 2))
 
 
 def _roundabout_arm(network: Any, arm: int) -> None:
-    aside, away = _ISLAND + ENTRY_RADIUS, _mouth()
-    into, ring, out = ROUNDABOUT_LIMITS
+    aside, away = _ISLAND + _ENTRY_RADIUS, _mouth()
+    into, ring, out = _ROUNDABOUT_LIMITS
     angle = float(np.arctan2(away, aside))  # where the entry touches the ring; the exit mirrors it
     quarter = np.pi / 2 * arm
 
     def straight(start: tuple[float, float], end: tuple[float, float]) -> Any:
-        return StraightLane(_turned(arm, *start), _turned(arm, *end), _ROUND_WIDTH, speed_limit=STREET_LIMIT)
+        return StraightLane(_turned(arm, *start), _turned(arm, *end), _ROUND_WIDTH, speed_limit=_STREET_LIMIT)
 
     def arc(center: tuple[float, float], radius: float, start: float, end: float, limit: float) -> Any:
         return _arc(_turned(arm, *center), radius, (quarter + start, quarter + end), limit, _ROUND_WIDTH)
 
     network.add_lane(f"o{arm}", f"a{arm}", straight((_ISLAND, away + APPROACH), (_ISLAND, away)))
-    network.add_lane(f"a{arm}", f"n{arm}", arc((aside, away), ENTRY_RADIUS, np.pi, np.pi + angle, into))
-    network.add_lane(f"e{arm}", f"z{arm}", arc((-aside, away), ENTRY_RADIUS, -angle, 0.0, out))
+    network.add_lane(f"a{arm}", f"n{arm}", arc((aside, away), _ENTRY_RADIUS, np.pi, np.pi + angle, into))
+    network.add_lane(f"e{arm}", f"z{arm}", arc((-aside, away), _ENTRY_RADIUS, -angle, 0.0, out))
     network.add_lane(f"z{arm}", f"x{arm}", straight((-_ISLAND, away), (-_ISLAND, away + APPROACH)))
-    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc((0.0, 0.0), RING_RADIUS, angle, np.pi / 2 - angle, ring))
-    network.add_lane(f"e{arm}", f"n{arm}", arc((0.0, 0.0), RING_RADIUS, np.pi - angle, angle, ring))
+    network.add_lane(f"n{arm}", f"e{(arm - 1) % 4}", arc((0.0, 0.0), _RING_RADIUS, angle, np.pi / 2 - angle, ring))
+    network.add_lane(f"e{arm}", f"n{arm}", arc((0.0, 0.0), _RING_RADIUS, np.pi - angle, angle, ring))
 
 
 def _fast_road(

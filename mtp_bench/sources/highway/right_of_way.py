@@ -15,6 +15,7 @@ from .conflicts import ConflictZone, CrossingStretch, Passage
 from .driving import Leaders, RoadState
 from .world import ASK_TIME
 
+Orders = list[tuple[int, ConflictZone]]  # numbers of vehicles, each with a zone shared with it
 _ASK = 14.0  # m before the line at which a vehicle asks, and more at speed
 _AFTER, _BEFORE = 0.6, 0.5  # s between two vehicles at a shared stretch
 _KEEP = 0.2  # s of it that must remain, otherwise a vehicle with the right of way waits
@@ -56,7 +57,7 @@ class RightOfWay:
 
     passages: tuple[Passage, ...]
     first_in_first_out: bool
-    _granted: dict[int, list[tuple[int, ConflictZone]]] = field(default_factory=dict)  # vehicles to let go first
+    _granted: dict[int, Orders] = field(default_factory=dict)  # vehicles to let go first
     _asked: dict[int, float] = field(default_factory=dict)  # time
     _vehicles: dict[int, _Approach] = field(default_factory=dict)
     _claimed: list[int] = field(default_factory=list)  # crossings that a vehicle has waited for long enough
@@ -144,16 +145,14 @@ class RightOfWay:
             if time - since > _COURTESY:
                 self._claimed += [stretch.crossing for stretch in self.passages[me.route].stretches]
 
-    def _order(
-        self, me: _Approach, walks: list[CrossingPedestrian], claimed: set[int]
-    ) -> tuple[list[tuple[int, ConflictZone]], list[tuple[int, ConflictZone]]] | None:
+    def _order(self, me: _Approach, walks: list[CrossingPedestrian], claimed: set[int]) -> tuple[Orders, Orders] | None:
         """Vehicles to let go first, and vehicles that must let this one go first; None if it cannot go now."""
         passage = self.passages[me.route]
         for stretch in passage.stretches:
             if stretch.crossing in claimed or any(self._meets(me, stretch, walk) for walk in walks):
                 return None
-        yields: list[tuple[int, ConflictZone]] = []
-        before: list[tuple[int, ConflictZone]] = []
+        yields: Orders = []
+        before: Orders = []
         for number in self._granted:
             other = self._vehicles[number]
             for zone in passage.zones.get(other.route, ()):
@@ -172,9 +171,7 @@ class RightOfWay:
             return False
         return self._latest(me, zone.mirrored) + _BEFORE < self._soonest(other, zone.other_start)
 
-    def _wait_inside(
-        self, me: _Approach, yields: list[tuple[int, ConflictZone]], walks: list[CrossingPedestrian]
-    ) -> float:
+    def _wait_inside(self, me: _Approach, yields: Orders, walks: list[CrossingPedestrian]) -> float:
         """Free metres of a vehicle with the right of way."""
         stop = math.inf
         for number, zone in yields:

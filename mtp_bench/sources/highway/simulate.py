@@ -9,16 +9,7 @@ from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from .behaviour import DriverBehaviour, PedestrianBehaviour
 from .conflicts import Passage, find_passages
-from .driving import (
-    HARDEST,
-    RoadState,
-    braking,
-    desired_speed,
-    find_leaders,
-    free_acceleration,
-    observe,
-    steering_angles,
-)
+from .driving import RoadState, braking, desired_speed, find_leaders, free_acceleration, observe, steering_angles
 from .lane_change import LaneChanges
 from .lanes import RouteTable, lane_map, route_table
 from .library import Road
@@ -30,6 +21,7 @@ from .vehicles import Driver, Entries, draw_parked_boxes, round_states, vehicle_
 from .world import RATE, WARM_UP, ScenarioName, Traffic, World
 
 ATTEMPTS = 50
+HARDEST = 8.0  # m/s2, emergency braking
 _LINE_GAP = 0.4  # m to a line
 _JERK = (15.0, 5.0)  # m/s3, while braking and while accelerating
 
@@ -66,9 +58,8 @@ class _Attempt:
     def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
         self._traffic = traffic
         self._map, routes, passages = _map_of(traffic.scenario, traffic.seconds)
-        entries, people, self._rng, parking, driving, walking = (
-            np.random.default_rng([seed, attempt, kind]) for kind in range(6)
-        )
+        generators = (np.random.default_rng([seed, attempt, kind]) for kind in range(6))
+        entries, people, self._rng, parking, driving, walking = generators
         self._parked = draw_parked_boxes(self._map.kerbs, traffic.parked, parking)
         self._crowd = Crowd(self._map, traffic.pedestrians, people, PedestrianBehaviour(1.0 / RATE, walking))
         behaviour = DriverBehaviour(1.0 / RATE, driving)

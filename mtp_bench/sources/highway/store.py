@@ -89,9 +89,8 @@ def _stored_in(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         yield
     except OSError as error:
-        raise DataError(
-            f"generated scenes cannot be stored in {folder}: {error.strerror}; set {CACHE} to another folder"
-        ) from None
+        problem = f"generated scenes cannot be stored in {folder}: {error.strerror}"
+        raise DataError(f"{problem}; set {CACHE} to another folder") from None
 
 
 def pack(world: World) -> Arrays:
@@ -114,12 +113,11 @@ def unpack(arrays: Arrays) -> World:
     """The world of packed arrays; raises KeyError for a missing array."""
     lanes = np.split(arrays["lane"], arrays["lane_start"][1:-1], axis=1)
     following = np.split(arrays["following"], arrays["following_start"][1:-1])
+    parts = zip(lanes, following, strict=True)
     return World(
         time=arrays["time"],
         ego=arrays["ego"],
         truth=Truth(**{name: arrays[name] for name in _TRUTH}),
-        lanes=tuple(
-            Lane(line[0], line[1], line[2], tuple(after.tolist())) for line, after in zip(lanes, following, strict=True)
-        ),
+        lanes=tuple(Lane(line[0], line[1], line[2], tuple(after.tolist())) for line, after in parts),
         visible=arrays["visible"],
     )

@@ -132,9 +132,7 @@ def read_imu_to_camera(path: Path) -> Floats:
         motion = read_calibration(path, names, 3 if names[0] == "R_rect" else 4)
         turn = motion[:3, :3]
         if not np.allclose(turn @ turn.T, np.eye(3), atol=ROUNDING):
-            raise DataError(
-                f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns, and finite numbers"
-            )
+            raise DataError(f"{path}: line {names[0]!r} must hold a rotation in its first 3 columns and finite numbers")
         whole = whole @ motion
     return whole
 
@@ -161,9 +159,8 @@ def read_sequence_map(path: Path) -> dict[str, int]:
         return {}
     rows = [line.split() for line in numbered_lines(path)[1]]
     if not rows or not all(len(row) == 4 and row[3].isdigit() and int(row[3]) for row in rows):
-        raise DataError(
-            f"{path} names no sequence or has a wrong row, expected rows such as '0001 empty 000000 000447'"
-        )
+        expected = "expected rows such as '0001 empty 000000 000447'"
+        raise DataError(f"{path} names no sequence or has a wrong row, {expected}")
     return {row[0]: int(row[3]) for row in rows}
 
 

@@ -62,13 +62,9 @@ def require_detector(root: Path, card: Card) -> Path:
         raise MissingDataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
     names = sorted(path.name for path in folder.iterdir() if path.is_dir())
     if section.detector not in names:
-        listed = ", ".join(names) or "none"
-        raise MissingDataError(
-            f"{folder} has no detector {section.detector!r}; found: {listed}{instead_of_stored(card)}"
-        )
+        found = f"found: {', '.join(names) or 'none'}{instead_of_stored(card)}"
+        raise MissingDataError(f"{folder} has no detector {section.detector!r}; {found}")
     for name in card.task.classes:
-        if not (folder / section.detector / TYPES[name][0]).is_dir():
-            raise MissingDataError(
-                f"no folder {folder / section.detector / TYPES[name][0]}, expected for class {name!r}"
-            )
+        if not (path := folder / section.detector / TYPES[name][0]).is_dir():
+            raise MissingDataError(f"no folder {path}, expected for class {name!r}")
     return folder / section.detector

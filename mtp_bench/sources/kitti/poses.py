@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from ...cards import Card
+from ...errors import DataError
 from ...types import Floats, ImageField, Ints, Scene
 from ..base import CameraImage, DataRoot, section_of
-from .files import SENSOR_FROM_CAMERA, Oxts, read_calibration
-from .layout import DATASET, IMAGES, LABELS, KittiSource
+from .files import SENSOR_FROM_CAMERA, Oxts, read_calibration, read_imu_to_camera, read_odometry, read_oxts
+from .layout import DATASET, IMAGES, LABELS, RENAME, KittiSource
 
 FRAME_PERIOD = 0.1036
 """Seconds between images. The benchmark gives no time stamps and calls it 10 Hz; 0.1036 s makes the integrated
@@ -47,10 +48,8 @@ class Poses:
         rotation = self.rotation[frame]
         heading = np.column_stack([np.cos(box[:, 3]), np.sin(box[:, 3]), np.zeros(len(box))])
         heading = np.einsum("rij,rj->ri", rotation, heading)
-        moved = np.array(box, dtype=np.float64)
-        moved[:, :3] = np.einsum("rij,rj->ri", rotation, box[:, :3]) + self.position[frame]
-        moved[:, 3] = np.arctan2(heading[:, 1], heading[:, 0])
-        return moved
+        place = np.einsum("rij,rj->ri", rotation, box[:, :3]) + self.position[frame]
+        return np.column_stack([place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]])
 
     def to_sensor(self, box: Floats, frame: Ints) -> Floats:
         """Boxes ``[R, 7]`` of the world as seen in ``frame [R]``: the inverse of `to_world`."""
@@ -58,12 +57,9 @@ class Poses:
         heading = np.stack([np.cos(box[:, 3]), np.sin(box[:, 3])], axis=-1)
         # its shadow is the heading there
         heading = np.linalg.solve(rotation[:, :2, :2], heading[..., None])[..., 0]
-        moved = np.array(box, dtype=np.float64)
-        place = box[:, :3] - self.position[frame]
-        # odometry's are rotations up to rounding
-        moved[:, :3] = np.linalg.solve(rotation, place[..., None])[..., 0]
-        moved[:, 3] = np.arctan2(heading[:, 1], heading[:, 0])
-        return moved
+        moved = (box[:, :3] - self.position[frame])[..., None]
+        place = np.linalg.solve(rotation, moved)[..., 0]  # odometry's are rotations up to rounding
+        return np.column_stack([place, np.arctan2(heading[:, 1], heading[:, 0]), box[:, 4:]])
 
 
 def integrated_poses(oxts: Oxts, imu_to_camera: Floats, period: float = FRAME_PERIOD) -> Poses:
@@ -75,6 +71,19 @@ def integrated_poses(oxts: Oxts, imu_to_camera: Floats, period: float = FRAME_PE
     mean = (oxts.velocity[1:] + oxts.velocity[:-1]) / 2
     path = np.concatenate([np.zeros((1, 3)), np.cumsum(mean * period, axis=0)])
     return poses_from_imu(path, oxts.attitude, imu_to_camera)
+
+
+def read_poses(root: Path, name: str) -> Poses:
+    """Poses of one sequence: odometry if ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
+    oxts_path, odometry_path = root / f"training/oxts/{name}.txt", root / f"poses_orbslam3/{name}.txt"
+    oxts = read_oxts(oxts_path)
+    imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
+    if not odometry_path.is_file():
+        return integrated_poses(oxts, imu_to_camera)
+    odometry = read_odometry(odometry_path)
+    if len(odometry) != len(oxts.attitude):
+        raise DataError(f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}{RENAME}")
+    return odometry_poses(odometry, oxts, imu_to_camera)
 
 
 def poses_from_imu(path: Floats, attitude: Floats, imu_to_camera: Floats) -> Poses:
@@ -102,14 +111,12 @@ def _from_first(rotation: Floats, position: Floats) -> Poses:
 def _rotations(attitude: Floats) -> Floats:
     """Rotations ``[F, 3, 3]`` Rz(yaw) Ry(pitch) Rx(roll) from forward, left, up to east, north, up."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(attitude).T, np.sin(attitude).T
-    return np.stack(
-        [
-            np.stack([cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr], axis=-1),
-            np.stack([sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr], axis=-1),
-            np.stack([-sp, cp * sr, cp * cr], axis=-1),
-        ],
-        axis=-2,
-    )
+    rows = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ]
+    return np.ascontiguousarray(np.moveaxis(np.array(rows), 2, 0))
 
 
 def image_field(
@@ -147,12 +154,10 @@ def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage,
     folder = root / IMAGES / scene.name
     if scene.image is None or not folder.is_dir():
         return ()
-    projection = scene.image.projection
+    size, projection = scene.image.size, scene.image.projection
     if scene.world is not None:  # every frame in its own sensor frame, which the labels are given in
         camera = read_calibration(root / f"training/calib/{scene.name}.txt", ("P2",), 4)[:3]
         camera = np.column_stack([camera[:, :3] @ SENSOR_FROM_CAMERA.T, camera[:, 3]])
         projection = np.broadcast_to(camera, (scene.frames, 3, 4))
     paths = [folder / f"{t * section.stride:06d}.png" for t in range(scene.frames)]
-    return tuple(
-        CameraImage(t, CAMERA, path, scene.image.size, projection[t]) for t, path in enumerate(paths) if path.is_file()
-    )
+    return tuple(CameraImage(t, CAMERA, path, size, projection[t]) for t, path in enumerate(paths) if path.is_file())

@@ -1,6 +1,7 @@
 """KITTI tracking logs with stored detections, from the official folder layout."""
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,18 +12,9 @@ from ...errors import DataError
 from ...types import Bools, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..motion import central_velocity
-from .files import (
-    DetectionRows,
-    LabelRows,
-    read_detections,
-    read_imu_to_camera,
-    read_labels,
-    read_odometry,
-    read_oxts,
-    read_sequence_map,
-)
+from .files import DetectionRows, LabelRows, read_detections, read_labels, read_sequence_map
 from .layout import DATASET, LABELS, RENAME, SEQUENCE_MAP, TYPES, KittiSource, require_detector, split_names
-from .poses import FRAME_PERIOD, Poses, image_field, integrated_poses, odometry_poses
+from .poses import FRAME_PERIOD, Poses, image_field, read_poses
 
 # Types that KITTI's own evaluation leaves out of account: their annotation overlaps with the class.
 NEIGHBOURS = {"car": ("Van",), "pedestrian": ("Person", "Person_sitting"), "cyclist": ()}
@@ -48,7 +40,7 @@ class KittiTracking:
     def load(self, name: str) -> Scene:
         """Read one sequence; all its frames count, also those without labels or detections."""
         section, classes = self.section, self.card.task.classes
-        poses = self.poses(name)
+        poses = read_poses(self.root, name)
         length = len(poses.position)
         if read_sequence_map(self.root / SEQUENCE_MAP).get(name, length) != length:
             path = self.root / f"training/oxts/{name}.txt"
@@ -76,23 +68,6 @@ class KittiTracking:
             image=image_field(calibration, of_scene, section.ego_motion, *regions, classes),
             world=None if section.ego_motion else poses.ego()[kept],
         )
-
-    def poses(self, name: str) -> Poses:
-        """Poses of all frames of a sequence, also those that the card leaves out."""
-        return read_poses(self.root, name)
-
-
-def read_poses(root: Path, name: str) -> Poses:
-    """Poses of one sequence: odometry if ``poses_orbslam3`` has it (0019: bad GPS), else OXTS."""
-    oxts_path, odometry_path = root / f"training/oxts/{name}.txt", root / f"poses_orbslam3/{name}.txt"
-    oxts = read_oxts(oxts_path)
-    imu_to_camera = read_imu_to_camera(root / f"training/calib/{name}.txt")
-    if not odometry_path.is_file():
-        return integrated_poses(oxts, imu_to_camera)
-    odometry = read_odometry(odometry_path)
-    if len(odometry) != len(oxts.attitude):
-        raise DataError(f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}{RENAME}")
-    return odometry_poses(odometry, oxts, imu_to_camera)
 
 
 @dataclass(frozen=True)
@@ -123,7 +98,7 @@ class Frames:
         rows.table.refuse(outside, lambda row: f"frame {rows.frame[row]}, {problem}")
 
 
-def truth_of(labels: LabelRows, classes: tuple[str, ...], frames: Frames) -> Truth:
+def truth_of(labels: LabelRows, classes: Sequence[str], frames: Frames) -> Truth:
     """The truth of a sequence: boxes of ``classes``, and as neutral those of `NEIGHBOURS`."""
     class_id = np.full(len(labels.frame), -1)
     neutral = np.zeros(len(labels.frame), dtype=bool)
@@ -145,9 +120,7 @@ def truth_of(labels: LabelRows, classes: tuple[str, ...], frames: Frames) -> Tru
     )
 
 
-def detections_of(
-    folder: Path, name: str, classes: tuple[str, ...], frames: Frames
-) -> tuple[Detections, dict[str, int]]:
+def detections_of(folder: Path, name: str, classes: Sequence[str], frames: Frames) -> tuple[Detections, dict[str, int]]:
     """Detections of all classes, sorted by frame, class and place in the file; and the counts of skipped rows."""
     parts: list[tuple[Ints, Floats, Floats, Ints]] = []
     skipped = Counter[str]()
@@ -163,11 +136,5 @@ def detections_of(
     frame, box, score, class_id = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(frame, kind="stable")
     frame = frame[order]
-    detections = Detections(
-        start=frames.starts(frame),
-        box=frames.place(box[order], frame),
-        velocity=np.full((len(frame), 2), np.nan),
-        class_id=class_id[order],
-        score=score[order],
-    )
-    return detections, dict(+skipped)
+    box, unknown = frames.place(box[order], frame), np.full((len(frame), 2), np.nan)
+    return Detections(frames.starts(frame), box, unknown, class_id[order], score[order]), dict(+skipped)

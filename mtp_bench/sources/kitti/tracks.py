@@ -12,12 +12,12 @@ import numpy as np
 from ...cards import Card
 from ...errors import DataError
 from ...types import Floats, Ints, Scene
-from ..base import DataRoot, ReadTracks, TrackForm, section_of
+from ..base import DataRoot, ReadTracks, TrackForm, class_ids, section_of
 from ..stored_tracks import FEWER, with_stored
 from ..text import read_table
 from .files import BOX_FIELDS, LABEL, RESULT, camera_fields, require_kinds, sensor_boxes
 from .layout import TYPES, KittiSource
-from .poses import Poses
+from .poses import Poses, read_poses
 from .source import KittiTracking
 
 
@@ -32,9 +32,7 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     require_kinds(table)
     frame, object_id = table.whole("frame"), table.whole("id")
     types = [TYPES[name][0] for name in classes]
-    class_id = np.array(
-        [types.index(text) if text in types else -1 for text in table.words["type"].tolist()], dtype=np.int64
-    )
+    class_id = class_ids(table.words["type"].tolist(), types)
     used = (class_id >= 0) & (frame % stride == 0)
     last = (scene.frames - 1) * stride
     outside = used & ((frame < 0) | (frame > last))
@@ -45,7 +43,8 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     box = sensor_boxes(table.matrix(BOX_FIELDS)[used])
     box = box if poses is None else poses.to_world(box, frame[used])
     score = table.numbers.get("score", np.full(len(frame), np.nan))[used]
-    return with_stored(scene, frame[used] // stride, object_id[used], class_id[used], box, score)
+    unknown = np.full((len(box), 2), np.nan)
+    return with_stored(scene, frame[used] // stride, object_id[used], class_id[used], box, score, unknown)
 
 
 def result_lines(
@@ -61,7 +60,7 @@ def result_lines(
 
 def poses_of(card: Card, data: DataRoot, name: str) -> Poses | None:
     """Poses of all frames of a sequence; None if the card gives every frame in its own sensor frame."""
-    return KittiTracking(card, data).poses(name) if section_of(card, KittiSource).ego_motion else None
+    return read_poses(KittiTracking(card, data).root, name) if section_of(card, KittiSource).ego_motion else None
 
 
 def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
@@ -70,9 +69,7 @@ def _open(card: Card, data: DataRoot, folder: Path) -> ReadTracks:
     def read(scene: Scene) -> Scene:
         path = folder / f"{scene.name}.txt"
         if not path.is_file():
-            raise DataError(
-                f"no file {path}, expected the tracks of each sequence that is run, or an empty file; {FEWER}"
-            )
+            raise DataError(f"no file {path}, expected tracks of each sequence that is run, or an empty file; {FEWER}")
         return read_result(path, scene, card.task.classes, stride, poses_of(card, data, scene.name))
 
     return read

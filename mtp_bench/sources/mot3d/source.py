@@ -93,10 +93,8 @@ class Mot3d:
             detections = people_detections(frame, found.ground[row, :2], found.confidence[row], len(kept))
         time = (kept - 1) / self._info.rate
         row, frame = _select(people, kept)
-        neutral = people.confidence[row] == 0
-        truth = people_truth(
-            frame, people.ground[row, :2], people.object_id[row], time, 1 / self._info.rate * section.stride, neutral
-        )
+        period, neutral = 1 / self._info.rate * section.stride, people.confidence[row] == 0
+        truth = people_truth(frame, people.ground[row, :2], people.object_id[row], time, period, neutral)
         return Scene(
             name=name,
             time=time,

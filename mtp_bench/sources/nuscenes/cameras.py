@@ -5,9 +5,7 @@ They are kept per scene, since their tables have millions of records, and read w
 
 from functools import partial
 from pathlib import Path, PurePosixPath
-from typing import Annotated
 
-import msgspec
 import numpy as np
 
 from ...cards import Card
@@ -17,37 +15,7 @@ from ..base import CameraImage, DataRoot, section_of
 from ..cache import write_arrays
 from .layout import CAMERAS, DATASET, VERSIONS, NuScenesSource
 from .store import CachedFolder, TableStore, open_tables
-from .tables import (
-    DataRecord,
-    MountRecord,
-    Quaternion,
-    SensorRecord,
-    Vector,
-    by_token,
-    find,
-    floats,
-    read_poses,
-    read_records,
-    require_rotations,
-)
-
-_Pixels = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
-
-
-class CameraRecord(MountRecord):
-    """A record of ``calibrated_sensor.json``: how a sensor is mounted, and what a camera shows."""
-
-    translation: Vector  # m, in the frame of the ego
-    rotation: Quaternion
-    camera_intrinsic: list[Vector]  # 3 rows; none for other sensors
-
-
-class ImageRecord(DataRecord):
-    """A record of ``sample_data.json``."""
-
-    filename: str
-    width: _Pixels
-    height: _Pixels
+from .tables import CameraRecord, ImageRecord, SensorRecord, by_token, find, floats, read_poses, read_records, rotations
 
 
 def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage, ...]:
@@ -70,17 +38,13 @@ def _fill(tables: TableStore, folder: Path) -> None:
     path = tables.cache.sources["sample_data"]
     cameras = _read_cameras(tables)
     row_of = tables.row_of_token
-    images = [
-        image
-        for image in read_records(path, ImageRecord)
-        if image.is_key_frame and image.calibrated_sensor_token in cameras
-    ]
+    records = read_records(path, ImageRecord)
+    images = [each for each in records if each.is_key_frame and each.calibrated_sensor_token in cameras]
     for image in images:
         parts = PurePosixPath(image.filename).parts
         if parts[:1] != ("samples",) or ".." in parts:
-            raise DataError(
-                f"{path}, record {image.token!r}: filename is {image.filename!r}, expected a file below samples/"
-            )
+            got = f"filename is {image.filename!r}"
+            raise DataError(f"{path}, record {image.token!r}: {got}, expected a file below samples/")
     sample = np.array([find(row_of, image, "sample_token", path) for image in images], dtype=np.int64)
     mounts = [cameras[image.calibrated_sensor_token] for image in images]
     sizes = [(max(1, image.width), max(1, image.height)) for image in images]
@@ -106,12 +70,10 @@ def _read_cameras(tables: TableStore) -> dict[str, tuple[str, CameraRecord]]:
     mounts = by_token(path, CameraRecord)
     channels = {token: find(sensors, mount, "sensor_token", path).channel for token, mount in mounts.items()}
     cameras = {token: (channels[token], mount) for token, mount in mounts.items() if channels[token].startswith("CAM_")}
-    records = [mount for _, mount in cameras.values()]
-    for mount in records:
+    for _, mount in cameras.values():
         if len(mount.camera_intrinsic) != 3:
             raise DataError(f"{path}, record {mount.token!r}: camera_intrinsic needs 3 rows of 3 numbers")
-    rotation = floats([mount.rotation for mount in records], 4)
-    require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
+    rotations([mount for _, mount in cameras.values()], path)
     return cameras
 
 

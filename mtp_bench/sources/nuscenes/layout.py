@@ -33,21 +33,13 @@ CLASSES: tuple[str, ...] = get_args(ClassName)  # class_id in the cache is an in
 
 # The official detection task evaluates these (``nuscenes.eval.detection.utils.category_to_detection_name``).
 CLASS_OF = {
-    "vehicle.car": "car",
-    "vehicle.truck": "truck",
-    "vehicle.bus.bendy": "bus",
-    "vehicle.bus.rigid": "bus",
-    "vehicle.trailer": "trailer",
-    "vehicle.construction": "construction_vehicle",
-    "human.pedestrian.adult": "pedestrian",
-    "human.pedestrian.child": "pedestrian",
-    "human.pedestrian.construction_worker": "pedestrian",
-    "human.pedestrian.police_officer": "pedestrian",
-    "vehicle.motorcycle": "motorcycle",
-    "vehicle.bicycle": "bicycle",
-    "movable_object.trafficcone": "traffic_cone",
-    "movable_object.barrier": "barrier",
-}
+    "vehicle.car": "car", "vehicle.truck": "truck", "vehicle.bus.bendy": "bus", "vehicle.bus.rigid": "bus",
+    "vehicle.trailer": "trailer", "vehicle.construction": "construction_vehicle",
+    "human.pedestrian.adult": "pedestrian", "human.pedestrian.child": "pedestrian",
+    "human.pedestrian.construction_worker": "pedestrian", "human.pedestrian.police_officer": "pedestrian",
+    "vehicle.motorcycle": "motorcycle", "vehicle.bicycle": "bicycle",
+    "movable_object.trafficcone": "traffic_cone", "movable_object.barrier": "barrier",
+}  # fmt: skip
 # The task leaves these out, but a detector reports them as one of its classes: a match is neither right nor wrong.
 NEUTRAL_OF = {
     "vehicle.emergency.police": "car",
@@ -126,10 +118,9 @@ def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:
         raise MissingDataError(f"no folder {folder}{instead_of_stored(card)}; to get them: {DATASET.how_to_get}")
     paths = tuple(sorted(path for path in folder.glob(f"{glob.escape(section.detector)}*.json") if path.is_file()))
     if not paths:
-        found = ", ".join(sorted(path.name for path in folder.glob("*.json") if path.is_file())) or "none"
-        raise MissingDataError(
-            f"{folder} has no file {section.detector}*.json; found: {found}{instead_of_stored(card)}"
-        )
+        names = sorted(path.name for path in folder.glob("*.json") if path.is_file())
+        found = f"found: {', '.join(names) or 'none'}{instead_of_stored(card)}"
+        raise MissingDataError(f"{folder} has no file {section.detector}*.json; {found}")
     return paths
 
 
@@ -148,3 +139,9 @@ def split_scenes(split: str, scenes: Collection[str]) -> tuple[str, ...]:
         return tuple(sorted(scenes))
     there = frozenset(scenes)
     return tuple(name for name in official_scenes()[split] if name in there)
+
+
+def scenes_by_split(scenes: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """The ``scenes`` of each split that has any, "all" the last."""
+    named = {split: split_scenes(split, scenes) for split in (*SPLITS, "all")}
+    return {split: names for split, names in named.items() if names}

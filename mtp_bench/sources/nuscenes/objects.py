@@ -10,18 +10,7 @@ from ...errors import DataError
 from ...types import Bools, Floats, Ints
 from ..text import read_json, refuse, repeated
 from .layout import CLASS_OF, CLASSES, NEUTRAL_OF
-from .tables import (
-    Keyframes,
-    Quaternion,
-    Size,
-    TableRecord,
-    Vector,
-    by_token,
-    find,
-    floats,
-    require_rotations,
-    upright_boxes,
-)
+from .tables import Keyframes, Quaternion, Size, TableRecord, Vector, by_token, find, rotations, upright_boxes
 
 
 class CategoryRecord(TableRecord):
@@ -74,11 +63,7 @@ def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyfram
         repeated(sample, instance),
         lambda index: f"{path}, record {records[index].token!r}: a second box of its instance in its sample",
     )
-    rotation = floats([record.rotation for record in records], 4)
-    require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
-    box = upright_boxes(
-        floats([record.translation for record in records], 3), floats([record.size for record in records], 3), rotation
-    )
+    box = upright_boxes(records, rotations(records, path))
     listed = np.zeros(len(records), dtype=bool)
     if prediction is not None:
         key = instance * len(keyframes.token) + sample
@@ -109,9 +94,8 @@ def _read_targets(path: Path, instances: Mapping[str, int], keyframes: Keyframes
         for entry in targets.get(scene, []):
             instance, _, sample = entry.partition("_")
             if instance not in instances or keyframes.row.get(sample, -1) not in own:
-                raise DataError(
-                    f"{path}, {scene}, entry {entry!r}: expected the tokens of an instance and of a sample of the scene"
-                )
+                expected = "expected the tokens of an instance and of a sample of the scene"
+                raise DataError(f"{path}, {scene}, entry {entry!r}: {expected}")
             keys.append(instances[instance] * len(keyframes.token) + keyframes.row[sample])
     key = np.array(keys, dtype=np.int64)
     if len(lost := np.setdiff1d(key, known)):

@@ -81,16 +81,12 @@ def read_lanes(path: Path, changed: int = 0) -> tuple[Lane, ...]:
     ``changed``: state of the file, for the memory. DataError names the file and the place that is wrong.
     """
     layers = read_json(path, _Map)
-    lanes = []
-    for records, junction in ((layers.lane, False), (layers.lane_connector, True)):
-        for record in records:
-            center = _center(layers.arcline_path_3.get(record.token, []))
-            if len(center) < 2:
-                continue  # a lane without a middle line
-            lanes.append(lane_around(center, junction))
+    ways = [*((lane, False) for lane in layers.lane), *((lane, True) for lane in layers.lane_connector)]
+    lines = [(_center(layers.arcline_path_3.get(way.token, [])), junction) for way, junction in ways]
+    lanes = tuple(lane_around(center, junction) for center, junction in lines if len(center) > 1)
     if not lanes:
         raise DataError(f"{path} has no lane with a middle line, expected a file of the map expansion")
-    return tuple(lanes)
+    return lanes
 
 
 def _center(parts: list[_Path]) -> Floats:

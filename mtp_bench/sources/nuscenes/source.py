@@ -11,16 +11,7 @@ from ..base import DataRoot, Work, class_ids, names_by_number, no_detections, re
 from ..cache import Arrays
 from ..motion import backward_velocity
 from .detections import open_detections, scene_detections
-from .layout import (
-    CLASSES,
-    DATASET,
-    SPLITS,
-    VERSIONS,
-    NuScenesSource,
-    detection_paths,
-    require_prediction,
-    split_scenes,
-)
+from .layout import CLASSES, DATASET, VERSIONS, NuScenesSource, detection_paths, require_prediction, scenes_by_split
 from .store import TableStore, open_tables
 from .tables import SECOND
 
@@ -87,11 +78,9 @@ def prepare_nuscenes(card: Card, data: DataRoot, scenes: int | None, workers: in
 
 def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, ...]]:
     """Scenes of each split that has any, "all" the last; with ``targets`` only those with a prediction target."""
-    scenes: Sequence[str] = tables.scenes
-    if targets and tables.targets is not None:
-        scenes = [name for name, count in zip(tables.scenes, tables.targets, strict=True) if count]
-    named = {split: split_scenes(split, scenes) for split in (*SPLITS, "all")}
-    return {split: names for split, names in named.items() if names}
+    if not targets or tables.targets is None:
+        return scenes_by_split(tables.scenes)
+    return scenes_by_split([name for name, count in zip(tables.scenes, tables.targets, strict=True) if count])
 
 
 def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bool) -> Truth:

@@ -84,7 +84,6 @@ def read_submission(path: Path, row: Mapping[str, int], kind: BoxKind = Detected
     sample = np.array([row[box.sample_token] for box in boxes], dtype=np.int64)
     rotation = floats([box.rotation for box in boxes], 4)
     _require_upright(path, boxes, rotation)
-    box = upright_boxes(floats([box.translation for box in boxes], 3), floats([box.size for box in boxes], 3), rotation)
     velocity = floats([_UNKNOWN if box.velocity is None else box.velocity for box in boxes], 2)
     velocity[np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)] = np.nan
     order = np.argsort(sample, kind="stable")
@@ -93,7 +92,7 @@ def read_submission(path: Path, row: Mapping[str, int], kind: BoxKind = Detected
         example=next(iter(results), ""),
         covered=np.sort(np.array([row[token] for token in covered], dtype=np.int64)),
         sample=sample[order],
-        box=box[order],
+        box=upright_boxes(boxes, rotation)[order],
         velocity=velocity[order],
         class_id=np.array([_CLASS_INDEX[box.name] for box in boxes], dtype=np.int64)[order],
         score=floats([box.score for box in boxes], 1)[order, 0],
@@ -103,11 +102,8 @@ def read_submission(path: Path, row: Mapping[str, int], kind: BoxKind = Detected
 
 def no_match(path: Path, samples: int, example: str, version: str, what: str) -> str:
     """Message that a file of ``what`` has ``samples`` samples, and none of them is in the tables of ``version``."""
-    such = f" (for example {example!r})" if example else ""
-    return (
-        f"{path}: none of its {samples} sample tokens{such} is in sample.json of {version}; expected {what} of these "
-        "scenes"
-    )
+    tokens = f"{samples} sample tokens" + (f" (for example {example!r})" if example else "")
+    return f"{path}: none of its {tokens} is in sample.json of {version}; expected {what} of these scenes"
 
 
 def _sample_boxes(path: Path, token: str, content: msgspec.Raw, kind: BoxKind) -> Sequence[DetectedBox | TrackedBox]:

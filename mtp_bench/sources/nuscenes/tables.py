@@ -25,6 +25,7 @@ NORM_TOLERANCE = 1e-2  # of a quaternion; smaller deviations are rounding and ar
 Number = Annotated[float, msgspec.Meta(ge=-LIMIT, le=LIMIT)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]  # w x y z
+_Pixels = Annotated[int, msgspec.Meta(ge=0, le=10**9)]
 _Side = Annotated[float, msgspec.Meta(gt=0, le=LONGEST)]
 Size = tuple[_Side, _Side, _Side]  # width, length, height
 
@@ -81,9 +82,17 @@ def yaw_of(rotation: Floats) -> Floats:
     return np.asarray(np.arctan2(2 * (x * y + w * z), 1 - 2 * (y * y + z * z)))
 
 
-def upright_boxes(translation: Floats, size: Floats, rotation: Floats) -> Floats:
-    """Boxes ``[R, 7]`` x y z yaw l w h of the tables' fields; ``size`` is width, length, height."""
-    return np.column_stack([translation, yaw_of(rotation), size[:, [1, 0, 2]]])
+def rotations(records: Sequence[Any], path: Path) -> Floats:
+    """Quaternions ``[R, 4]`` of records of a table; raises DataError for one that is not of norm 1."""
+    rotation = floats([record.rotation for record in records], 4)
+    require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
+    return rotation
+
+
+def upright_boxes(records: Sequence[Any], rotation: Floats) -> Floats:
+    """Boxes ``[R, 7]`` x y z yaw l w h of records with a translation and a size, and their quaternions ``[R, 4]``."""
+    place, size = floats([each.translation for each in records], 3), floats([each.size for each in records], 3)
+    return np.column_stack([place, yaw_of(rotation), size[:, [1, 0, 2]]])
 
 
 class SceneRecord(TableRecord):
@@ -111,6 +120,14 @@ class MountRecord(TableRecord):
     sensor_token: str
 
 
+class CameraRecord(MountRecord):
+    """A record of ``calibrated_sensor.json``: how a sensor is mounted, and what a camera shows."""
+
+    translation: Vector  # m, in the frame of the ego
+    rotation: Quaternion
+    camera_intrinsic: list[Vector]  # 3 rows; none for other sensors
+
+
 class DataRecord(TableRecord):
     """A record of ``sample_data.json``."""
 
@@ -118,6 +135,14 @@ class DataRecord(TableRecord):
     ego_pose_token: str
     calibrated_sensor_token: str
     is_key_frame: bool
+
+
+class ImageRecord(DataRecord):
+    """A record of ``sample_data.json`` with the file and the size of an image, in pixels."""
+
+    filename: str
+    width: _Pixels
+    height: _Pixels
 
 
 class PoseRecord(TableRecord):
@@ -159,9 +184,7 @@ def _read_samples(paths: Mapping[str, Path]) -> tuple[tuple[str, ...], Ints, lis
     samples = list(by_token(table, SampleRecord).values())
     group = np.array([find(row, sample, "scene_token", table) for sample in samples], dtype=np.int64)
     count = np.bincount(group, minlength=len(scenes))
-    refuse(
-        count == 0, lambda index: f"{path}, record {scenes[index].token!r}: {table.name} has no sample of this scene"
-    )
+    refuse(count == 0, lambda i: f"{path}, record {scenes[i].token!r}: {table.name} has no sample of this scene")
     time = floats([sample.timestamp for sample in samples], 1)[:, 0]
     order = np.lexsort((time, group))
     start, tokens, time = starts_of(count), [samples[index].token for index in order], time[order]
@@ -187,10 +210,8 @@ def _read_lidar_poses(paths: Mapping[str, Path], row: dict[str, int]) -> list[st
     """Token [N] of the ego pose of each sample: that of its LIDAR_TOP keyframe."""
     path, mounts = paths["sample_data"], paths["calibrated_sensor"]
     sensors = by_token(paths["sensor"], SensorRecord)
-    channel = {
-        token: find(sensors, mount, "sensor_token", mounts).channel
-        for token, mount in by_token(mounts, MountRecord).items()
-    }
+    mounted = by_token(mounts, MountRecord).items()
+    channel = {token: find(sensors, mount, "sensor_token", mounts).channel for token, mount in mounted}
     pose = [""] * len(row)
     for record in read_records(path, DataRecord):
         if find(channel, record, "calibrated_sensor_token", path) != LIDAR or not record.is_key_frame:
@@ -215,6 +236,4 @@ def read_poses(path: Path, referrer: Path, pose: list[str]) -> tuple[Floats, Flo
     if missing is not None:
         raise DataError(f"{path} has no record {missing!r}, which {referrer.name} names as ego_pose_token")
     records = [poses[token] for token in pose]
-    rotation = floats([record.rotation for record in records], 4)
-    require_rotations(rotation, lambda row: f"{path}, record {records[row].token!r}")
-    return floats([record.translation for record in records], 3), rotation
+    return floats([record.translation for record in records], 3), rotations(records, path)

@@ -35,16 +35,14 @@ def scene_tracks(boxes: SubmittedBoxes, tables: TableStore, path: Path, scene: S
     row = np.arange(*np.searchsorted(boxes.sample, [samples.start, samples.stop]))
     class_id = class_ids(CLASSES, classes)[boxes.class_id[row]]
     row, class_id = row[class_id >= 0], class_id[class_id >= 0]
-    frame = boxes.sample[row] - samples.start
+    frame, identity = boxes.sample[row] - samples.start, boxes.identity[row]
 
     def what(index: int) -> str:
-        token, name = tables.tokens[boxes.sample[row[index]]].decode(), str(boxes.identity[row[index]])
+        token, name = tables.tokens[boxes.sample[row[index]]].decode(), str(identity[index])
         return f"{path}, sample {token!r}: a second box of tracking_id {name!r}, expected one"
 
-    refuse(repeated(frame, boxes.identity[row], class_id), what)
-    return with_stored(
-        scene, frame, boxes.identity[row], class_id, boxes.box[row], boxes.score[row], boxes.velocity[row]
-    )
+    refuse(repeated(frame, identity, class_id), what)
+    return with_stored(scene, frame, identity, class_id, boxes.box[row], boxes.score[row], boxes.velocity[row])
 
 
 def submission_box(token: str, box: Floats, velocity: Floats, name: str, identity: str, score: float) -> dict[str, Any]:
