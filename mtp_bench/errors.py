@@ -6,7 +6,7 @@ Each error says what was got, what was expected, where, and what to do.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -63,6 +63,12 @@ class UnknownNameError(MtpBenchError, KeyError):
 
     def __str__(self) -> str:  # KeyError would show the repr of the text
         return str(self.args[0])
+
+
+def require_known(kind: str, got: object, known: Collection[str], hint: str = "") -> None:
+    """Raise UnknownNameError unless ``got``, the name of a ``kind``, is one of ``known``."""
+    if got not in known:
+        raise UnknownNameError(kind, str(got), known, hint)
 
 
 def describe_problem(got: str, expected: str = "", where: str = "", advice: str = "") -> str:

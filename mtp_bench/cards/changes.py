@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..detector import load_profile, profile_names
 from ..detector.profile_file import profile_for
-from ..errors import CardError, DataError, MtpBenchError, UnknownNameError
+from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, require_known
 from ..strict import read_toml, validate
 from ..types import Scene
 from .card import Card, DetectorSection, check_detector
@@ -36,8 +36,7 @@ def changed_card(
 def with_split(card: Card, split: str) -> Card:
     """The card on another split of its source; raises UnknownNameError for a split that the source does not have."""
     source = card.source
-    if split not in source.splits:
-        raise UnknownNameError(f"split of {card.id}", split, source.splits)
+    require_known(f"split of {card.id}", split, source.splits)
     update = {"split": split}
     if isinstance(source, FilesSource):
         if source.scenes is not None and split != "all":

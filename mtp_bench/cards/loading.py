@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from .._bundle import bundled, card_ids
-from ..errors import CardError, UnknownNameError
+from ..errors import CardError, require_known
 from ..strict import read_toml, validate
 from .card import Card, check_consistency
 from .own import resolve_folder
@@ -24,8 +24,7 @@ def load_card(name: str | Path) -> Card:
         if not path.is_file():
             raise CardError(f"no card file at {path}")
     else:
-        if str(name) not in card_ids():
-            raise UnknownNameError("environment", str(name), card_ids(), "`mtp-bench envs` lists them")
+        require_known("environment", str(name), card_ids(), "`mtp-bench envs` lists them")
         path = bundled("envs") / f"{name}.toml"
     card = parse_card(read_toml(path, CardError), where=path.name)
     if card.id != path.stem:

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from ..errors import CardError, UnknownNameError
+from ..errors import CardError, require_known
 from ..strict import read_toml, validate
 from .profile import Profile
 
@@ -33,8 +33,7 @@ def profile_for(detector: str) -> str:
 
 @cache
 def _shipped(name: str) -> Profile:
-    if name not in profile_names():
-        raise UnknownNameError("detector profile", name, profile_names())
+    require_known("detector profile", name, profile_names())
     return _read(_STORE / f"{name}.toml")
 
 

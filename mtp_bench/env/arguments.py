@@ -6,7 +6,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from ..errors import MtpBenchError, UnknownNameError
+from ..errors import MtpBenchError, UnknownNameError, require_known
 from ..types import Scene
 from .live import RENDERERS
 
@@ -45,8 +45,7 @@ def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
         raise MtpBenchError(f"data is {data!r}, expected the path of the data root")
     names = EnvKeywords.__annotations__
     for name in keywords:
-        if name not in names:
-            raise UnknownNameError("keyword of the env", name, names)
+        require_known("keyword of the env", name, names)
     flags = dict.fromkeys(("evaluation", "rigid_motion", "target_frames", "fresh_noise"), False)
     values = {**dict.fromkeys(names), "observe": "detections", **flags, **keywords}
     if values["strict"] is None:
@@ -57,8 +56,7 @@ def checked(data: object, keywords: Mapping[str, Any]) -> dict[str, Any]:
     for name in ("split", "detector", "detection_file", "track_file", "files"):
         if not isinstance(values[name], str | None):
             raise MtpBenchError(f"{name} is {values[name]!r}, expected a text")
-    if values["observe"] not in OBSERVE:
-        raise UnknownNameError("value of observe", str(values["observe"]), OBSERVE)
+    require_known("value of observe", values["observe"], OBSERVE)
     if (values["observe"] == "tracks") != (values["track_file"] is not None):
         raise MtpBenchError(
             f"observe is {values['observe']!r} and track_file is {values['track_file']!r}, expected observe='tracks' "
@@ -108,8 +106,7 @@ def choose(known: Sequence[str], wanted: Sequence[str] | None) -> tuple[str, ...
     """Names of the scenes that episodes are drawn from: all ``known`` ones, or the ``wanted`` ones."""
     chosen = tuple(known if wanted is None else dict.fromkeys(wanted))
     for name in chosen:
-        if name not in known:
-            raise UnknownNameError("scene", str(name), known)
+        require_known("scene", name, known)
     if not chosen:
         raise MtpBenchError("no scene to choose from: expected at least one name in scenes")
     return chosen
@@ -121,6 +118,5 @@ def wanted(options: dict[str, Any], known: Sequence[str], drawn: str) -> str:
         if key != "scene":
             raise UnknownNameError("reset option", str(key), ["scene"])
     name = options.get("scene", drawn)
-    if name not in known:
-        raise UnknownNameError("scene", str(name), known)
+    require_known("scene", name, known)
     return str(name)

@@ -11,7 +11,7 @@ from typing import Any, SupportsIndex, TypedDict
 import numpy as np
 
 from ..cards import Card, changed_card, load_card, with_scenes
-from ..errors import MtpBenchError, UnknownNameError
+from ..errors import MtpBenchError, require_known
 from ..parallel import NO_PROGRESS, SERIAL, Progress, Workers, cores
 from ..scoring.scenes import SceneResult
 from ..submission.loader import Submission
@@ -98,8 +98,7 @@ class RunOptions:
     def chosen(self, names: Sequence[str]) -> tuple[str, ...]:
         """Scenes to run, of those of a split; raises MtpBenchError if the fold or a named scene does not exist."""
         for name in self.names or ():
-            if name not in names:
-                raise UnknownNameError("scene", str(name), names)
+            require_known("scene", name, names)
         if self.names is not None:
             return self.names
         return tuple(names if self.fold is None else held_out(names, self.fold))[: self.scenes]
@@ -162,8 +161,7 @@ def asked(env: str | Card, options: RunOptions, keywords: Mapping[str, Any]) -> 
     """
     changes = {name: os.fspath(value) if isinstance(value, os.PathLike) else value for name, value in keywords.items()}
     for name in changes:
-        if name not in RunKeywords.__annotations__:
-            raise UnknownNameError("keyword", name, RunKeywords.__annotations__)
+        require_known("keyword", name, RunKeywords.__annotations__)
     for name in {"jobs", "scenes", "seeds"} & changes.keys():
         if isinstance(changes[name], bool | float) or (isinstance(changes[name], str) and name != "scenes"):
             raise MtpBenchError(f"{name} is {changes[name]!r}, expected a whole number")

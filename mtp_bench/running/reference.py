@@ -13,7 +13,7 @@ from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..env.rollouts import ARRAYS
-from ..errors import CardError, DataError, UnknownNameError
+from ..errors import CardError, DataError, UnknownNameError, require_known
 from ..files import require_file
 from ..parallel import parallel_map, reported
 from ..scoring import score_scene
@@ -85,8 +85,7 @@ def freeze(env_id: str, options: RunOptions = DEFAULTS) -> tuple[Path, Reference
 
     Raises UnknownNameError for the path of a card: only weights of shipped ids are looked up.
     """
-    if env_id not in card_ids():
-        raise UnknownNameError("environment", env_id, card_ids(), "only those that ship have frozen event weights")
+    require_known("environment", env_id, card_ids(), "only those that ship have frozen event weights")
     card, path = load_card(env_id), frozen_path(env_id)
     path.parent.mkdir(exist_ok=True)
     require_file(path)

@@ -11,7 +11,7 @@ from .._bundle import card_ids
 from ..cards import Card, changed_card, load_card, parse_card
 from ..env.environment import MTPEnv
 from ..env.observation import shown_boxes
-from ..errors import RolloutError, UnknownNameError
+from ..errors import RolloutError, UnknownNameError, require_known
 from ..files import require_folder
 from ..parallel import SERIAL, parallel_map
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
@@ -91,8 +91,7 @@ class OpenedRun:
 
     def recorded(self, name: str) -> Scene:
         """The scene of this name as its source has it, for scoring; raises UnknownNameError if it is missing."""
-        if name not in self.source.names:
-            raise UnknownNameError(f"scene of {self.folder}", name, self.source.names)
+        require_known(f"scene of {self.folder}", name, self.source.names)
         return self.source.load(name)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..errors import DataError, UnknownNameError
+from ..errors import DataError, require_known
 from ..types import Bools, Rollout, Scene
 from .definitions import SUBSETS
 from .holes import separated_truth
@@ -105,8 +105,7 @@ class Reference:
 
         Raises UnknownNameError for another subset and DataError for a scene without weights.
         """
-        if subset not in WEIGHED:
-            raise UnknownNameError("weighted subset", subset, WEIGHED)
+        require_known("weighted subset", subset, WEIGHED)
         known = self.of(scene)
         if subset == "paper_ids":
             return known.stp[:, 0].astype(np.float64)

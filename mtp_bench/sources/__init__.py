@@ -7,7 +7,7 @@ from pathlib import Path
 
 from .. import notice
 from ..cards import Card, load_card
-from ..errors import DataError, MtpBenchError, UnknownNameError
+from ..errors import DataError, MtpBenchError, require_known
 from ..types import Scene
 from .base import CameraImage as CameraImage
 from .base import ChangedScenes, SourcePackage, usable
@@ -52,8 +52,7 @@ def load_scenes(
         raise MtpBenchError(f"names is the text {names!r}, expected a list: names=[{names!r}]")
     chosen = tuple(source.names if names is None else names)
     for name in chosen:
-        if name not in source.names:
-            raise UnknownNameError("scene", name, source.names)
+        require_known("scene", name, source.names)
     return (source.load(name) for name in chosen)
 
 

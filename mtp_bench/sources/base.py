@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..cards import Card, SourceSection
 from ..cards.own import TEXTS, folder_digest, known_digest
 from ..cards.source import DetectionsSection
-from ..errors import CardError, DataError, MissingDataError, UnknownNameError, nearest
+from ..errors import CardError, DataError, MissingDataError, nearest, require_known
 from ..types import Detections, Floats, Ints, Lane, Scene, Truth
 from .dataset import Dataset, DataStatus
 from .text import SMALLEST, refuse_shared_place
@@ -49,8 +49,7 @@ class ChangedScenes:
 
     def load(self, name: str) -> Scene:
         """Read one scene and change it; raises UnknownNameError for a name that the source does not have."""
-        if name not in self.source.names:
-            raise UnknownNameError("scene", name, self.source.names)
+        require_known("scene", name, self.source.names)
         return self.change(self.source.load(name))
 
 

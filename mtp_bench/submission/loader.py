@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .._bundle import baseline_names, bundled
-from ..errors import SubmissionError, UnknownNameError
+from ..errors import SubmissionError, UnknownNameError, require_known
 from .contents import digest_of, files_of, import_from
 from .manifest import MANIFEST, Manifest, Role, read_manifest
 
@@ -134,11 +134,9 @@ def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, 
     if inspect.Parameter.VAR_KEYWORD in kinds:
         return
     known = {each.name: each for each in signature[1:] if each.kind is not each.VAR_POSITIONAL}
+    hint = f"parameters stand in {MANIFEST} and behind the task in build"
     for key in given:
-        if key not in known:
-            raise UnknownNameError(
-                f"parameter of {name}", key, known, f"parameters stand in {MANIFEST} and behind the task in build"
-            )
+        require_known(f"parameter of {name}", key, known, hint)
     for key, parameter in known.items():
         if parameter.default is parameter.empty and key not in given:
             raise SubmissionError(f"{name}: parameter {key!r} has no value; give one in {MANIFEST} under [parameters]")

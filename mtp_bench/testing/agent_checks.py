@@ -8,7 +8,7 @@ import numpy as np
 
 from ..env.environment import MTPEnv
 from ..env.observation import Feed
-from ..errors import MtpBenchError, UnknownNameError
+from ..errors import MtpBenchError, require_known
 from ..running.run import MakeAgent, agent_task
 from ..scoring import mean_plain_error
 from ..types import Observation, Task, starts_of
@@ -43,8 +43,7 @@ def check_agent(
     env = MTPEnv(env_id, **keywords)
     chosen = tuple(env.scene_names[:SCENES] if scenes is None else scenes)
     for scene in chosen:
-        if scene not in env.scene_names:
-            raise UnknownNameError("scene", scene, env.scene_names)
+        require_known("scene", scene, env.scene_names)
     if not chosen:
         raise MtpBenchError("no scene to check on: expected at least one name in scenes")
     suite = Suite(make_agent, env_id, keywords, seed, env, chosen)

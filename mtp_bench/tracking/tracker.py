@@ -12,7 +12,7 @@ from typing import get_args
 import numpy as np
 
 from ..agent import Observation, Tracks
-from ..errors import ShapeError, UnknownNameError
+from ..errors import ShapeError, require_known
 from ..tracks import Affinity
 from ..types import Floats, Ints, Task
 from .given import GivenIdentities
@@ -156,8 +156,7 @@ def _per_class(least: float | Mapping[str, float] | None, task: Task) -> Floats:
     if not isinstance(least, Mapping):
         return np.full(len(task.classes), -np.inf if least is None else least)
     for name in least:
-        if name not in task.classes:
-            raise UnknownNameError("class in min_detection_score", name, task.classes)
+        require_known("class in min_detection_score", name, task.classes)
     return np.array([least.get(name, -np.inf) for name in task.classes])
 
 
@@ -199,8 +198,7 @@ def rules_of(parameters: Sequence[ClassParameters]) -> tuple[Ints, Floats]:
         if rule.assignment not in get_args(Assignment):
             allowed = " or ".join(map(repr, get_args(Assignment)))
             raise ShapeError(f"assignment of ClassParameters is {rule.assignment!r}, expected {allowed}")
-        if rule.affinity not in _KINDS:
-            raise UnknownNameError("affinity", rule.affinity, _KINDS)
+        require_known("affinity", rule.affinity, _KINDS)
     kinds = np.array([_KINDS[rule.affinity] for rule in parameters], dtype=np.int64)
     return kinds, np.array([rule.gate for rule in parameters], dtype=np.float64)
 

@@ -14,7 +14,7 @@ import numpy as np
 from .. import notice
 from ..agent import Tracker
 from ..env.environment import MTPEnv
-from ..errors import MtpBenchError, UnknownNameError
+from ..errors import MtpBenchError, require_known
 from ..prediction.kalman import NoiseTable, filtered, heading_frame, rotation
 from ..prediction.motion_noise import noise_table, observed
 from ..running.options import DEFAULTS, Fold, RunOptions
@@ -32,8 +32,7 @@ def fit_env(
     ``options`` may name another split. ``observe``: "truth" for ground-truth tracks. ``without``: a fold whose scenes
     are left out, see `open_split`. Raises MtpBenchError if there is nothing to fit.
     """
-    if observe not in (known := ("detections", "truth")):
-        raise UnknownNameError("value of observe", observe, known)
+    require_known("value of observe", observe, ("detections", "truth"))
     split = open_split(env_id, options.on_split("train"), without)
     task = MTPEnv(split.card, data=options.data, observe=observe).task
     rows = fit_scenes(list(split.scenes()), task)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..cards import Card, DetectorSection
-from ..errors import MtpBenchError, UnknownNameError
+from ..errors import MtpBenchError, UnknownNameError, require_known
 from ..running.options import DEFAULTS, RunOptions
 from ..sources.simulated import in_world
 from ..types import Scene
@@ -81,8 +81,7 @@ def _alike(texts: Sequence[str], card: Card) -> dict[str, str]:
     for text in texts:
         name, _, like = text.partition("=")
         for kind, one in (("class", name), ("fitted class", like)):
-            if one not in card.task.classes:
-                raise UnknownNameError(f"{kind} of --alike", one, card.task.classes)
+            require_known(f"{kind} of --alike", one, card.task.classes)
         alike[name] = like
     return alike
 

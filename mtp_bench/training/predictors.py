@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import MtpBenchError, UnknownNameError
+from ..errors import MtpBenchError, require_known
 from ..files import WriteError, make_folder
 from ..networks import VARIABLE as WEIGHTS_VARIABLE
 from ..networks import file_name, weights_folder
@@ -40,8 +40,7 @@ class TrainingRequest:
 
     def __post_init__(self) -> None:
         stages, epochs = len(network_of(self.network).recipe.stages), self.chosen_plan.epochs
-        if self.on not in ON:
-            raise UnknownNameError("value of --on", self.on, ON)
+        require_known("value of --on", self.on, ON)
         if epochs < stages:
             raise MtpBenchError(f"epochs is {epochs}, expected at least {stages}: {self.network} has {stages} stages")
 

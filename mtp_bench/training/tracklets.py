@@ -15,7 +15,7 @@ from ..agent import Frame, Observation, Tracker
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
-from ..errors import MtpBenchError, UnknownNameError
+from ..errors import MtpBenchError, require_known
 from ..parallel import parallel_map, reported
 from ..prediction.windows import Surroundings, TrackWindows, windows_of
 from ..running.options import DEFAULTS, Fold, RunOptions, asked, held_out
@@ -108,8 +108,7 @@ def windows(
     opened = open_split(env_id, replace(options, split=split, scenes=options.scenes if count is None else count))
     names = opened.names if scenes is None or count is not None else tuple(scenes)  # type: ignore[arg-type]
     for place, name in enumerate(names):
-        if name not in opened.source.names:
-            raise UnknownNameError(f"scene of {env_id}", name, opened.source.names)
+        require_known(f"scene of {env_id}", name, opened.source.names)
         if name in names[:place]:
             raise MtpBenchError(f"scene {name!r} is named twice, expected each once: it would be learnt twice")
     observe = "truth" if isinstance(played, TruthTracker) else "detections"

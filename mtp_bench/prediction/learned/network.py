@@ -9,7 +9,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from ...errors import UnknownNameError
+from ...errors import require_known
 from ...types import Ints, Task
 from ..windows import Surroundings, TrackWindows
 from .layers import Array, Weights
@@ -85,6 +85,5 @@ def networks() -> dict[str, Network]:
 
 def network_of(name: str) -> Network:
     """The network of this name; raises UnknownNameError."""
-    if name not in networks():
-        raise UnknownNameError("network", name, networks())
+    require_known("network", name, networks())
     return networks()[name]

@@ -9,7 +9,7 @@ from urllib.parse import quote
 import numpy as np
 from numpy.typing import NDArray
 
-from ...errors import DataError, MtpBenchError, UnknownNameError
+from ...errors import DataError, MtpBenchError, require_known
 from ...files import file_stem, make_folder, require_replaceable, whole_folder
 from ...types import ID_LIMIT, Detections, Scene, Truth
 from ..base import require_separate
@@ -34,8 +34,7 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: T
     written without those that follow them.
     Raises DataError for a wrong scene, and MtpBenchError if it cannot be written or would replace other files.
     """
-    if form not in FORMS:
-        raise UnknownNameError("form of a scene", str(form), FORMS)
+    require_known("form of a scene", form, FORMS)
     check_scene_name(scene.name)
     values = {name: getattr(scene, name) for name in _EMPTY}
     extra = [name for name, value in values.items() if isinstance(value, np.ndarray) or value != _EMPTY[name]]

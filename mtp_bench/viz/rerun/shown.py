@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...errors import MtpBenchError, UnknownNameError
+from ...errors import MtpBenchError, require_known
 from ..focus import Focus
 from ..framing import focuses_of
 from ..replay import Incident, Replay
@@ -63,8 +63,7 @@ def shown_agents(replays: Sequence[Replay], level: str, at: Incident | None = No
 
     The entities of the first run have no prefix, those of the others "agents/NAME/".
     """
-    if level not in LEVELS:
-        raise UnknownNameError("level", level, LEVELS)
+    require_known("level", level, LEVELS)
     scenes = {replay.scene.name for replay in replays}
     if len(scenes) != 1:
         raise MtpBenchError(f"a recording shows one scene, got {', '.join(sorted(scenes)) or 'none'}")
