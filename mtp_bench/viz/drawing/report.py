@@ -72,7 +72,7 @@ def picture(focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus]
     whole.paste(drawn, (0, top))
     parts = {name: value for name, value in (focus.at.parts or {}).items() if abs(value) >= LEAST_SHOWN}
     heading = [(f"The error, {focus.at.error:.1f} m, by cause:", SMALL, BLACK)] if parts else []
-    above = REMARK.format("north is up" if focus.at.object_id < 0 else "the object heads to the right")
+    above = REMARK.format("north is up" if focus.at.object_id < 0 else "the way of the object points to the right")
     remarks = [(text, SMALL - 1, GRAY) for text in (above, *([UNSURE] if BELOW in parts else []))]
     whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
     ink = ImageDraw.Draw(whole)
