@@ -77,7 +77,7 @@ def _moment(run: Replay, rows: Ints, cost: Floats) -> Moment:
 def found(run: Replay, text: str) -> Incident:
     """The incident that ``text`` names: an event, ``OBJECT@FRAME``, an object, a frame (20) or a time (12.5s).
 
-    An object stands for its worst frame, a frame for its worst target. An object is named by its id in the source, or
+    An object stands for its worst moment, a frame for its worst target. An object is named by its id in the source, or
     the beginning of it, with its class before it or not. Raises UnknownNameError, and MtpBenchError for a frame without
     a target.
     """
@@ -86,14 +86,23 @@ def found(run: Replay, text: str) -> Incident:
         return events[text]
     name, _, frame = text.rpartition("@")
     if name and frame.isdecimal():
-        return run.moment(_row_at(run, _rows_of(run, name), int(frame), text))
+        return _with_span(run, _row_at(run, _rows_of(run, name), int(frame), text))
     seconds = re.fullmatch(r"(\d+(?:\.\d+)?) ?s", text)
     if seconds or text.isdecimal():
         time = run.scene.time - run.scene.time[0]
         t = int(np.argmin(np.abs(time - float(seconds[1])))) if seconds else int(text)
         return _worst_of(run, t)
     rows = _rows_of(run, text)
-    return run.moment(int(rows[np.argmax(np.nan_to_num(costs(run)[rows], nan=-1.0))]))
+    own = (each.at for each in moments(run) if each.at.row in rows)
+    return next(own, None) or run.moment(int(rows[np.argmax(np.nan_to_num(costs(run)[rows], nan=-1.0))]))
+
+
+def _with_span(run: Replay, row: int) -> Incident:
+    """The incident of a true box, with the span of the moment that it is part of."""
+    at = run.moment(row)
+    spans = (each.at for each in moments(run) if each.at.object_id == at.object_id)
+    span = next((each for each in spans if each.first <= at.frame <= each.until), at)
+    return replace(at, first=span.first, until=span.until)
 
 
 def _rows_of(run: Replay, name: str) -> Ints:
