@@ -212,6 +212,7 @@ def test_curves_show_error_distance_and_speed_of_the_object(tmp_path: Path) -> N
     assert curves["object/1", "track 2"][EVENT - 1] == []
     assert curves["object/1", "event gate"][0] == [2.0]
     assert curves["object/2", "car 5"][EVENT] == pytest.approx([5.0])
+    assert found["identity/car-5-events"][EVENT]["state"] == ["ids-0"]
 
 
 def test_signs_that_the_viewer_cannot_draw_are_replaced(run: Replay, tmp_path: Path) -> None:

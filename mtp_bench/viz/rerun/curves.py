@@ -10,7 +10,7 @@ from ..evidence import gate
 from ..focus import Focus
 from ..palette import BLUE, ORANGE, PURPLE, TRUTH, VERMILLION, Color
 from .colors import ROLES, SKY, SWITCH, UNKNOWN, packed
-from .entities import Log
+from .entities import Log, frames_around
 from .sdk import rr
 
 MOST = 4  # parts or tracks in a plot: the legend has no more room
@@ -40,7 +40,7 @@ def curves_of(focus: Focus) -> dict[str, list[Curve]]:
     if at.object_id >= 0:
         part = np.where(focus.rows[:, None] >= 0, run.part[focus.rows], np.nan)
         largest, rule = run.card.per_class(task.miss_error)[at.class_id], gate(focus)
-        most = np.nan_to_num(np.abs(part)).max(axis=0)
+        most = np.nan_to_num(np.abs(part))[frames_around(run.scene, at.frame)].max(axis=0)
         shown = [i for i in np.argsort(-most, kind="stable")[:MOST].tolist() if most[i] >= LEAST_SHOWN]
         plots[f"error of {focus.named}, m"] = [
             Curve("largest error, c", np.full(run.frames, largest), LIMIT, 1.0),

@@ -7,7 +7,7 @@ import numpy as np
 
 from ...types import starts_of
 from ..focus import Focus
-from ..replay import Incident, Replay
+from ..replay import KINDS, Incident, Replay
 from ..sentence import sentence
 from .colors import EVENTS, SERIES, UNTRACKED, Colors, packed, tone, track_colors
 from .entities import Log
@@ -23,16 +23,22 @@ def log_judgement(log: Log, agent: ShownAgent, number: int) -> None:
     """Log events, identity lanes and counts of the best hypothesis of the agent with this number."""
     run = agent.replay
     _log_markers(log, run)
-    for kind in dict.fromkeys(i.kind for i in run.incidents):
-        incidents = [i for i in run.incidents if i.kind == kind]
+    groups = {f"marks/{kind}": [i for i in run.incidents if i.kind == kind] for kind in KINDS}
+    if agent.focus is not None and agent.focus.at.object_id in agent.lanes:
+        own = agent.focus.at.object_id
+        groups[f"{agent.lanes[own]}-events"] = [i for i in run.events if i.object_id == own]
+    for path, incidents in groups.items():
         marks = marks_of(run, incidents)
         names = sorted({*marks} - {""})
-        _log_lane(log, f"marks/{kind}", marks, names, np.array([EVENTS[kind]] * len(names), dtype=np.uint8))
-        incidents = [i for i in incidents if i.frame in log.frames]
-        texts, color = [drawable(sentence(Focus(run, i))) for i in incidents], packed(EVENTS[kind])
-        if texts:
-            columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=np.tile(color, len(texts)))
-            log.columns(f"marks/{kind}", None, columns, [i.frame for i in incidents])
+        colors = np.array([EVENTS[name.partition("-")[0]] for name in names], dtype=np.uint8)
+        if incidents:
+            _log_lane(log, path, marks, names, colors)
+        happened = [i for i in incidents if i.frame in log.frames and path.startswith("marks")]
+        if happened:
+            texts = [drawable(sentence(Focus(run, i))) for i in happened]
+            color = packed(np.array([EVENTS[i.kind] for i in happened], dtype=np.uint8))
+            columns = rr.TextLog.columns(text=texts, level=["INFO"] * len(texts), color=color)
+            log.columns(path, None, columns, [i.frame for i in happened])
     for object_id, lane in lanes(run).items():
         tracks = np.unique([track for track in lane if track is not None])
         names = ["untracked" if track < 0 else f"track {track}" for track in tracks.tolist()]

@@ -120,16 +120,15 @@ def _names(focus: Focus, frame: FocusFrame, half: float) -> list[Labelled]:
     boxes = [("truth", box, focus.named) for box in frame.object_box]
     boxes += [(track.role, track.box, f"track {track.track_id}") for track in frame.tracks]
     sides = {role: away * rotate(np.array(side), turn_of(focus)) for role, side in SIDES.items()}
-    wanted = [(role, box[:2] + sides.get(role, 0.0), name) for role, box, name in boxes]
+    names: list[Labelled] = [(role, box[:2] + sides.get(role, 0.0), name) for role, box, name in boxes]
     ends = [(role, path[-1], f"forecast {role}") for role, path in _nearest(focus, frame)[::-1]]
     ends[1:1] = [("truth", frame.future[-1], "true place then")] if len(frame.future) > 1 else []
-    wanted += ends + [("detection", place, text) for place, text, _ in nearest_detections(focus, frame)]
+    wanted = ends + [("detection", place, text) for place, text, _ in nearest_detections(focus, frame)]
     wanted += [(track.role, track.expected, "expected") for track in frame.tracks if track.expected is not None]
     far = distance(focus, t)
     if far is not None:
         share = min(1.0, 0.8 * half / max(far, 1e-9))
         wanted.append(("ego", place + share * (focus.replay.scene.ego[t, :2] - place), f"ego {far:.0f} m away"))
-    names: list[Labelled] = []
     for each in wanted:
         if all(np.hypot(*(each[1] - other[1])) > 0.9 * away for other in names):
             names.append(each)

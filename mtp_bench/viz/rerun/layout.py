@@ -14,7 +14,8 @@ from ..palette import Color
 from ..replay import KINDS, Incident
 from .colors import SERIES
 from .curves import curves_of
-from .entities import EVENT, frames_around
+from .entities import EVENT
+from .events import lanes
 from .sdk import rr, rrb
 from .shown import ShownAgent
 
@@ -76,13 +77,13 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     if at is None:
         views = [view for agent in agents for view in _beside(agent, eye, MOST_BESIDE // len(agents))]
         above = rrb.Horizontal(*views, key, column_shares=[*[1.0] * len(views), 0.7])
-        below = rrb.Horizontal(_counts(agents), _lanes(agents, at), column_shares=[1, 2])
+        below = rrb.Horizontal(_counts(agents), _lanes(agents), column_shares=[1, 2])
         return _blueprint(rrb.Vertical(above, below, row_shares=[1.7, 1]), "Paused", "time", card)
     texts = [rrb.TextDocumentView(origin=f"/{a.root}focus/text", name=a.titled("what happened")) for a in agents]
-    beside = rrb.Vertical(*texts, key, row_shares=[*[1.2 if alone else 1.8] * len(agents), 1.0])
+    beside = rrb.Vertical(*texts, key, row_shares=[*[1.2 if alone else 2.2] * len(agents), 1.0])
     first, *others = (_alone(agents, agent, eye) for agent in agents)
     above = rrb.Horizontal(first, beside, *others, column_shares=[2.2 if alone else 1.8, 1.0, *[1.8] * len(others)])
-    below = rrb.Horizontal(*_curves(agents), _lanes(agents, at))
+    below = rrb.Horizontal(*_curves(agents), _lanes(agents))
     # the timeline of the event has nothing but its window, which is played over and over
     return _blueprint(rrb.Vertical(above, below, row_shares=[2.8, 1]), "Playing", EVENT, card, "All")
 
@@ -151,23 +152,21 @@ def _curves(agents: Sequence[ShownAgent]) -> list[Any]:
     return plots[0] if len(agents) == 1 else [rrb.Tabs(*views, active_tab=0) for views in plots if views]
 
 
-def _lanes(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Tabs:
-    """Events on the time line and lanes of the objects with most of them; all lanes; the event log."""
-    own = None if at is None else at.object_id
-    kinds = KINDS if at is None or own == -1 else KINDS[:-1]  # there is no room for false forecasts of others
-    near = range(agents[0].replay.frames) if at is None else frames_around(agents[0].replay.scene, at.frame)
+def _lanes(agents: Sequence[ShownAgent]) -> rrb.Tabs:
+    """Lanes of the objects of an event, or with most events, and events on the time line; all lanes; the event log."""
     few, every = [], []
     for agent in agents:
-        run, root = agent.replay, f"/{agent.root}"
+        run, tracks = agent.replay, lanes(agent.replay)
         count, switches = (Counter(i.object_id for i in run.events if i.kind in some) for some in (KINDS, ("ids",)))
-        objects = np.unique(run.scene.truth.object_id[~run.scene.truth.neutral]).tolist()
-        # first the object of the event, then those with many switches and other events
-        order = sorted(objects, key=lambda g: (g != own, -switches[g], -count[g], g))
-        every += [root + agent.lanes[g] for g in objects]
-        few += [root + agent.lanes[g] for g in order[: MOST_LANES // len(agents) if at is None else own in objects]]
-        happened = {i.kind for i in run.incidents if i.frame in near}
-        few += [f"{root}marks/{kind}" for kind in kinds if kind in happened]
-    names = {"events and tracks": few, "tracks of every object": every}
+        order = sorted(tracks, key=lambda g: (-switches[g], -count[g], g))[: MOST_LANES // len(agents)]
+        marks = [f"marks/{kind}" for kind in KINDS if any(i.kind == kind for i in run.incidents)]
+        if agent.focus is not None and agent.focus.at.object_id in tracks:
+            named, own = {*agent.focus.named_tracks}, agent.focus.at.object_id
+            order = [own, *(g for g, lane in tracks.items() if g != own and named & {*lane})]
+            marks = [f"{agent.lanes[own]}-events"]
+        few += [f"/{agent.root}{path}" for path in (*(agent.lanes[g] for g in order), *marks)]
+        every += [f"/{agent.root}{path}" for path in (*(agent.lanes[g] for g in tracks), "marks/**")]
+    names = {"events and tracks": few, "all": every}
     views = [rrb.StateTimelineView(origin="/", contents=paths, name=name) for name, paths in names.items() if paths]
     columns = rrb.TextLogColumns(timeline_columns=["frame"], text_log_columns=["Body"])
     return rrb.Tabs(*views, rrb.TextLogView(origin="/", name="event log", columns=columns), active_tab=0)

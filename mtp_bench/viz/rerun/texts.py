@@ -72,7 +72,7 @@ def event_text(focus: Focus, frame: FocusFrame) -> str:
     if far is not None:
         rows["ego"] = f"{far:.0f} m away" + ("" if seen is None else f", sees {seen:.0%}")
     heading, _, remark = f"{sentence(focus)}.".partition(". ")
-    lines = [f"#### {heading}", "", remark, "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
+    lines = [f"##### {heading}", "", remark, "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
     return "\n".join([*lines, *(f"| {name} | {text} |" for name, text in rows.items())])
 
 
