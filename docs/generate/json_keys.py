@@ -45,7 +45,7 @@ _WHERE = {
     "class": "Class of the object.",
     "object": "Number of the object in the scene; null for a false forecast.",
     "object_id": "Its whole id in the source.",
-    "frame": "Frame of the event, or worst frame of the moment.",
+    "frame": "Frame of the event; of a moment the one in which its cause costs most.",
     "until": "Last frame.",
     "error": "What the target adds to bADE, metres; of a moment the mean of its frames. null: not a target.",
     "parts": "Its parts, metres, by name: the largest first, below threshold last.",
@@ -66,7 +66,7 @@ MOMENT = {  # of `worst --json`
     "frames": "Number of its targets.",
     "cost": "Sum over its frames of the error without the part below threshold, metres.",
     "cause": "Name of its largest part.",
-    "distance": "Distance from the ego in the worst frame, metres.",
+    "distance": "Distance from the ego in that frame, metres.",
 }
 EVENT = {  # of `events --json`
     **_WHERE,

@@ -21,11 +21,11 @@ GAP_SECONDS = 0.5  # between two bad frames of one moment, at most
 class Moment:
     """A run of bad frames of one object."""
 
-    at: Incident  # its worst frame, with the span
+    at: Incident  # the frame in which its cause costs most, with the span
     frames: int  # targets in it
     cost: float  # m, summed over them, that it is sorted by
     parts: dict[str, float]  # m, by name, means over them
-    distance: float  # m from the ego to the object, in the worst frame
+    distance: float  # m from the ego to the object, in that frame
 
     @property
     def cause(self) -> str:
@@ -63,7 +63,7 @@ def _moment(run: Replay, rows: Ints, cost: Floats) -> Moment:
     frame, part = run.scene.truth.frame_of_rows, run.part[rows]
     parts = named_parts(part.mean(axis=0))
     of_cause = part[:, list(PARTS.values()).index(next(iter(parts)))]
-    worst = int(rows[np.lexsort((-of_cause, -cost[rows].round(3)))[0]])  # of equal costs, one of the moment's cause
+    worst = int(rows[np.lexsort((-cost[rows], -of_cause.round(2)))[0]])  # where it shows its cause
     gap = run.scene.truth.box[worst, :2] - run.scene.ego[frame[worst], :2]
     return Moment(
         at=replace(run.moment(worst), first=int(frame[rows[0]]), until=int(frame[rows[-1]])),
