@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rerun.experimental import ViewerClient
 
 from mtp_bench.cards import load_card
 from mtp_bench.commands.view import _opened, _replays
@@ -18,7 +19,6 @@ from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
 from mtp_bench.viz.rerun.entities import SECONDS
-from mtp_bench.viz.rerun.sdk import ViewerClient
 from tests.support.command_line import CommandLine, plain_environment, write_submission
 from tests.support.headless_viewer import require_driver, until, windows_without_a_screen
 from tests.support.recordings import read

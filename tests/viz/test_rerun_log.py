@@ -95,7 +95,7 @@ def test_what_is_recorded_is_what_was_said(run: Replay, top: dict[str, Rows], tm
 
 def test_levels_leave_out_what_they_say(run: Replay, top: dict[str, Rows], tmp_path: Path) -> None:
     tracks = set(read(save(tmp_path / "tracks.rrd", run, level="tracks")))
-    assert {"world/gt", "world/det", "world/events", "marks/ids", "identity/car-7", "key", "metrics/TP"} <= tracks
+    assert {"world/gt", "world/det", "world/events", "marks/ids", "identity/car-7", "key", "curves/0/00"} <= tracks
     assert {path for path in tracks if "hyp" in path} == {
         f"world/hyp/{h:02d}/{kind}" for h in range(TOP_HYPOTHESES) for kind in ("box", "name", "trail")
     }
@@ -127,8 +127,10 @@ def test_the_switch_is_an_event_a_mark_and_a_lane(run: Replay, top: dict[str, Ro
     assert states["identity/car-7"] == {0: "track 10", 4: "track 12"}
     assert states["identity/pedestrian-5"][0] == "untracked"
     assert states["marks/ids"] == {0: "", 4: "ids-0"}  # until the end of the scene, which is nearer than a second
-    for name, series in run.counts.items():
-        assert [top[f"metrics/{name}"][t]["scalars"][0] for t in range(FRAMES)] == series.tolist()
+    error = [row["scalars"] for t, row in top["curves/0/00"].items() if t >= 0]
+    assert error == [pytest.approx(run.part[rows].sum(axis=1)[~np.isnan(run.part[rows, 0])].mean(keepdims=True))
+                     if np.isfinite(run.part[rows, 0]).any() else []
+                     for rows in map(run.scene.truth.rows, range(FRAMES))]  # fmt: skip
 
 
 def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
@@ -140,14 +142,7 @@ def test_several_agents_share_the_scene(run: Replay, tmp_path: Path) -> None:
     assert "agents/mtp-2/world/hyp/00/box" in both
     shared = {path for path in both if path.endswith(("/gt", "/det", "/ego", "/gt_future"))}
     assert shared == {"world/gt", "world/det", "world/ego", "world/gt_future"}
-    assert both["agents/stp/metrics/TP"][-1]["names"] == ["stp TP"]
-
-
-def test_where_the_truth_is_not_complete_nobody_counts_false_boxes(run: Replay, tmp_path: Path) -> None:
-    partly = changed(run, scene=changed(run.scene, truth_complete=False))
-    found = read(save(tmp_path / "partly.rrd", partly))
-    assert "metrics/FP" not in found
-    assert "metrics/FN" in found
+    assert "agents/stp/curves/0/00" in both
 
 
 def test_runs_of_different_scenes_share_no_recording(run: Replay, tmp_path: Path) -> None:
@@ -203,15 +198,15 @@ def test_curves_show_error_distance_and_speed_of_the_object(tmp_path: Path) -> N
     focus = Focus(crowded, crowded.incident("ids-0"))
     found = read(save(tmp_path / "at.rrd", crowded, at=focus.at))
     curves = {(path[:8], row["names"][0]): {t: each["scalars"] for t, each in found[path].items() if t >= 0}
-              for path in found if path.startswith("object/") for row in [found[path][-1]]}  # fmt: skip
-    assert curves["object/0", "largest error, c"][EVENT] == [10.0]
-    assert curves["object/0", "error"][EVENT] == pytest.approx([focus.at.error])
-    assert curves["object/0", "error"] == curves["object/0", "rest"], "without references one part is all"
-    assert curves["object/0", "error"][9] == [], "no target, and no value"
-    assert [curves["object/1", f"track {i}"][EVENT][0] for i in (1, 2)] == pytest.approx([1.5, 0.0])
-    assert curves["object/1", "track 2"][EVENT - 1] == []
-    assert curves["object/1", "event gate"][0] == [2.0]
-    assert curves["object/2", "car 5"][EVENT] == pytest.approx([5.0])
+              for path in found if path.startswith("curves/") for row in [found[path][-1]]}  # fmt: skip
+    assert curves["curves/0", "largest error, c"][EVENT] == [10.0]
+    assert curves["curves/0", "error"][EVENT] == pytest.approx([focus.at.error])
+    assert curves["curves/0", "error"] == curves["curves/0", "rest"], "without references one part is all"
+    assert curves["curves/0", "error"][9] == [], "no target, and no value"
+    assert [curves["curves/1", f"track {i}"][EVENT][0] for i in (1, 2)] == pytest.approx([1.5, 0.0])
+    assert curves["curves/1", "track 2"][EVENT - 1] == []
+    assert curves["curves/1", "event gate"][0] == [2.0]
+    assert curves["curves/2", "car 5"][EVENT] == pytest.approx([5.0])
     assert found["identity/car-5-events"][EVENT]["state"] == ["ids-0"]
 
 

@@ -23,7 +23,6 @@ TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch sel
     ORANGE, SKY, PURPLE, BLUE, (140, 150, 70), (166, 112, 0), (150, 130, 240),
 )  # fmt: skip
 EVENTS = {"ids": SWITCH, "lost": FALSE, "reacquired": SKY, "spurious": UNKNOWN}
-SERIES = {"TP": TRUTH, "FN": FALSE, "FP": ORANGE}
 ROLES: dict[str, Color] = {  # of a thing in an event
     "truth": TRUTH, "before": SKY, "now": NOW, "named": PURPLE, "detection": UNKNOWN,
     "ego": (140, 140, 150),
@@ -47,10 +46,3 @@ def packed(colors: Colors | Color) -> NDArray[np.uint32]:
 def pale(colors: Colors) -> Colors:
     """Lighter colours [N, 3], of names in a view: a viewer writes them on a dark ground, or on grey."""
     return np.uint8(255) - (0.36 * (255 - colors.astype(np.float64))).astype(np.uint8)
-
-
-def tone(color: Color, number: int) -> Color:
-    """The colour for the first agent, and lighter ones for those beside it."""
-    share = 1.0 - 0.6**number
-    red, green, blue = (round(value + share * (255 - value)) for value in color)
-    return red, green, blue

@@ -1,4 +1,4 @@
-"""Judgement of a run in a recording: events on the time line, identity lanes and counts of the best hypothesis."""
+"""Judgement of a run in a recording: events on the time line and identity lanes of the best hypothesis."""
 
 import itertools
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from ...types import starts_of
 from ..focus import Focus
 from ..replay import KINDS, Incident, Replay
 from ..sentence import sentence
-from .colors import EVENTS, SERIES, UNTRACKED, Colors, packed, tone, track_colors
+from .colors import EVENTS, UNTRACKED, Colors, packed, track_colors
 from .entities import Log
 from .sdk import rr
 from .shown import ShownAgent, drawable
@@ -19,8 +19,8 @@ EVENT_SECONDS = 1.0  # that its mark on the time line lasts at least: so its nam
 MARKER = (0.0, 3.4, 3.0)  # m, from an event to its mark: beside the label of the box
 
 
-def log_judgement(log: Log, agent: ShownAgent, number: int) -> None:
-    """Log events, identity lanes and counts of the best hypothesis of the agent with this number."""
+def log_judgement(log: Log, agent: ShownAgent) -> None:
+    """Log events and identity lanes of the best hypothesis."""
     run = agent.replay
     _log_markers(log, run)
     groups = {f"marks/{kind}": [i for i in run.incidents if i.kind == kind] for kind in KINDS}
@@ -45,11 +45,6 @@ def log_judgement(log: Log, agent: ShownAgent, number: int) -> None:
         states = ["" if track is None else names[np.searchsorted(tracks, track)] for track in lane]
         colors = np.where(tracks[:, None] < 0, UNTRACKED, track_colors(tracks)).astype(np.uint8)
         _log_lane(log, agent.lanes[object_id], states, names, colors)
-    for name, values in run.counts.items():
-        if name != "FP" or run.scene.truth_complete:
-            color, title = packed(tone(SERIES[name], number)), f"{agent.name} {name}".strip()
-            style = rr.SeriesLines(colors=color, names=title, widths=2)
-            log.columns(f"metrics/{name}", style, rr.Scalars.columns(scalars=values[log.frames].astype(np.float64)))
 
 
 def _log_markers(log: Log, run: Replay) -> None:

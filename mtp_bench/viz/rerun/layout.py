@@ -12,7 +12,6 @@ from ...types import Floats
 from ..framing import turn_of, window_of
 from ..palette import Color
 from ..replay import KINDS, Incident
-from .colors import SERIES
 from .curves import curves_of
 from .entities import EVENT
 from .events import lanes
@@ -77,7 +76,7 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     if at is None:
         views = [view for agent in agents for view in _beside(agent, eye, MOST_BESIDE // len(agents))]
         above = rrb.Horizontal(*views, key, column_shares=[*[1.0] * len(views), 0.7])
-        below = rrb.Horizontal(_counts(agents), _lanes(agents), column_shares=[1, 2])
+        below = rrb.Horizontal(*_curves(agents), _lanes(agents), column_shares=[*[1] * len(agents), 2])
         return _blueprint(rrb.Vertical(above, below, row_shares=[1.7, 1]), "Paused", "time", card)
     texts = [rrb.TextDocumentView(origin=f"/{a.root}focus/text", name=a.titled("what happened")) for a in agents]
     beside = rrb.Vertical(*texts, key, row_shares=[*[1.2 if alone else 2.2] * len(agents), 1.0])
@@ -131,25 +130,17 @@ def _beside(agent: ShownAgent, eye: Eye, most: int) -> list[Any]:
     return [rrb.Tabs(views[0], *views[most:], active_tab=0), *views[1:most]]
 
 
-def _counts(agents: Sequence[ShownAgent]) -> rrb.TimeSeriesView:
-    """Plot of boxes per frame."""
-    contents = [f"/{agent.root}metrics/{series}" for agent in agents for series in SERIES]
-    name = "boxes per frame: right (TP), missed (FN), false (FP)"
-    return rrb.TimeSeriesView(origin="/", contents=contents, name=name, plot_legend=rrb.Corner2D.LeftTop)
-
-
 def _curves(agents: Sequence[ShownAgent]) -> list[Any]:
-    """Plots of the object of the event; those of one of several agents in tabs."""
+    """Plots of the errors; of an event also of distances and speeds, those of one of several agents in tabs."""
     corners = (rrb.Corner2D.LeftTop, *[rrb.Corner2D.RightTop] * 2)
     plots = [
         [
-            rrb.TimeSeriesView(origin=f"/{a.root}object/{i}", name=a.titled(title), plot_legend=corners[i])
-            for i, title in enumerate(curves_of(a.focus))
+            rrb.TimeSeriesView(origin=f"/{a.root}curves/{i}", name=a.titled(title), plot_legend=corners[i])
+            for i, title in enumerate(curves_of(a.replay, a.focus))
         ]
         for a in agents
-        if a.focus is not None
     ]
-    return plots[0] if len(agents) == 1 else [rrb.Tabs(*views, active_tab=0) for views in plots if views]
+    return plots[0] if len(agents) == 1 else [rrb.Tabs(*views, active_tab=0) for views in plots]
 
 
 def _lanes(agents: Sequence[ShownAgent]) -> rrb.Tabs:

@@ -73,12 +73,11 @@ def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level
         logs.append(Log(recording, scene, frames_around(scene, at.frame), seconds=(EVENT,)))
     for log in logs:
         log_scene(log, runs[0])
-        for number, agent in enumerate(agents):
+        for agent in agents:
             own = replace(log, root=agent.root)
             log_answers(own, agent.replay, agent.hypotheses, level)
-            log_judgement(own, agent, number)
-            if agent.focus is not None:
-                log_curves(own, agent.focus)
+            log_judgement(own, agent)
+            log_curves(own, agent.replay, agent.focus)
     for number in range(len(focuses)):
         log_focus(recording, focuses, number, agents[number].root, logs[1].frames)
     key = drawable(event_key(focuses[0]) if focuses else scene_key(runs))

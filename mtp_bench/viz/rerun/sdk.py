@@ -11,11 +11,10 @@ INSTALL = f'pip install "rerun-sdk>={VERSION},<0.42"'
 try:
     import rerun as rr
     import rerun.blueprint as rrb
-    from rerun.experimental import ViewerClient
 except ImportError as error:
     raise MtpBenchError(f"rerun cannot be imported ({error}), which draws recordings: {INSTALL}") from None
 
 if not str(getattr(rr, "__version__", "")).startswith(f"{VERSION}."):
     raise MtpBenchError(f"rerun is {getattr(rr, '__version__', 'of unknown version')}, expected {VERSION}: {INSTALL}")
 
-__all__ = ["ViewerClient", "rr", "rrb"]
+__all__ = ["rr", "rrb"]

@@ -35,8 +35,8 @@ SCENE_KEY = """\
 - **yellow box**: a detection; red: a false one
 - **white box**: the ego, which carries the sensors; **grey lines**: lanes
 
-Hypotheses stand side by side, the heaviest first. Below: boxes per frame; events on the time line; the track that
-follows each object.
+Hypotheses stand side by side, the heaviest first. Below: the mean error and its causes; the track that follows each
+object; events on the time line.
 
 Space plays in real time, the arrow keys step. The timeline "time" has seconds, "frame" the numbers of frames.
 """
