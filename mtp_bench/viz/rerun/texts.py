@@ -31,7 +31,7 @@ SCENE_KEY = """\
 
 - **green box, green line**: a true object, and where it really goes; dark green: not evaluated
 - **filled box in another colour**: a track, in the colour of its id, with the line behind it and its forecasts
-- **dot with a name**: an event: ids (pink) is an identity switch
+- **dot with a name**: an event of the last frames; ids is an identity switch
 - **yellow box**: a detection; red: a false one
 - **white box**: the ego, which carries the sensors; **grey lines**: lanes
 
