@@ -5,11 +5,13 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace as changed
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from mtp_bench import MtpBenchError
 from mtp_bench.sources import CameraImage
@@ -184,7 +186,6 @@ def test_an_event_alone_is_bright_named_and_told(tmp_path: Path) -> None:
     assert all(part in text for part in sentence(focus).split(". "))
     assert "| 0.4 s | frame 4 |" in text
     assert "event gate of the scorer (within 2 m)" in found["key"][-1]["text"][0]
-    assert found["focus/pictures"][-1]["format"][0]["width"] == 1200
     np.testing.assert_allclose(np.mean(found["world/at"][-1]["strips"][0], axis=0)[:2], focus.at.position[:2], atol=0.1)
     names = found["world/focus/name"][EVENT]
     assert {"car 5", "track 1", "track 2", "forecast now"} <= set(names["labels"])
@@ -225,7 +226,8 @@ def test_camera_images_stand_below_the_small_pictures(tmp_path: Path) -> None:
     image = CameraImage(EVENT, "image_02", tmp_path / "a.png", PIXELS, projection)
     for images, height in (((image,), ROW + HEIGHT), ((), ROW)):
         found = read(save(tmp_path / "a.rrd", changed(run, images=images), at=run.incident("ids-0")))
-        assert found["focus/pictures"][-1]["format"][0]["height"] == height
+        (png,) = found["focus/pictures"][-1]["blob"]
+        assert Image.open(BytesIO(bytes(png))).size == (1200, height)
 
 
 def test_forecasts_of_nothing_have_a_place_of_their_own(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """An event alone in a recording: its things, bright; small pictures, sentence and key beside them."""
 
 from collections.abc import Callable, Sequence
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,8 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
         recording.set_time("time", duration=float(scene.time[end] - scene.time[0]))
         recording.log(f"{root}world/focus", rr.Clear(recursive=True))
         recording.reset_time()
-    pictures = rr.Image(np.asarray(small_pictures(focus, focuses)))
+    small_pictures(focus, focuses).save(png := BytesIO(), format="PNG")
+    pictures = rr.EncodedImage(contents=png.getvalue(), media_type="image/png")
     recording.log(f"{root}focus/pictures", pictures, static=True)
     if number == 0:
         ring = np.insert((x, y) + (0.4 + 0.65 * length_of(focus)) * CIRCLE, 2, z, axis=1)

@@ -74,7 +74,7 @@ def layout(agents: Sequence[ShownAgent], at: Incident | None) -> rrb.Blueprint:
     alone, eye, card = len(agents) == 1, _eye(agents[0], at), agents[0].replay.card
     key = rrb.TextDocumentView(origin="/key", name="what the marks mean")
     if at is None:
-        views = [view for agent in agents for view in _beside(agent, eye, MOST_BESIDE // len(agents))]
+        views = [view for agent in agents for view in _beside(agent, eye, max(1, MOST_BESIDE // len(agents)))]
         above = rrb.Horizontal(*views, key, column_shares=[*[1.0] * len(views), 0.7])
         below = rrb.Horizontal(*_curves(agents), _lanes(agents), column_shares=[*[1] * len(agents), 2])
         return _blueprint(rrb.Vertical(above, below, row_shares=[1.7, 1]), "Paused", "time", card)
