@@ -23,25 +23,22 @@ def sentence(focus: Focus) -> str:
     """The sentences, with the name of the event before them."""
     at = focus.at
     if at.object_id < 0:
-        texts = list(_false_forecast(focus))
+        texts = _false_forecast(focus)
     else:
         happened = {"ids": _switched, "lost": _lost, "reacquired": _found, MOMENT: _followed}[at.kind](focus)
-        texts = [f"{_when(focus)} {focus.named} {happened}", _fitting(_evidence(focus)), _error(focus)]
+        event = _event(focus, at.object_id, at.frame) if at.kind == MOMENT else ""
+        texts = [f"{_when(focus)} {focus.named}{event} {happened}", _fitting(_evidence(focus)), _error(focus)]
     texts[1:] = [text[0].upper() + text[1:] for text in texts[1:] if text]
     return _with_ids_in_file(f"{at.name}: {'. '.join(texts)}", focus.replay.scene.track_names)
 
 
 def _with_ids_in_file(text: str, names: Mapping[int, str]) -> str:
     """``text``, whose first mention of each stored track has its id in the file behind it; ``names``: by number."""
-    told: set[int] = set()
-
-    def named(match: re.Match[str]) -> str:
-        track = int(match[1])
-        first = track in names and track not in told
-        told.add(track)
-        return f"{match[0]} ({names[track]} in its file)" if first else match[0]
-
-    return re.sub(r"\btrack (\d+)\b", named, text)
+    for number in dict.fromkeys(re.findall(r"\btrack (\d+)\b", text)):
+        if int(number) in names:
+            before, track, after = re.split(rf"(\btrack {number}\b)", text, maxsplit=1)
+            text = f"{before}{track} ({names[int(number)]} in its file){after}"
+    return text
 
 
 def _when(focus: Focus) -> str:
@@ -163,6 +160,8 @@ def _fate(focus: Focus) -> str:
     took = f"{took} and " if (took := _took(focus, old)) else ""
     if (other := focus.other(old, t)) >= 0:
         return f"track {old} {took}goes to {_named(focus, other)}"
+    if (kind := int(focus.replay.rollout.track_class[row])) not in (-1, focus.at.class_id):
+        return f"track {old} {took}has class {focus.replay.card.task.classes[kind].replace('_', ' ')} now"
     if rule.iou:
         overlap = iou_3d(focus.replay.scene.truth.box[focus.rows[t]], focus.replay.rollout.track_box[row])
         below = f", below {rule.threshold:g}" if new < 0 else ""
@@ -222,15 +221,14 @@ def _error(focus: Focus) -> str:
 # ---- false forecasts
 
 
-def _false_forecast(focus: Focus) -> Iterator[str]:
+def _false_forecast(focus: Focus) -> list[str]:
     at = focus.at
     if at.kind != "spurious":
-        yield f"{_when(focus)} there is no false forecast of a {focus.noun}"
-        return
+        return [f"{_when(focus)} there is no false forecast of a {focus.noun}"]
     owner = f"track {at.new_id}" if at.new_id >= 0 else "a forecast without a track"
     when = f"from {_time(focus, at.frame)} to {_time(focus, at.until)}" if at.frame < at.until else _when(focus)
-    yield f"{when} {owner} forecasts a {focus.noun}, confidence up to {evidence.share(at.confidence or 0.0)}"
-    yield _fitting(_surplus(focus))
+    confidence = f"confidence up to {evidence.share(at.confidence or 0.0)}"
+    return [f"{when} {owner} forecasts a {focus.noun}, {confidence}", _fitting(_surplus(focus))]
 
 
 def _surplus(focus: Focus) -> Iterator[str]:

@@ -14,18 +14,23 @@ from hypothesis import strategies as st
 from mtp_bench.geometry import rotate
 from mtp_bench.viz.counterpart import counterpart
 from mtp_bench.viz.drawing.report import SIZE, report
+from mtp_bench.viz.evidence import expected, taken
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, focuses_of, frame_of, turn_of, window_of
 from mtp_bench.viz.replay import MOMENT, Replay, replay
 from mtp_bench.viz.sentence import sentence
 from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, crowd, told
 from tests.support.scoring_scenes import (
+    CAR,
+    WALKER,
     Thing,
     line,
+    make_card,
     make_rollout,
     make_scene,
     moved,
     random_case,
+    with_detections,
 )
 
 
@@ -184,6 +189,28 @@ SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, even
 @pytest.mark.parametrize(("tracks", "name", "text"), SAYS.values(), ids=SAYS)
 def test_what_is_said_of_an_event(tracks: list[list[Thing]], name: str, text: str) -> None:
     assert text in told(line([5] * 8), tracks, name)
+
+
+def test_a_detection_of_another_class_is_said_of_the_object_and_of_its_ghost() -> None:
+    seen = [[Thing(0, t, 0.0, class_id=CAR if t < 3 else WALKER)] for t in range(8)]
+    said = [[Thing(1, t, 0.2, class_id=CAR if t < 3 else WALKER, forecast=[[[t, 0.0]] * 3])] for t in range(8)]
+    run = replay(with_detections(make_scene(line([5] * 8)), seen), make_rollout(said, said), CARD)
+    lost, ghost = (sentence(Focus(run, run.incident(name))) for name in ("lost-0", "spurious-0"))
+    assert ". The detection there says pedestrian 1.00 (spurious-0); track 1 has class pedestrian now" in lost
+    assert ". The true car 5 (lost-0) is 0.2 m away, forecast as pedestrian; its detection scores 1.00" in ghost
+
+
+@pytest.mark.parametrize(("detected", "told_of_it"), [(3.0, "takes a detection 3.0 m from where"), (9.0, "takes no")])
+def test_the_detection_that_a_track_took_lies_beyond_its_box(detected: float, told_of_it: str) -> None:
+    tracks = [[Thing(1, t, 2.4 if t == 4 else 0.0)] for t in range(8)]
+    seen = [[Thing(0, t, detected if t == 4 else 0.0)] for t in range(8)]
+    run = replay(with_detections(make_scene(line([5] * 8)), seen), make_rollout(tracks), CARD)
+    focus = Focus(run, run.incident("lost-0"))
+    np.testing.assert_allclose(expected(focus, 1, 4), [4.0, 0.0])
+    assert taken(focus, 1, 4) == (4 if detected < 9.0 else -1)
+    assert f"for 0.1 s, until it has it again (reacquired-0). Track 1 {told_of_it}" in sentence(focus)
+    rule = replay(run.scene, run.rollout, make_card(measure="iou_3d"))
+    assert re.search(r"has an IoU of 0\.\d\d with it, below 0\.5", sentence(Focus(rule, rule.incident("lost-0"))))
 
 
 def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
