@@ -20,16 +20,18 @@ HIDDEN = 0.5  # share of an object in line of sight below which texts state it
 
 
 def sentence(focus: Focus) -> str:
-    """The sentences, with the name of the event before them."""
-    at = focus.at
+    """The sentences, with the name of the event before them; those of a moment with an event are of the event."""
+    at, run = focus.at, focus.replay
+    own = [event for event in run.events if (event.object_id, event.frame) == (at.object_id, at.frame)]
+    if at.kind == MOMENT and own:
+        return f"{at.name}, {sentence(Focus(run, own[0]))}"
     if at.object_id < 0:
         texts = _false_forecast(focus)
     else:
         happened = {"ids": _switched, "lost": _lost, "reacquired": _found, MOMENT: _followed}[at.kind](focus)
-        event = _event(focus, at.object_id, at.frame) if at.kind == MOMENT else ""
-        texts = [f"{_when(focus)} {focus.named}{event} {happened}", _fitting(_evidence(focus)), _error(focus)]
+        texts = [f"{_when(focus)} {focus.named} {happened}", _fitting(_evidence(focus)), _error(focus)]
     texts[1:] = [text[0].upper() + text[1:] for text in texts[1:] if text]
-    return _with_ids_in_file(f"{at.name}: {'. '.join(texts)}", focus.replay.scene.track_names)
+    return _with_ids_in_file(f"{at.name}: {'. '.join(texts)}", run.scene.track_names)
 
 
 def _with_ids_in_file(text: str, names: Mapping[int, str]) -> str:
@@ -195,9 +197,6 @@ def _ghost(focus: Focus, detection: int) -> str:
         if at_object and _away(focus, each.new_id) <= evidence.reach(focus):
             return f" ({each.name})"
     return ""
-
-
-# ---- what it costs
 
 
 def _error(focus: Focus) -> str:

@@ -39,7 +39,7 @@ def check(focus: Focus, text: str) -> None:
     """Check that a sentence is short, names what is drawn, and agrees with the tables of the run."""
     at, t, run = focus.at, focus.at.frame, focus.replay
     where = f"{run.scene.name} {text}"
-    first, *others = text.removeprefix(f"{at.name}: ").split(". ")
+    first, *others = text.partition(": ")[2].split(". ")
     assert len(others) <= 2, where
     for part in (first, *others):
         assert len(re.sub(r"(which costs \S+ m): .*", r"\1", part).split()) <= WORDS, where
