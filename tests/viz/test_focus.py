@@ -206,7 +206,9 @@ def test_the_detection_that_a_track_took_lies_beyond_its_box(detected: float, to
     seen = [[Thing(0, t, detected if t == 4 else 0.0)] for t in range(8)]
     run = replay(with_detections(make_scene(line([5] * 8)), seen), make_rollout(tracks), CARD)
     focus = Focus(run, run.incident("lost-0"))
-    np.testing.assert_allclose(expected(focus, 1, 4), [4.0, 0.0])
+    place = expected(focus, 1, 4)
+    assert place is not None
+    assert place.tolist() == [4.0, 0.0]
     assert taken(focus, 1, 4) == (4 if detected < 9.0 else -1)
     assert f"for 0.1 s, until it has it again (reacquired-0). Track 1 {told_of_it}" in sentence(focus)
     rule = replay(run.scene, run.rollout, make_card(measure="iou_3d"))
