@@ -66,7 +66,9 @@ MOMENT = {  # of `worst --json`
     "frames": "Number of its targets.",
     "cost": "Sum over its frames of the error without the part below threshold, metres.",
     "cause": "Name of its largest part.",
-    "distance": "Distance from the ego in that frame, metres.",
+    "distance": "Distance from the ego in that frame, metres; null without an ego.",
+    "borrowed": "True if the detections behind its cause are mostly those of other objects.",
+    "borrowed": "True if the detections behind its cause are mostly those of other objects.",
 }
 EVENT = {  # of `events --json`
     **_WHERE,

@@ -11,7 +11,7 @@ from ..scoring.parts import BELOW, PARTS
 from ..viz.moments import costs, moments
 from ..viz.played import replays
 from ..viz.terminal.output import counted, show, show_command, show_lines, show_table
-from ..viz.terminal.worst_table import CAPTION, WorstRow, worst_json, worst_table
+from ..viz.terminal.worst_table import CAPTION, UNSPLIT, WorstRow, worst_json, worst_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice, one_of
 from .output import write_json
 
@@ -34,13 +34,15 @@ def worst(
     json_file: JsonOption = None,
 ) -> None:
     """List the worst moments of a run: whose fault each was, and how to look at it."""
-    total, below, rows = 0.0, cause == BELOW, list[WorstRow]()
+    total, below, rows, unsplit = 0.0, cause == BELOW, list[WorstRow](), ""
     with reported("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
         if class_name is not None:
             one_of(class_name, opened.card.task.classes, "--class")
+        if within is not None and not opened.card.has_ego:
+            raise typer.BadParameter(f"{opened.card.id} has no ego to measure from", param_hint="--within")
         for played in replays(opened, scene, progress):
-            total += float(np.nansum(costs(played, below)))
+            total, unsplit = total + float(np.nansum(costs(played, below))), played.unsplit
             rows += [
                 WorstRow.of(played, each.at, str(folder), root, env, moment=each) for each in moments(played, below)
             ]
@@ -49,7 +51,7 @@ def worst(
         for row in rows
         if (cause is None or below or row.moment.cause == cause)
         and (class_name is None or row.class_name == class_name)
-        and (within is None or row.moment.distance <= within)
+        and (within is None or (row.moment.distance or 0.0) <= within)
     ]
     shown = sorted(kept, key=lambda row: -row.moment.cost)[:top]
     write_json(json_file, worst_json(shown, total, opened.card.id, opened.run.info.agent))
@@ -58,6 +60,8 @@ def worst(
         show("")
         show_lines([CAPTION, LOOK])
         show_command(shown[0].view)
+    if unsplit:
+        show_lines([UNSPLIT.format(unsplit)])
     share = sum(row.moment.cost for row in shown) / total if total else 0.0
     scenes = counted(len(opened.rollouts(scene)), "scene")
     show(f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the error; {scenes}")

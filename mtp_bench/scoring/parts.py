@@ -40,6 +40,7 @@ class SceneParts(NamedTuple):
 
     part: Floats  # [n, len(PARTS)] m
     usual: float  # m, mean of `blame` over the targets of all scenes
+    unsplit: str = ""  # reason why the error of forecasts is its rest; empty: it is split
 
 
 def plain_parts(error: Floats, absent_cause: Ints) -> Floats:

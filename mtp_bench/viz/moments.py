@@ -9,9 +9,10 @@ import numpy as np
 from ..errors import MtpBenchError, UnknownNameError
 from ..scoring.events import history
 from ..scoring.holes import separated_truth
+from ..scoring.pairs import near_pairs
 from ..scoring.parts import BELOW, PARTS, blame, named_parts
-from ..types import Floats, Ints
-from .replay import Incident, Replay
+from ..types import Bools, Floats, Ints
+from .replay import KINDS, Incident, Replay
 
 AT = "an event, OBJECT@FRAME, an object, a frame (20) or a time (12.5s); `events` and `worst` list them"
 GAP_SECONDS = 0.5  # between two bad frames of one moment, at most
@@ -25,7 +26,8 @@ class Moment:
     frames: int  # targets in it
     cost: float  # m, summed over them, that it is sorted by
     parts: dict[str, float]  # m, by name, means over them
-    distance: float  # m from the ego to the object, in that frame
+    distance: float | None  # m from the ego to the object, in that frame; None: no ego
+    borrowed: bool  # in most frames of its cause, the detections behind it are matched to other objects
 
     @property
     def cause(self) -> str:
@@ -70,8 +72,24 @@ def _moment(run: Replay, rows: Ints, cost: Floats) -> Moment:
         frames=len(rows),
         cost=float(cost[rows].sum()),
         parts=parts,
-        distance=float(np.hypot(*gap)),
+        distance=float(np.hypot(*gap)) if run.card.has_ego else None,
+        borrowed=bool(2 * of_cause[borrowed(run)[rows]].sum() > of_cause.sum()),
     )
+
+
+_SEEN = [list(PARTS).index(name) for name in ("no_forecast", "other_class", "off_place")]  # causes with a detection
+
+
+def borrowed(run: Replay) -> Bools:
+    """Mask [R] of the true boxes whose detections within two gates are all matched to other objects."""
+    truth, seen = run.scene.truth, run.scene.detections
+    gate = 2 * np.asarray(run.card.per_class(run.card.task.forecast_gate), dtype=np.float64)
+    at = truth.frame_of_rows, truth.box[:, :2]
+    row, column, distance = near_pairs(*at, seen.frame_of_rows, seen.box[:, :2], float(gate.max()))
+    inside = distance <= gate[truth.class_id[row]]
+    others = (run.detected[column] >= 0) & (run.detected[column] != truth.object_id[row])
+    count, of_others = (np.bincount(row[mask], minlength=len(truth.box)) for mask in (inside, inside & others))
+    return np.asarray((count > 0) & (count == of_others) & (run.part[:, _SEEN].sum(axis=1) > 0))
 
 
 def found(run: Replay, text: str) -> Incident:
@@ -81,9 +99,8 @@ def found(run: Replay, text: str) -> Incident:
     the beginning of it, with its class before it or not. Raises UnknownNameError, and MtpBenchError for a frame without
     a target.
     """
-    events = {incident.name: incident for incident in run.incidents}
-    if text in events:
-        return events[text]
+    if re.fullmatch(rf"({'|'.join(KINDS)})-\d+", text):
+        return run.incident(text)
     name, _, frame = text.rpartition("@")
     if name and frame.isdecimal():
         return _with_span(run, _row_at(run, _rows_of(run, name), int(frame), text))
@@ -91,6 +108,8 @@ def found(run: Replay, text: str) -> Incident:
     if seconds or text.isdecimal():
         time = run.scene.time - run.scene.time[0]
         t = int(np.argmin(np.abs(time - float(seconds[1])))) if seconds else int(text)
+        if t >= run.frames or (seconds and float(seconds[1]) > time[-1] + 1.0):
+            raise MtpBenchError(f"{text}: scene {run.scene.name} ends at frame {run.frames - 1}, {time[-1]:.1f} s")
         return _worst_of(run, t)
     rows = _rows_of(run, text)
     own = (each.at for each in moments(run) if each.at.row in rows)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..env.live import LiveEpisode
+from ..env.observation import true_ids
 from ..errors import RolloutError, UnknownNameError
 from ..scoring.absence import absent_causes
 from ..scoring.bade import capped_error
@@ -92,6 +93,7 @@ class Replay:
     worth: Floats  # [R, 2] minADE (m) and confidence of the forecast of each true box, or NaN
     part: Floats  # [R, len(PARTS)] m, of the error of each true box; NaN: not a target
     usual: float = 0.0  # m, mean blame of a target of the run
+    unsplit: str = ""  # reason why the error of forecasts is "rest"; empty: it is split
     incidents: tuple[Incident, ...] = ()  # in the order of frames
     agent: str = ""  # name
     images: tuple[CameraImage, ...] = ()  # of the cameras, for pictures of events
@@ -137,6 +139,12 @@ class Replay:
     def matched(self) -> NDArray[np.intp]:
         """Track [R, H] of every hypothesis matched to each true box, -1 without one and for neutral boxes."""
         return match_hypotheses(self.scene.truth, self.rollout, self.answers.hypotheses.member, self.card)
+
+    @cached_property
+    def detected(self) -> Ints:
+        """True object [D] that each detection is matched to, one-to-one inside the forecast gate, -1 for none."""
+        seen = self.scene.detections
+        return true_ids(self.scene, seen.frame_of_rows, seen.box, seen.class_id, self.card)
 
     @cached_property
     def events(self) -> tuple[Incident, ...]:
@@ -224,6 +232,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "", parts: S
         worth=worth,
         part=parts.part,
         usual=parts.usual,
+        unsplit=parts.unsplit,
     )
     return replace(run, incidents=_named([*_identity_incidents(run), *_runs(run)]))
 

@@ -1,5 +1,7 @@
 """The worst moments of a run: found, blamed, named in every way, and adding up to bADE."""
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +13,13 @@ from mtp_bench.errors import MtpBenchError, UnknownNameError
 from mtp_bench.running.causes import run_parts
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.parts import named_parts, parts_text, plain_parts
-from mtp_bench.viz.moments import found, moments
+from mtp_bench.viz.moments import borrowed, found, moments
 from mtp_bench.viz.played import PlayedRun
-from mtp_bench.viz.replay import Replay
+from mtp_bench.viz.replay import Replay, replay
 
 from ..support.command_line import CommandLine, read_json
 from ..support.planted_faults import write_log
+from ..support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections
 
 CAUSES = {"mistaken": "other class", "missed": "not detected now", "turning": "predictor"}
 
@@ -85,6 +88,25 @@ def test_the_list_and_its_file(cli: CommandLine, run: Path, tmp_path: Path) -> N
     assert "0 of " in cli.ok("worst", run, "--class", "bus")
     assert cli("worst", run, "--cause", "nobody").status == cli("worst", run, "--class", "cat").status == 2
     assert "moment" in cli.ok("worst", run, "--cause", "below threshold")
+
+
+def test_why_errors_are_not_split(cli: CommandLine, run: Path, tmp_path: Path) -> None:
+    shutil.copytree(run, tmp_path / "moved")
+    info = read_json(tmp_path / "moved" / "run.json")
+    info["info"] |= {"folder": str(tmp_path / "gone")}
+    (tmp_path / "moved" / "run.json").write_text(json.dumps(info))
+    printed = " ".join(cli.ok("worst", tmp_path / "moved").split())
+    assert f"stands under rest: no submission '{tmp_path / 'gone'}' there any more" in printed
+    assert "predictor" not in printed
+
+
+def test_a_detection_of_a_neighbour_is_no_evidence() -> None:
+    """Of two cars 1.5 m apart only the second one is detected and followed."""
+    truth = [[Thing(1, float(t), 0.0), Thing(2, float(t), 1.5)] for t in range(8)]
+    seen = [[Thing(2, float(t), 1.5)] for t in range(8)]
+    run = replay(with_detections(make_scene(truth), seen), make_rollout(seen), make_card())
+    assert borrowed(run)[run.scene.truth.object_id == 1].any()
+    assert not borrowed(run)[run.scene.truth.object_id == 2].any()
 
 
 def test_parts_as_text() -> None:

@@ -16,6 +16,9 @@ CAPTION = (
 )
 
 
+UNSPLIT = "The error of forecasts is not split, but stands under rest: {}."
+
+
 @dataclass(frozen=True)
 class WorstRow(Listed):
     """One moment with its scene."""
@@ -35,10 +38,10 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
         *([Column("scene", read=lambda row: row.scene.name)] if several else []),
         Column("moment", read=lambda row: f"{row.class_name} {row.moment.at.name}"),
         Column("seconds", read=_seconds),
-        Column("to ego\n(m)", format=".0f", read=lambda row: row.moment.distance),
+        Column("to ego\n(m)", format=".0f", optional=True, read=lambda row: row.moment.distance),
         Column("share", unit="share", read=lambda row: row.moment.cost / total),
         Column("error\n(m)", format=".1f", read=lambda row: row.error),
-        Column("causes", read=lambda row: parts_text(row.moment.parts, most=3)),
+        Column("causes", read=_causes),
     )
     return Table("worst", "Worst moments", "", rows, columns)
 
@@ -46,6 +49,11 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
 def worst_json(rows: Sequence[WorstRow], total: float, env_id: str, agent: str) -> dict[str, Any]:
     """Content of ``worst --json``."""
     return {"env": env_id, "agent": agent, "cost": total, "moments": [_record(row) for row in rows]}
+
+
+def _causes(row: WorstRow) -> str:
+    beside = "\n(the detections there are of other objects)" if row.moment.borrowed else ""
+    return f"{parts_text(row.moment.parts, most=3)}{beside}"
 
 
 def _seconds(row: WorstRow) -> str:
@@ -64,4 +72,5 @@ def _record(row: WorstRow) -> dict[str, Any]:
         "cause": moment.cause,
         "parts": moment.parts,
         "distance": moment.distance,
+        "borrowed": moment.borrowed,
     }
