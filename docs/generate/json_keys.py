@@ -68,7 +68,6 @@ MOMENT = {  # of `worst --json`
     "cause": "Name of its largest part.",
     "distance": "Distance from the ego in that frame, metres; null without an ego.",
     "borrowed": "True if the detections behind its cause are mostly those of other objects.",
-    "borrowed": "True if the detections behind its cause are mostly those of other objects.",
 }
 EVENT = {  # of `events --json`
     **_WHERE,
