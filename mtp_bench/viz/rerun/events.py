@@ -7,9 +7,9 @@ import numpy as np
 
 from ...types import starts_of
 from ..focus import Focus
-from ..replay import KINDS, Incident, Replay
+from ..replay import KINDS, MOMENT, Incident, Replay
 from ..sentence import sentence
-from .colors import EVENTS, UNTRACKED, Colors, packed, track_colors
+from .colors import EVENTS, UNKNOWN, UNTRACKED, Colors, packed, track_colors
 from .entities import Log
 from .sdk import rr
 from .shown import ShownAgent, drawable
@@ -25,12 +25,14 @@ def log_judgement(log: Log, agent: ShownAgent) -> None:
     _log_markers(log, run)
     groups = {f"marks/{kind}": [i for i in run.incidents if i.kind == kind] for kind in KINDS}
     if agent.focus is not None and agent.focus.at.object_id in agent.lanes:
-        own = agent.focus.at.object_id
-        groups[f"{agent.lanes[own]}-events"] = [i for i in run.events if i.object_id == own]
+        at = agent.focus.at
+        own = [i for i in run.events if i.object_id == at.object_id]
+        groups[f"{agent.lanes[at.object_id]}-events"] = own + [at] * (at.kind == MOMENT)
     for path, incidents in groups.items():
         marks = marks_of(run, incidents)
         names = sorted({*marks} - {""})
-        colors = np.array([EVENTS[name.partition("-")[0]] for name in names], dtype=np.uint8)
+        kinds = {drawable(i.name): EVENTS.get(i.kind, UNKNOWN) for i in incidents}
+        colors = np.array([kinds[name.partition(", ")[0]] for name in names], dtype=np.uint8)
         if incidents:
             _log_lane(log, path, marks, names, colors)
         happened = [i for i in incidents if i.frame in log.frames and path.startswith("marks")]
@@ -61,9 +63,10 @@ def marks_of(run: Replay, incidents: Sequence[Incident]) -> list[str]:
     """Names of the events that are marked on the time line in each frame [F], "" without one."""
     names: list[list[str]] = [[] for _ in range(run.frames)]
     for incident in incidents:
-        first = np.searchsorted(run.scene.time, run.scene.time[incident.frame] + EVENT_SECONDS)
-        for t in range(incident.frame, max(incident.until + 1, int(first))):
-            names[t].append(incident.name)
+        first = incident.frame if incident.first < 0 else incident.first
+        end = int(np.searchsorted(run.scene.time, run.scene.time[incident.frame] + EVENT_SECONDS))
+        for t in range(first, max(incident.until + 1, end)):
+            names[t].append(drawable(incident.name))
     return [", ".join(each) for each in names]
 
 
