@@ -63,9 +63,8 @@ class Notice:
     def speak(self, now: float) -> None:
         """Write the line of the time ``now`` if it is due."""
         if now >= self.next:
-            line = "".join(
-                letter if letter.isprintable() else "?" for letter in ", ".join(filter(None, self._parts(now)))
-            )
+            parts = ", ".join(filter(None, self._parts(now)))
+            line = "".join(letter if letter.isprintable() else "?" for letter in parts)
             bar = self.has_bar()
             _write(_over(line) if bar else f"mtp_bench: {line}\n")
             self.next, self.has_spoken = now + (BAR_SECONDS if bar else LINE_SECONDS), True

@@ -119,9 +119,8 @@ def unordered_map(
             with _safe_path():
                 yield from parallel(delayed(_indexed)(*call) for call in indexed)
         except TerminatedWorkerError:
-            raise WorkerDiedError(
-                f"one of {count} processes died, most likely because memory ran out: take fewer (--jobs)"
-            ) from None
+            died = f"one of {count} processes died, most likely because memory ran out"
+            raise WorkerDiedError(f"{died}: take fewer (--jobs)") from None
         except BrokenProcessPool:
             raise MtpBenchError(
                 f"one of {count} processes returned a result or an exception that cannot be pickled or unpickled: "
@@ -189,9 +188,8 @@ def _require_workers(client: Any, scheduler: str) -> None:
     try:
         client.wait_for_workers(1, timeout=_WORKER_SECONDS)
     except TimeoutError:
-        raise MtpBenchError(
-            f"the Dask scheduler at {scheduler} has no workers: start some with `dask worker {scheduler}`"
-        ) from None
+        advice = f"start some with `dask worker {scheduler}`"
+        raise MtpBenchError(f"the Dask scheduler at {scheduler} has no workers: {advice}") from None
     states = client.run(_state, on_error="ignore")  # a worker may end just now
     for worker, (version, safe) in states.items():
         if version != __version__:

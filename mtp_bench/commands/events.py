@@ -29,8 +29,7 @@ def events(
     folder: FolderArgument,
     scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
     kind: Annotated[
-        list[str] | None,
-        choice(KINDS, text="Only ids, lost, reacquired or spurious (false forecasts); repeatable."),
+        list[str] | None, choice(KINDS, text="Only ids, lost, reacquired or spurious (false forecasts); repeatable.")
     ] = None,
     sort: Annotated[
         str, choice(ORDERS, text="time: by scene and frame; cost, confidence or length: the largest first.")

@@ -40,9 +40,8 @@ def study(
     require_study_folder(output.absolute())
     options = on.options(workers, range(1 if quick else seeds or SEEDS))
     if quick and ((seeds or 1) > 1 or (options.scenes or 1) > QUICK_SCENES):
-        raise typer.BadParameter(
-            f"means one seed and at most {QUICK_SCENES} scenes; leave it out", param_hint="--quick"
-        )
+        text = f"means one seed and at most {QUICK_SCENES} scenes; leave it out"
+        raise typer.BadParameter(text, param_hint="--quick")
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())
     made = run_study(agent or [controls()["several"]], on.env, output, options, quick, command_line(*sys.argv[1:]))

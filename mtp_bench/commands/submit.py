@@ -141,7 +141,6 @@ def _sentence(record: Record) -> str:
     if missed.malformed:
         parts.append(f"{missed.malformed} malformed answers")
     if missed.crashed_scenes:
-        parts.append(
-            f"{counted(missed.crashed_scenes, 'scene')} not finished ({next(iter(missed.reasons.values()), '')})"
-        )
+        reason = next(iter(missed.reasons.values()), "")
+        parts.append(f"{counted(missed.crashed_scenes, 'scene')} not finished ({reason})")
     return "; ".join(parts)

@@ -41,9 +41,7 @@ def view(
     png: Annotated[
         Path | None,
         file_option(
-            "--png",
-            text="Write a picture (.png) instead; needs --at, no screen, no rerun.",
-            suffixes=(".png",),
+            "--png", text="Write a picture (.png) instead; needs --at, no screen, no rerun.", suffixes=(".png",)
         ),
     ] = None,
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine instead.")] = False,
@@ -54,9 +52,8 @@ def view(
     if (save is not None) + web + (png is not None) > 1:
         raise typer.BadParameter("choose one of them", param_hint="--save, --web, --png")
     if png is not None and at is None:
-        raise typer.BadParameter(
-            "a picture shows one moment: name it with --at; `mtp-bench worst` lists them", param_hint="--png"
-        )
+        advice = "a picture shows one moment: name it with --at; `mtp-bench worst` lists them"
+        raise typer.BadParameter(advice, param_hint="--png")
     runs = _opened(folders, root, env)
     if png is None:
         with notice.work("loading rerun"):

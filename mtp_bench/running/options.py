@@ -122,9 +122,8 @@ class RunOptions:
         if observe != "tracks":
             return {"observe": observe}
         if self.track_file is None:
-            raise MtpBenchError(
-                f"{submission.name} observes stored tracks: name their file or folder (--tracks, track_file=)"
-            )
+            advice = "name their file or folder (--tracks, track_file=)"
+            raise MtpBenchError(f"{submission.name} observes stored tracks: {advice}")
         return {"observe": observe, "track_file": self.track_file}
 
     def require_usable(self, submissions: Sequence[Submission]) -> None:

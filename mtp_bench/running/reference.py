@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,8 @@ from .perturbation import (
 from .run import run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
-_SceneFields = tuple[Bools, tuple[int, int, int], int, int]  # fields of `SceneWeights` but the counts
+# matched detections, and the fields of `SceneWeights` but the counts
+_PlainRun = tuple[MatchedDetections, tuple[Bools, tuple[int, int, int], int, int]]
 
 
 def frozen_path(env_id: str) -> Path:
@@ -103,7 +105,7 @@ def make_reference(
     """
     submission = load_submission(card.reference or controls()["single"])
     parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
-    plain: list[tuple[MatchedDetections, _SceneFields]]
+    plain: list[_PlainRun]
     counts: list[NDArray[np.uint8]]
     with reported(f"event weights from {len(seeds)} runs of {submission.name}", own=options.progress) as progress:
         progress.started(len(scenes) * (1 + len(parts)))
@@ -111,9 +113,7 @@ def make_reference(
         plain = parallel_map(_plain_run, known, options.workers, lambda place: progress.done(scenes[place]))
         perturbation = fit_perturbation([detections for detections, _ in plain], len(card.task.classes))
         calls = [(*call, perturbation, part) for call in known for part in parts]
-        counts = parallel_map(
-            _perturbed_runs, calls, options.workers, lambda place: progress.done(scenes[place // len(parts)])
-        )
+        counts = parallel_map(_perturbed_runs, calls, options.workers, lambda i: progress.done(scenes[i // len(parts)]))
     weights = {}
     for i, (name, (_, scene_fields)) in enumerate(zip(scenes, plain, strict=True)):
         total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(axis=0, dtype=np.uint8)
@@ -129,9 +129,7 @@ def make_reference(
     )
 
 
-def _plain_run(
-    card: Card, data: str | None, name: str, submission: Submission
-) -> tuple[MatchedDetections, _SceneFields]:
+def _plain_run(card: Card, data: str | None, name: str, submission: Submission) -> _PlainRun:
     """Run the reference baseline on a scene as it is; its matched detections and event weights but the counts."""
     env = MTPEnv(card, data=data, evaluation=True)
     rollout = run_scene(submission.build(env.task), env, name, 0, submission.name)
@@ -139,9 +137,8 @@ def _plain_run(
     events = events_of(scene, rollout, card)
     ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
     score, flags = score_scene(scene, rollout, card), events[find_targets(scene, card).row]
-    return matched_detections(scene, card), (
-        flags, (ids, lost, reacquired), score.false_forecasts, score.forecasts
-    )  # fmt: skip
+    known = flags, (ids, lost, reacquired), score.false_forecasts, score.forecasts
+    return matched_detections(scene, card), known
 
 
 def _perturbed_runs(
@@ -193,11 +190,8 @@ def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
 def _empty_rollout(scene: Scene, task: Task) -> Rollout:
     """A rollout of ``scene`` with one hypothesis, without tracks and forecasts."""
     frames, classes = scene.frames, len(task.classes)
-    size = {
+    size: dict[str | int, Any] = {
         "F": frames, "F1": frames + 1, "R": 0, "H": 1, "S": 0, "K": task.samples, "T": task.future, "C1": classes + 1,
     }  # fmt: skip
-    arrays = {
-        name: np.zeros([size[n] if isinstance(n, str) else n for n in shape], dtype)
-        for name, (dtype, shape) in ARRAYS.items()
-    }
+    arrays = {name: np.zeros([size.get(n, n) for n in shape], dtype) for name, (dtype, shape) in ARRAYS.items()}
     return Rollout(scene.name, **arrays)

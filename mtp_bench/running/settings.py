@@ -179,7 +179,6 @@ def _count(submission: Submission, parameters: dict[str, Any], name: str | None)
         return None
     value = parameters[name]
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise SubmissionError(
-            f"{submission.name}: parameter {name!r} is {value!r}, expected a whole number of at least 1"
-        )
+        expected = "expected a whole number of at least 1"
+        raise SubmissionError(f"{submission.name}: parameter {name!r} is {value!r}, {expected}")
     return value

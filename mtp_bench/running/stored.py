@@ -131,9 +131,8 @@ def require_free(folder: Path, replace: bool) -> None:
     """Raise MtpBenchError unless a run can be stored in ``folder``: writable, and empty unless it is replaced."""
     require_run_folder(folder.absolute())
     if not replace and folder.exists() and any(folder.iterdir()):
-        raise RolloutError(
-            f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)"
-        )
+        advice = "choose another folder, or replace it (--force, replace=True)"
+        raise RolloutError(f"{folder} holds an earlier run: {advice}")
     require_folder(folder)
 
 
@@ -160,10 +159,7 @@ def run_info(env: MTPEnv, setting: Setting, seed: int, keywords: dict[str, Any])
 
 
 def score(
-    folder: str | Path,
-    options: RunOptions = DEFAULTS,
-    env_id: str | Card | None = None,
-    data: str | Path | None = None,
+    folder: str | Path, options: RunOptions = DEFAULTS, env_id: str | Card | None = None, data: str | Path | None = None
 ) -> StoredScore:
     """Report of a run that `run` stored in ``folder``.
 
@@ -186,14 +182,9 @@ def score(
 def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores:
     """Scores of a stored run; ``options``: workers and progress."""
     info, rollouts = opened.run.info, opened.run.rollouts
-    calls = [(opened.card, opened.data, rollout) for rollout in rollouts]
     source = opened.source if options.workers == SERIAL else None
-    scores = parallel_map(
-        _scored,
-        [(*call, source) for call in calls],
-        options.workers,
-        lambda i: options.progress.done(rollouts[i].scene),
-    )
+    calls = [(opened.card, opened.data, rollout, source) for rollout in rollouts]
+    scores = parallel_map(_scored, calls, options.workers, lambda i: options.progress.done(rollouts[i].scene))
     return AgentScores(
         agent=info.agent,
         hypotheses=info.hypotheses or stated_hypotheses([scores]),
@@ -230,9 +221,8 @@ def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
         card = parse_card(info.card, f"{folder}, card")
     else:
         if env is None and info.env_id not in card_ids():
-            raise RolloutError(
-                f"{folder}: made for {info.env_id!r}, which does not ship here; name its card with --env"
-            )
+            advice = "which does not ship here; name its card with --env"
+            raise RolloutError(f"{folder}: made for {info.env_id!r}, {advice}")
         card = env if isinstance(env, Card) else load_card(env or info.env_id)
         if card.digest != info.card_digest:
             card = changed_card(card, *(_text(folder, info, key) for key in CHANGES))

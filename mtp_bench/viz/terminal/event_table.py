@@ -139,9 +139,8 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
         text += "false forecasts are not known, as there are objects outside the truth"
     text += f"; {counted(tally.scenes, 'scene')}"
     if not all_listed and count["spurious"]:
-        text += (
-            f"\nThe {LONGEST} longest runs of false forecasts of each scene are listed; all of them: --kind spurious"
-        )
+        longest = f"The {LONGEST} longest runs of false forecasts of each scene are listed"
+        text += f"\n{longest}; all of them: --kind spurious"
     return text
 
 
