@@ -10,7 +10,7 @@ import warnings
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import BadParameter, Exit, Option, Typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
@@ -81,11 +81,11 @@ class Commands(TyperGroup):
             return None
         name = cmd_name.replace("-", "_") + "_" * keyword.iskeyword(cmd_name)
         content = getattr(importlib.import_module(f"mtp_bench.commands.{name}"), name)
-        if isinstance(content, typer.Typer):
+        if isinstance(content, Typer):
             return get_command(content)
         from .options import opened
 
-        alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+        alone = Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
         alone.command(cmd_name)(opened(content))
         return get_command(alone)
 
@@ -97,7 +97,7 @@ class Commands(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse an empty word, which would mean the current folder where a path is expected."""
         if not ctx.resilient_parsing and any(word == "" or re.fullmatch("--[a-z-]+=", word) for word in args):
-            raise typer.BadParameter("got an empty word, expected a value: is a variable of the shell unset?", ctx)
+            raise BadParameter("got an empty word, expected a value: is a variable of the shell unset?", ctx)
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -107,12 +107,12 @@ class Commands(TyperGroup):
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "no file was written")) from None
-        except typer.BadParameter as error:
+        except BadParameter as error:
             _say_what_was_got(error)
             raise
 
 
-def _say_what_was_got(error: typer.BadParameter) -> None:
+def _say_what_was_got(error: BadParameter) -> None:
     """Put the value before what pydantic says of it, which names what was expected alone."""
     from pydantic import ValidationError
 
@@ -121,19 +121,19 @@ def _say_what_was_got(error: typer.BadParameter) -> None:
         error.message = f"got {got}: {error.message}"
 
 
-app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 def _version(asked: bool) -> None:
     if asked:
         print(f"mtp-bench {__version__}")
-        raise typer.Exit
+        raise Exit
 
 
 @app.callback()
 def about(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+        bool, Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
     ] = False,
 ) -> None:
     """Tracking and prediction together: your agent sees detections, not the truth."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
@@ -33,16 +33,16 @@ class Board:
 
 def board(
     further: Annotated[
-        list[Path] | None, typer.Option("--with", help="A record to place among the others; repeatable.")
+        list[Path] | None, Option("--with", help="A record to place among the others; repeatable.")
     ] = None,
-    records: Annotated[Path | None, typer.Option(help="Folder of records; those that ship by default.")] = None,
+    records: Annotated[Path | None, Option(help="Folder of records; those that ship by default.")] = None,
     output: Annotated[
         Path | None,
         file_option("-o", "--output", text="Also write a page (.html) with its parts beside it.", suffixes=(".html",)),
     ] = None,
-    env: Annotated[str | None, typer.Option(help="Only this environment.")] = None,
+    env: Annotated[str | None, Option(help="Only this environment.")] = None,
     base: BaseOption = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Status 1 where a record is broken.")] = False,
+    strict: Annotated[bool, Option("--strict", help="Status 1 where a record is broken.")] = False,
     table_file: TableOption = None,
     json_file: JsonOption = None,
 ) -> None:
@@ -72,12 +72,7 @@ def board(
 
 
 def read_board(
-    folder: Path | None,
-    further: Sequence[Path],
-    env_id: str | None,
-    page: Path | None,
-    trust: Trust,
-    progress: Progress,
+    folder: Path | None, further: Sequence[Path], env: str | None, page: Path | None, trust: Trust, progress: Progress
 ) -> Board:
     """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
 
@@ -103,7 +98,7 @@ def read_board(
     given = [read(path, added=True) for path in further]  # before the long work
     refused: list[str] = []
     stored: list[tuple[Path, Found]] = []
-    paths = record_paths(folder, env_id or "")
+    paths = record_paths(folder, env or "")
     progress.started(len(paths))
     for path in paths:
         try:
@@ -126,9 +121,9 @@ def read_board(
             place = _place(each.record)
             found = {digest: other for digest, other in found.items() if _place(other.record) != place}
             found[each.record.digest] = each
-    listed = [each for each in found.values() if env_id is None or each.record.env.id == env_id]
-    if env_id is not None and not listed:
-        load_card(env_id)  # an env without a submission is fine as long as there is such an env
+    listed = [each for each in found.values() if env is None or each.record.env.id == env]
+    if env is not None and not listed:
+        load_card(env)  # an env without a submission is fine as long as there is such an env
     notes += [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
     return Board(entries_of(listed), refused, notes)
 
@@ -140,13 +135,9 @@ def _place(record: Record) -> tuple[str, ...]:
 
 def _link(path: Path | None, page: Path | None) -> str | None:
     """Relative address of a file or folder; None without a page, and where the file is missing."""
-    return _relative(path, page) if path is not None and page is not None and path.exists() else None
-
-
-def _relative(path: Path, page: Path) -> str | None:
-    """Relative path from the folder of ``page`` to ``path``; None from another drive."""
-    try:
-        relative = os.path.relpath(path.absolute(), page.absolute().parent)
-    except ValueError:
+    if path is None or page is None or not path.exists():
         return None
-    return Path(relative).as_posix()
+    try:
+        return Path(os.path.relpath(path.absolute(), page.absolute().parent)).as_posix()
+    except ValueError:  # on another drive
+        return None

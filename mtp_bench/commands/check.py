@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from ..errors import SubmissionError
 from ..parallel import Workers, cores
@@ -21,10 +21,10 @@ _STYLE = {"error": "bold red", "warning": "yellow", "ok": ""}  # of a row
 
 def check(
     path: SubmissionArgument,
-    env: Annotated[str, typer.Option(help="Environment to check on, of `mtp-bench envs`.")] = "MTP-Intersection-v0",
+    env: Annotated[str, Option(help="Environment to check on, of `mtp-bench envs`.")] = "MTP-Intersection-v0",
     root: DataOption = None,
     tracks: TracksOption = None,
-    scenes: Annotated[int, typer.Option(min=1, max=SCENES, help="Scenes to check on.")] = SCENES,
+    scenes: Annotated[int, Option(min=1, max=SCENES, help="Scenes to check on.")] = SCENES,
     json_file: JsonOption = None,
 ) -> None:
     """Check that a submission keeps the contract, on up to three scenes. Status 1 for errors."""

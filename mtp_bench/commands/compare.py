@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Argument, Exit, Option
 
 from ..running.compare import compare as run_comparison
 from ..running.compare import control_names
@@ -14,14 +14,14 @@ from .shown import Shown
 
 def compare(
     agents: Annotated[
-        list[str], typer.Argument(help="Names of baselines or folders of submissions.", autocompletion=submissions)
+        list[str], Argument(help="Names of baselines or folders of submissions.", autocompletion=submissions)
     ],
     on: AgentScenes,
     workers: WorkerChoice,
     shown: Shown,
     seeds: SeedsOption = SEEDS,
     json_file: JsonOption = None,
-    train: Annotated[bool, typer.Option("--train", help="First train the networks that have no weights here.")] = False,
+    train: Annotated[bool, Option("--train", help="First train the networks that have no weights here.")] = False,
 ) -> None:
     """Run agents, ground-truth tracks and the controls on the same scenes; print one table and the verdict."""
     options = on.options(workers, range(seeds))
@@ -37,4 +37,4 @@ def compare(
     names = [name for name in ran if name in agents or name not in control_names()]
     show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)
     if result.report.failures:
-        raise typer.Exit(1)
+        raise Exit(1)

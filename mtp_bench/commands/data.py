@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import BadParameter, Option
 
 from .._bundle import card_ids
 from ..cards import changed_card, load_card
@@ -16,7 +16,7 @@ from .output import write_json
 
 
 def data(
-    env: Annotated[str | None, typer.Option(help="Only this environment.", autocompletion=env_ids)] = None,
+    env: Annotated[str | None, Option(help="Only this environment.", autocompletion=env_ids)] = None,
     root: DataOption = None,
     json_file: JsonOption = None,
     split: SplitOption = None,
@@ -26,7 +26,7 @@ def data(
     Status 1 for broken files; with --env also for data that is not there.
     """
     if split is not None and env is None:
-        raise typer.BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
+        raise BadParameter("the splits of environments differ: name one with --env", param_hint="--split")
     cards = [changed_card(load_card(env_id), split) for env_id in ([env] if env else card_ids())]
     statuses = {}
     with reported("checking data") as progress:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from ..parallel import reported
 from ..running.stored import open_run
@@ -27,14 +27,14 @@ from .output import write_json
 
 def events(
     folder: FolderArgument,
-    scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
+    scene: Annotated[str | None, Option(help="Only this scene.")] = None,
     kind: Annotated[
         list[str] | None, choice(KINDS, text="Only ids, lost, reacquired or spurious (false forecasts); repeatable.")
     ] = None,
     sort: Annotated[
         str, choice(ORDERS, text="time: by scene and frame; cost, confidence or length: the largest first.")
     ] = "time",
-    top: Annotated[int | None, typer.Option(min=1, help="Only the first N.")] = None,
+    top: Annotated[int | None, Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
     env: RunCardOption = None,
     json_file: JsonOption = None,

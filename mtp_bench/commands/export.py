@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from ..parallel import reported
 from ..running.stored import open_run
@@ -14,8 +14,8 @@ from .options import DataOption, FolderArgument, RunCardOption
 
 def export(
     folder: FolderArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", help="nuScenes: a file (.json); else a folder.")],
-    table: Annotated[bool, typer.Option("--table", help="Tables: a folder with a .csv for each scene.")] = False,
+    output: Annotated[Path, Option("-o", "--output", help="nuScenes: a file (.json); else a folder.")],
+    table: Annotated[bool, Option("--table", help="Tables: a folder with a .csv for each scene.")] = False,
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from ..training.noise_profile import fit_noise as fit
 from .options import EnvScenes, TextOption
@@ -12,15 +12,14 @@ from .output import prepare, print_or_write, working
 def fit_noise(
     on: EnvScenes,
     min_score: Annotated[
-        list[str] | None, typer.Option(help="Operating point: a number, or class=number; repeatable.")
+        list[str] | None, Option(help="Operating point: a number, or class=number; repeatable.")
     ] = None,
-    alike: Annotated[list[str] | None, typer.Option(help="bus=car: fit both classes together; repeatable.")] = None,
+    alike: Annotated[list[str] | None, Option(help="bus=car: fit both classes together; repeatable.")] = None,
     name: Annotated[
-        str | None,
-        typer.Option(help="Name of the profile; agents use the settings of its part before the first hyphen."),
+        str | None, Option(help="Name of the profile; agents use the settings of its part before the first hyphen.")
     ] = None,
-    reach: Annotated[float | None, typer.Option(min=1, max=1000, help="Reach of the detector, metres.")] = None,
-    field_of_view: Annotated[float | None, typer.Option(min=1, max=360, help="Degrees around the heading.")] = None,
+    reach: Annotated[float | None, Option(min=1, max=1000, help="Reach of the detector, metres.")] = None,
+    field_of_view: Annotated[float | None, Option(min=1, max=360, help="Degrees around the heading.")] = None,
     output: TextOption = None,
 ) -> None:
     """Fit the noise of a simulated detector to the detections of an environment; the output is a section of a card."""

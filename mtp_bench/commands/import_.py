@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from ..parallel import reported
 from ..running.options import RunOptions
@@ -15,9 +15,9 @@ from .output import prepare
 
 
 def import_(
-    file: Annotated[Path, typer.Argument(help="A tracking submission of nuScenes, or KITTI's result files.")],
+    file: Annotated[Path, Argument(help="A tracking submission of nuScenes, or KITTI's result files.")],
     env: EnvOption,
-    output: Annotated[Path, typer.Option("-o", "--output", help="New folder for the tables.")],
+    output: Annotated[Path, Option("-o", "--output", help="New folder for the tables.")],
     root: DataOption = None,
     scenes: ScenesOption = None,
     split: SplitOption = None,

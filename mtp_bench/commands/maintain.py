@@ -4,7 +4,7 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, BadParameter, Option, Typer
 
 from .. import records
 from ..errors import RecordError
@@ -16,34 +16,31 @@ from ..viz.terminal.output import counted, show
 from .options import BaseOption, DataOption, EnvOption, EnvScenes, JobsOption, JsonOption, WorkerChoice
 from .output import prepare, some_of, write_json
 
-maintain = typer.Typer(
-    no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Commands of the maintainers."
-)
+maintain = Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Commands of the maintainers.")
 
 
 @maintain.command(short_help="Draw secret scenes, or publish a secret.")
 def seal(
-    env: Annotated[str | None, typer.Option(help="Environment id, or path of a card.")] = None,
+    env: Annotated[str | None, Option(help="Environment id, or path of a card.")] = None,
     scenes: Annotated[
-        int | None, typer.Option("--count", min=1, max=1000, help="Number of hidden scenes; ranks need 50.")
+        int | None, Option("--count", min=1, max=1000, help="Number of hidden scenes; ranks need 50.")
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="File of the secret, beside its commitment. With --retire: folder."),
+        Path | None, Option("-o", "--output", help="File of the secret, beside its commitment. With --retire: folder.")
     ] = None,
     retire: Annotated[
-        Path | None, typer.Option(help="Publish this secret in the folder of seals: it ranks no further submission.")
+        Path | None, Option(help="Publish this secret in the folder of seals: it ranks no further submission.")
     ] = None,
 ) -> None:
     """Draw secret scenes of a simulated environment and commit to them, or publish a secret."""
     if retire is not None:
         if env is not None or scenes is not None:
-            raise typer.BadParameter("publishes a secret: leave --env and --count out", param_hint="--retire")
+            raise BadParameter("publishes a secret: leave --env and --count out", param_hint="--retire")
         path = records.retire(retire, output or SEALS)
         show(f"{path}: the secret is public from now on; draw another seal for the next round")
         return
     if env is None or scenes is None or output is None:
-        raise typer.BadParameter("--env, --count and --output are needed, or --retire")
+        raise BadParameter("--env, --count and --output are needed, or --retire")
     promise, public = records.seal(env, scenes, output), beside(output, COMMITMENT)
     show(
         f"{public}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env} in "
@@ -66,8 +63,8 @@ def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> Non
 
 @maintain.command(short_help="Check the records of a pull request.")
 def intake(
-    leaderboard: Annotated[Path, typer.Argument(help="Folder leaderboard that a pull request proposes.")],
-    owner: Annotated[str, typer.Option(help="Login of its author.")],
+    leaderboard: Annotated[Path, Argument(help="Folder leaderboard that a pull request proposes.")],
+    owner: Annotated[str, Option(help="Login of its author.")],
     base: BaseOption = None,
     json_file: JsonOption = None,
 ) -> None:

@@ -4,15 +4,15 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from ..submission.starting import new_submission
 from ..viz.terminal.output import show
 
 
 def new(
-    name: Annotated[str, typer.Argument(help="Name of the submission: lower case.")],
-    folder: Annotated[Path, typer.Option(help="Where its folder is made.")] = Path(),
+    name: Annotated[str, Argument(help="Name of the submission: lower case.")],
+    folder: Annotated[Path, Option(help="Where its folder is made.")] = Path(),
 ) -> None:
     """Begin a submission: a folder with an agent that works."""
     made = new_submission(name, folder)

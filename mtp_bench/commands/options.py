@@ -7,7 +7,7 @@ from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, BadParameter, Option
 
 from .._bundle import baseline_names, card_ids
 from ..errors import MtpBenchError, closest
@@ -18,7 +18,7 @@ from ..tables import SUFFIXES
 from .output import json_alone
 
 SEEDS = 3  # default of commands that compare or submit
-SeedsOption = Annotated[int, typer.Option("--seeds", min=1, max=1000, help="Runs with different random draws.")]
+SeedsOption = Annotated[int, Option("--seeds", min=1, max=1000, help="Runs with different random draws.")]
 
 
 def env_ids(incomplete: str) -> list[str]:
@@ -57,9 +57,7 @@ def choice(known: Sequence[str], *names: str, text: str) -> Any:
             one_of(word, known)
         return value
 
-    return typer.Option(
-        *names, help=text, callback=check, autocompletion=lambda incomplete: _offered(known, incomplete)
-    )
+    return Option(*names, help=text, callback=check, autocompletion=lambda incomplete: _offered(known, incomplete))
 
 
 def one_of(value: str, known: Sequence[str], option: str | None = None) -> None:
@@ -67,7 +65,7 @@ def one_of(value: str, known: Sequence[str], option: str | None = None) -> None:
     if value not in known:
         close = closest(value, known)
         meant = f"; did you mean {close!r}?" if close else ""
-        raise typer.BadParameter(f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option)
+        raise BadParameter(f"{value!r}, expected one of: {', '.join(known)}{meant}", param_hint=option)
 
 
 def file_option(*names: str, text: str, suffixes: Sequence[str] = ()) -> Any:
@@ -76,17 +74,17 @@ def file_option(*names: str, text: str, suffixes: Sequence[str] = ()) -> Any:
     def check(path: Path | None) -> Path | None:
         if path is not None:
             if suffixes and path.suffix.lower() not in suffixes:
-                raise typer.BadParameter(f"{path}: expected a name that ends in {' or '.join(suffixes)}")
+                raise BadParameter(f"{path}: expected a name that ends in {' or '.join(suffixes)}")
             require_file(path)
         return path
 
-    return typer.Option(*names, help=text, callback=check)
+    return Option(*names, help=text, callback=check)
 
 
-DataOption = Annotated[str | None, typer.Option("--data", help="Data root; else MTP_BENCH_DATA, or the user's folder.")]
+DataOption = Annotated[str | None, Option("--data", help="Data root; else MTP_BENCH_DATA, or the user's folder.")]
 JsonOption = Annotated[
     Path | None,
-    typer.Option("--json", callback=json_alone, help="Write the table's content to this file; -: print it instead."),
+    Option("--json", callback=json_alone, help="Write the table's content to this file; -: print it instead."),
 ]
 TableOption = Annotated[
     Path | None,
@@ -97,29 +95,28 @@ TableOption = Annotated[
         "or --subsets all four hold these.",
     ),
 ]
-EnvOption = Annotated[str, typer.Option("--env", help="Environment id, of `mtp-bench envs`.", autocompletion=env_ids)]
-JobsOption = Annotated[int, typer.Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
-ScenesOption = Annotated[int | None, typer.Option("--scenes", min=1, help="Only the first N scenes.")]
-SplitOption = Annotated[str | None, typer.Option("--split", help="Another split of the environment, such as train.")]
+EnvOption = Annotated[str, Option("--env", help="Environment id, of `mtp-bench envs`.", autocompletion=env_ids)]
+JobsOption = Annotated[int, Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
+ScenesOption = Annotated[int | None, Option("--scenes", min=1, help="Only the first N scenes.")]
+SplitOption = Annotated[str | None, Option("--split", help="Another split of the environment, such as train.")]
 TextOption = Annotated[Path | None, file_option("-o", "--output", text="Write here instead of printing.")]
-FolderArgument = Annotated[Path, typer.Argument(help="Folder written by `mtp-bench run`.")]
+FolderArgument = Annotated[Path, Argument(help="Folder written by `mtp-bench run`.")]
 TracksOption = Annotated[
     Path | None,
-    typer.Option(
+    Option(
         "--tracks",
         help="Stored tracks, for agents that observe them: a nuScenes tracking submission (.json), or a folder of "
         "KITTI results (.txt) or tables (.csv, .parquet), one per scene.",
     ),
 ]
 RunCardOption = Annotated[
-    str | None, typer.Option("--env", help="Another card than the one that the run keeps.", autocompletion=env_ids)
+    str | None, Option("--env", help="Another card than the one that the run keeps.", autocompletion=env_ids)
 ]
 SubmissionArgument = Annotated[
-    str, typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
+    str, Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
 ]
 BaseOption = Annotated[
-    Path | None,
-    typer.Option("--base", help="Leaderboard whose keys and seals are trusted. Default: the one that ships."),
+    Path | None, Option("--base", help="Leaderboard whose keys and seals are trusted. Default: the one that ships.")
 ]
 
 
@@ -130,7 +127,7 @@ class WorkerChoice:
     jobs: JobsOption = 0
     scheduler: Annotated[
         str | None,
-        typer.Option(help="Run on the workers of the Dask scheduler at this address, such as tcp://10.0.0.1:8786."),
+        Option(help="Run on the workers of the Dask scheduler at this address, such as tcp://10.0.0.1:8786."),
     ] = None
 
     def workers(self) -> Workers:
@@ -138,7 +135,7 @@ class WorkerChoice:
         try:
             return Workers(self.jobs or cores(), self.scheduler)
         except MtpBenchError as error:
-            raise typer.BadParameter(str(error), param_hint="--scheduler") from None
+            raise BadParameter(str(error), param_hint="--scheduler") from None
 
 
 @dataclass(frozen=True)
@@ -150,11 +147,11 @@ class EnvScenes:
     scenes: ScenesOption = None
     split: SplitOption = None
     fold: Annotated[
-        str | None, typer.Option(help="A fold of the split, such as 1/4: only its scenes; `train` leaves them out.")
+        str | None, Option(help="A fold of the split, such as 1/4: only its scenes; `train` leaves them out.")
     ] = None
     detector: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="Another detector. Simulated: a profile, iid, hard or a .toml file of a profile. "
             "Stored (nuScenes): the first part of its files' names.",
             autocompletion=detectors,
@@ -162,9 +159,9 @@ class EnvScenes:
     ] = None
     detections: Annotated[
         Path | None,
-        typer.Option(help="Stored detections: a file as submitted to nuScenes; for KITTI a folder of text files."),
+        Option(help="Stored detections: a file as submitted to nuScenes; for KITTI a folder of text files."),
     ] = None
-    files: Annotated[Path | None, typer.Option(help="Folder of own scenes, in place of the environment's.")] = None
+    files: Annotated[Path | None, Option(help="Folder of own scenes, in place of the environment's.")] = None
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run."""
@@ -173,7 +170,7 @@ class EnvScenes:
         try:
             fold = None if self.fold is None else fold_of(self.fold)
         except MtpBenchError as error:
-            raise typer.BadParameter(str(error), param_hint="--fold") from None
+            raise BadParameter(str(error), param_hint="--fold") from None
         return RunOptions(
             self.data, self.scenes, seeds, self.split, self.detector, fold, file, workers=chosen, files=files
         )

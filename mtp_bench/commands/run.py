@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from ..running.reading import skipped_line
 from ..running.stored import require_free
@@ -18,9 +18,9 @@ def run(
     agent: SubmissionArgument,
     on: AgentScenes,
     workers: WorkerChoice,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the rollouts.")],
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the run.")] = 0,
-    force: Annotated[bool, typer.Option("--force", help="Replace an earlier run in that folder.")] = False,
+    output: Annotated[Path, Option("-o", "--output", help="Folder for the rollouts.")],
+    seed: Annotated[int, Option(min=0, help="Seed of the run.")] = 0,
+    force: Annotated[bool, Option("--force", help="Replace an earlier run in that folder.")] = False,
 ) -> None:
     """Run an agent and store its rollouts."""
     options = on.options(workers, [seed])

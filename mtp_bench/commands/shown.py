@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-import typer
+from typer import Option
 
 from ..scoring import SUBSETS, Report
 from ..scoring.main_table import main_table
@@ -21,7 +21,7 @@ def words(*names: str, known: Callable[[], Sequence[str]], text: str) -> Any:
             one_of(word, known())
         return value
 
-    return typer.Option(*names, help=text, callback=check)
+    return Option(*names, help=text, callback=check)
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Shown:
     """Options of the shown tables of a report, and the file that they are written to."""
 
     full: Annotated[
-        bool, typer.Option("--full", help="All settings and controls, parts of bADE, conditions and further tables.")
+        bool, Option("--full", help="All settings and controls, parts of bADE, conditions and further tables.")
     ] = False
     table_file: TableOption = None
     columns: Annotated[

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import BadParameter, Option
 
 from ..study import study as run_study
 from ..study.conduct import QUICK_SCENES, quick_options, require_study_folder
@@ -20,28 +20,23 @@ def study(
     workers: WorkerChoice,
     agent: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="Name of a baseline or folder of a submission; repeatable, the story is about the first. "
             f"Default: {controls()['several']}.",
             autocompletion=submissions,
         ),
     ] = None,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the page, tables and figures.")] = Path(
-        "study"
-    ),
-    quick: Annotated[
-        bool, typer.Option("--quick", help="A first look in a minute or two: few scenes, one seed.")
-    ] = False,
+    output: Annotated[Path, Option("-o", "--output", help="Folder of the page, tables and figures.")] = Path("study"),
+    quick: Annotated[bool, Option("--quick", help="A first look in a minute or two: few scenes, one seed.")] = False,
     seeds: Annotated[
-        int | None, typer.Option(min=1, max=1000, help=f"Random draws of ranked agents. Default: {SEEDS}.")
+        int | None, Option(min=1, max=1000, help=f"Random draws of ranked agents. Default: {SEEDS}.")
     ] = None,
 ) -> None:
     """Write a page on the cost of detection and tracking on an environment: the paper's tables, figures and more."""
     require_study_folder(output.absolute())
     options = on.options(workers, range(1 if quick else seeds or SEEDS))
     if quick and ((seeds or 1) > 1 or (options.scenes or 1) > QUICK_SCENES):
-        text = f"means one seed and at most {QUICK_SCENES} scenes; leave it out"
-        raise typer.BadParameter(text, param_hint="--quick")
+        raise BadParameter(f"means one seed and at most {QUICK_SCENES} scenes; leave it out", param_hint="--quick")
     options = quick_options(options) if quick else options
     prepare(on.env, options, agent or ())
     made = run_study(agent or [controls()["several"]], on.env, output, options, quick, command_line(*sys.argv[1:]))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, BadParameter, Option
 
 from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
@@ -30,15 +30,15 @@ class EntryOptions:
     """Options of the entry on the leaderboard, and of an earlier submit of it."""
 
     seeds: SeedsOption = SEEDS
-    scenes: Annotated[int | None, typer.Option(min=1, help="Only the first N scenes: a record without a rank.")] = None
-    commit: Annotated[str, typer.Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
-    resume: Annotated[bool, typer.Option("--resume", help="Continue with scenes that were finished before.")] = False
-    force: Annotated[bool, typer.Option("--force", help="Replace a finished record by one that cannot rank.")] = False
+    scenes: Annotated[int | None, Option(min=1, help="Only the first N scenes: a record without a rank.")] = None
+    commit: Annotated[str, Option(help="Commit that holds the folder: 7 to 64 hex digits.")] = ""
+    resume: Annotated[bool, Option("--resume", help="Continue with scenes that were finished before.")] = False
+    force: Annotated[bool, Option("--force", help="Replace a finished record by one that cannot rank.")] = False
 
     def arguments(self) -> dict[str, Any]:
         """Arguments of `records.submit`; BadParameter for what is not a commit."""
         if not re.fullmatch("([0-9a-f]{7,64})?", self.commit):
-            raise typer.BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
+            raise BadParameter(f"got {self.commit!r}, expected 7 to 64 hex digits", param_hint="--commit")
         return {"commit": self.commit, "resume": self.resume, "replace": self.force}
 
 
@@ -46,15 +46,15 @@ def submit(
     workers: WorkerChoice,
     entry: EntryOptions,
     path: Annotated[
-        str | None, typer.Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
+        str | None, Argument(help="Folder of a submission or name of a baseline.", autocompletion=submissions)
     ] = None,
-    env: Annotated[list[str] | None, typer.Option(help="Environment id; repeatable.", autocompletion=env_ids)] = None,
+    env: Annotated[list[str] | None, Option(help="Environment id; repeatable.", autocompletion=env_ids)] = None,
     everything: Annotated[
-        bool, typer.Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones.")
+        bool, Option("--all", help="Every baseline on every environment, or those of --env; keeps finished ones.")
     ] = False,
     root: DataOption = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
+        Path | None, Option("-o", "--output", help="Folder; leaderboard/records/<name> by default.")
     ] = None,
 ) -> None:
     """Run a submission behind the gateway and write its records for the leaderboard; with --all every baseline."""
@@ -62,14 +62,14 @@ def submit(
     options = RunOptions(root, entry.scenes, range(entry.seeds), workers=workers.workers())
     if everything:
         if entry.commit:
-            raise typer.BadParameter("not with --all", param_hint="--commit")
+            raise BadParameter("not with --all", param_hint="--commit")
         listed = inventory(env or (), () if path is None else (path,), output)
         _submit_all(listed, options, {"resume": True, "replace": entry.force})
         return
     if path is None:
-        raise typer.BadParameter("name a submission, or --all", param_hint="PATH")
+        raise BadParameter("name a submission, or --all", param_hint="PATH")
     if not env:
-        raise typer.BadParameter("name an environment, or --all", param_hint="--env")
+        raise BadParameter("name an environment, or --all", param_hint="--env")
     _submit_one(path, env, options, output, arguments)
 
 

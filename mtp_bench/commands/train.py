@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option, Typer
 
 from .. import notice
 from ..errors import MtpBenchError
@@ -51,7 +51,7 @@ def _learnt_from(on: EnvScenes, jobs: int) -> tuple[RunOptions, Fold | None]:
 
 
 def predictor(
-    network: Annotated[str, typer.Argument(metavar="NAME", help="A network, such as modes.")],
+    network: Annotated[str, Argument(metavar="NAME", help="A network, such as modes.")],
     on: EnvScenes,
     pasts: Annotated[
         str | None,
@@ -61,10 +61,10 @@ def predictor(
             text="truth: ground-truth tracks. tracklets: tracks of a tracker. Default: as the network states.",
         ),
     ] = None,
-    also: Annotated[list[str] | None, typer.Option(help="Learn from this environment too; may be repeated.")] = None,
-    hypotheses: Annotated[int, typer.Option(min=1, max=1000, help="Hypotheses of the tracker of the tracklets.")] = 20,
-    epochs: Annotated[int | None, typer.Option(min=1, help="At most so many; default: by network.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")] = 0,
+    also: Annotated[list[str] | None, Option(help="Learn from this environment too; may be repeated.")] = None,
+    hypotheses: Annotated[int, Option(min=1, max=1000, help="Hypotheses of the tracker of the tracklets.")] = 20,
+    epochs: Annotated[int | None, Option(min=1, help="At most so many; default: by network.")] = None,
+    seed: Annotated[int, Option(min=0, help="Seed of all random numbers.")] = 0,
     device: Annotated[str, choice(DEVICES, text="auto (a GPU if there is one), cpu or cuda.")] = "auto",
     jobs: JobsOption = 0,
     output: Annotated[
@@ -144,7 +144,7 @@ def _require_place(output: Path | None, options: RunOptions) -> None:
 
 
 def presence(
-    detector: Annotated[str, typer.Argument(help="A detector with a file in mtp_bench/tracking/detectors.")],
+    detector: Annotated[str, Argument(help="A detector with a file in mtp_bench/tracking/detectors.")],
     data: DataOption = None,
     output: TextOption = None,
 ) -> None:
@@ -161,7 +161,7 @@ def presence(
     print_or_write(output, text)
 
 
-train = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Fit predictors and more.")
+train = Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Fit predictors and more.")
 train.command("motion-noise")(opened(motion_noise))
 train.command("predictor")(opened(predictor))
 train.command("presence")(opened(presence))

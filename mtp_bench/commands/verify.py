@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, BadParameter, Option
 
 from ..errors import MtpBenchError, RecordError
 from ..files import clean_text
@@ -31,28 +31,28 @@ MOST_LETTERS = 60  # of a value in the table
 class VerifyOptions:
     """Options of a check: runs that are repeated, and the signature of the level."""
 
-    rerun: Annotated[bool, typer.Option("--rerun", help="Run the submission again, also under a secret seed.")] = False
+    rerun: Annotated[bool, Option("--rerun", help="Run the submission again, also under a secret seed.")] = False
     submission: Annotated[
         Path | None,
-        typer.Option(help="Submission to run again, or a folder of them by name; else the baseline of that name."),
+        Option(help="Submission to run again, or a folder of them by name; else the baseline of that name."),
     ] = None
     hidden: Annotated[
-        Path | None, typer.Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes.")
+        Path | None, Option(help="Secret of `maintain seal`, or a folder of them: with --rerun, run its scenes.")
     ] = None
-    sign: Annotated[Path | None, typer.Option(help="Private SSH key: sign the level that is reached.")] = None
-    signer: Annotated[str | None, typer.Option(help="Name of its owner, as in keys/allowed_signers.")] = None
+    sign: Annotated[Path | None, Option(help="Private SSH key: sign the level that is reached.")] = None
+    signer: Annotated[str | None, Option(help="Name of its owner, as in keys/allowed_signers.")] = None
     looked_at: Annotated[
-        bool, typer.Option("--looked-at", help="Sign that you looked at it: it may be better than ground truth.")
+        bool, Option("--looked-at", help="Sign that you looked at it: it may be better than ground truth.")
     ] = False
     base: BaseOption = None
-    env: Annotated[str | None, typer.Option(help="Card of the record if it does not ship.")] = None
+    env: Annotated[str | None, Option(help="Card of the record if it does not ship.")] = None
 
     def require_together(self) -> None:
         """Raise BadParameter for an option without the one that it needs."""
         needs = {"submission": "rerun", "hidden": "rerun", "sign": "signer", "signer": "sign", "looked_at": "sign"}
         for name, needed in needs.items():
             if getattr(self, name) and not getattr(self, needed):
-                raise typer.BadParameter(f"needs --{needed}", param_hint=f"--{name.replace('_', '-')}")
+                raise BadParameter(f"needs --{needed}", param_hint=f"--{name.replace('_', '-')}")
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class _Result:
 
 
 def verify(
-    record: Annotated[list[Path], typer.Argument(help="Records, or folders: all records in them.")],
+    record: Annotated[list[Path], Argument(help="Records, or folders: all records in them.")],
     asked: VerifyOptions,
     root: DataOption = None,
     jobs: JobsOption = 0,

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from ..parallel import reported
 from ..running.stored import open_run
@@ -19,10 +19,10 @@ from .output import say
 def video(
     folder: FolderArgument,
     output: Annotated[Path, file_option("-o", "--output", text="File to write: .mp4 or .gif.", suffixes=KINDS)],
-    scene: Annotated[str | None, typer.Option(help="Which scene. Default: the first of the run.")] = None,
-    at: Annotated[str | None, typer.Option(help=f"Only from 3 s before to 3 s after this moment: {AT}.")] = None,
+    scene: Annotated[str | None, Option(help="Which scene. Default: the first of the run.")] = None,
+    at: Annotated[str | None, Option(help=f"Only from 3 s before to 3 s after this moment: {AT}.")] = None,
     fps: Annotated[
-        float | None, typer.Option(min=0.1, max=50, help="Pictures per second. Default: as many as were recorded.")
+        float | None, Option(min=0.1, max=50, help="Pictures per second. Default: as many as were recorded.")
     ] = None,
     root: DataOption = None,
     env: RunCardOption = None,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, BadParameter, Option
 
 from .. import notice
 from ..errors import MtpBenchError
@@ -28,10 +28,10 @@ from .output import say
 
 def view(
     folders: Annotated[
-        list[Path], typer.Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
+        list[Path], Argument(help="Folders written by `mtp-bench run`; several are shown side by side.")
     ],
-    scene: Annotated[str | None, typer.Option(help="Which scene. Default: the first of the run.")] = None,
-    at: Annotated[str | None, typer.Option(help=f"Open the first run there: {AT}.")] = None,
+    scene: Annotated[str | None, Option(help="Which scene. Default: the first of the run.")] = None,
+    at: Annotated[str | None, Option(help=f"Open the first run there: {AT}.")] = None,
     level: Annotated[
         str, choice(LEVELS, text="tracks, top (3 samples per object) or all (every sample and hypothesis).")
     ] = "top",
@@ -44,16 +44,16 @@ def view(
             "--png", text="Write a picture (.png) instead; needs --at, no screen, no rerun.", suffixes=(".png",)
         ),
     ] = None,
-    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser on this machine instead.")] = False,
+    web: Annotated[bool, Option("--web", help="Serve it to a browser on this machine instead.")] = False,
     root: DataOption = None,
     env: RunCardOption = None,
 ) -> None:
     """Look at tracks, hypotheses, forecasts and events of stored rollouts in rerun."""
     if (save is not None) + web + (png is not None) > 1:
-        raise typer.BadParameter("choose one of them", param_hint="--save, --web, --png")
+        raise BadParameter("choose one of them", param_hint="--save, --web, --png")
     if png is not None and at is None:
         advice = "a picture shows one moment: name it with --at; `mtp-bench worst` lists them"
-        raise typer.BadParameter(advice, param_hint="--png")
+        raise BadParameter(advice, param_hint="--png")
     runs = _opened(folders, root, env)
     if png is None:
         with notice.work("loading rerun"):

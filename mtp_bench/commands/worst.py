@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import numpy as np
-import typer
+from typer import BadParameter, Option
 
 from ..parallel import reported
 from ..running.stored import open_run
@@ -20,15 +20,13 @@ LOOK = "To look at the first; with --png FILE.png it becomes a picture, without 
 
 def worst(
     folder: FolderArgument,
-    scene: Annotated[str | None, typer.Option(help="Only this scene.")] = None,
+    scene: Annotated[str | None, Option(help="Only this scene.")] = None,
     cause: Annotated[
         str | None, choice(tuple(PARTS.values()), text="Only moments whose largest part has this name.")
     ] = None,
-    class_name: Annotated[str | None, typer.Option("--class", help="Only objects of this class.")] = None,
-    within: Annotated[
-        float | None, typer.Option(min=0, help="Only objects at most so many metres from the ego.")
-    ] = None,
-    top: Annotated[int, typer.Option(min=1, help="How many.")] = 20,
+    class_name: Annotated[str | None, Option("--class", help="Only objects of this class.")] = None,
+    within: Annotated[float | None, Option(min=0, help="Only objects at most so many metres from the ego.")] = None,
+    top: Annotated[int, Option(min=1, help="How many.")] = 20,
     root: DataOption = None,
     env: RunCardOption = None,
     json_file: JsonOption = None,
@@ -40,12 +38,10 @@ def worst(
         if class_name is not None:
             one_of(class_name, opened.card.task.classes, "--class")
         if within is not None and not opened.card.has_ego:
-            raise typer.BadParameter(f"{opened.card.id} has no ego to measure from", param_hint="--within")
+            raise BadParameter(f"{opened.card.id} has no ego to measure from", param_hint="--within")
         for played in replays(opened, scene, progress):
             total, unsplit = total + float(np.nansum(costs(played, below))), played.unsplit
-            rows += [
-                WorstRow.of(played, each.at, str(folder), root, env, moment=each) for each in moments(played, below)
-            ]
+            rows += [WorstRow.of(played, one.at, str(folder), root, env, moment=one) for one in moments(played, below)]
     kept = [
         row
         for row in rows

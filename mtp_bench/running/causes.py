@@ -62,9 +62,8 @@ def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
         return {}, f"no submission {info.folder or info.agent!r} there any more"
     if submission.digest != info.submission_digest:
         return {}, "its submission has changed since the run"
-    setting = replace(
-        setting_of(submission, card), parameters=info.parameters, hypotheses=info.hypotheses, samples=info.samples
-    )
+    own = setting_of(submission, card)
+    setting = replace(own, parameters=info.parameters, hypotheses=info.hypotheses, samples=info.samples)
     found = references_of(setting, card)
     return (found, "") if {*_SPLIT} <= found.keys() else ({}, "its manifest states no gap_references")
 

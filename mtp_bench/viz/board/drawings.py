@@ -77,11 +77,6 @@ def bar_of(scale: Scale | None, difference: PairedDifference | None) -> Bar | No
     return Bar(scale.x(low), scale.x(high), scale.x(difference.mean), low < scale.low, high > scale.high)
 
 
-def zero_of(scale: Scale | None) -> float:
-    """Horizontal place of a difference of 0."""
-    return WIDTH / 2 if scale is None else scale.x(0.0)
-
-
 def nice_scale(low: float, high: float) -> Scale:
     """A scale from a little below ``low`` to a little above ``high``, with at least one and few round ticks."""
     span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))

@@ -50,14 +50,9 @@ class Entry(Found):
         return self.record.env.id
 
     @property
-    def earlier(self) -> str:
-        """Earlier version of the definitions that scored it, "2.0"; empty for one that is not shown apart."""
-        return self.record.earlier
-
-    @property
     def board(self) -> str:
         """Id of its table: that of the environment, with the definitions where those are earlier ones."""
-        return f"{self.env}@{self.earlier}" if self.earlier else self.env
+        return f"{self.env}@{self.record.earlier}" if self.record.earlier else self.env
 
     @property
     def name(self) -> str:
@@ -206,8 +201,8 @@ def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
 def _order(entry: Entry) -> tuple[object, ...]:
     rank = math.inf if entry.place is None else entry.place
     error = math.inf if entry.error is None else entry.error
-    section = entry.earlier, _env_place(entry.env), entry.part != "", rank, not entry.compared, not entry.saw_truth
-    return *section, error, entry.name, entry.record.digest
+    record, section = entry.record, (rank, not entry.compared, not entry.saw_truth, error)
+    return record.earlier, _env_place(entry.env), entry.part != "", *section, entry.name, record.digest
 
 
 @cache

@@ -20,7 +20,7 @@ from ...tables import BLANK, Column, Table, columns_of
 from ..terminal.notes import parts_text
 from .answer import answer_of, p_value, short_name
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
-from .drawings import bar_of, curve_chart, scale_of, scene_chart, zero_of
+from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
 from .entries import Entry, empty_error, simulated
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
@@ -41,7 +41,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
     board: dict[str, Any] = {
         "id": entries[0].board,
         "env": env_id,
-        "earlier": entries[0].earlier,
+        "earlier": first.record.earlier,
         "name": short_name(env_id),
         "about": _about(env_id),
         "complete": first.record.env.truth_complete,
@@ -57,7 +57,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "columns": columns,
         "groups": [(group, list(each)) for (group, _), each in groupby(columns, lambda c: (c.group, PAGE[c.key]))],
         "scale": scale,
-        "zero": zero_of(scale),
+        "zero": WIDTH / 2 if scale is None else scale.x(0.0),  # place of a difference of 0
         "reference": reference,
     }
     best = {column.key: best_text(column, entries) for column in columns}
@@ -153,7 +153,7 @@ def _line(entry: Entry, board: Mapping[str, Any], best: Mapping[str, str | None]
         "signer": entry.signed.signer if entry.signed else "",
         "bar": bar_of(board["scale"], entry.difference()),
         "difference": difference_text(entry),
-        "old": not entry.earlier and record.scorer.definitions != DEFINITIONS,
+        "old": not record.earlier and record.scorer.definitions != DEFINITIONS,
     }
 
 

@@ -35,7 +35,7 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     rows = [(name, [agents[name].get(board) for board in boards]) for name in names]
     envs = {board: listed[0].env for board, listed in boards.items()}
     heads = [(board, short_name(env), simulated(env)) for board, env in envs.items()]
-    return Overview(entries[0].earlier if entries else "", heads, rows)
+    return Overview(entries[0].record.earlier if entries else "", heads, rows)
 
 
 def _place(entry: Entry | None) -> tuple[float, ...]:

@@ -60,9 +60,9 @@ def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pa
     ids = _ids(entries)
     boards = [board_of(listed, ids) for listed in by_board(entries).values()]
     versions = [
-        (overview_of([entry for entry in entries if entry.earlier == version]),
+        (overview_of([entry for entry in entries if entry.record.earlier == version]),
          [board for board in boards if board["earlier"] == version])
-        for version in dict.fromkeys(entry.earlier for entry in entries)
+        for version in dict.fromkeys(entry.record.earlier for entry in entries)
     ]  # fmt: skip
     known = {"parts": quote(folder), "boards": boards, "versions": versions, "ids": ids, "levels": LEVELS}
     parts = _table_files(entries, "leaderboard")

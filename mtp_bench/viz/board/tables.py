@@ -45,7 +45,7 @@ def _short_table(entries: Sequence[Entry]) -> Table:
 
 def earlier_text(entry: Entry) -> str:
     """The definitions of an entry behind a name, where they are earlier ones."""
-    return f" (definitions {entry.earlier})" if entry.earlier else ""
+    return f" (definitions {entry.record.earlier})" if entry.record.earlier else ""
 
 
 def _name(entry: Entry) -> str:
