@@ -7,7 +7,7 @@ from typer import Option
 
 from ..errors import SubmissionError
 from ..parallel import Workers, cores
-from ..records.checking import SCENES, SubmissionCheck, check_submission
+from ..records.checking import SCENES, check_submission
 from ..running.options import RunOptions
 from ..submission.loader import load_submission
 from ..tables import Column, Table
@@ -34,17 +34,14 @@ def check(
     with working(f"checking {path}", options) as watched:
         checked = check_submission(path, env, watched)
     write_json(json_file, asdict(checked))
-    show_table(_finding_table(checked), style=lambda row: _STYLE[row.level])
+    columns = Column(key="level"), Column(key="check"), Column(key="found", read=_found)
+    table = Table("findings", f"{checked.submission} on {checked.env}", "", checked.findings, columns)
+    show_table(table, style=lambda row: _STYLE[row.level])
     if checked.errors:
         errors = counted(checked.errors, "error")
         raise SubmissionError(f"{checked.submission} does not pass: {errors}, see the table")
     compare = command_line("compare", path, env=checked.env, data=root, tracks=tracks)
     show(f"{checked.submission} passes; next: `{compare}`")
-
-
-def _finding_table(checked: SubmissionCheck) -> Table:
-    columns = Column(key="level"), Column(key="check"), Column(key="found", read=_found)
-    return Table("findings", f"{checked.submission} on {checked.env}", "", checked.findings, columns)
 
 
 def _found(finding: Finding) -> str:

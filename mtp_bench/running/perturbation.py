@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..scoring.forecasts import match_objects
 from ..scoring.neutral import evaluated
-from ..types import Bools, Floats, Ints, Scene
+from ..types import Bools, Floats, Ints, Scene, joined
 from .run import derived_seed
 
 RUNS = 48
@@ -79,12 +79,12 @@ def fit_perturbation(parts: Sequence[MatchedDetections], classes: int) -> Pertur
 
     A class without matched detections has the values of all classes together.
     """
-    class_id, score, distance, turn = _columns(parts, "class_id", "score", "distance", "turn")
-    own = [class_id == c for c in range(classes)]
+    found = joined(parts)
+    own = [found.class_id == c for c in range(classes)]
     return Perturbation(
-        sigma_xy=_rounded(_quantiles(distance, own, 0.5) / _MEDIAN_OF_RAYLEIGH),
-        sigma_yaw=_rounded(np.minimum(MOST_YAW, _quantiles(turn, own, 0.5) / _MEDIAN_OF_NORMAL)),
-        cuts=tuple(_rounded(_quantiles(score, own, share)) for share in QUANTILES),
+        sigma_xy=_rounded(_quantiles(found.distance, own, 0.5) / _MEDIAN_OF_RAYLEIGH),
+        sigma_yaw=_rounded(np.minimum(MOST_YAW, _quantiles(found.turn, own, 0.5) / _MEDIAN_OF_NORMAL)),
+        cuts=tuple(_rounded(_quantiles(found.score, own, share)) for share in QUANTILES),
     )
 
 
@@ -107,10 +107,6 @@ def perturbed(scene: Scene, perturbation: Perturbation, run: int) -> Scene:
     box[:, 3] += noise[:, 2] * np.asarray(perturbation.sigma_yaw)[seen.class_id]
     box[:, 4:7] *= np.exp(LOG_SIZE * noise[:, 3:])
     return replace(scene, detections=replace(seen, box=box).select(kept))
-
-
-def _columns(parts: Sequence[MatchedDetections], *names: str) -> list[NDArray[np.float64]]:
-    return [np.concatenate([np.zeros(0), *(getattr(part, name) for part in parts)]) for name in names]
 
 
 def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> NDArray[np.float64]:

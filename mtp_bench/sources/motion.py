@@ -61,17 +61,10 @@ def people_truth(
     ``frame`` ``[R]`` sorted, ``place`` ``[R, 2]`` m, ``person`` ``[R]``, ``time`` ``[F]`` s, ``neutral`` ``[R]``;
     ``period``: nominal time between two frames, s.
     """
-    box = person_boxes(place)
-    neutral = np.zeros(len(box), dtype=bool) if neutral is None else neutral
-    return Truth(
-        start=starts_of_sorted(frame, len(time)),
-        box=box,
-        velocity=backward_velocity(frame, person, box[:, :2], time, period),
-        class_id=np.zeros(len(box), dtype=np.int64),
-        object_id=person,
-        eligible=~neutral,
-        neutral=neutral,
-    )
+    start, class_id = starts_of_sorted(frame, len(time)), np.zeros(len(frame), dtype=np.int64)
+    velocity = backward_velocity(frame, person, place, time, period)
+    neutral = np.zeros(len(frame), dtype=bool) if neutral is None else neutral
+    return Truth(start, person_boxes(place), velocity, class_id, person, ~neutral, neutral)
 
 
 def people_detections(frame: Ints, place: Floats, score: Floats, frames: int) -> Detections:

@@ -57,14 +57,8 @@ def with_stored(
     _, name = np.unique(identity, return_inverse=True)
     _, number = np.unique(np.stack([name.reshape(-1), class_id]), axis=1, return_inverse=True)
     number = number.reshape(-1)
-    tracks = StoredTracks(
-        start=starts_of_sorted(frame[order], scene.frames),
-        box=box[order],
-        velocity=velocity[order],
-        class_id=class_id[order],
-        score=score[order],
-        object_id=number[order],
-    )
+    start = starts_of_sorted(frame[order], scene.frames)
+    tracks = StoredTracks(start, box[order], velocity[order], class_id[order], score[order], number[order])
     return replace(scene, tracks=tracks, track_names=names_by_number(number, identity))
 
 

@@ -84,28 +84,15 @@ def observe(
     s = along[lane, center]
     radius = np.hypot(traits[:, 1] / 2, traits[:, 0] / (2 * _DISCS))
     return RoadState(
-        vehicles=vehicles,
-        numbers=np.array([v.number for v in vehicles], dtype=np.int64),
-        xy=xy,
-        heading=heading,
-        speed=speed,
-        length=traits[:, 0],
-        width=traits[:, 1],
-        wheelbase=traits[:, 2],
-        style=traits[:, 3:10],
-        offset=traits[:, 10],
-        route=route,
-        lane=lane,
-        s=s,
-        d=across[lane, center],
-        progress=routes.start[route, lane] + s,
+        vehicles=vehicles, numbers=np.array([v.number for v in vehicles], dtype=np.int64),
+        xy=xy, heading=heading, speed=speed,
+        length=traits[:, 0], width=traits[:, 1], wheelbase=traits[:, 2], style=traits[:, 3:10], offset=traits[:, 10],
+        route=route, lane=lane, s=s, d=across[lane, center], progress=routes.start[route, lane] + s,
         velocity=np.concatenate([direction * speed[:, None], people_velocity]),
         disc_owner=np.concatenate([np.repeat(np.arange(n), _DISCS), n + np.arange(len(people))]),
         disc_radius=np.concatenate([np.repeat(radius, _DISCS), np.full(len(people), _PERSON_RADIUS)]),
-        along=along,
-        across=across,
-        finished=routes.last[route, lane] & (s > length[lane] - 1.0),
-    )
+        along=along, across=across, finished=routes.last[route, lane] & (s > length[lane] - 1.0),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,19 +73,17 @@ class Person:
 class Crowd:
     """All people on foot; keeps their number on the map."""
 
-    def __init__(
-        self, road_map: RoadMap, people: int, rng: np.random.Generator, behaviour: PedestrianBehaviour
-    ) -> None:
+    def __init__(self, road_map: RoadMap, most: int, rng: np.random.Generator, behaviour: PedestrianBehaviour) -> None:
         self._crossings, self._pavement = road_map.crossings, road_map.pavement
-        self._target, self._rng, self._behaviour = people, rng, behaviour
+        self._target, self._rng, self._behaviour = most, rng, behaviour
         self.people: list[Person] = []
         self._made = self._groups = 0
         self._origin = np.array([c.origin for c in self._crossings], dtype=np.float64).reshape(-1, 2)
         self._axes = np.array(
             [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings], dtype=np.float64
         ).reshape(-1, 2, 2)  # rows: along, across
-        for _ in range(20 * people):
-            if len(self.people) < people:
+        for _ in range(20 * most):
+            if len(self.people) < most:
                 stage = LEAVING if rng.uniform() < _CROSSED else ARRIVING
                 self._add_group(stage, float(rng.uniform(1.0 - _DONE, 1.0)))
                 behaviour.start_standing(self._groups - 1)
@@ -170,23 +168,13 @@ class Crowd:
         direction = course @ self._axes[crossing]
         self._made += 1
         return Person(
-            number=self._made,
-            group=self._groups,
-            crossing=crossing,
-            direction=way.direction,
-            size=(round(sizes[0], 2), round(sizes[1], 2), round(sizes[2], 2)),
-            pace=own_pace,
-            patience=patience,
-            waiting_point=way.waiting_point(k),
-            far_point=way.far_point(k),
-            departure=way.departure(k)[1:],
-            place=np.round(place, 6),
-            ahead=ahead,
-            stage=stage,
-            passed=[],
+            number=self._made, group=self._groups, crossing=crossing, direction=way.direction,
+            size=(round(sizes[0], 2), round(sizes[1], 2), round(sizes[2], 2)), pace=own_pace, patience=patience,
+            waiting_point=way.waiting_point(k), far_point=way.far_point(k), departure=way.departure(k)[1:],
+            place=np.round(place, 6), ahead=ahead, stage=stage, passed=[],
             velocity=np.round(own_pace * course, 6) + 0.0,
             heading=round(float(np.arctan2(direction[1], direction[0])), 6),
-        )
+        )  # fmt: skip
 
     def _advance(self, dt: float, free: Callable[[CrossingPedestrian], bool]) -> None:
         """Move all people on to the next stage; a group steps on the road together."""

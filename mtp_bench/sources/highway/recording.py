@@ -87,13 +87,7 @@ def _velocity(vehicles: Sequence[Driver], crowd: Crowd) -> Floats:
 
 
 def _truth(rows: Floats, frames: int) -> Truth:
-    object_id: Ints = np.unique(rows[:, 10], return_inverse=True)[1].reshape(-1)
-    return Truth(
-        start=starts_of_sorted(rows[:, 11].astype(np.int64), frames),
-        box=rows[:, :7].copy(),
-        velocity=rows[:, 7:9].copy(),
-        class_id=rows[:, 9].astype(np.int64),
-        object_id=object_id.astype(np.int64),
-        eligible=np.ones(len(rows), dtype=np.bool_),
-        neutral=np.zeros(len(rows), dtype=np.bool_),
-    )
+    start, class_id = starts_of_sorted(rows[:, 11].astype(np.int64), frames), rows[:, 9].astype(np.int64)
+    object_id: Ints = np.unique(rows[:, 10], return_inverse=True)[1].reshape(-1).astype(np.int64)
+    neutral = np.zeros(len(rows), dtype=np.bool_)
+    return Truth(start, rows[:, :7].copy(), rows[:, 7:9].copy(), class_id, object_id, ~neutral, neutral)

@@ -108,16 +108,9 @@ def truth_of(labels: LabelRows, classes: Sequence[str], frames: Frames) -> Truth
         neutral |= beside
     row = frames.select(labels.frame, class_id >= 0)
     frame, object_id = labels.frame[row], labels.object_id[row]
-    box = frames.place(labels.box[row], frame)
-    return Truth(
-        start=frames.starts(frame),
-        box=box,
-        velocity=central_velocity(frame // frames.stride, object_id, box[:, :2], frames.stride * FRAME_PERIOD),
-        class_id=class_id[row],
-        object_id=object_id,
-        eligible=~neutral[row],
-        neutral=neutral[row],
-    )
+    box, neutral = frames.place(labels.box[row], frame), neutral[row]
+    velocity = central_velocity(frame // frames.stride, object_id, box[:, :2], frames.stride * FRAME_PERIOD)
+    return Truth(frames.starts(frame), box, velocity, class_id[row], object_id, ~neutral, neutral)
 
 
 def detections_of(folder: Path, name: str, classes: Sequence[str], frames: Frames) -> tuple[Detections, dict[str, int]]:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...errors import DataError
-from ...types import Bools, Floats, Ints
+from ...types import Bools, Floats, Ints, select
 from ..text import read_json, refuse, repeated
 from .layout import CLASS_OF, CLASSES, NEUTRAL_OF
 from .tables import Keyframes, Quaternion, Size, TableRecord, Vector, by_token, find, rotations, upright_boxes
@@ -42,12 +43,11 @@ class TrueBoxes:
     """Boxes of the classes of the detection task, neutral ones included, sorted by sample and place in the table."""
 
     sample: Ints  # [R] row of the keyframe
-    instance: Ints  # [R]
+    instance: NDArray[np.bytes_]  # [R] token
     box: Floats  # [R, 7] global frame
     class_id: Ints  # [R] index into CLASSES
     neutral: Bools  # [R] of a category beside the evaluated ones, or without a point of lidar and radar
     listed: Bools  # [R] a target of the prediction challenge
-    token: list[str]  # of all instances
 
 
 def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes) -> TrueBoxes:
@@ -72,17 +72,10 @@ def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyfram
     class_of = np.array([-1 if name is None else CLASSES.index(name) for name in used_as], dtype=np.int64)
     neutral = np.array([name in NEUTRAL_OF for name in names], dtype=bool)[instance]
     neutral |= np.array([record.num_lidar_pts == record.num_radar_pts == 0 for record in records], dtype=bool)
+    token = np.array([token.encode() for token in instances], dtype=np.bytes_)
     used = np.flatnonzero(class_of[instance] >= 0)
     order = used[np.argsort(sample[used], kind="stable")]
-    return TrueBoxes(
-        sample=sample[order],
-        instance=instance[order],
-        box=box[order],
-        class_id=class_of[instance[order]],
-        neutral=neutral[order],
-        listed=listed[order],
-        token=list(instances),
-    )
+    return select(TrueBoxes(sample, token[instance], box, class_of[instance], neutral, listed), order)
 
 
 def _read_targets(path: Path, instances: Mapping[str, int], keyframes: Keyframes, known: Ints) -> Ints:

@@ -6,10 +6,10 @@ import numpy as np
 
 from ...cards import Card
 from ...errors import DataError
-from ...types import Floats, Ragged, Scene, Truth, starts_of_sorted
+from ...types import Floats, Scene, Truth
 from ..base import DataRoot, Work, class_ids, names_by_number, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
-from ..motion import backward_velocity
+from ..motion import looking_back
 from .detections import open_detections, scene_detections
 from .layout import CLASSES, DATASET, VERSIONS, NuScenesSource, detection_paths, require_prediction, scenes_by_split
 from .store import TableStore, open_tables
@@ -90,15 +90,6 @@ def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bo
     if listed:
         known = np.isin(arrays["object_id"], arrays["object_id"][arrays["listed"]])
         keep, neutral, eligible = keep & known, neutral & ~known, arrays["listed"]
-    row = np.flatnonzero(keep)
-    frame = Ragged(arrays["start"]).frame_of_rows[row]
-    box, object_id = arrays["box"][row], arrays["object_id"][row]
-    return Truth(
-        start=starts_of_sorted(frame, len(time)),
-        box=box,
-        velocity=backward_velocity(frame, object_id, box[:, :2], time, 1 / RATE),
-        class_id=class_id[row],
-        object_id=object_id,
-        eligible=eligible[row],
-        neutral=neutral[row],
-    )
+    start, box, object_id = (arrays[name] for name in ("start", "box", "object_id"))
+    truth = Truth(start, box, np.full((len(box), 2), np.nan), class_id, object_id, eligible, neutral).select(keep)
+    return looking_back(truth, time, 1 / RATE)

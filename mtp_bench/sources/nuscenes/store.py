@@ -170,9 +170,7 @@ def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
     """Arrays of a scene with F frames and R boxes; objects are numbered in the order of their tokens."""
     first, end = (int(row) for row in keyframes.start[index : index + 2])
     row = slice(*np.searchsorted(boxes.sample, [first, end]))
-    instance, inverse = np.unique(boxes.instance[row], return_inverse=True)
-    token = np.array([boxes.token[i] for i in instance], dtype=np.str_)
-    order = np.argsort(token)
+    instance, object_id = np.unique(boxes.instance[row], return_inverse=True)
     return {
         "time": keyframes.time[first:end],  # [F] microseconds
         "ego": keyframes.ego[first:end],  # [F, 4] x y z yaw
@@ -181,6 +179,6 @@ def _scene_arrays(index: int, keyframes: Keyframes, boxes: TrueBoxes) -> Arrays:
         "class_id": boxes.class_id[row],  # [R] index into CLASSES
         "neutral": boxes.neutral[row],  # [R]
         "listed": boxes.listed[row],  # [R]
-        "object_id": np.argsort(order)[inverse],  # [R] index into instance
-        "instance": token[order],  # [O] tokens
+        "object_id": object_id,  # [R] index into instance
+        "instance": np.char.decode(instance),  # [O] tokens
     }
