@@ -13,6 +13,7 @@ from . import notice
 from ._version import __version__
 from .errors import MtpBenchError
 
+Calls = Sequence[tuple[Any, ...]]  # the arguments of each
 Done = Callable[[str], object]  # called with the name of every finished item
 _CONNECT_SECONDS = 10  # wait for the scheduler
 _WORKER_SECONDS = 30  # wait for its first worker: workers that died may be restarting
@@ -76,10 +77,7 @@ def cores() -> int:
 
 
 def parallel_map(
-    function: Callable[..., Any],
-    calls: Sequence[tuple[Any, ...]],
-    workers: Workers = SERIAL,
-    done: Callable[[int], object] = _ignore,
+    function: Callable[..., Any], calls: Calls, workers: Workers = SERIAL, done: Callable[[int], object] = _ignore
 ) -> list[Any]:
     """Results of ``function(*call)`` for every call, in the order of ``calls``, the same for all kinds of workers.
 
@@ -94,7 +92,7 @@ def parallel_map(
 
 
 def unordered_map(
-    function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: Workers = SERIAL, forked: bool = False
+    function: Callable[..., Any], calls: Calls, workers: Workers = SERIAL, forked: bool = False
 ) -> Iterator[tuple[int, Any]]:
     """Index and result of every call of `parallel_map`, in the order of completion.
 
@@ -195,10 +193,8 @@ def _require_workers(client: Any, scheduler: str) -> None:
         if version != __version__:
             raise MtpBenchError(f"worker {worker} has mtp-bench {version}, expected {__version__} as here: install it")
         if not safe:
-            raise MtpBenchError(
-                f"worker {worker} imports modules of the folder in which it was started: start it again with "
-                f"{_SAFE_PATH}=1 in its environment"
-            )
+            got = f"worker {worker} imports modules of the folder in which it was started"
+            raise MtpBenchError(f"{got}: start it again with {_SAFE_PATH}=1 in its environment")
 
 
 def _state() -> tuple[str, bool]:

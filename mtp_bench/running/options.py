@@ -136,10 +136,8 @@ class RunOptions:
         """Raise MtpBenchError if stored tracks are named and none of the submissions observes them."""
         if self.track_file is not None and not any(each.compare.observe == "tracks" for each in submissions):
             names = ", ".join(dict.fromkeys(each.name for each in submissions))
-            raise MtpBenchError(
-                f"stored tracks are named, but {names} do not observe them; run given_tracks, or a submission with "
-                'observe = "tracks" under [compare]'
-            )
+            advice = 'run given_tracks, or a submission with observe = "tracks" under [compare]'
+            raise MtpBenchError(f"stored tracks are named, but {names} do not observe them; {advice}")
 
     def card(self, env: str | Card) -> Card:
         """The card of an env with the changes; raises CardError, UnknownNameError."""

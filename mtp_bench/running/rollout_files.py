@@ -103,10 +103,8 @@ def load_run(folder: str | Path) -> Run:
     path = Path(folder) / RUN_FILE
     content = read_json(path, RolloutError, f"no {RUN_FILE} there, expected a folder written by `mtp-bench run`")
     if content.get("format", FORMAT) != FORMAT:
-        raise RolloutError(
-            f"{path}: has the format {clean_text(str(content['format']), 20)}, and this version of the library reads "
-            f"format {FORMAT}: run the agent again"
-        )
+        got = f"has the format {clean_text(str(content['format']), 20)}"
+        raise RolloutError(f"{path}: {got}, and this version of the library reads format {FORMAT}: run the agent again")
     run = validate(_RunFile, content, str(path), RolloutError)
     rollouts: list[Rollout] = []
     size = 0

@@ -151,10 +151,8 @@ def all_settings(agents: Iterable[object], card: Card) -> list[Setting]:
                 submission = ObjectSubmission.of(agent, f"{submission.name.split('#')[0]}#{next(numbers)}")
         other = submissions.setdefault(submission.name, submission)
         if other.path != submission.path:
-            raise MtpBenchError(
-                f"two submissions are called {submission.name!r}: {other.path} and {submission.path}; "
-                "give them different names in submission.toml"
-            )
+            both = f"two submissions are called {submission.name!r}: {other.path} and {submission.path}"
+            raise MtpBenchError(f"{both}; give them different names in submission.toml")
     return [setting for submission in submissions.values() for setting in expand(submission, card)]
 
 

@@ -227,10 +227,8 @@ def _card(folder: Path, info: RunInfo, env: str | Card | None) -> Card:
         if card.digest != info.card_digest:
             card = changed_card(card, *(_text(folder, info, key) for key in CHANGES))
     if card.digest != info.card_digest:
-        raise RolloutError(
-            f"{folder}: made for {info.env_id} with card digest {info.card_digest}, {card.id} now has {card.digest}; "
-            "run the agent again"
-        )
+        made = f"made for {info.env_id} with card digest {info.card_digest}"
+        raise RolloutError(f"{folder}: {made}, {card.id} now has {card.digest}; run the agent again")
     return card
 
 
@@ -247,9 +245,7 @@ def _check(folder: Path, stored: Run) -> None:
     if not scenes or len(set(scenes)) < len(scenes):
         raise RolloutError(f"{folder}: holds the scenes {scenes}, expected at least one, and each once")
     for rollout in stored.rollouts:
-        samples = rollout.forecast.shape[1]
-        if samples != stored.info.samples:
-            raise RolloutError(
-                f"{folder}: states {stored.info.samples} samples per object, scene {rollout.scene!r} has {samples}; "
-                "run the agent again"
-            )
+        stated, samples = stored.info.samples, rollout.forecast.shape[1]
+        if samples != stated:
+            got = f"states {stated} samples per object, scene {rollout.scene!r} has {samples}"
+            raise RolloutError(f"{folder}: {got}; run the agent again")

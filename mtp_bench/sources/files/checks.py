@@ -46,10 +46,8 @@ def scene_frames(where: str, tables: dict[str, RowTable], rate: float) -> tuple[
         raise DataError(f"{where}: its tables have no rows; an ego table defines the frames")
     step = int(np.gcd.reduce(np.diff(used))) if len(used) > 1 else 1
     if step > 1:
-        raise DataError(
-            f"{where}: rows have the frames {used[0]}, {used[1]}, ..., all {step} apart; number them 0, 1, 2, ..., or "
-            "define the frames by an ego table"
-        )
+        advice = "number them 0, 1, 2, ..., or define the frames by an ego table"
+        raise DataError(f"{where}: rows have the frames {used[0]}, {used[1]}, ..., all {step} apart; {advice}")
     if used[-1] - used[0] >= MOST_FRAMES:
         raise DataError(f"{where}: frames {used[0]} to {used[-1]}, expected at most {MOST_FRAMES} frames")
     number = np.arange(used[0], used[-1] + 1)
@@ -75,10 +73,8 @@ def check_frames(time: Floats, ego: Floats, card: Card, where: str) -> None:
     expected = "expected a number above that of the frame before"
     refuse(wrong, lambda t: f"{where}: time {time[t]:g} of frame {t}, {expected}")
     place, yaw = ego[:, :3], ego[:, 3]
-    refuse(
-        ~(np.abs(place) <= FARTHEST).ravel(),
-        lambda i: f"{where}: {'xyz'[i % 3]} of the ego in frame {i // 3} is {place.flat[i]:.10g}, {_NEAR}",
-    )
+    far = ~(np.abs(place) <= FARTHEST).ravel()
+    refuse(far, lambda i: f"{where}: {'xyz'[i % 3]} of the ego in frame {i // 3} is {place.flat[i]:.10g}, {_NEAR}")
     refuse(~(np.abs(yaw) <= TURN), lambda t: f"{where}: yaw of the ego in frame {t} is {yaw[t]:g}, {RADIANS}")
     period, step = 1.0 / card.task.rate, np.diff(time)
     median = float(np.median(step)) if len(step) else period

@@ -39,11 +39,9 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: T
     values = {name: getattr(scene, name) for name in _EMPTY}
     extra = [name for name, value in values.items() if isinstance(value, np.ndarray) or value != _EMPTY[name]]
     if extra:
-        cleared = ", ".join(f"{name}={_EMPTY[name]!r}" for name in extra)
-        raise MtpBenchError(
-            f"scene {scene.name!r} has {', '.join(extra)}, which tables cannot hold: write it without, as "
-            f"dataclasses.replace(scene, {cleared})"
-        )
+        without = f"dataclasses.replace(scene, {', '.join(f'{name}={_EMPTY[name]!r}' for name in extra)})"
+        got = f"scene {scene.name!r} has {', '.join(extra)}, which tables cannot hold"
+        raise MtpBenchError(f"{got}: write it without, as {without}")
     tables, folder = scene_tables(scene, classes), Path(folder).expanduser()
     if scene.object_names:
         tables["truth"]["id"] = np.array([scene.name_of(number) for number in tables["truth"]["id"].tolist()])
@@ -68,10 +66,8 @@ def check_scene_name(name: object, where: str = "") -> None:
     """Raise DataError, which begins with ``where``, for a name of a scene that a file cannot have."""
     sound = isinstance(name, str) and name.encode("utf-8", "replace").decode() == name
     if not sound or not 0 < len(quote(str(name), safe="")) <= LONGEST_NAME:
-        raise DataError(
-            f"{where}the name of a scene is {reprlib.repr(name)}, expected a text of 1 to {LONGEST_NAME} characters, "
-            "as written in the name of a file"
-        )
+        expected = f"expected a text of 1 to {LONGEST_NAME} characters, as written in the name of a file"
+        raise DataError(f"{where}the name of a scene is {reprlib.repr(name)}, {expected}")
 
 
 def scene_tables(scene: Scene, classes: Sequence[str]) -> dict[str, dict[str, NDArray[Any]]]:

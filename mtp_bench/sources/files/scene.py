@@ -113,10 +113,8 @@ def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
     if card.detector is None:
         return replace(scene, detector=scene.detector or f"{section_of(card, FilesSource).detector}, stored detections")
     if not scene.truth_complete:
-        raise DataError(
-            f"{where}: its truth has prediction targets only, so a simulated detector would miss all other objects; "
-            "use the detections of the files"
-        )
+        got = "its truth has prediction targets only, so a simulated detector would miss all other objects"
+        raise DataError(f"{where}: {got}; use the detections of the files")
     return replace(scene, detections=no_detections(scene.frames), detector="", simulated=False)
 
 
@@ -126,17 +124,13 @@ def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floa
     row = _usable_rows(table, frame, len(time), "truth", card.task.classes, skipped)
     number = ids_of(table)
     check_objects(table, frame, number, card.task.classes)
-    box = boxes_of(table)[row]
-    backward = backward_velocity(frame[row], number[row], box[:, :2], time, 1 / card.task.rate)
-    truth = Truth(
-        start=starts_of_sorted(frame[row], len(time)),
-        box=box,
-        velocity=velocities_of(table)[row] if table.has("vx") else backward,
-        class_id=class_ids_of(table, card.task.classes)[row],
-        object_id=number[row],
-        eligible=table.numbers.get("eligible", np.ones(len(table)))[row] == 1,
-        neutral=table.numbers.get("neutral", np.zeros(len(table)))[row] == 1,
-    )
+    frame, number, box = frame[row], number[row], boxes_of(table)[row]
+    backward = backward_velocity(frame, number, box[:, :2], time, 1 / card.task.rate)
+    velocity = velocities_of(table)[row] if table.has("vx") else backward
+    class_id = class_ids_of(table, card.task.classes)[row]
+    eligible = table.numbers.get("eligible", np.ones(len(table)))[row] == 1
+    neutral = table.numbers.get("neutral", np.zeros(len(table)))[row] == 1
+    truth = Truth(starts_of_sorted(frame, len(time)), box, velocity, class_id, number, eligible, neutral)
     return Scene(
         name=name,
         time=time,
@@ -145,7 +139,7 @@ def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floa
         detections=no_detections(len(time)),
         visible=table.numbers["visible"][row] if table.has("visible") else None,
         skipped=skipped,
-        object_names=names_by_number(truth.object_id, table.words["id"][row]),
+        object_names=names_by_number(number, table.words["id"][row]),
     )
 
 
@@ -166,10 +160,8 @@ def _usable_rows(
     if others and not used.any():
         first = str(kind[0])
         advice = class_hint(first, classes) or "`mtp-bench envs` shows the classes of each environment"
-        raise DataError(
-            f"{table.where(0, 'class')}: {first!r}, and no other row of the {name} has a class of the task, one of "
-            f"{', '.join(classes)}; {advice}"
-        )
+        got = f"{first!r}, and no other row of the {name} has a class of the task"
+        raise DataError(f"{table.where(0, 'class')}: {got}, one of {', '.join(classes)}; {advice}")
     for other, number in zip(others, count, strict=True):
         parts = f"{name} of class {other!r}, which the task does not have", class_hint(other, classes)
         skipped[": ".join(filter(None, parts))] = number

@@ -76,10 +76,8 @@ def is_scene(folder: Path) -> bool:
 def _card_folder(section: FilesSource, card: Card) -> dict[str, Path]:
     """Names and folders of the card's scenes; raises DataError if the folder is not the card's."""
     if section.folder is None:
-        raise DataError(
-            f"{card.id}: its scenes were objects in memory, which are not stored; give them again "
-            "(cards.with_scenes), or name a folder of scenes with --files"
-        )
+        advice = "give them again (cards.with_scenes), or name a folder of scenes with --files"
+        raise DataError(f"{card.id}: its scenes were objects in memory, which are not stored; {advice}")
     folder = split_folder(Path(section.folder), section.split)
     if not folder.is_dir():
         raise MissingDataError(f"{card.id}: no folder {folder}, expected {EXPECTED}; name another one with --files")

@@ -98,12 +98,10 @@ class RightOfWay:
     def _observe(self, state: RoadState, ahead: Leaders) -> None:
         front, rear = state.progress + state.length / 2, state.progress - state.length / 2
         free = np.where(ahead.speed < _SLOW, ahead.gap, np.inf)
-        columns = (state.route, front, rear, state.speed, state.style[:, 4], free)
+        columns = (state.numbers, state.route, front, rear, state.speed, state.style[:, 4], free)
         before = self._vehicles
-        self._vehicles = {
-            vehicle.number: _Approach(*row)
-            for vehicle, *row in zip(state.vehicles, *(column.tolist() for column in columns), strict=True)
-        }
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        self._vehicles = {number: _Approach(*row) for number, *row in rows}
         for number in self._granted:
             if number in self._vehicles:
                 self._vehicles[number].stop = before[number].stop

@@ -114,10 +114,8 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
     """
     section, shortest = section_of(card, Mot3dSource), card.task.past + card.task.future
     if section.scene_frames < shortest:
-        raise CardError(
-            f"{card.id}: source.scene_frames is {section.scene_frames}, expected at least {shortest}: "
-            "task.past and task.future"
-        )
+        expected = f"expected at least {shortest}: task.past and task.future"
+        raise CardError(f"{card.id}: source.scene_frames is {section.scene_frames}, {expected}")
     kept = np.arange(1, length + 1, section.stride)
     cut = [kept[first : first + section.scene_frames] for first in range(0, len(kept), section.scene_frames)]
     scenes = [frames for frames in cut if len(frames) >= shortest]

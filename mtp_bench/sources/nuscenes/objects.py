@@ -59,10 +59,8 @@ def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyfram
     row = {token: index for index, token in enumerate(instances)}
     sample = np.array([find(keyframes.row, record, "sample_token", path) for record in records], dtype=np.int64)
     instance = np.array([find(row, record, "instance_token", path) for record in records], dtype=np.int64)
-    refuse(
-        repeated(sample, instance),
-        lambda index: f"{path}, record {records[index].token!r}: a second box of its instance in its sample",
-    )
+    second = repeated(sample, instance)
+    refuse(second, lambda i: f"{path}, record {records[i].token!r}: a second box of its instance in its sample")
     box = upright_boxes(records, rotations(records, path))
     listed = np.zeros(len(records), dtype=bool)
     if prediction is not None:

@@ -61,10 +61,8 @@ class CachedFolder:
                     self._fill()
                     arrays = read_arrays(path)
         except OSError as error:
-            raise DataError(
-                f"the compact copy of nuScenes cannot be kept in {self.path.parent}: {error.strerror or error}; "
-                f"{CACHE} names another folder"
-            ) from None
+            got = f"the compact copy of nuScenes cannot be kept in {self.path.parent}: {error.strerror or error}"
+            raise DataError(f"{got}; {CACHE} names another folder") from None
         if arrays is None:
             raise DataError(f"{path} cannot be read back after writing it")
         return arrays
@@ -141,13 +139,7 @@ def open_tables(root: Path, version: str) -> TableStore:
         sources[PREDICTION] = prediction
     cache = CachedFolder.of(version, sources, partial(_fill, sources))
     index = cache.read(INDEX)
-    return TableStore(
-        version=version,
-        cache=cache,
-        scenes=tuple(index["scene"].tolist()),
-        start=index["start"],
-        targets=index.get("targets"),
-    )
+    return TableStore(version, cache, tuple(index["scene"].tolist()), index["start"], index.get("targets"))
 
 
 def _fill(sources: dict[str, Path], folder: Path) -> None:

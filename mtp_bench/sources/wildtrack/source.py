@@ -102,10 +102,8 @@ def _detections(path: Path) -> Detections:
     table, number, place = read_detections(path)
     frame, beside = np.divmod(number - SCENES[STORED], STEP)
     expected = f"{SCENES[STORED]}, {SCENES[STORED] + STEP}, ..., {SCENES[STORED] + STEP * (SCENE_FRAMES - 1)}"
-    table.refuse(
-        (beside != 0) | (frame < 0) | (frame >= SCENE_FRAMES),
-        lambda row: f"frame {number[row]} is not among the annotated test frames, {expected}",
-    )
+    other = (beside != 0) | (frame < 0) | (frame >= SCENE_FRAMES)
+    table.refuse(other, lambda row: f"frame {number[row]} is not among the annotated test frames, {expected}")
     order = np.argsort(frame, kind="stable")
     return people_detections(frame[order], place[order], np.ones(len(frame)), SCENE_FRAMES)  # the file has no scores
 
@@ -137,10 +135,8 @@ def read_detections(path: Path) -> tuple[RowTable, Ints, Floats]:
     table.refuse(off, lambda row: f"cell {cell[row, 0]:g} {cell[row, 1]:g} is off the grid of {GRID[0]} x {GRID[1]}")
     _, first, place = np.unique(table.matrix("frame gx gy"), axis=0, return_index=True, return_inverse=True)
     original = first[place.reshape(-1)]
-    table.refuse(
-        original < np.arange(len(original)),
-        lambda row: f"a second detection at the place of line {table.line[original[row]]}",
-    )
+    second = original < np.arange(len(original))
+    table.refuse(second, lambda row: f"a second detection at the place of line {table.line[original[row]]}")
     return table, frame, metres(cell)
 
 

@@ -19,12 +19,9 @@ _METRES = Column(format=".2f")
 
 def notes(report: Report) -> list[str]:
     """Meaning of the columns of the tables, and of a star in them."""
-    guessed = [
-        f"* {each.agent} states no parents: lineage of own events guessed in {each.guessed_parents:.0%} of frames"
-        for each in report.details
-        if each.guessed_parents
-    ]
-    return [_about(report), *guessed]
+    guessed = "* {} states no parents: lineage of own events guessed in {:.0%} of frames"
+    shares = [(each.agent, each.guessed_parents) for each in report.details if each.guessed_parents]
+    return [_about(report), *(guessed.format(*share) for share in shares)]
 
 
 def label_of(row: Row) -> str:
