@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..scoring.displacement import floored
 from ..scoring.forecasts import sample_weights
 from ..scoring.holes import pieces
+from ..scoring.pairs import box_pairs
 from ..types import Bools, Floats, Ints, to_metres
 from .replay import Incident, Replay
 
@@ -66,10 +67,10 @@ class Focus:
 
     @cached_property
     def named_tracks(self) -> tuple[int, ...]:
-        """Ids of the tracks that texts name: of the event, of the frames around it, and of the next one."""
+        """Ids of the tracks that texts name: of the event, the frames around it and the next one, and at the object."""
         at, last = self.at, self.replay.frames - 1
         frames = [t for t in (*range(at.frame - 1, at.frame + 2), self.regained) if 0 <= t <= last]
-        named = dict.fromkeys([at.old_id, at.new_id, *map(self.follower, frames)])
+        named = dict.fromkeys([at.old_id, at.new_id, *map(self.follower, frames), *self.tracks_at(at.frame)])
         return tuple(track_id for track_id in named if track_id >= 0)
 
     @cached_property
@@ -179,6 +180,23 @@ class Focus:
         """Ids [n] of the tracks that follow the object from ``first`` until a gap or ``last``, or backwards."""
         tracks = self.track_of_truth[self._until_gap(self.rows, first, last)]
         return np.append(self.replay.rollout.track_id, -1)[tracks]
+
+    def rival(self, t: int) -> int:
+        """Id of the nearest track in the event gate of the object that follows another one; -1 if one follows it."""
+        run, card, tracks, row = self.replay.rollout, self.replay.card, self.replay.rollout.tracks.rows(t), self.rows[t]
+        if row < 0 or self.follower(t) >= 0:
+            return -1
+        truth, gate, frames = self.replay.scene.truth, card.task.event_gate, np.zeros(tracks.stop - tracks.start)
+        own = frames[:1], truth.box[row : row + 1], truth.class_id[row : row + 1]
+        others = frames, run.track_box[tracks], run.track_class[tracks]
+        pairs = box_pairs(*own, *others, gate.measure, card.per_class(gate.threshold))
+        near = tracks.start + pairs.column[np.argsort(pairs.cost)]
+        near = near[self.shown[near] & (self.truth_of_track[near] >= 0)][:1]
+        return int(np.append(run.track_id[near], -1)[0])
+
+    def tracks_at(self, t: int) -> tuple[int, ...]:
+        """Ids of the tracks at the object in a picture of frame ``t``: of its forecasts, and its `rival`; -1: none."""
+        return (*(forecast.track_id for _, forecast in self.forecasts(t)), self.rival(t))
 
     def other(self, track_id: int, t: int) -> int:
         """Row of the true box, other than the object, that a track follows at frame ``t``, -1 without one."""
