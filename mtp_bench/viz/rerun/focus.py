@@ -1,4 +1,4 @@
-"""An event alone in a recording: its things, bright; small pictures, sentence and key beside them."""
+"""An event alone in a recording: its things, bright; small pictures, sentences, numbers and key beside them."""
 
 from collections.abc import Callable, Sequence
 from io import BytesIO
@@ -7,17 +7,18 @@ from typing import Any
 import numpy as np
 
 from ...geometry import rotate
+from ...scoring.parts import named_parts, parts_text
 from ...types import Floats, Ints, starts_of
 from ..drawing.report import small_pictures
-from ..evidence import distance, gate
+from ..evidence import distance, gate, visible
 from ..focus import Focus
 from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
+from ..sentence import sentence
 from .colors import ROLES, SWITCH, Colors
 from .entities import EDGE as RING
 from .entities import EVENT, TRACK_FILL, Log
 from .sdk import rr
 from .shown import drawable
-from .texts import event_text, nearest_detections
 
 SIDES = {"truth": (0.0, 1.0), "now": (0.0, -1.0), "before": (-1.0, 0.0)}  # from a box to its name, if the way is (1, 0)
 BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen
@@ -25,6 +26,21 @@ LIFT = 0.3  # m, that lines lie above the ground of dim things
 CROSS = 0.3 * np.array([[-1, -1], [1, 1], [0, 0], [-1, 1], [1, -1]])  # m, at an expected place
 ANGLES = np.linspace(0.0, 2 * np.pi, 49)
 CIRCLE = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+
+MOST_DETECTIONS = 3  # whose scores are shown
+EVENT_KEY = """\
+- **green box, green path**: the object, and where it really goes
+- **blue**: its track before the event, with its forecast; **orange**: its track now
+- **purple**: a track that has it at another time
+- **light grey box**: a detection nearby, with its score, and its class where that is another one
+- **cross**: place where a track was expected by its own last forecast; **grey line**: to the detection that it took
+- **grey circle**: event gate of the scorer ({gate}); **long grey line**: to the ego; **pink ring**: the event
+
+Bold: the sample that is nearest to the truth, or the heaviest if that is unknown.
+
+The seconds around the event are played over and over in real time. Space stops, the arrow keys step. In place of
+the timeline "event", "time" has the whole scene, and "frame" the numbers of its frames.
+"""
 
 Things = Sequence[tuple[str, Floats]]  # a role, and a box [7] or a path [n, 2]
 Labelled = tuple[str, Floats, str]  # role, place [2] and text
@@ -135,3 +151,39 @@ def _names(focus: Focus, frame: FocusFrame, half: float) -> list[Labelled]:
         if all(np.hypot(*(each[1] - other[1])) > 0.9 * away for other in names):
             names.append(each)
     return names
+
+
+def event_key(focus: Focus) -> str:
+    """Key to the view of an event."""
+    rule = gate(focus)
+    return EVENT_KEY.format(gate=f"{rule.text}, not drawn" if rule.iou else rule.text)
+
+
+def event_text(focus: Focus, frame: FocusFrame) -> str:
+    """The sentences of an event, and numbers of one frame."""
+    t, run = frame.frame, focus.replay
+    row, rows, follower = int(focus.rows[t]), {}, focus.follower(t)
+    if row >= 0:
+        parts = named_parts(run.part[row])
+        error = f"{sum(parts.values()):.1f} m: {parts_text(parts)}"
+        rows["error"] = "not a target" if np.isnan(run.part[row, 0]) else error
+        rows |= {"followed by": f"no track (gate: {gate(focus).text})"} if follower < 0 else {}
+    for track in frame.tracks:
+        follows = "follows it, " if track.track_id == follower else ""
+        off = f"{np.hypot(*(track.box[:2] - focus.place(t))):.1f} m from it, " if row >= 0 else ""
+        rows[f"track {track.track_id}"] = f"{follows}{off}took {'no' if track.detection < 0 else 'a'} detection"
+    detected = [f"{text}, {far:.1f} m off" for _, text, far in nearest_detections(focus, frame)]
+    rows["detected"] = "; ".join(detected) or "nothing"
+    far, seen = distance(focus, t), visible(focus, t)
+    if far is not None:
+        rows["ego"] = f"{far:.0f} m away" + ("" if seen is None else f", sees {seen:.0%}")
+    heading, _, remark = f"{sentence(focus)}.".partition(". ")
+    lines = [f"##### {heading}", "", remark, "", f"| {focus.seconds(t):.1f} s | frame {t} |", "|---|---|"]
+    return "\n".join([*lines, *(f"| {name} | {text} |" for name, text in rows.items())])
+
+
+def nearest_detections(focus: Focus, frame: FocusFrame) -> list[tuple[Floats, str, float]]:
+    """Place [2], score and distance (m) of the detections nearest to the object."""
+    gaps = np.hypot(*(frame.detection_box[:, :2] - focus.place(frame.frame)).T).tolist()
+    rows = zip(frame.detection_box[:, :2], frame.detection_text, gaps, strict=True)
+    return sorted(rows, key=lambda row: row[2])[:MOST_DETECTIONS]

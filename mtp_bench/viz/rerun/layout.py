@@ -12,9 +12,8 @@ from ...types import Floats
 from ..framing import turn_of, window_of
 from ..palette import Color
 from ..replay import KINDS, Incident
-from .curves import curves_of
 from .entities import EVENT
-from .events import lanes
+from .events import curves_of, lanes
 from .sdk import rr, rrb
 from .shown import ShownAgent
 
