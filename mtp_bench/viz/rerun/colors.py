@@ -24,8 +24,7 @@ TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch sel
 )  # fmt: skip
 EVENTS = {"ids": SWITCH, "lost": FALSE, "reacquired": SKY, "spurious": UNKNOWN}
 ROLES: dict[str, Color] = {  # of a thing in an event
-    "truth": TRUTH, "before": SKY, "now": NOW, "named": PURPLE, "detection": UNKNOWN,
-    "ego": (140, 140, 150),
+    "truth": TRUTH, "before": SKY, "now": NOW, "named": PURPLE, "detection": UNKNOWN, "ego": (140, 140, 150),
 }  # fmt: skip
 
 

@@ -120,8 +120,7 @@ def log_scene(log: Log, run: Replay) -> None:
     scene, truth, detections = run.scene, run.scene.truth, run.scene.detections
     if run.card.has_ego:
         log.boxes("world/ego", np.arange(scene.frames + 1), ego_boxes(scene.ego), _all(EGO, scene.frames), fill="solid")
-        place = scene.ego[log.frames, :3]
-        log.columns("world/follow", None, rr.Transform3D.columns(translation=place.astype(np.float32)))
+        log.columns("world/follow", None, rr.Transform3D.columns(translation=np.float32(scene.ego[log.frames, :3])))
     if len(truth.box):
         names, colors = object_names(run), _either(truth.neutral, NEUTRAL, TRUTH)
         labels = [names[object_id] for object_id in truth.object_id.tolist()]

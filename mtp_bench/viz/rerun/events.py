@@ -165,6 +165,6 @@ def _log_curves(log: Log, run: Replay, focus: Focus | None) -> None:
         for i, curve in enumerate(curves):
             values = curve.values[log.frames]
             known = np.isfinite(values)  # a frame without a value is a gap
-            style = rr.SeriesLines(colors=packed(curve.color), names=curve.name, widths=curve.width)
+            style = rr.SeriesLines(colors=packed(curve.color), names=drawable(curve.name), widths=curve.width)
             columns = rr.Scalars.columns(scalars=values[known]).partition(known.astype(int))
             log.columns(f"curves/{number}/{i:02d}", style, columns)

@@ -150,10 +150,10 @@ def _lanes(agents: Sequence[ShownAgent]) -> rrb.Tabs:
         count, switches = (Counter(i.object_id for i in run.events if i.kind in some) for some in (KINDS, ("ids",)))
         order = sorted(tracks, key=lambda g: (-switches[g], -count[g], g))[: MOST_LANES // len(agents)]
         marks = [f"marks/{kind}" for kind in KINDS if any(i.kind == kind for i in run.incidents)]
-        if agent.focus is not None and agent.focus.at.object_id in tracks:
+        if agent.focus is not None:
             named, own = {*agent.focus.named_tracks}, agent.focus.at.object_id
-            order = [own, *(g for g, lane in tracks.items() if g != own and named & {*lane})]
-            marks = [f"{agent.lanes[own]}-events"]
+            order = [g for g, lane in tracks.items() if g == own or named & {*lane}]
+            marks = [f"{agent.lanes[own]}-events" if own in tracks else "marks/spurious"]
         few += [f"/{agent.root}{path}" for path in (*(agent.lanes[g] for g in order), *marks)]
         every += [f"/{agent.root}{path}" for path in (*(agent.lanes[g] for g in tracks), "marks/**")]
     names = {"events and tracks": few, "all": every}

@@ -55,7 +55,7 @@ class ShownAgent:
 
     def titled(self, text: str) -> str:
         """``text`` for a view of this agent, with its name if there are several agents."""
-        return f"{self.name}: {text}" if self.name else text
+        return drawable(f"{self.name}: {text}" if self.name else text)
 
 
 def shown_agents(replays: Sequence[Replay], level: str, at: Incident | None = None) -> list[ShownAgent]:
