@@ -107,6 +107,31 @@ def share(value: float) -> str:
     return f"{value:.2f}".removeprefix("0")
 
 
+def away(focus: Focus, track: int) -> float:
+    """Distance of a track that is output from the object, m."""
+    box = focus.replay.rollout.track_box[focus.track_rows(track)[focus.at.frame], :2]
+    return float(np.hypot(*(box - focus.place(focus.at.frame))))
+
+
+def owner(focus: Focus, detection: int) -> str:
+    """Name of the other object that a detection is of, in brackets; empty without one."""
+    truth, object_id = focus.replay.scene.truth, focus.replay.detected[detection]
+    rows = truth.rows(focus.at.frame)
+    row = rows.start + np.flatnonzero(truth.object_id[rows] == object_id)
+    return f" (of {focus.name_of(int(row[0]))})" if len(row) and object_id != focus.at.object_id else ""
+
+
+def ghost(focus: Focus, detection: int) -> str:
+    """Name of the run of false forecasts of a detection of another class, in brackets; empty without one."""
+    run, t, class_id = focus.replay, focus.at.frame, focus.replay.scene.detections.class_id[detection]
+    runs = (each for each in run.incidents if each.kind == "spurious" and each.frame <= t <= each.until)
+    for each in runs:
+        at_object = each.class_id == class_id and focus.track_rows(each.new_id)[t] >= 0
+        if at_object and away(focus, each.new_id) <= reach(focus):
+            return f" ({each.name})"
+    return ""
+
+
 def distance(focus: Focus, t: int) -> float | None:
     """Distance of the object to the ego at frame ``t``, m; None without an ego."""
     run = focus.replay

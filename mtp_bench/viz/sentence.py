@@ -110,7 +110,7 @@ def _taker(focus: Focus, track: int, t: int) -> str:
     if focus.replay.scene.truth.object_id[row] == focus.at.object_id:
         return f"its earlier track {track}"
     until = f"{_time(focus, t, t - frames)} before" if frames else "then"
-    return f"track {track}, of {focus.name_of(row)} until {until}"
+    return f"track {track} (of {focus.name_of(row)} until {until})"
 
 
 def _named(focus: Focus, row: int) -> str:
@@ -131,23 +131,26 @@ def _event(focus: Focus, object_id: int, t: int) -> str:
 def _evidence(focus: Focus) -> Iterator[str]:
     at, t, table = focus.at, focus.at.frame, focus.replay.scene.detections
     followed, confused, near = at.new_id >= 0, evidence.confusing(focus, t), focus.detections(t)
-    own = near[table.class_id[near] == at.class_id][:1]
+    own = near[table.class_id[near] == at.class_id]
+    own = own[np.argsort(focus.replay.detected[own] != at.object_id, kind="stable")][:1]  # the object's own one first
     far = float(np.hypot(*(table.box[own[0], :2] - focus.place(t)))) if len(own) else np.inf
     missed = far > evidence.reach(focus)
     if confused >= 0 and (missed or not followed):
-        says = f"detection there says {evidence.says(focus, confused)}{_ghost(focus, confused)}"
+        whose = evidence.owner(focus, confused) or evidence.ghost(focus, confused)
+        says = f"detection there says {evidence.says(focus, confused)}{whose}"
         yield f"the {says}" if missed else f"one {says}"
     if at.kind != "reacquired" and -1 < at.old_id != at.new_id:
         yield _fate(focus)
     elif followed and (took := _took(focus, at.new_id)):
         yield f"track {at.new_id} {took}"
-    elif followed and _away(focus, at.new_id) > evidence.reach(focus) / 2:
-        yield f"track {at.new_id} is {_away(focus, at.new_id):.1f} m away"
+    elif followed and evidence.away(focus, at.new_id) > evidence.reach(focus) / 2:
+        yield f"track {at.new_id} is {evidence.away(focus, at.new_id):.1f} m away"
     if not len(own) and confused < 0:
         yield f"no {focus.noun} is detected within {focus.near:g} m"
     elif len(own) and (missed or not followed):
-        score = f"it is detected {far:.1f} m away, score {evidence.share(table.score[own[0]])}"
-        yield f"the nearest detection is {far:.1f} m away" if missed else score
+        score, whose = evidence.share(table.score[own[0]]), evidence.owner(focus, int(own[0]))
+        there = f"the nearest detection is {far:.1f} m away{whose}"
+        yield there if missed or whose else f"it is detected {far:.1f} m away, score {score}"
     seen, ego = evidence.visible(focus, t), evidence.distance(focus, t)
     hidden = seen is not None and seen < HIDDEN
     if ego is not None and (missed or hidden or not followed):
@@ -168,14 +171,8 @@ def _fate(focus: Focus) -> str:
         overlap = iou_3d(focus.replay.scene.truth.box[focus.rows[t]], focus.replay.rollout.track_box[row])
         below = f", below {rule.threshold:g}" if new < 0 else ""
         return f"track {old} {took}has an IoU of {np.floor(100 * overlap) / 100:.2f} with it{below}"
-    beside = f", track {new} {_away(focus, new):.1f} m" if new >= 0 else ""
-    return f"track {old} {took}is {_away(focus, old):.1f} m away{beside}"
-
-
-def _away(focus: Focus, track: int) -> float:
-    """Distance of a track that is output from the object, m."""
-    box = focus.replay.rollout.track_box[focus.track_rows(track)[focus.at.frame], :2]
-    return float(np.hypot(*(box - focus.place(focus.at.frame))))
+    beside = f", track {new} {evidence.away(focus, new):.1f} m" if new >= 0 else ""
+    return f"track {old} {took}is {evidence.away(focus, old):.1f} m away{beside}"
 
 
 def _took(focus: Focus, track: int) -> str:
@@ -186,17 +183,6 @@ def _took(focus: Focus, track: int) -> str:
         return "" if place is None else "takes no detection"
     far = float(np.hypot(*(focus.replay.scene.detections.box[row, :2] - place)))
     return f"takes a detection {far:.1f} m from where its forecast put it" if far > evidence.reach(focus) else ""
-
-
-def _ghost(focus: Focus, detection: int) -> str:
-    """Name of the run of false forecasts of a detection of another class, in brackets; empty without one."""
-    run, t, class_id = focus.replay, focus.at.frame, focus.replay.scene.detections.class_id[detection]
-    runs = (each for each in run.incidents if each.kind == "spurious" and each.frame <= t <= each.until)
-    for each in runs:
-        at_object = each.class_id == class_id and focus.track_rows(each.new_id)[t] >= 0
-        if at_object and _away(focus, each.new_id) <= evidence.reach(focus):
-            return f" ({each.name})"
-    return ""
 
 
 def _error(focus: Focus) -> str:

@@ -72,7 +72,7 @@ def test_a_swap_shows_the_other_object_by_its_name() -> None:
     shown = frame_of(Focus(run, run.incident("ids-0")), EVENT)
     assert shown.other_names == ("car 6",)
     assert shown.others[:, 1].tolist() == [3.0]
-    assert "track 2, of car 6 until then. Track 1 takes a detection 3.0 m from where" in told(truth, tracks, "ids-0")
+    assert "track 2 (of car 6 until then). Track 1 takes a detection 3.0 m from where" in told(truth, tracks, "ids-0")
 
 
 def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:

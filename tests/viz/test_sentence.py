@@ -88,5 +88,7 @@ def check_detections(focus: Focus, text: str, where: str) -> None:
         assert (": The true " in text or ". The true " in text) == bool((true <= reach(focus)).any()), where
     for metres in re.findall(r"is detected within (\S+) m", text):
         assert not (far[own] <= float(metres)).any(), where
-    for metres in re.findall(r"nearest detection is ([\d.]+) m|it is detected ([\d.]+) m", text):
-        assert f"{far[own].min():.1f}" == "".join(metres), where
+    for metres in re.findall(r"nearest detection is ([\d.]+) m", text):
+        assert f"{far[own].min():.1f}" == metres, where
+    for metres in re.findall(r"it is detected ([\d.]+) m", text):
+        assert metres in [f"{each:.1f}" for each in far[own]], where
