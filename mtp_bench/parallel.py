@@ -158,9 +158,8 @@ def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[An
             for _, result in untyped.as_completed(futures, loop=client.loop, with_results=True):
                 yield result
         except distributed.KilledWorker as error:
-            raise MtpBenchError(
-                f"several workers of {scheduler} died in the same call ({error.task}): is their memory enough?"
-            ) from None
+            died = f"several workers of {scheduler} died in the same call ({error.task})"
+            raise MtpBenchError(f"{died}: is their memory enough?") from None
         finally:
             client.cancel(futures)  # after an error the others are not waited for
     finally:

@@ -42,10 +42,8 @@ def seal(
     if env is None or scenes is None or output is None:
         raise BadParameter("--env, --count and --output are needed, or --retire")
     promise, public = records.seal(env, scenes, output), beside(output, COMMITMENT)
-    show(
-        f"{public}: publish this commitment to {counted(scenes, 'hidden scene')} of {promise.env} in "
-        f"leaderboard/seals, sha256 {promise.commitment}"
-    )
+    to = f"{counted(scenes, 'hidden scene')} of {promise.env}"
+    show(f"{public}: publish this commitment to {to} in leaderboard/seals, sha256 {promise.commitment}")
     if scenes < LEAST_HIDDEN:
         show(f"for trials alone: {counted(scenes, 'scene')} are too few to rank, ranks need {LEAST_HIDDEN}")
     show(f"{output}: keep this secret; `mtp-bench verify RECORD --rerun --hidden {shlex.quote(str(output))}` runs them")

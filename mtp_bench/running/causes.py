@@ -29,9 +29,9 @@ _SPLIT = ("associated", "tracks")  # references that split the error of a foreca
 def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS) -> dict[str, SceneParts]:
     """Parts of the errors of a stored run by scene: they add up to the bADE of each target of the run.
 
-    Made once, which runs two references on all scenes of the run, and kept in the cache. Where there are none, the
-    error of a forecast is its rest, and `SceneParts.unsplit` says why. ``options``: workers. Raises DataError if the
-    scenes cannot be read.
+    Made once, which runs two references on all scenes of the run, and kept in the cache. Without references, the error
+    of a forecast is its rest, and `SceneParts.unsplit` says why. ``options``: workers. Raises DataError if the scenes
+    cannot be read.
     """
     runs, why = _references(opened)
     content = f"{__version__}|{why}|{(opened.folder / RUN_FILE).read_text(encoding='utf-8')}"

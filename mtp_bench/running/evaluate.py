@@ -106,11 +106,6 @@ class EnvEvaluation:
 
 def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: str = "") -> AgentScores:
     """The scores of a setting, a run per seed, under the name ``agent`` or its label."""
-    return AgentScores(
-        agent=agent or setting.label,
-        hypotheses=setting.hypotheses or stated_hypotheses(seeds),
-        samples=setting.samples,
-        budget=setting.budget,
-        seeds=tuple(seeds),
-        observe=setting.observe,
-    )
+    hypotheses = setting.hypotheses or stated_hypotheses(seeds)
+    label = agent or setting.label
+    return AgentScores(label, hypotheses, setting.samples, setting.budget, tuple(seeds), setting.observe)

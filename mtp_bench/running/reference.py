@@ -118,15 +118,8 @@ def make_reference(
     for i, (name, (_, scene_fields)) in enumerate(zip(scenes, plain, strict=True)):
         total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(axis=0, dtype=np.uint8)
         weights[scene_key(card.id, name)] = SceneWeights(total, *scene_fields)
-    return Reference(
-        env=card.id,
-        card=card.digest,
-        definitions=DEFINITIONS,
-        agent=submission.name,
-        runs=len(seeds),
-        parameters=perturbation.parameters(card.task.classes, seeds),
-        scenes=weights,
-    )
+    parameters = perturbation.parameters(card.task.classes, seeds)
+    return Reference(card.id, card.digest, DEFINITIONS, submission.name, len(seeds), parameters, weights)
 
 
 def _plain_run(card: Card, data: str | None, name: str, submission: Submission) -> _PlainRun:

@@ -78,15 +78,8 @@ def setting_of(
     parameters = {**submission.parameters, **chosen}
     names = submission.compare
     shown = [f"{k}={v}" for k, v in chosen.items() if k != names.hypotheses and v != submission.parameters.get(k)]
-    setting = Setting(
-        label=" ".join([submission.name, *shown]),
-        submission=submission,
-        parameters=parameters,
-        budget=budget,
-        hypotheses=_count(submission, parameters, names.hypotheses),
-        samples=card.task.samples,
-        observe=names.observe,
-    )
+    label, hypotheses = " ".join([submission.name, *shown]), _count(submission, parameters, names.hypotheses)
+    setting = Setting(label, submission, parameters, budget, hypotheses, card.task.samples, names.observe)
     drawn = setting.drawn  # raises for a wrong count
     return replace(setting, samples=card.task.samples * drawn) if budget == "free" else setting
 

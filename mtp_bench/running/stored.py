@@ -16,6 +16,7 @@ from ..files import require_folder
 from ..parallel import SERIAL, parallel_map
 from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.definitions import DEFINITIONS
+from ..scoring.rows import Budget
 from ..scoring.targets import left_out
 from ..sources import CameraImage, SceneSource, camera_images, open_source, with_map, with_tracks
 from ..submission.objects import submission_of
@@ -185,14 +186,9 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
     source = opened.source if options.workers == SERIAL else None
     calls = [(opened.card, opened.data, rollout, source) for rollout in rollouts]
     scores = parallel_map(_scored, calls, options.workers, lambda i: options.progress.done(rollouts[i].scene))
-    return AgentScores(
-        agent=info.agent,
-        hypotheses=info.hypotheses or stated_hypotheses([scores]),
-        samples=info.samples,
-        budget="equal" if info.samples == opened.card.task.samples else "free",
-        seeds=(tuple(scores),),
-        observe=info.observe,
-    )
+    hypotheses = info.hypotheses or stated_hypotheses([scores])
+    budget: Budget = "equal" if info.samples == opened.card.task.samples else "free"
+    return AgentScores(info.agent, hypotheses, info.samples, budget, (tuple(scores),), info.observe)
 
 
 def open_run(folder: Path, data: str | None = None, env: str | Card | None = None) -> OpenedRun:

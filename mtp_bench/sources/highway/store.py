@@ -114,10 +114,6 @@ def unpack(arrays: Arrays) -> World:
     lanes = np.split(arrays["lane"], arrays["lane_start"][1:-1], axis=1)
     following = np.split(arrays["following"], arrays["following_start"][1:-1])
     parts = zip(lanes, following, strict=True)
-    return World(
-        time=arrays["time"],
-        ego=arrays["ego"],
-        truth=Truth(**{name: arrays[name] for name in _TRUTH}),
-        lanes=tuple(Lane(line[0], line[1], line[2], tuple(after.tolist())) for line, after in parts),
-        visible=arrays["visible"],
-    )
+    road = tuple(Lane(line[0], line[1], line[2], tuple(after.tolist())) for line, after in parts)
+    truth = Truth(**{name: arrays[name] for name in _TRUTH})
+    return World(arrays["time"], arrays["ego"], truth, road, arrays["visible"])

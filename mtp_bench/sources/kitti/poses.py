@@ -137,15 +137,9 @@ def image_field(
     turn = camera[:, :3] @ SENSOR_FROM_CAMERA.T @ turn
     shift = camera[:, 3] - np.einsum("fij,fj->fi", turn, origin)
     focal = min(SIZES, key=lambda known: abs(known - camera[0, 0]))
-    return ImageField(
-        projection=np.concatenate([turn, shift[..., None]], axis=2),
-        height=origin[:, 2],
-        heading=heading,
-        size=SIZES[focal],
-        region=region,
-        region_start=region_start,
-        box_size=np.array([BOX_SIZES[name] for name in classes]),
-    )
+    projection = np.concatenate([turn, shift[..., None]], axis=2)
+    box_size = np.array([BOX_SIZES[name] for name in classes])
+    return ImageField(projection, origin[:, 2], heading, SIZES[focal], region, region_start, box_size)
 
 
 def scene_images(card: Card, data: DataRoot, scene: Scene) -> tuple[CameraImage, ...]:

@@ -41,13 +41,9 @@ def open_detections(paths: Sequence[Path], tables: TableStore, names: Sequence[s
     if not stores:
         return ()
     if not files.any():
-        indices = [store.cache.read(INDEX) for store in stores]
-        raise DataError(
-            "; ".join(
-                no_match(store.path, int(index["samples"]), str(index["example"]), tables.version, "detections")
-                for store, index in zip(stores, indices, strict=True)
-            )
-        )
+        every = [(store.path, store.cache.read(INDEX)) for store in stores]
+        told = [no_match(path, int(i["samples"]), str(i["example"]), tables.version, "detections") for path, i in every]
+        raise DataError("; ".join(told))
     wrong = wanted[files[wanted] != 1]
     if len(wrong):
         holders = sorted(str(store.path) for store in stores if store.covered[wrong[0]])

@@ -19,10 +19,8 @@ CAPTION = (
     "it adds to bADE, and its parts. confidence: that of the forecast; of a run of false forecasts (spurious) the "
     "highest. *: the old track is still output, outside the gate."
 )
-LOOK = (
-    "To look at one, name its scene and event as for the first of them; with --png FILE.png it becomes a picture, "
-    "without a screen:"
-)
+_PICTURE = "with --png FILE.png it becomes a picture, without a screen:"
+LOOK = f"To look at one, name its scene and event as for the first of them; {_PICTURE}"
 
 
 @dataclass(frozen=True)
