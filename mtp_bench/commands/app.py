@@ -132,9 +132,7 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def about(
-    version: Annotated[
-        bool, Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
-    ] = False,
+    version: Annotated[bool, Option("--version", callback=_version, is_eager=True, help="Show the version.")] = False,
 ) -> None:
     """Tracking and prediction together: your agent sees detections, not the truth."""
 
@@ -173,7 +171,3 @@ def _flush() -> None:
     except OSError:
         sys.stdout = Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
         raise
-
-
-if __name__ == "__main__":
-    main()

@@ -101,7 +101,7 @@ def test_a_stored_run_scores_as_in_a_comparison(
 
 
 def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti: str) -> None:
-    command = [sys.executable, "-m", "mtp_bench.commands.app", "run", "mtp", "--env", card, "--data", kitti]
+    command = [sys.executable, "-m", "mtp_bench", "run", "mtp", "--env", card, "--data", kitti]
     command += ["-o", str(tmp_path / "there"), "--jobs", "2"]
     other = plain_environment() | {"PYTHONHASHSEED": "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"}
     done = subprocess.run(command, env=other, capture_output=True, text=True, check=False)

@@ -131,16 +131,9 @@ def _true_scene(name: str, table: RowTable, frame: Ints, time: Floats, ego: Floa
     eligible = table.numbers.get("eligible", np.ones(len(table)))[row] == 1
     neutral = table.numbers.get("neutral", np.zeros(len(table)))[row] == 1
     truth = Truth(starts_of_sorted(frame, len(time)), box, velocity, class_id, number, eligible, neutral)
-    return Scene(
-        name=name,
-        time=time,
-        ego=ego,
-        truth=truth,
-        detections=no_detections(len(time)),
-        visible=table.numbers["visible"][row] if table.has("visible") else None,
-        skipped=skipped,
-        object_names=names_by_number(number, table.words["id"][row]),
-    )
+    none, names = no_detections(len(time)), names_by_number(number, table.words["id"][row])
+    visible = table.numbers["visible"][row] if table.has("visible") else None
+    return Scene(name, time, ego, truth, none, visible=visible, skipped=skipped, object_names=names)
 
 
 def _detections(table: RowTable, frame: Ints, frames: int, card: Card, skipped: dict[str, int]) -> Detections:

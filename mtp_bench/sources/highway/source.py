@@ -51,15 +51,8 @@ class HighwayTraffic:
         keep &= world.truth.frame_of_rows % self.stride == 0
         truth = replace(world.truth, eligible=ever_seen(world.truth, world.visible), class_id=class_id).select(keep)
         truth = replace(truth, start=truth.start[np.append(frames, world.truth.frames)])  # no rows between the frames
-        return Scene(
-            name=name,
-            time=world.time[frames],
-            ego=world.ego[frames],
-            truth=truth,
-            detections=no_detections(len(frames)),
-            visible=world.visible[keep],
-            lanes=world.lanes,
-        )
+        time, ego, none = world.time[frames], world.ego[frames], no_detections(len(frames))
+        return Scene(name, time, ego, truth, none, visible=world.visible[keep], lanes=world.lanes)
 
     def discard(self) -> None:
         """Remove all scenes of the split from the cache."""

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -57,17 +57,10 @@ class KittiTracking:
         of_scene = Poses(poses.rotation[kept], poses.position[kept])
         region = frames.select(labels.frame, labels.type == "DontCare")
         regions = labels.image_box[region], frames.starts(labels.frame[region])
-        return Scene(
-            name=name,
-            time=kept * FRAME_PERIOD,
-            ego=poses.ego()[kept] if section.ego_motion else np.zeros((len(kept), 4)),
-            truth=truth_of(labels, classes, frames),
-            detections=detections,
-            detector=label,
-            skipped=skipped,
-            image=image_field(calibration, of_scene, section.ego_motion, *regions, classes),
-            world=None if section.ego_motion else poses.ego()[kept],
-        )
+        image = image_field(calibration, of_scene, section.ego_motion, *regions, classes)
+        time, truth, ego = kept * FRAME_PERIOD, truth_of(labels, classes, frames), of_scene.ego()
+        scene = Scene(name, time, ego, truth, detections, detector=label, skipped=skipped, image=image)
+        return scene if section.ego_motion else replace(scene, ego=np.zeros((len(kept), 4)), world=ego)
 
 
 @dataclass(frozen=True)

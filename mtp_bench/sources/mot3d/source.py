@@ -95,16 +95,9 @@ class Mot3d:
         row, frame = _select(people, kept)
         period, neutral = 1 / self._info.rate * section.stride, people.confidence[row] == 0
         truth = people_truth(frame, people.ground[row, :2], people.object_id[row], time, period, neutral)
-        return Scene(
-            name=name,
-            time=time,
-            ego=np.tile(_reference_point(people.ground), (len(kept), 1)),
-            truth=truth,
-            detections=detections,
-            detector=f"{stored}, stored detections" if stored else "",
-            visible=np.ones(len(truth.box)),
-            recording=section.sequence,
-        )
+        ego, visible = np.tile(_reference_point(people.ground), (len(kept), 1)), np.ones(len(truth.box))
+        label = f"{stored}, stored detections" if stored else ""
+        return Scene(name, time, ego, truth, detections, detector=label, visible=visible, recording=section.sequence)
 
 
 def split_frames(card: Card, length: int) -> dict[str, Ints]:

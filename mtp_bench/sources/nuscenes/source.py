@@ -1,6 +1,7 @@
 """nuScenes logs with stored detections, from the official tables."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,17 +56,9 @@ class NuScenes:
             detections = scene_detections(self.detections, self.tables.samples(name), name, classes)
         listed = self.section.truth == "targets"
         truth = scene_truth(arrays, time, classes, listed)
-        return Scene(
-            name=name,
-            time=time,
-            ego=arrays["ego"],
-            truth=truth,
-            detections=detections,
-            detector=label,
-            truth_complete=not listed,
-            listed_targets=listed,
-            object_names=names_by_number(truth.object_id, arrays["instance"][truth.object_id]),
-        )
+        names = names_by_number(truth.object_id, arrays["instance"][truth.object_id])
+        scene = Scene(name, time, arrays["ego"], truth, detections, detector=label, object_names=names)
+        return replace(scene, truth_complete=not listed, listed_targets=listed)
 
 
 def prepare_nuscenes(card: Card, data: DataRoot, scenes: int | None, workers: int) -> Work:

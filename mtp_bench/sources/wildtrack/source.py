@@ -77,17 +77,12 @@ class Wildtrack:
     def load(self, name: str) -> Scene:
         """Read one scene; if it has no stored detections, ``detector`` is empty."""
         truth = _truth(self.root / ANNOTATIONS, SCENES[name] + STEP * np.arange(SCENE_FRAMES))
+        time, ego = np.arange(SCENE_FRAMES) / RATE, np.tile([*MIDDLE, 0.0, 0.0], (SCENE_FRAMES, 1))
         stored = name == STORED and self.section.detector is not None
-        return Scene(
-            name=name,
-            time=np.arange(SCENE_FRAMES) / RATE,
-            ego=np.tile([*MIDDLE, 0.0, 0.0], (SCENE_FRAMES, 1)),
-            truth=truth,
-            detections=_detections(self.root / DETECTIONS) if stored else no_detections(SCENE_FRAMES),
-            detector=f"{self.section.detector}, stored detections" if stored else "",
-            visible=np.ones(len(truth.box)),  # seven cameras all around: no line of sight from one point counts
-            recording="wildtrack",
-        )
+        detections = _detections(self.root / DETECTIONS) if stored else no_detections(SCENE_FRAMES)
+        label = f"{self.section.detector}, stored detections" if stored else ""
+        visible = np.ones(len(truth.box))  # seven cameras all around: no line of sight from one point counts
+        return Scene(name, time, ego, truth, detections, detector=label, visible=visible, recording="wildtrack")
 
 
 def _truth(folder: Path, numbers: Ints) -> Truth:

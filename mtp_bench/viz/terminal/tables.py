@@ -109,9 +109,7 @@ def full_tables(report: Report) -> Iterator[Table]:
         return chosen_table(report, ["samples", *keys], subsets, names=names, title=title)
 
     yield table("All settings (m)", ("error", "rank_range"), "all", "ids")
-    yield table(
-        "minADE/minFDE with the subsets of the paper (m)", ("minADE", "minFDE"), "all", "paper_ids", "paper_frag"
-    )
+    yield table("minADE/minFDE with the paper's subsets (m)", ("minADE", "minFDE"), "all", "paper_ids", "paper_frag")
     if (paper := paper_table(report)).rows:
         yield paper
     lines = _lines_of(report)
