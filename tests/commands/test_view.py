@@ -78,10 +78,11 @@ def test_a_window_plays_the_seconds_around_the_event(
 
         def opened() -> float:
             viewer.take_screenshot()
-            (recording,) = viewer.get_state().recordings
-            if recording.current_timeline != "event" or recording.current_time is None:
-                raise RuntimeError(f"{recording}, expected the timeline of the event")
-            return recording.current_time / 1e9
+            recordings = viewer.get_state().recordings
+            times = [each.current_time for each in recordings if each.current_timeline == "event"]
+            if times == [] or times[0] is None:
+                raise RuntimeError(f"{recordings}, expected one at the timeline of the event")
+            return times[0] / 1e9
 
         times = [until(opened), until(opened)]
         assert times[1] != times[0], "it plays"
