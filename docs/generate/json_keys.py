@@ -45,7 +45,7 @@ _WHERE = {
     "class": "Class of the object.",
     "object": "Number of the object in the scene; null for a false forecast.",
     "object_id": "Its whole id in the source.",
-    "frame": "Frame of the event; of a moment the one in which its cause costs most.",
+    "frame": "Frame of the event; of a moment its worst one that has its cause.",
     "until": "Last frame.",
     "error": "What the target adds to bADE, metres; of a moment the mean of its frames. null: not a target.",
     "parts": "Its parts, metres, by name: the largest first, below threshold last.",

@@ -22,7 +22,7 @@ GAP_SECONDS = 0.5  # between two bad frames of one moment, at most
 class Moment:
     """A run of bad frames of one object."""
 
-    at: Incident  # the frame in which its cause costs most, with the span
+    at: Incident  # its worst frame among those of its cause, with the span
     frames: int  # targets in it
     cost: float  # m, summed over them, that it is sorted by
     parts: dict[str, float]  # m, by name, means over them
@@ -64,8 +64,11 @@ def _spans(run: Replay, bad: np.ndarray) -> Iterator[Ints]:
 def _moment(run: Replay, rows: Ints, cost: Floats) -> Moment:
     frame, part = run.scene.truth.frame_of_rows, run.part[rows]
     parts = named_parts(part.mean(axis=0))
-    of_cause = part[:, list(PARTS.values()).index(next(iter(parts)))]
-    worst = int(rows[np.lexsort((-cost[rows], -of_cause.round(2)))[0]])  # where it shows its cause
+    names = np.array(list(PARTS.values()))
+    first = names[np.where(names == BELOW, -np.inf, part).argmax(axis=1)]  # cause of each frame
+    cause = next(iter(parts))
+    of_cause = part[:, names == cause].ravel()
+    worst = int(rows[np.lexsort((-cost[rows].round(3), first != cause))[0]])
     gap = run.scene.truth.box[worst, :2] - run.scene.ego[frame[worst], :2]
     return Moment(
         at=replace(run.moment(worst), first=int(frame[rows[0]]), until=int(frame[rows[-1]])),
