@@ -139,7 +139,7 @@ def _evidence(focus: Focus) -> Iterator[str]:
         whose = evidence.owner(focus, confused) or evidence.ghost(focus, confused)
         says = f"detection there says {evidence.says(focus, confused)}{whose}"
         yield f"the {says}" if missed else f"one {says}"
-    if at.kind != "reacquired" and -1 < at.old_id != at.new_id:
+    if at.kind in ("ids", "lost"):
         yield _fate(focus)
     elif followed and (took := _took(focus, at.new_id)):
         yield f"track {at.new_id} {took}"
