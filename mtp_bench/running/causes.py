@@ -1,8 +1,10 @@
 """Causes of the errors of a stored run: parts of bADE per target (docs/definitions, "Parts of the error")."""
 
 import hashlib
+import zlib
 from collections.abc import Sequence
 from dataclasses import replace
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -40,7 +42,7 @@ def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS) -> dict[str, Sc
     try:
         with np.load(path, allow_pickle=False) as stored:
             part, count = stored["part"], stored["count"]
-    except (OSError, ValueError, KeyError, EOFError):  # none there, or a broken one
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):  # none there, or a broken one
         part, count, failed = _made(opened, names, runs, options)
         why = why or failed
         if not failed:  # tried again the next time

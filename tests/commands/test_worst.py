@@ -10,6 +10,7 @@ import pytest
 import mtp_bench
 from docs.generate import json_keys
 from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.files import cache_root
 from mtp_bench.running.causes import run_parts
 from mtp_bench.running.stored import open_run
 from mtp_bench.scoring.parts import named_parts, parts_text, plain_parts
@@ -42,9 +43,13 @@ def test_the_parts_of_all_targets_add_up_to_the_error_of_the_run(run: Path) -> N
     row = next(row for row in mtp_bench.score(run).report.rows if row.subset == "all")
     assert row.error is not None
     assert parts.part.sum(axis=1).mean() == pytest.approx(row.error, abs=1e-9)
-    again = run_parts(open_run(run))["log"]
-    assert (again.part == parts.part).all()
-    assert again.usual == parts.usual
+    for content in (None, b"", b"PK\x03\x04 and no more"):  # kept, and made again where it is broken
+        for kept in (cache_root() / "causes").iterdir():
+            if content is not None:
+                kept.write_bytes(content)
+        again = run_parts(open_run(run))["log"]
+        assert (again.part == parts.part).all()
+        assert again.usual == parts.usual
 
 
 def test_every_fault_is_a_moment_with_its_cause(played: Replay) -> None:
