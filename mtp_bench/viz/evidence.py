@@ -96,6 +96,13 @@ def confusing(focus: Focus, t: int, true: bool = False) -> int:
     return int(rows[np.argmin(far)]) if there and (far <= reach(focus)).any() else -1
 
 
+def owner_of(focus: Focus, detection: int, t: int) -> int:
+    """Row of the true box, other than the object, that a detection of frame ``t`` is matched to, -1 without one."""
+    truth, object_id = focus.replay.scene.truth, focus.replay.detected[detection]
+    same = (truth.object_id[truth.rows(t)] == object_id) & (object_id not in (-1, focus.at.object_id))
+    return int(np.append(truth.start[t] + np.flatnonzero(same), -1)[0])
+
+
 def says(focus: Focus, row: int) -> str:
     """Class and score of a detection: "pedestrian .85"."""
     table, classes = focus.replay.scene.detections, focus.replay.card.task.classes
@@ -115,10 +122,8 @@ def away(focus: Focus, track: int) -> float:
 
 def owner(focus: Focus, detection: int) -> str:
     """Name of the other object that a detection is of, in brackets; empty without one."""
-    truth, object_id = focus.replay.scene.truth, focus.replay.detected[detection]
-    rows = truth.rows(focus.at.frame)
-    row = rows.start + np.flatnonzero(truth.object_id[rows] == object_id)
-    return f" (of {focus.name_of(int(row[0]))})" if len(row) and object_id != focus.at.object_id else ""
+    row = owner_of(focus, detection, focus.at.frame)
+    return f" (of {focus.name_of(row)})" if row >= 0 else ""
 
 
 def ghost(focus: Focus, detection: int) -> str:

@@ -22,7 +22,7 @@ class ObjectForecast:
     """One forecast of the object."""
 
     frame: int  # in which it was made
-    track_id: int  # that it belongs to, -1 without one
+    track_id: int  # of the hypothesis that is looked at, -1 for none
     start: Floats  # [2] m
     path: Floats  # [K, T, 2] m, one per frame after ``frame``
     nearest: int  # the sample nearest to the true future; the heaviest if that is unknown
@@ -235,7 +235,7 @@ class Focus:
         gap = np.hypot(*np.moveaxis(path[:, : len(future)] - future, -1, 0)).sum(axis=1)
         nearest = int(np.argmin(gap) if len(future) else np.argmax(weight[stated]))
         track_id = int(self.replay.answers.object_track_id[row])
-        return ObjectForecast(t, track_id, start, path, nearest)
+        return ObjectForecast(t, track_id if self.track_rows(track_id)[t] >= 0 else -1, start, path, nearest)
 
     def _forecast_row(self, t: int) -> int:
         row = int(np.append(self.replay.truth_forecast, -1)[self.rows[t]])

@@ -1,7 +1,4 @@
-"""Pictures of an event: what is bright and what is dim in a frame, and the part of the world shown.
-
-Nothing is drawn here.
-"""
+"""Content of the pictures of an event: what is bright and what is dim in a frame, and the part of the world shown."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,21 +9,18 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Floats, Ints
 from .counterpart import counterpart
-from .evidence import confusing, expected, says, share, taken
+from .evidence import confusing, expected, owner_of, says, share, taken
 from .focus import Focus
-from .palette import BEFORE, BLACK, DIM, EVENT, NOW, PURPLE, TRUTH
+from .palette import BEFORE, BLACK, NOW, PURPLE, TRUTH
 from .replay import Incident, Replay
 
 MOST_DETECTIONS = 5  # that are bright: the nearest
-MOST_BRIGHT = 16  # boxes of any kind
 TRAIL_SECONDS = 3.0
 LARGEST = 60.0  # m, half of what a picture shows
 MARGIN = 1.12  # of what has to be seen
 OFF_CENTER = 0.3  # of half a picture: the object stays in the middle third
-ROLES = {  # role of a thing in the event -> its colour
-    "truth": TRUTH, "before": BEFORE, "now": NOW, "detection": BLACK, "event": EVENT, "dim": DIM,
-    "named": PURPLE,
-}  # fmt: skip
+# role of a thing in the event -> its colour
+ROLES = {"truth": TRUTH, "before": BEFORE, "now": NOW, "detection": BLACK, "named": PURPLE}
 
 
 @dataclass(frozen=True)
@@ -44,8 +38,8 @@ class Follower(NamedTuple):
     """A track that texts name in a picture; its box at the event where it is not output in that frame."""
 
     track_id: int
-    role: str  # "before", "now", or "named" for one that has the object at another time
-    frame: int  # of its box: that of the picture, or the nearest one in which it is output
+    role: str  # "before", "now", or "named": one that has the object at another time, or another object
+    frame: int  # of its box: that of the picture, or that in which it takes the object, or the nearest one with a box
     box: Floats  # [7]
     trail: Floats  # [n, 2], the newest place last
     expected: Floats | None  # [2] place by its own forecast of the frame before
@@ -61,28 +55,18 @@ class FocusFrame:
     past: Floats  # [n, 2] places of the object, now first
     future: Floats  # [n, 2] places of the object, now first
     named: tuple[Follower, ...]  # the tracks that texts name; those that are not output then only at the event
-    others: Floats  # [n, 7] true boxes that these tracks follow besides the object
+    others: Floats  # [n, 7] true boxes that these tracks follow, and these detections are of, besides the object
     other_names: tuple[str, ...]  # n, such as "car 8"
     detection_box: Floats  # [D, 7] the nearest
-    detection_text: tuple[str, ...]  # D, the score, after the class where that is not the object's
+    detection_text: tuple[str, ...]  # D: class where that is not the object's, score, and object where it is another
     dim_truth: Floats  # [n, 7]
     dim_track: Floats  # [n, 7]
     dim_detection: Floats  # [n, 7]
 
     @property
-    def bright(self) -> int:
-        """Number of bright boxes, at most MOST_BRIGHT."""
-        return len(self.event_box) + len(self.others) + len(self.detection_box)
-
-    @property
     def tracks(self) -> tuple[Follower, ...]:
         """The named tracks that are output in this frame."""
         return tuple(track for track in self.named if track.frame == self.frame)
-
-    @property
-    def event_box(self) -> Floats:
-        """Boxes [n, 7] of the object and of the tracks of the event."""
-        return np.concatenate([self.object_box, *(track.box[None] for track in self.tracks)])
 
 
 def focuses_of(replays: Sequence[Replay], at: Incident) -> list[Focus]:
@@ -98,9 +82,11 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
     named = tuple(_followers(focus, t, back))
     rows = _present([focus.track_rows(track.track_id)[t] for track in named])
     own = _present([focus.rows[t]])
-    others = np.unique(_present([*(focus.other(track.track_id, t) for track in named), *_beside(focus, t)]))
     detected = [*(track.detection for track in named), confusing(focus, t)]
     near = np.unique(_present([*detected, *focus.detections(t)[:MOST_DETECTIONS]]))
+    owners = {int(row): owner_of(focus, int(row), t) for row in near}
+    followed = (focus.other(track.track_id, t) for track in named)
+    others = np.unique(_present([*followed, *_beside(focus, t), *owners.values()]))
     tracked = rollout.tracks.rows(t)
     hidden = tracked.start + np.flatnonzero(~focus.shown[tracked])
     return FocusFrame(
@@ -112,7 +98,7 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
         others=truth.box[others],
         other_names=tuple(focus.name_of(int(row)) for row in others),
         detection_box=detections.box[near],
-        detection_text=tuple(_detection_text(focus, row) for row in near.tolist()),
+        detection_text=tuple(_detection_text(focus, row, owner) for row, owner in owners.items()),
         dim_truth=truth.box[_rest(truth.rows(t), own, others)],
         dim_track=rollout.track_box[_rest(tracked, hidden, rows)].astype(np.float64),
         dim_detection=detections.box[_rest(detections.rows(t), near)],
@@ -122,13 +108,15 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
 def _followers(focus: Focus, t: int, back: int) -> Iterator[Follower]:
     """The tracks that texts name, with trails of ``back`` frames."""
     at = focus.at
+    tracks, taker = (*focus.named_tracks, *focus.tracks_at(t)), focus.follower(max(focus.regained, 0))
     # a track that is found again under its own id is that of "now"
-    roles = {**dict.fromkeys(focus.named_tracks, "named"), at.old_id: "before", at.new_id: "now"}
+    roles = {**dict.fromkeys(tracks, "named"), at.old_id: "before", at.new_id: "now"}
     for track_id, role in roles.items():
         rows = focus.track_rows(track_id)
         frames = np.flatnonzero(rows >= 0)
         if len(frames) and (rows[t] >= 0 or t == at.frame):
-            frame = int(frames[np.argmin(np.abs(frames - t))])
+            nearest = int(frames[np.argmin(np.abs(frames - t))])
+            frame = focus.regained if nearest != t and track_id == taker and focus.regained >= 0 else nearest
             box = focus.replay.rollout.track_box[rows[frame]].astype(np.float64)
             trail, place = focus.trail(track_id, t, 1 + back), expected(focus, track_id, t)
             yield Follower(track_id, role, frame, box, trail, place, taken(focus, track_id, t))
@@ -141,11 +129,12 @@ def _beside(focus: Focus, t: int) -> Ints:
     return rows[np.argsort(far, kind="stable")][: int((far <= focus.near).any())]
 
 
-def _detection_text(focus: Focus, row: int) -> str:
-    """Score of a detection, after its class where no object is of that class: "pedestrian .85"."""
+def _detection_text(focus: Focus, row: int, owner: int) -> str:
+    """Score of a detection, after its class where the object is not of that class: "pedestrian .85, of cyclist 3"."""
     detections = focus.replay.scene.detections
     same = focus.at.object_id >= 0 and detections.class_id[row] == focus.at.class_id
-    return share(detections.score[row]) if same else says(focus, row)
+    text = share(detections.score[row]) if same else says(focus, row)
+    return f"{text}, of {focus.name_of(owner)}" if owner >= 0 else text
 
 
 def _present(rows: Sequence[int]) -> Ints:
@@ -201,10 +190,11 @@ def _things(focus: Focus) -> Floats:
 
 def close_window(focus: Focus, t: int, beside: Sequence[Focus] = ()) -> Window:
     """Window of a small picture of frame ``t``: the object and its tracks from near, all at one scale."""
-    reach = [1.2 + 0.8 * length_of(each) for each in beside or (focus,)]
-    for each in beside or (focus,):
-        box = frame_of(each, each.at.frame).event_box
-        far = np.hypot(*(box[:, :2] - each.place(each.at.frame)).T) + box[:, 4] / 2
-        reach.append(min(1.3 * float(far.max(initial=0.0)), 12.0))
+    shown = beside or (focus,)
+    reach = max(1.2 + 0.8 * length_of(each) for each in shown)
+    for each in shown:
+        place, frame = each.place(each.at.frame), frame_of(each, each.at.frame)
+        for box in (*frame.object_box, *(track.box for track in frame.tracks)):
+            reach = max(reach, min(1.3 * float(np.hypot(*(box[:2] - place)) + box[4] / 2), 12.0))
     x, y = focus.place(t).tolist()
-    return Window(x, y, 2 * max(reach), 2 * max(reach), turn_of(focus))
+    return Window(x, y, 2 * reach, 2 * reach, turn_of(focus))

@@ -4,7 +4,6 @@ Edges of boxes are in pixels of the image, cut off close to the camera.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from PIL import Image, ImageDraw
@@ -34,15 +33,6 @@ class Photo:
     edges: tuple[tuple[str, Floats], ...]  # role, and edges [n, 2, 2] of a box, pixels
     middle: Floats  # [2] pixels, of the object
     extent: float  # pixels, the larger side of what is seen of the object
-
-    @cached_property
-    def picture(self) -> Image.Image | None:
-        """The image, of the size that its projection is for; None if its file cannot be read."""
-        try:
-            with Image.open(self.image.path) as file:
-                return file.convert("RGB").resize(self.image.size)
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):  # SyntaxError: a broken PNG
-            return None
 
 
 def photo_of(focus: Focus) -> Photo | None:
@@ -83,25 +73,21 @@ def photo_row(photo: Photo, wide: int) -> Image.Image:
     row, high = Image.new("RGB", (wide, HEIGHT), PAPER), HEIGHT - CAPTION
     ink, middle = ImageDraw.Draw(row), min(round(high * photo.image.size[0] / photo.image.size[1]), wide // 2)
     ink.text((10, 4), photo.image.camera, fill=BLACK, font=font(TEXT))
-    for left, right, reach in ((0, middle, None), (middle, wide, max(LEAST, AROUND * photo.extent) / 2)):
-        drawn = draw_photo(photo, (right - left, high), reach)
-        if drawn is None:
-            ink.text((left + 10, CAPTION + 6), f"{photo.image.path.name} cannot be read", fill=BLACK, font=font(TEXT))
-            break
-        row.paste(drawn, (left, CAPTION))
+    try:
+        with Image.open(photo.image.path) as file:
+            picture = file.convert("RGB").resize(photo.image.size)  # that its projection is for
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):  # SyntaxError: a broken PNG
+        ink.text((10, CAPTION + 6), f"{photo.image.path.name} cannot be read", fill=BLACK, font=font(TEXT))
+        return row
+    for left, right, reach in ((0, middle, np.inf), (middle, wide, max(LEAST, AROUND * photo.extent) / 2)):
+        row.paste(_drawn(photo, picture, (right - left, high), reach), (left, CAPTION))
     return row
 
 
-def draw_photo(photo: Photo, size: tuple[int, int], reach: float | None = None) -> Image.Image | None:
-    """The image with the boxes in ``size`` pixels; None if its file cannot be read.
-
-    ``reach``: only so many pixels of it around the object, as far as it has them; None: all of it.
-    """
-    picture = photo.picture
-    if picture is None:
-        return None
+def _drawn(photo: Photo, picture: Image.Image, size: tuple[int, int], reach: float) -> Image.Image:
+    """The ``picture`` of a photo with its boxes in ``size`` pixels, at most ``reach`` pixels of it around the event."""
     whole = np.array(picture.size, dtype=np.float64)
-    half = whole / 2 if reach is None else np.minimum(reach * np.array(size) / min(size), whole / 2)
+    half = np.minimum(reach * np.array(size) / min(size), whole / 2)
     low = np.clip(photo.middle, half, whole - half) - half
     scale = float(min(np.array(size) / (2 * half)))
     inner = np.maximum(1, np.rint(2 * half * scale)).astype(int)

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtp_bench.viz.focus import Focus
+from mtp_bench.viz.framing import FocusFrame
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.sentence import sentence
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections
 
 FRAMES, EVENT = 10, 4
+MOST_BRIGHT = 16  # boxes of any kind
 CARD = make_card()  # gates 2 m and 1 m; miss errors 10 m and 4 m; 2 past and 3 future frames; 10 Hz
 CROWD = [(float(x), float(y)) for x in range(-30, 31, 10) for y in range(-30, 31, 10) if (x, y) != (0, 0)]
 
@@ -38,6 +40,11 @@ def crowd(old_y: float | None = 1.5, ahead: float = 0.0, detected: bool = True) 
     seen = truth if detected else [frame[1:] for frame in truth]
     scene = with_detections(make_scene(truth), seen)
     return replay(scene, make_rollout(tracks, said, samples=2), CARD, "drawn")
+
+
+def bright(shown: FocusFrame) -> int:
+    """Number of bright boxes."""
+    return sum(map(len, (shown.object_box, shown.tracks, shown.others, shown.detection_box)))
 
 
 def told(truth: Sequence[Sequence[Thing]], tracks: Sequence[Sequence[Thing]], name: str) -> str:

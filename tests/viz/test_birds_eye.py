@@ -18,8 +18,8 @@ from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, windows_of
-from mtp_bench.viz.drawing.canvas import Canvas
-from mtp_bench.viz.drawing.labels import BOARD, callout, pointer
+from mtp_bench.viz.drawing.canvas import WHITE, Canvas
+from mtp_bench.viz.drawing.labels import callout, pointer
 from mtp_bench.viz.drawing.video import pictures
 from mtp_bench.viz.framing import Window
 from mtp_bench.viz.replay import Replay, replay
@@ -123,7 +123,7 @@ def test_texts_never_overlap_nor_are_they_cut_off() -> None:
     rng = np.random.default_rng(0)
     for i, xy in enumerate(rng.uniform([-22, -17], [22, 17], (200, 2))):
         if i < 20:
-            callout(canvas, ink, xy, f"ids {i} > {i + 1}", palette.BLACK, 10.0, board=BOARD)
+            callout(canvas, ink, xy, f"ids {i} > {i + 1}", palette.BLACK, 10.0, board=WHITE)
         else:
             callout(canvas, ink, xy, str(i), palette.TRACK, 2.0, board=None)
     assert len(canvas.taken) > 60

@@ -16,10 +16,10 @@ from mtp_bench.viz.counterpart import counterpart
 from mtp_bench.viz.drawing.report import SIZE, report
 from mtp_bench.viz.evidence import expected, taken
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.framing import LARGEST, MOST_BRIGHT, focuses_of, frame_of, turn_of, window_of
+from mtp_bench.viz.framing import LARGEST, focuses_of, frame_of, turn_of, window_of
 from mtp_bench.viz.replay import MOMENT, Replay, replay
 from mtp_bench.viz.sentence import sentence
-from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, crowd, told
+from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, MOST_BRIGHT, bright, crowd, told
 from tests.support.scoring_scenes import (
     CAR,
     WALKER,
@@ -47,7 +47,6 @@ def test_only_what_belongs_to_the_event_is_bright() -> None:
     assert shown.object_box[:, :2].tolist() == [[2.0, 0.0]]
     assert [(track.track_id, track.role) for track in shown.tracks] == [(1, "before"), (2, "now")]
     assert shown.detection_box[:, :2].tolist() == [[2.0, 0.0]]
-    assert shown.bright == 4
     np.testing.assert_allclose(shown.past[:, 0], [2.0, 1.5, 1.0, 0.5, 0.0])
     np.testing.assert_allclose(shown.future[:, 0], [2.0, 2.5, 3.0, 3.5])
     assert [len(track.trail) for track in shown.tracks] == [5, 1]
@@ -95,7 +94,7 @@ def test_few_boxes_are_bright_but_all_tracks_that_are_named_and_the_object_is_in
     run = replay(*random_case(seed), CARD)
     for focus in [Focus(run, incident) for incident in run.incidents]:
         for t in range(max(0, focus.at.frame - 1), min(run.frames, focus.at.frame + 2)):
-            assert frame_of(focus, t).bright <= MOST_BRIGHT
+            assert bright(frame_of(focus, t)) <= MOST_BRIGHT
         assert_in_the_middle(focus)
         text, shown, window = sentence(focus), frame_of(focus, focus.at.frame), window_of(focus, focus.at.frame)
         assert text.startswith(f"{focus.at.name}: ")

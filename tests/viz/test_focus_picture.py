@@ -17,12 +17,12 @@ from mtp_bench.viz.drawing.birds_eye import PANEL, draw_frame
 from mtp_bench.viz.drawing.close_up import draw_focus
 from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, report, save_report
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.framing import MOST_BRIGHT, ROLES, Window, window_of
+from mtp_bench.viz.framing import ROLES, Window, window_of
 from mtp_bench.viz.replay import Replay
 from mtp_bench.viz.sentence import sentence
 from mtp_bench.viz.terminal.event_table import Listed, in_order
 from tests.support.command_line import CommandLine
-from tests.support.focus_scenes import EVENT, crowd
+from tests.support.focus_scenes import EVENT, MOST_BRIGHT, crowd
 
 Picture = NDArray[np.uint8]
 
@@ -83,7 +83,8 @@ def test_the_event_is_bright_and_the_crowd_is_not() -> None:
     assert [mark.text for mark in marks] == [
         "car 5, true box", "the event", "event gate: within 2 m", "expected, by its own last forecast",
         "detection, with its score", "track 1, which had it before", "track 2, which follows it",
-        "where it really goes", "forecast now", "forecast at 0.3 s", "all other boxes",
+        "where it really goes", "forecast now", "forecast at 0.3 s", "other true objects", "other tracks",
+        "other detections",
     ]  # fmt: skip
 
 

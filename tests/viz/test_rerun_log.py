@@ -19,7 +19,7 @@ from mtp_bench.types import Rollout
 from mtp_bench.viz.answers import Answers
 from mtp_bench.viz.drawing.report import ROW
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.framing import MOST_BRIGHT, frame_of
+from mtp_bench.viz.framing import frame_of
 from mtp_bench.viz.photo import HEIGHT
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.rerun.entities import TOP_SAMPLES
@@ -31,7 +31,7 @@ from mtp_bench.viz.sentence import sentence
 from tests.support import scoring_scenes
 from tests.support.camera_images import SIZE as PIXELS
 from tests.support.camera_images import write_image
-from tests.support.focus_scenes import EVENT, crowd
+from tests.support.focus_scenes import EVENT, MOST_BRIGHT, bright, crowd
 from tests.support.recordings import Rows, assert_recorded, boxes, read
 from tests.support.scoring_scenes import at, make_card
 from tests.support.small_scenes import make_scene
@@ -178,8 +178,8 @@ def test_an_event_alone_is_bright_named_and_told(tmp_path: Path) -> None:
             ("track", np.array([track.box for track in shown.tracks])),
         ):
             np.testing.assert_allclose(boxes(found[f"world/focus/{path}"], t), box, rtol=1e-5, err_msg=path)
-        bright = sum(len(found[f"world/focus/{path}"][t]["centers"]) for path in ("truth", "detection", "track"))
-        assert bright == shown.bright <= MOST_BRIGHT
+        drawn = sum(len(found[f"world/focus/{path}"][t]["centers"]) for path in ("truth", "detection", "track"))
+        assert drawn == bright(shown) <= MOST_BRIGHT
     ends = [strip[-1][:2] for strip in found["world/focus/forecast"][EVENT]["strips"]]
     np.testing.assert_allclose(ends, [forecast.nearest_path[-1] for _, forecast in focus.forecasts(EVENT)], rtol=1e-5)
     text = found["focus/text"][EVENT]["text"][0]

@@ -52,4 +52,4 @@ def _lead(difference: PairedDifference | None) -> dict[str, str] | None:
 
 def p_value(p: float) -> str:
     """A p-value as text: "= .034", or "< .001" for a smaller one."""
-    return "< .001" if p < 0.001 else f"= {p:.3f}".replace("0.", ".", 1)
+    return "< .001" if p < 0.001 else "= " + f"{p:.3f}".removeprefix("0")

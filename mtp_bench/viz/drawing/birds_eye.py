@@ -11,24 +11,13 @@ from PIL import Image, ImageDraw
 
 from ...cards import Card
 from ...env.live import LiveEpisode
+from ...geometry import rotate
 from ...scoring.forecasts import sample_weights
 from ...types import Floats, Lane, Scene, to_metres
 from ..framing import TRAIL_SECONDS, Window
-from ..palette import BLACK, EGO, EVENT, FALSE, FORECAST, TRACK, Color
+from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, FORECAST, OTHER_TRACK, TRACK, TRUTH, Color
 from ..replay import Replay, ego_boxes
-from .canvas import (
-    DETECTED,
-    EDGE,
-    FALSE_DETECTION,
-    FALSE_TRACK,
-    GRAY,
-    OTHER,
-    TRACK_BOX,
-    TRACKED,
-    UNTRACKED,
-    VEHICLE,
-    Canvas,
-)  # fmt: skip
+from .canvas import EDGE, GRAY, Canvas, Outline
 from .column import Mark, Text, column
 from .labels import LARGE, MIDDLE, SMALL, callout, scale_bar
 
@@ -39,6 +28,14 @@ ROAD, CENTER_LINE, BORDER = (240, 240, 240), (205, 205, 205), (150, 150, 150)
 SMALLEST, LARGEST = 16.0, 50.0  # m, half of what is shown around a vehicle
 MARGIN = 3.0  # m around the objects of a fixed place
 EVENT_SECONDS = 1.5  # time that an event stays in the picture
+TRACKED = Outline(TRUTH, 2.0, heading=True)
+UNTRACKED = Outline(TRUTH, 2.0, heading=True, dashed=True)
+DETECTED = Outline(DETECTION, 1.2)
+FALSE_DETECTION = Outline(DETECTION, crossed=True)
+TRACK_BOX = Outline(TRACK, fill=95)
+FALSE_TRACK = Outline(FALSE, fill=25)
+OTHER = Outline(OTHER_TRACK, 0.8, dashed=True)
+VEHICLE = Outline(EGO, 1.5, fill=200, heading=True)
 
 
 def windows_of(scene: Scene, card: Card) -> list[Window]:
@@ -54,17 +51,14 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
         (x, y), (wide, tall) = (low + high) / 2, np.maximum(high - low, 2 * MARGIN)
         return [Window(float(x), float(y), float(wide), float(tall))] * scene.frames
     pose = scene.ego[seen.frame_of_rows]
-    gap = xy - pose[:, :2]
-    cos, sin = np.cos(pose[:, 3]), np.sin(pose[:, 3])
-    ahead, aside = cos * gap[:, 0] + sin * gap[:, 1], cos * gap[:, 1] - sin * gap[:, 0]
+    ahead, aside = rotate(xy - pose[:, :2], -pose[:, 3]).T
     rear, front = np.quantile(ahead, [0.05, 0.95]) if len(xy) else (0.0, 0.0)
     rear, front = min(rear, -5.0), max(front, 5.0)
     half = max((front - rear) / 2, np.quantile(np.abs(aside), 0.9) if len(xy) else 0.0, SMALLEST)
     # if the detections reach too far for one picture, those near the ego matter most
     center = (front + rear) / 2 if half <= LARGEST else np.clip((front + rear) / 2, -LARGEST / 2, LARGEST / 2)
     size = float(2 * min(half, LARGEST))
-    yaw = scene.ego[:, 3]
-    middle = scene.ego[:, :2] + center * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    middle = scene.ego[:, :2] + rotate(np.tile([center, 0.0], (scene.frames, 1)), scene.ego[:, 3])
     return [Window(x, y, size, size) for x, y in middle.tolist()]
 
 
@@ -91,7 +85,7 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
         names = [(ego_boxes(scene.ego[t][None])[0], "ego", EGO), *names]
     for box, text, color in names:
         callout(canvas, ink, box[:2], text, color, 0.5 * float(box[4]) * canvas.scale, SMALL, None)
-    panel = column((PANEL, SIZE[1]), list(_heading(run, t)), legend(run), [])
+    panel = column((PANEL, SIZE[1]), list(_heading(run, t)), legend(run), [], {})
     whole = Image.new("RGB", SIZE)
     whole.paste(image, (0, 0))
     whole.paste(panel, (image.width, 0))

@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 from ...geometry import bev_corners, rotate
 from ...types import Floats
 from ..framing import Window
-from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, OTHER_TRACK, TRACK, TRUTH, Color
+from ..palette import BLACK, EVENT, Color
 
 PAPER: Color = (247, 247, 247)  # beside a picture
 WHITE: Color = (255, 255, 255)
@@ -37,16 +37,6 @@ class Outline:
     dashed: bool = False
     heading: bool = False  # a tick out of the front
     crossed: bool = False
-
-
-TRACKED = Outline(TRUTH, 2.0, heading=True)
-UNTRACKED = Outline(TRUTH, 2.0, heading=True, dashed=True)
-DETECTED = Outline(DETECTION, 1.2)
-FALSE_DETECTION = Outline(DETECTION, crossed=True)
-TRACK_BOX = Outline(TRACK, fill=95)
-FALSE_TRACK = Outline(FALSE, fill=25)
-OTHER = Outline(OTHER_TRACK, 0.8, dashed=True)
-VEHICLE = Outline(EGO, 1.5, fill=200, heading=True)
 
 
 @dataclass(frozen=True, eq=False)

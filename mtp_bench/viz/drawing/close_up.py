@@ -10,11 +10,11 @@ from ...geometry import bev_corners
 from ...types import Floats
 from ..evidence import distance, gate
 from ..focus import Focus, ObjectForecast
-from ..framing import ROLES, FocusFrame, Window, frame_of
-from ..palette import BLACK
+from ..framing import ROLES, FocusFrame, Follower, Window, frame_of
+from ..palette import BLACK, DIM
 from ..replay import KINDS, ego_boxes
-from .birds_eye import draw_lanes
-from .canvas import GRAY, VEHICLE, Canvas, Outline
+from .birds_eye import VEHICLE, draw_lanes
+from .canvas import GRAY, Canvas, Outline
 from .column import Mark
 from .labels import MIDDLE, callout, pointer, scale_bar
 
@@ -25,10 +25,11 @@ DETECTED = Mark("detection, with its score", Outline(ROLES["detection"], 1.0, da
 TAKEN = Mark("to the detection that a track took", line=BLACK)
 EXPECTED = Mark("expected, by its own last forecast", sign="cross")
 GATE = Mark("event gate: {}", line=GRAY, sign="circle")
-REST = Mark("all other boxes", Outline((205, 205, 205), 1.0, fill=40))
-DIM_TRACK = Outline((215, 215, 215), 0.8)
-DIM_DETECTION = Outline((225, 225, 225), 0.8)
-FORMER = {"before": ", which had it before", "named": ", which has it at another time"}  # by role of a track
+REST = {  # field of `FocusFrame` -> its mark
+    "dim_detection": Mark("other detections", Outline((215, 215, 215), 0.8, dashed=True)),
+    "dim_track": Mark("other tracks", Outline(DIM, 0.8)),
+    "dim_truth": Mark("other true objects", Outline(DIM, 0.8, fill=50)),
+}
 GAP = 1.0  # m, between the ends of forecast and future: smaller gaps need no line
 BIG = 15  # pixels of letters
 
@@ -38,8 +39,7 @@ def draw_focus(
 ) -> tuple[Image.Image, list[Mark]]:
     """Frame ``t`` of an event in ``size`` pixels, and its key; ``near``: a small picture, without forecasts."""
     canvas, shown = Canvas.blank(*size, window), frame_of(focus, t)
-    if near:
-        shown = replace(shown, named=shown.tracks)
+    shown = replace(shown, named=shown.tracks) if near else shown
     box = shown.object_box[0, 4:6] if len(shown.object_box) else np.ones(2)
     radius = float(np.clip(0.6 * np.hypot(*box) * canvas.scale, 15.0, 110.0))
     close_up = CloseUp(focus, shown, canvas, near, [] if near else focus.forecasts(t), focus.place(t), radius)
@@ -66,11 +66,9 @@ class CloseUp:
     def gap(self) -> Floats | None:
         """From the end of the newest forecast to the object's place then [2, 2]; None if near or unknown."""
         future = self.shown.future
-        newest = [forecast for role, forecast in self.forecasts if role == "now"]
-        if not newest or len(future) < 2:
-            return None
-        ends = np.stack([newest[-1].nearest_path[: len(future)][-1], future[-1]])
-        return ends if np.hypot(*(ends[1] - ends[0])) > GAP else None
+        newest = (forecast.nearest_path for role, forecast in self.forecasts if role == "now" and len(future) > 1)
+        ends = (np.stack([path[: len(future)][-1], future[-1]]) for path in newest)
+        return next((each for each in ends if np.hypot(*(each[1] - each[0])) > GAP), None)
 
     # ---- boxes and lines
 
@@ -78,9 +76,8 @@ class CloseUp:
         """Draw everything but texts, the dim things first."""
         canvas, shown, focus = self.canvas, self.shown, self.focus
         draw_lanes(canvas, focus.replay.scene.lanes)
-        canvas.boxes(shown.dim_detection, DIM_DETECTION)
-        canvas.boxes(shown.dim_track, DIM_TRACK)
-        self._boxes(shown.dim_truth, REST)
+        for name, mark in REST.items():
+            self._boxes(getattr(shown, name), mark)
         if focus.replay.card.has_ego:
             canvas.boxes(ego_boxes(focus.replay.scene.ego[shown.frame][None]), VEHICLE)
         self._draw_paths()
@@ -114,10 +111,10 @@ class CloseUp:
         canvas, shown = self.canvas, self.shown
         for role, forecast in self.forecasts:
             # the sample nearest to the truth bold, the others thin; an old one alone, dashed
-            newest = role == "now"
+            newest, color = role == "now", ROLES[self._role(role, forecast)]
             for path in forecast.path if newest else ():
-                canvas.lines([np.concatenate([forecast.start[None], path])], ROLES[role], 1.0, 70)
-            mark = Mark(self._made(forecast), line=ROLES[role], width=3.0 if newest else 2.0, dashed=not newest)
+                canvas.lines([np.concatenate([forecast.start[None], path])], color, 1.0, 70)
+            mark = Mark(self._made(forecast), line=color, width=3.0 if newest else 2.0, dashed=not newest)
             self._path(forecast.nearest_path, mark, 5.0 if newest else 3.5)
         for track in shown.tracks:
             canvas.lines([track.trail], ROLES[track.role], 2.0, 130)
@@ -125,27 +122,40 @@ class CloseUp:
         if not self.near and len(shown.future) > 1:
             self._path(shown.future, WAY, 6.0)
 
+    def _role(self, role: str, forecast: ObjectForecast) -> str:
+        """Role of a forecast, or of its track where that does not follow the object."""
+        other = forecast.track_id != self.focus.follower(forecast.frame)
+        return next((each.role for each in self.shown.named if other and each.track_id == forecast.track_id), role)
+
     def _made(self, forecast: ObjectForecast) -> str:
-        """A forecast, with the time at which it was made."""
-        now = forecast.frame == self.shown.frame
-        return "forecast now" if now else f"forecast at {self.focus.seconds(forecast.frame):.1f} s"
+        """A forecast, with the time at which it was made, and with its track where that does not follow the object."""
+        focus, t, track = self.focus, forecast.frame, forecast.track_id
+        own = track == (focus.follower(t) if focus.at.object_id >= 0 else focus.at.new_id)
+        of = " without a track" if track < 0 else "" if own else f" of track {track}"
+        return f"forecast{of} {'now' if t == self.shown.frame else f'at {focus.seconds(t):.1f} s'}"
 
     def _draw_boxes(self) -> None:
         """Draw the boxes that belong to the event; a track at another time is hollow."""
-        focus, shown = self.focus, self.shown
+        shown = self.shown
         self._boxes(shown.others, OTHER_OBJECT)
         for track in shown.named[::-1]:
             now = track.frame == shown.frame
             outline = Outline(ROLES[track.role], 1.5, 90 if now else 0, dashed=track.role == "before" or not now)
-            holds = (
-                ", which follows it" if focus.follower(shown.frame) == track.track_id else FORMER.get(track.role, "")
-            )
-            text = f"track {track.track_id}{holds if now else ', not output now'}"
-            self._boxes(track.box[None], Mark(text, outline))
-        self._boxes(shown.object_box, replace(OBJECT, text=OBJECT.text.format(focus.named)))
+            self._boxes(track.box[None], Mark(f"track {track.track_id}{self._holds(track)}", outline))
+        self._boxes(shown.object_box, replace(OBJECT, text=OBJECT.text.format(self.focus.named)))
         self._boxes(shown.detection_box, DETECTED)
         for xy in self.canvas.pixels(shown.detection_box[:, :2]):
             self.canvas.dot(xy, 2.0, BLACK)
+
+    def _holds(self, track: Follower) -> str:
+        """The object that a track follows, or when it had this one, in words."""
+        focus, t, rows = self.focus, self.shown.frame, self.focus.track_rows(track.track_id)
+        if track.frame != t:
+            return ", not output now"
+        if (row := int(focus.truth_of_track[rows[t]])) >= 0:
+            return f", which follows {'it' if row == focus.rows[t] else focus.name_of(row)}"
+        had = np.flatnonzero((focus.truth_of_track[rows] == focus.rows) & (focus.rows >= 0))
+        return ", which had it before" if (had < t).any() else ", which has it later" if len(had) else ""
 
     def _draw_evidence(self) -> None:
         """Draw the gate, the places where tracks were expected, and lines to the detections that they took."""
@@ -196,9 +206,7 @@ class CloseUp:
         for path in [shown.future, *(forecast.nearest_path for _, forecast in self.forecasts)]:
             steps = np.linspace(path[:-1], path[1:], 4).reshape(-1, 2)
             parts += [np.stack([xy - 4.0, xy + 4.0]) for xy in canvas.pixels(steps)]
-        for part in parts:
-            (left, top), (right, bottom) = part.min(axis=0).tolist(), part.max(axis=0).tolist()
-            canvas.taken.append((left, top, right, bottom))
+        canvas.taken.extend((*part.min(axis=0).tolist(), *part.max(axis=0).tolist()) for part in parts)
 
     def _name_boxes(self, ink: ImageDraw.ImageDraw) -> None:
         shown, scale = self.shown, self.canvas.scale
@@ -219,9 +227,11 @@ class CloseUp:
     def _name_lacks(self, ink: ImageDraw.ImageDraw) -> None:
         """Say what is missing from the event on."""
         focus, t, rule, own = self.focus, self.shown.frame, gate(self.focus), len(self.shown.object_box) > 0
+        rival = focus.rival(t)
+        other = f"track {rival} follows {focus.name_of(focus.other(rival, t))}" if rival >= 0 else ""
         lacks = {
             f"no true object within {focus.near:g} m": focus.at.object_id < 0 and not len(self.shown.others),
-            f"no track {'with ' if rule.iou else ''}{rule.text}": own and focus.follower(t) < 0,
+            other or f"no {focus.noun} track {'with ' if rule.iou else ''}{rule.text}": own and focus.follower(t) < 0,
             f"no detection within {focus.near:g} m": own and not len(focus.detections(t)),
             "no forecast": own and all(role != "now" for role, _ in self.forecasts),
         }
@@ -235,7 +245,6 @@ class CloseUp:
             later = focus.seconds(t + len(future) - 1) - focus.seconds(t)
             self._name(ink, future[-1], f"true, {later:.1f} s later", "truth", 7.0)
         if focus.replay.card.has_ego:
-            text = f"ego, {distance(focus, t):.0f} m"
-            self._name(ink, focus.replay.scene.ego[t, :2], text, "detection", 8.0, True)
+            self._name(ink, focus.replay.scene.ego[t, :2], f"ego, {distance(focus, t):.0f} m", "detection", 8.0, True)
         for role, forecast in self.forecasts[::-1]:
-            self._name(ink, forecast.nearest_path[-1], self._made(forecast), role)
+            self._name(ink, forecast.nearest_path[-1], self._made(forecast), self._role(role, forecast))

@@ -12,9 +12,8 @@ from ..palette import BLACK, Color
 from .canvas import FINER, GRAY, PAPER, Canvas, Outline, font, text_size
 from .labels import MIDDLE
 
-LINE = 20  # pixels between two marks
+LINE = 20  # pixels between two marks, if there is room
 BAR_LEFT, BAR = 150, 90  # pixels, of bars
-NO_PARTS: Mapping[str, float] = {}
 _TIED = "\u00a0"  # a blank that breaks no line; the font has none
 Text = tuple[str, int, Color]  # text, size, colour
 
@@ -54,7 +53,7 @@ def column(
     heading: Sequence[Text],
     marks: Sequence[Mark],
     remarks: Sequence[Text],
-    parts: Mapping[str, float] = NO_PARTS,
+    parts: Mapping[str, float],
 ) -> Image.Image:
     """A picture of ``size`` pixels with texts and marks below each other; remarks as many as there is room for.
 
@@ -81,10 +80,13 @@ def column(
         texts.append((BAR_LEFT + long + 6, y + 1, (f"{value:.1f} m", MIDDLE, BLACK)))
         y += 19
     y += 8
-    for mark in marks:
-        mark.draw(canvas, y + LINE / 2)
-        texts.append((56, y + 3, (mark.text, MIDDLE, BLACK)))
-        y += LINE
+    named = [(i, mark, text) for mark in marks for i, text in enumerate(wrapped(mark.text, MIDDLE, size[0] - 62))]
+    line = min(LINE, (size[1] - y - 4) / max(len(named), 1))
+    for i, mark, text in named:
+        if i == 0:
+            mark.draw(canvas, y + line / 2)
+        texts.append((56, y + line / 2 - 7, (text, MIDDLE, BLACK)))
+        y += line
     y += 12
     write(remarks)
     image = canvas.finished()

@@ -10,7 +10,6 @@ from ..palette import BLACK, Color
 from .canvas import WHITE, Canvas, font, text_size
 
 SMALL, MIDDLE, LARGE = 11, 13, 16  # pixels of letters
-BOARD: Color = WHITE
 FAR = (8.0, 26.0, 48.0, 76.0, 110.0)  # pixels from a thing to a board with its name
 EDGE_GAP = 12.0  # pixels between the edge and the tip of an arrow to it
 ARROW = 36.0  # pixels, its length
@@ -19,7 +18,7 @@ SIDES = (-60, 60, -120, 120, -30, 30, -90, 90, 180, 0)  # degrees, directions of
 
 def callout(
     canvas: Canvas, ink: ImageDraw.ImageDraw, xy: Floats, text: str, color: Color, reach: float,
-    size: int = MIDDLE, board: Color | None = BOARD,
+    size: int = MIDDLE, board: Color | None = WHITE,
 ) -> None:  # fmt: skip
     """Write ``text`` at least ``reach`` pixels away from a thing at ``xy`` [2] of the world, if there is room.
 
@@ -40,7 +39,7 @@ def callout(
     else:
         return
     if board is None:
-        ink.text((round(left), round(top)), text, fill=color, font=font(size), stroke_width=1, stroke_fill=BOARD)
+        ink.text((round(left), round(top)), text, fill=color, font=font(size), stroke_width=1, stroke_fill=WHITE)
         return
     near = (min(max(x, left), left + wide), min(max(y, top), top + high))
     ink.line([x + dx * reach, y + dy * reach, *near], fill=color, width=1)
@@ -74,7 +73,7 @@ def scale_bar(canvas: Canvas, ink: ImageDraw.ImageDraw) -> None:
     wide, high = text_size(text, MIDDLE)
     board = (left - 8, bottom - high - 12, max(right, left + wide) + 8, bottom + 8)
     canvas.taken.append(board)
-    ink.rectangle(board, fill=BOARD)
+    ink.rectangle(board, fill=WHITE)
     ink.line([left, bottom - 5, left, bottom, right, bottom, right, bottom - 5], fill=BLACK, width=2)
     ink.text(((left + right - wide) // 2, bottom - high - 7), text, fill=BLACK, font=font(MIDDLE))
 

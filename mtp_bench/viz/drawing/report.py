@@ -1,6 +1,6 @@
 """Picture of an event for a report: a sentence, the event, a key, and close-ups of the frames around it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw, PngImagePlugin
 
 from ..._version import __version__
 from ...files import whole_file
-from ...scoring.parts import BELOW, LEAST_SHOWN
+from ...scoring.parts import BELOW, LEAST_SHOWN, named_parts, parts_text
 from ..focus import Focus
 from ..framing import ROLES, close_window, frame_of, window_of
 from ..palette import BLACK, Color
@@ -22,6 +22,7 @@ SIZE = (1200, 800)  # pixels, of a report
 COLUMN, CAPTION = 300, 46
 ROW = 256  # pixels of the height for the small pictures, with their captions
 LARGE, TEXT, SMALL = 19, 15, 14  # pixels of letters
+MOST = 3  # parts of the whole moment
 REMARK = "From above; {}. Bold: the sample nearest to the truth, else the heaviest; thin: others."
 UNSURE = "Below threshold: at some budgets of false forecasts it is too unsure to count."
 
@@ -70,17 +71,35 @@ def picture(focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus]
     wide, high = size[0] - COLUMN, size[1] - top
     drawn, marks = draw_focus(focus, t, (wide, high), window_of(focus, t, beside))
     whole.paste(drawn, (0, top))
-    parts = {name: value for name, value in (focus.at.parts or {}).items() if abs(value) >= LEAST_SHOWN}
-    heading = [(f"The error, {focus.at.error:.1f} m, by cause:", SMALL, BLACK)] if parts else []
+    parts = {name: value for name, value in _parts(focus, t, t).items() if abs(value) >= LEAST_SHOWN}
+    heading = [(text, SMALL, BLACK) for text in _errors(focus, t)]
     above = REMARK.format("north is up" if focus.at.object_id < 0 else "the way of the object points to the right")
     remarks = [(text, SMALL - 1, GRAY) for text in (above, *([UNSURE] if BELOW in parts else []))]
     whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
     ink = ImageDraw.Draw(whole)
-    ink.text((14, 8), _title(focus, t), fill=GRAY, font=font(SMALL))
+    other = "" if t == focus.at.frame else f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
+    ink.text((14, 8), _title(focus, t) + other, fill=GRAY, font=font(SMALL))
     for i, line in enumerate(lines):
-        ink.text((14, 29 + 26 * i), line, fill=BLACK, font=font(LARGE))
+        ink.text((14, 29 + 26 * i), line, fill=BLACK if t == focus.at.frame else GRAY, font=font(LARGE))
     ink.rectangle([0, top, wide - 1, size[1] - 1], outline=EDGE)
     return whole
+
+
+def _parts(focus: Focus, first: int, last: int) -> dict[str, float]:
+    """Parts of the object's error by name, m: means over the frames from ``first`` to ``last`` that are counted."""
+    part = focus.replay.part[focus.rows[first : last + 1]][focus.rows[first : last + 1] >= 0]
+    part = part[np.isfinite(part[:, 0])]
+    return named_parts(part.mean(axis=0)) if len(part) else {}
+
+
+def _errors(focus: Focus, t: int) -> Iterator[str]:
+    """The error of the whole moment, if it lasts, and that of frame ``t``, of which bars follow."""
+    at, when, parts = focus.at, f"at {focus.seconds(t):.1f} s", _parts(focus, t, t)
+    if 0 <= at.first < at.until:
+        span = f"{focus.seconds(at.first):.1f} to {focus.seconds(at.until):.1f} s"
+        yield f"Whole moment, {span}: {parts_text(_parts(focus, at.first, at.until), MOST)}"
+    if at.object_id >= 0:
+        yield f"Error {when}, {sum(parts.values()):.1f} m, by cause:" if parts else f"No error is counted {when}"
 
 
 def _title(focus: Focus, t: int) -> str:
