@@ -44,7 +44,7 @@ def crowd(old_y: float | None = 1.5, ahead: float = 0.0, detected: bool = True) 
 
 def bright(shown: FocusFrame) -> int:
     """Number of bright boxes."""
-    return sum(map(len, (shown.object_box, shown.tracks, shown.others, shown.detection_box)))
+    return len(shown.object_box) + len(shown.tracks) + len(shown.others) + len(shown.detection_box)
 
 
 def told(truth: Sequence[Sequence[Thing]], tracks: Sequence[Sequence[Thing]], name: str) -> str:
