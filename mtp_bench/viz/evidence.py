@@ -111,7 +111,7 @@ def says(focus: Focus, row: int) -> str:
 
 def share(value: float) -> str:
     """A number below 1 in two digits, such as ".85"."""
-    return f"{value:.2f}".removeprefix("0")
+    return f"{value:.2f}".replace("0.", ".", int(abs(value) < 1))
 
 
 def away(focus: Focus, track: int) -> float:

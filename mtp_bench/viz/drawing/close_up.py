@@ -107,10 +107,9 @@ class CloseUp:
         self._note(path, mark)
 
     def _draw_paths(self) -> None:
-        """Draw the forecasts, the trails of tracks, and the way of the object."""
+        """Draw trails, the way of the object, and forecasts: the sample nearest to the truth bold; old ones dashed."""
         canvas, shown = self.canvas, self.shown
         for role, forecast in self.forecasts:
-            # the sample nearest to the truth bold, the others thin; an old one alone, dashed
             newest, color = role == "now", ROLES[self._role(role, forecast)]
             for path in forecast.path if newest else ():
                 canvas.lines([np.concatenate([forecast.start[None], path])], color, 1.0, 70)
@@ -123,9 +122,10 @@ class CloseUp:
             self._path(shown.future, WAY, 6.0)
 
     def _role(self, role: str, forecast: ObjectForecast) -> str:
-        """Role of a forecast, or of its track where that does not follow the object."""
-        other = forecast.track_id != self.focus.follower(forecast.frame)
-        return next((each.role for each in self.shown.named if other and each.track_id == forecast.track_id), role)
+        """Role of a forecast, or of its track where that is not of the event or does not follow the object then."""
+        track, roles = forecast.track_id, {self.focus.at.old_id: "before", self.focus.at.new_id: "now"}
+        own = track < 0 or (track in roles and track == self.focus.follower(forecast.frame))
+        return role if own else roles.get(track, "named")
 
     def _made(self, forecast: ObjectForecast) -> str:
         """A forecast, with the time at which it was made, and with its track where that does not follow the object."""

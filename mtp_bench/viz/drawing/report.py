@@ -77,10 +77,11 @@ def picture(focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus]
     remarks = [(text, SMALL - 1, GRAY) for text in (above, *([UNSURE] if BELOW in parts else []))]
     whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
     ink = ImageDraw.Draw(whole)
-    other = "" if t == focus.at.frame else f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
+    of_event = focus.at.frame <= t <= (focus.at.until if focus.at.object_id < 0 else focus.at.frame)
+    other = "" if of_event else f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
     ink.text((14, 8), _title(focus, t) + other, fill=GRAY, font=font(SMALL))
     for i, line in enumerate(lines):
-        ink.text((14, 29 + 26 * i), line, fill=BLACK if t == focus.at.frame else GRAY, font=font(LARGE))
+        ink.text((14, 29 + 26 * i), line, fill=GRAY if other else BLACK, font=font(LARGE))
     ink.rectangle([0, top, wide - 1, size[1] - 1], outline=EDGE)
     return whole
 
