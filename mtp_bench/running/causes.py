@@ -40,15 +40,15 @@ def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS) -> dict[str, Sc
     path = cache_root() / "causes" / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.npz"
     names = [rollout.scene for rollout in opened.run.rollouts]
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:  # numpy leaves a broken one open
             part, count = stored["part"], stored["count"]
     except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):  # none there, or a broken one
         part, count, failed = _made(opened, names, runs, options)
         why = why or failed
         if not failed:  # tried again the next time
             path.parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as file:
-                np.savez_compressed(file, part=part, count=count)
+            with whole_file(path) as written:
+                np.savez_compressed(written, part=part, count=count)
     usual, ends = float(blame(part).mean()) if len(part) else 0.0, np.cumsum(count)[:-1]
     return {name: SceneParts(own, usual, why) for name, own in zip(names, np.split(part, ends), strict=True)}
 

@@ -68,9 +68,11 @@ def named_parts(part: Floats) -> dict[str, float]:
 def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     """The parts as text: "other class 5.0 m, predictor 3.1"; those that round to 0 are left out.
 
-    ``most``: of so many names; the sum of further ones is called "others".
+    ``most``: of so many names; the sum of further ones is called "others". If all round to 0: the first, finer.
     """
     shown = {name: value for name, value in parts.items() if abs(value) >= LEAST_SHOWN}
+    if parts and not shown:
+        return "{} {:.2f} m".format(*next(iter(parts.items())))
     few = [name for name in shown if name != BELOW][:most]
     others = sum(value for name, value in shown.items() if name not in (*few, BELOW))
     kept = {name: shown[name] for name in few}

@@ -123,3 +123,4 @@ def test_parts_as_text() -> None:
     many = {"predictor": 3.0, "history": 1.0, "rest": 0.5, "localisation": 0.2, "below threshold": 4.0}
     assert parts_text(many, most=2) == "predictor 3.0 m, history 1.0, others 0.7, below threshold 4.0"
     assert parts_text({}) == "nothing"
+    assert parts_text({"predictor": 0.034, "rest": 0.01}) == "predictor 0.03 m"
