@@ -99,8 +99,10 @@ def _errors(focus: Focus, t: int) -> Iterator[str]:
     if 0 <= at.first < at.until:
         span = f"{focus.seconds(at.first):.1f} to {focus.seconds(at.until):.1f} s"
         yield f"Whole moment, {span}: {parts_text(_parts(focus, at.first, at.until), MOST)}"
+    bars = max(map(abs, parts.values()), default=0.0) >= LEAST_SHOWN
+    error = f", {sum(parts.values()):.1f} m, by cause:" if bars else f": {parts_text(parts)}"
     if at.object_id >= 0:
-        yield f"Error {when}, {sum(parts.values()):.1f} m, by cause:" if parts else f"No error is counted {when}"
+        yield f"Error {when}{error}" if parts else f"No error is counted {when}"
 
 
 def _title(focus: Focus, t: int) -> str:
