@@ -31,7 +31,7 @@ MOST_DETECTIONS = 3  # whose scores are shown
 EVENT_KEY = """\
 - **green box, green path**: the object, and where it really goes
 - **blue**: its track before the event, with its forecast; **orange**: its track now
-- **purple**: a track that has it at another time
+- **purple**: another track, that has it at another time, or whose forecast counts for it
 - **light grey box**: a detection nearby, with its score, and its class where that is another one
 - **cross**: place where a track was expected by its own last forecast; **grey line**: to the detection that it took
 - **grey circle**: event gate of the scorer ({gate}); **long grey line**: to the ego; **pink ring**: the event
