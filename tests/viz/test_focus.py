@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from mtp_bench.geometry import rotate
 from mtp_bench.viz.counterpart import counterpart
+from mtp_bench.viz.drawing.close_up import draw_focus
 from mtp_bench.viz.drawing.report import SIZE, report
 from mtp_bench.viz.evidence import expected, taken
 from mtp_bench.viz.focus import Focus
@@ -72,6 +73,22 @@ def test_a_swap_shows_the_other_object_by_its_name() -> None:
     assert shown.other_names == ("car 6",)
     assert shown.others[:, 1].tolist() == [3.0]
     assert "track 2 (of car 6 until then). Track 1 takes a detection 3.0 m from where" in told(truth, tracks, "ids-0")
+
+
+def test_a_track_and_a_detection_at_the_object_are_said_to_be_of_another_one() -> None:
+    truth = [[Thing(5, t, 0.0), Thing(6, t, 1.5)] for t in range(9)]
+    tracks = [[Thing(1, t, 0.0)] * (t < EVENT) + [Thing(2, t, 1.2)] for t in range(9)]
+    for t in range(EVENT + 1, 9):  # track 3 is output long before it takes car 5
+        tracks[t].append(Thing(3, t, 0.0 if t == 8 else -3.0))
+    run = replay(with_detections(make_scene(truth), [[car] for _, car in truth]), make_rollout(tracks), CARD)
+    focus = Focus(run, run.incident("lost-0"))
+    shown = frame_of(focus, EVENT)
+    assert (focus.rival(EVENT), focus.rival(EVENT - 1)) == (2, -1)
+    assert {track.track_id: track.frame for track in shown.named} == {1: EVENT - 1, 2: EVENT, 3: 8}
+    assert [text.partition(", ")[2] for text in shown.detection_text] == ["of car 6"]
+    assert shown.other_names == ("car 6",)
+    _, marks = draw_focus(focus, EVENT, (900, 450), window_of(focus, EVENT))
+    assert "track 2, which follows car 6" in [mark.text for mark in marks]
 
 
 def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import runpy
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,9 @@ from scipy import ndimage
 
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import PANEL, draw_frame
-from mtp_bench.viz.drawing.close_up import draw_focus
-from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, report, save_report
+from mtp_bench.viz.drawing.close_up import OBJECT, draw_focus
+from mtp_bench.viz.drawing.column import column
+from mtp_bench.viz.drawing.report import COLUMN, ROW, SIZE, picture, report, save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import ROLES, Window, window_of
 from mtp_bench.viz.replay import Replay
@@ -86,6 +88,20 @@ def test_the_event_is_bright_and_the_crowd_is_not() -> None:
         "where it really goes", "forecast now", "forecast at 0.3 s", "other true objects", "other tracks",
         "other detections",
     ]  # fmt: skip
+
+
+def test_long_names_in_the_key_are_broken_and_all_marks_have_room() -> None:
+    marks = [replace(OBJECT, text=f"construction vehicle 9c38502{i}, true box") for i in range(12)]
+    image = np.asarray(column((COLUMN, 400), [("The error", 14, palette.BLACK)], marks, [], {"predictor": 2.0}))
+    dark = np.argwhere(near(image, palette.BLACK))
+    assert 380 < dark[:, 0].max() < 400
+    assert dark[:, 1].max() < COLUMN - 3
+
+
+def test_the_sentences_are_grey_in_frames_of_a_video_beside_the_event() -> None:
+    focus = focus_of(crowd(ahead=12.0))
+    heads = [np.asarray(picture(focus, t, (960, 720)))[29:52, 14:] for t in (EVENT, EVENT + 1)]
+    assert [bool(near(head, palette.BLACK).sum()) for head in heads] == [True, False]
 
 
 def test_the_file_says_what_it_shows(tmp_path: Path) -> None:
