@@ -10,17 +10,12 @@ from .replay import MOMENT, Incident, Replay
 def counterpart(run: Replay, at: Incident) -> Incident:
     """The incident of ``run`` at the place of ``at``, an incident of another run of the same scene.
 
-    It is the event of the object in that frame, or the false forecast near that place; without either, an incident of
-    kind MOMENT.
+    It is the event of the object in that frame, or the false forecast nearest to that place, within the forecast gate;
+    without either, an incident of kind MOMENT.
     """
-    if at.object_id < 0:
-        return _false_forecast(run, at)
-    own = [i for i in run.events if (i.object_id, i.frame) == (at.object_id, at.frame)]
-    return own[0] if own else replace(run.moment(at.row), name="no event")
-
-
-def _false_forecast(run: Replay, at: Incident) -> Incident:
-    """The false forecast nearest to the place, within the gate of forecasts."""
+    if at.object_id >= 0:
+        own = [i for i in run.events if (i.object_id, i.frame) == (at.object_id, at.frame)]
+        return own[0] if own else replace(run.moment(at.row), name="no event")
     rows = run.rollout.objects.rows(at.frame)
     row = rows.start + np.flatnonzero(run.forecast_false[rows] & (run.rollout.object_class[rows] == at.class_id))
     far = np.hypot(*(run.rollout.object_box[row, :2] - np.array(at.position[:2])).T)

@@ -1,7 +1,4 @@
-"""Evidence around an event that an agent does not state, worked out from its answers in the same way for every agent.
-
-Places are in the frame of reference of the scene, metres; rows are those of the tables of the run.
-"""
+"""Evidence around an event that an agent does not state; metres, frame of the scene, rows of the tables of the run."""
 
 from dataclasses import dataclass
 
@@ -11,12 +8,13 @@ from ..geometry import wrap_angle
 from ..scoring.holes import pieces
 from ..scoring.matching import match
 from ..scoring.pairs import Pairs
-from ..types import Detections, Floats, Truth, to_metres
+from ..types import Detections, Floats, Ints, Truth, to_metres
 from .focus import Focus, ObjectForecast
 
 STILL = 1.0  # m, within the horizon: an object that moves less stands still
+TINY = 0.1  # m: a forecast that begins nearer begins at the object
 SHORT, LONG = 0.75, 1.33  # shares of a distance between which it is the same
-ASIDE, BACK = np.deg2rad(25.0), np.deg2rad(120.0)
+ASIDE, BACK = np.deg2rad(12.0), np.deg2rad(120.0)
 SMOOTHED = 0.25  # share of the forecast gate that a track's box may lie beside its detection without having moved
 
 
@@ -59,8 +57,38 @@ def expected(focus: Focus, track_id: int, t: int) -> Floats | None:
     for row in own.tolist():
         sample = int(np.argmax(run.rollout.forecast_log_weight[row]))
         return np.asarray(run.rollout.object_box[row, :2] + to_metres(run.rollout.forecast[row, sample, 0]))
-    trail = focus.trail(track_id, t - 1, 2)
-    return np.asarray(2 * trail[-1] - trail[0])
+    way = trail(focus, track_id, t - 1, 2)
+    return np.asarray(2 * way[-1] - way[0])
+
+
+def trail(focus: Focus, track_id: int, t: int, frames: int) -> Floats:
+    """Places [n, 2] of a track in the last ``frames`` frames until ``t``, now last; empty if it is not output."""
+    rows = focus.until_gap(focus.track_rows(track_id), t, t - frames + 1)[::-1]
+    return focus.replay.rollout.track_box[rows, :2].astype(np.float64)
+
+
+def near_detections(focus: Focus, t: int) -> Ints:
+    """Rows of the detections within ``near`` metres of the object at frame ``t``, the nearest first."""
+    rows = focus.replay.scene.detections.rows(t)
+    far = np.hypot(*(focus.replay.scene.detections.box[rows, :2] - focus.place(t)).T)
+    order = np.argsort(far, kind="stable")
+    return np.asarray(rows.start + order[far[order] <= focus.near])
+
+
+def detection(focus: Focus, t: int) -> int:
+    """Row of the detection that is matched to the object at frame ``t``, else of the nearest of its class, or -1."""
+    rows = near_detections(focus, t)
+    rows = rows[focus.replay.scene.detections.class_id[rows] == focus.at.class_id]
+    return min(rows.tolist(), key=lambda row: focus.replay.detected[row] != focus.at.object_id, default=-1)
+
+
+def detected_until(focus: Focus, t: int) -> tuple[int, int]:
+    """First frame of the object since the last hole in time, and its last one until ``t`` with a detection, or -1."""
+    run, piece = focus.replay, pieces(focus.replay.scene, focus.replay.card)
+    there = run.scene.truth.frame_of_rows[run.scene.truth.object_id == focus.at.object_id]
+    first = int(there[piece[there] == piece[t]][0])
+    seen = run.scene.detections.frame_of_rows[run.detected == focus.at.object_id]
+    return first, int(np.append(-1, seen[(seen >= first) & (seen <= t)])[-1])
 
 
 def taken(focus: Focus, track_id: int, t: int) -> int:
@@ -114,27 +142,24 @@ def share(value: float) -> str:
     return f"{value:.2f}".replace("0.", ".", int(abs(value) < 1))
 
 
-def away(focus: Focus, track: int) -> float:
-    """Distance of a track that is output from the object, m."""
-    box = focus.replay.rollout.track_box[focus.track_rows(track)[focus.at.frame], :2]
-    return float(np.hypot(*(box - focus.place(focus.at.frame))))
+def away(focus: Focus, place: Floats) -> float:
+    """Distance of the ``place`` [2 or more] from the object in the event's frame, m."""
+    return float(np.hypot(*(place[:2] - focus.place(focus.at.frame))))
 
 
-def owner(focus: Focus, detection: int) -> str:
-    """Name of the other object that a detection is of, in brackets; empty without one."""
-    row = owner_of(focus, detection, focus.at.frame)
-    return f" (of {focus.name_of(row)})" if row >= 0 else ""
+def metres(focus: Focus, far: float) -> str:
+    """A distance in one digit, or in two where one would hide on which side of a gate it lies."""
+    gates = {f"{each:.1f}" for each in (focus.gate, reach(focus))}
+    return f"{far:.2f} m" if f"{far:.1f}" in gates else f"{far:.1f} m"
 
 
 def ghost(focus: Focus, detection: int) -> str:
     """Name of the run of false forecasts of a detection of another class, in brackets; empty without one."""
     run, t, class_id = focus.replay, focus.at.frame, focus.replay.scene.detections.class_id[detection]
     runs = (each for each in run.incidents if each.kind == "spurious" and each.frame <= t <= each.until)
-    for each in runs:
-        at_object = each.class_id == class_id and focus.track_rows(each.new_id)[t] >= 0
-        if at_object and away(focus, each.new_id) <= reach(focus):
-            return f" ({each.name})"
-    return ""
+    tracks = ((each.name, focus.track_rows(each.new_id)[t]) for each in runs if each.class_id == class_id)
+    near = (name for name, row in tracks if row >= 0 and away(focus, run.rollout.track_box[row]) <= reach(focus))
+    return next((f" ({name})" for name in near), "")
 
 
 def distance(focus: Focus, t: int) -> float | None:
@@ -143,10 +168,10 @@ def distance(focus: Focus, t: int) -> float | None:
     return float(np.hypot(*(focus.place(t) - run.scene.ego[t, :2]))) if run.card.has_ego else None
 
 
-def visible(focus: Focus, t: int) -> float | None:
-    """Share of the object in line of sight at frame ``t``, 0 to 1; None where the source does not state it."""
-    shares, row = focus.replay.scene.visible, int(focus.rows[t])
-    return None if shares is None or row < 0 else float(shares[row])
+def visible(focus: Focus, t: int, last: int = -1) -> float | None:
+    """Mean share of the object in line of sight at frame ``t``, or until ``last``; None where it is not stated."""
+    shares, rows = focus.replay.scene.visible, focus.rows[t : max(t, last) + 1]
+    return None if shares is None or (rows < 0).all() else float(shares[rows[rows >= 0]].mean())
 
 
 def went(focus: Focus, forecast: ObjectForecast) -> str:
@@ -156,7 +181,9 @@ def went(focus: Focus, forecast: ObjectForecast) -> str:
     path = forecast.nearest_path[: len(future)]
     true, way = future[-1] - future[0], path[-1] - path[0]
     start = (past[0] - past[-1]) * (len(future) - 1) / (len(past) - 1) if len(past) > 1 else true  # at its speed now
-    far, length, fast = (float(np.hypot(*each)) for each in (true, way, start))
+    begins, ends = path[0] - future[0], path[-1] - future[-1]
+    far, length, fast, near, off = (float(np.hypot(*each)) for each in (true, way, start, begins, ends))
+    beside, left = near > max(off / 2, TINY), float(true[0] * ends[1] - true[1] * ends[0]) / max(far, STILL)
     ahead = np.arctan2(*(start if fast > STILL else true)[::-1])
     turned, turns = (float(wrap_angle(np.arctan2(*each[::-1]) - ahead)) for each in (true, way))  # to the left above 0
     keeps, more = SHORT * fast < length < LONG * fast, "far" if abs(turns) > abs(turned) else "little"
@@ -164,13 +191,15 @@ def went(focus: Focus, forecast: ObjectForecast) -> str:
         "goes straight" if abs(a) < ASIDE / 2 else f"turns {'left' if a > 0 else 'right'}" for a in (turned, turns)
     )
     cases = (
-        (far < STILL and length < STILL, "stands still like it"),
+        (far < STILL and length < STILL, f"stands still {'beside' if beside else 'like'} it"),
         (far < STILL, "moves off while it stands" if fast < STILL else "goes on while it stops"),
         (length < max(STILL, 0.2 * far), "stands still while it moves"),
         (abs(wrap_angle(turns - turned)) > BACK, "goes back"),
         (abs(wrap_angle(turns - turned)) > ASIDE, f"{own} too {more}" if own == bent else f"{own} while it {bent}"),
         (length < SHORT * far, "keeps its speed while it speeds up" if keeps else "falls short"),
         (length > LONG * far, "keeps its speed while it brakes" if keeps else "goes too far"),
+        (beside, f"begins {near:.1f} m beside it"),
+        (abs(left) > far / 4, f"goes too far {'left' if left > 0 else 'right'}"),
         (True, "goes the right way"),
     )
-    return f"{next(text for applies, text in cases if applies)} and ends {np.hypot(*(path[-1] - future[-1])):.1f} m off"
+    return f"{next(text for applies, text in cases if applies)} and ends {off:.1f} m off"

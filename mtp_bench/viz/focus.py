@@ -1,7 +1,4 @@
-"""An event of a run with what belongs to it, frame by frame: object, tracks, forecasts and detections.
-
-Boxes and places are in the frame of reference of the scene, metres.
-"""
+"""An event of a run with its object, tracks, forecasts and detections by frame; metres, frame of the scene."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -80,21 +77,18 @@ class Focus:
         return self.at.frame + 1 + int(followed[0]) if len(followed) else -1
 
     def name_of(self, row: int) -> str:
-        """Name of the object of a row of the truth."""
+        """Name of the object of a row of the truth; empty for row -1."""
         truth, classes = self.replay.scene.truth, self.replay.card.task.classes
         name = self.replay.scene.short_name(int(truth.object_id[row]))
-        return f"{classes[truth.class_id[row]].replace('_', ' ')} {name}"
+        return f"{classes[truth.class_id[row]].replace('_', ' ')} {name}" if row >= 0 else ""
 
     def seconds(self, t: int) -> float:
         """Time of a frame since the first one."""
-        time = self.replay.scene.time
-        return float(time[t] - time[0])
+        return float(self.replay.scene.time[t] - self.replay.scene.time[0])
 
     def ringed(self, t: int) -> bool:
         """True from the event on; for a false forecast as long as it lasts."""
         return t >= self.at.frame and (t <= self.at.until or self.at.kind != "spurious")
-
-    # ---- the object
 
     @cached_property
     def rows(self) -> Ints:
@@ -103,7 +97,7 @@ class Focus:
         own = (truth.object_id == self.at.object_id) & ~truth.neutral & (self.at.object_id >= 0)
         return self._by_frame(own, truth.frame_of_rows)
 
-    def _until_gap(self, rows: Ints, first: int, last: int) -> Ints:
+    def until_gap(self, rows: Ints, first: int, last: int) -> Ints:
         """The ``rows`` [F] of the frames from ``first`` until a gap (-1), a hole in time or ``last``, or backwards."""
         step = 1 if last >= first else -1
         frames, piece = np.arange(first, last + step, step), pieces(self.replay.scene, self.replay.card)
@@ -128,14 +122,12 @@ class Focus:
 
     def path(self, first: int, last: int) -> Floats:
         """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
-        rows = self._until_gap(self.rows, first, last)
+        rows = self.until_gap(self.rows, first, last)
         return np.asarray(self.replay.scene.truth.box[rows, :2], dtype=np.float64)
 
     def future(self, t: int) -> Floats:
         """Places [n, 2] of the object within the horizon, now first."""
         return self.path(t, t + self.replay.card.task.future)
-
-    # ---- tracks
 
     @cached_property
     def hypothesis(self) -> Ints:
@@ -178,25 +170,38 @@ class Focus:
 
     def followers(self, first: int, last: int) -> Ints:
         """Ids [n] of the tracks that follow the object from ``first`` until a gap or ``last``, or backwards."""
-        tracks = self.track_of_truth[self._until_gap(self.rows, first, last)]
+        tracks = self.track_of_truth[self.until_gap(self.rows, first, last)]
         return np.append(self.replay.rollout.track_id, -1)[tracks]
 
     def rival(self, t: int) -> int:
         """Id of the nearest track in the event gate of the object that follows another one; -1 if one follows it."""
-        run, card, tracks, row = self.replay.rollout, self.replay.card, self.replay.rollout.tracks.rows(t), self.rows[t]
+        run, card, row, truth = self.replay.rollout, self.replay.card, self.rows[t], self.replay.scene.truth
         if row < 0 or self.follower(t) >= 0:
             return -1
-        truth, gate, frames = self.replay.scene.truth, card.task.event_gate, np.zeros(tracks.stop - tracks.start)
-        own = frames[:1], truth.box[row : row + 1], truth.class_id[row : row + 1]
-        others = frames, run.track_box[tracks], run.track_class[tracks]
-        pairs = box_pairs(*own, *others, gate.measure, card.per_class(gate.threshold))
-        near = tracks.start + pairs.column[np.argsort(pairs.cost)]
-        near = near[self.shown[near] & (self.truth_of_track[near] >= 0)][:1]
-        return int(np.append(run.track_id[near], -1)[0])
+        rows, own, gate = run.tracks.rows(t), slice(row, row + 1), card.task.event_gate
+        tracks = rows.start + np.flatnonzero(self.shown[rows] & (self.truth_of_track[:-1][rows] >= 0))
+        others = np.zeros(len(tracks)), run.track_box[tracks], run.track_class[tracks]
+        one = np.zeros(1), truth.box[own], truth.class_id[own]
+        pairs = box_pairs(*one, *others, gate.measure, card.per_class(gate.threshold))
+        return int(np.append(run.track_id[tracks[pairs.column[np.argsort(pairs.cost)]]], -1)[0])
+
+    @cached_property
+    def doubled(self) -> int:
+        """Row of the true object that a false forecast is a second one of: of its class in its gate; -1 without one."""
+        truth, rows = self.replay.scene.truth, self.replay.scene.truth.rows(self.at.frame)
+        far = np.hypot(*(truth.box[rows, :2] - self.place(self.at.frame)).T)
+        far[truth.class_id[rows] != self.at.class_id] = np.inf
+        near = self.at.kind == "spurious" and far.min(initial=np.inf) <= self.gate
+        return rows.start + int(far.argmin()) if near else -1
+
+    def counted(self, row: int) -> int:
+        """Id of the track whose forecast counts for a true box, -1 without one."""
+        forecast = self.replay.truth_forecast[row] if row >= 0 else -1
+        return int(np.append(self.replay.answers.object_track_id, -1)[forecast])
 
     def tracks_at(self, t: int) -> tuple[int, ...]:
         """Ids of the tracks at the object in a picture of frame ``t``: of its forecasts, and its `rival`; -1: none."""
-        return (*(forecast.track_id for _, forecast in self.forecasts(t)), self.rival(t))
+        return (*(each.track_id for _, each in self.forecasts(t)), self.rival(t), self.counted(self.doubled))
 
     def other(self, track_id: int, t: int) -> int:
         """Row of the true box, other than the object, that a track follows at frame ``t``, -1 without one."""
@@ -205,22 +210,7 @@ class Focus:
 
     def followed(self, track_id: int, t: int) -> Ints:
         """True boxes [n] that a track followed just before ``t``, until a gap, the newest first; -1 for none."""
-        return self.truth_of_track[self._until_gap(self.track_rows(track_id), t, 0)[1:]]
-
-    def trail(self, track_id: int, t: int, frames: int) -> Floats:
-        """Places [n, 2] of a track in the last ``frames`` frames until ``t``, now last; empty if it is not output."""
-        rows = self._until_gap(self.track_rows(track_id), t, t - frames + 1)[::-1]
-        return self.replay.rollout.track_box[rows, :2].astype(np.float64)
-
-    # ---- detections and forecasts
-
-    def detections(self, t: int) -> Ints:
-        """Rows of the detections within ``near`` metres of the object at frame ``t``, the nearest first."""
-        table = self.replay.scene.detections
-        rows = table.rows(t)
-        far = np.hypot(*(table.box[rows, :2] - self.place(t)).T)
-        order = np.argsort(far, kind="stable")
-        return np.asarray(rows.start + order[far[order] <= self.near])
+        return self.truth_of_track[self.until_gap(self.track_rows(track_id), t, 0)[1:]]
 
     def forecast(self, t: int) -> ObjectForecast | None:
         """The forecast of frame ``t`` that the scorer matches to the object, else that of its track then."""
@@ -253,9 +243,9 @@ class Focus:
 
         From the event on the one before it stays in sight: the switch has spoilt it.
         """
-        at = self.at
-        frames = {"before": t} if t < at.frame else {"before": at.frame - 1, "now": t}
-        if t >= at.frame and (at.frame == 0 or at.kind == "spurious"):
+        at, after = self.at, t >= self.at.frame
+        frames = {"before": at.frame - 1, "now": t} if after else {"before": t}
+        if after and (at.frame == 0 or at.kind == "spurious"):
             del frames["before"]
         forecasts = ((role, self.forecast(frame)) for role, frame in frames.items())
         return [(role, forecast) for role, forecast in forecasts if forecast is not None]

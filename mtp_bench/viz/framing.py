@@ -9,7 +9,7 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Floats, Ints
 from .counterpart import counterpart
-from .evidence import confusing, expected, owner_of, says, share, taken
+from .evidence import confusing, expected, near_detections, owner_of, says, share, taken, trail
 from .focus import Focus
 from .palette import BEFORE, BLACK, NOW, PURPLE, TRUTH
 from .replay import Incident, Replay
@@ -83,7 +83,7 @@ def frame_of(focus: Focus, t: int) -> FocusFrame:
     rows = _present([focus.track_rows(track.track_id)[t] for track in named])
     own = _present([focus.rows[t]])
     detected = [*(track.detection for track in named), confusing(focus, t)]
-    near = np.unique(_present([*detected, *focus.detections(t)[:MOST_DETECTIONS]]))
+    near = np.unique(_present([*detected, *near_detections(focus, t)[:MOST_DETECTIONS]]))
     owners = {int(row): owner_of(focus, int(row), t) for row in near}
     followed = (focus.other(track.track_id, t) for track in named)
     others = np.unique(_present([*followed, *_beside(focus, t), *owners.values()]))
@@ -118,8 +118,8 @@ def _followers(focus: Focus, t: int, back: int) -> Iterator[Follower]:
             nearest = int(frames[np.argmin(np.abs(frames - t))])
             frame = focus.regained if nearest != t and track_id == taker and focus.regained >= 0 else nearest
             box = focus.replay.rollout.track_box[rows[frame]].astype(np.float64)
-            trail, place = focus.trail(track_id, t, 1 + back), expected(focus, track_id, t)
-            yield Follower(track_id, role, frame, box, trail, place, taken(focus, track_id, t))
+            way, place = trail(focus, track_id, t, 1 + back), expected(focus, track_id, t)
+            yield Follower(track_id, role, frame, box, way, place, taken(focus, track_id, t))
 
 
 def _beside(focus: Focus, t: int) -> Ints:

@@ -1,7 +1,4 @@
-"""An event or a moment in at most three short sentences: what happened, the evidence, and what it costs.
-
-The terminal, pictures, videos and recordings show the same sentences.
-"""
+"""An event or a moment in at most three short sentences, everywhere the same: what happened, evidence and cost."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -9,14 +6,14 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from ..geometry import iou_3d
-from ..scoring.parts import BELOW, parts_text
+from ..scoring.parts import BELOW, LEAST_SHOWN, PARTS, parts_text
 from . import evidence
 from .focus import Focus
 from .replay import MOMENT
 from .terminal.output import counted
 
 WORDS = 25  # of a sentence; of the last one without the parts
-HIDDEN = 0.5  # share of an object in line of sight below which texts state it
+HIDDEN = 0.75  # share of an object in line of sight below which texts state it
 
 
 def sentence(focus: Focus) -> str:
@@ -60,9 +57,6 @@ def _fitting(clauses: Iterator[str]) -> str:
         longer = f"{text}; {clause}" if text else clause
         text = longer if len(longer.split()) <= WORDS else text
     return text
-
-
-# ---- what happened
 
 
 def _switched(focus: Focus) -> str:
@@ -125,36 +119,52 @@ def _event(focus: Focus, object_id: int, t: int) -> str:
     return next((f" ({each.name})" for each in own if focus.at.object_id >= 0 or each.kind == "lost"), "")
 
 
-# ---- the evidence
-
-
 def _evidence(focus: Focus) -> Iterator[str]:
-    at, t, table = focus.at, focus.at.frame, focus.replay.scene.detections
-    followed, confused, near = at.new_id >= 0, evidence.confusing(focus, t), focus.detections(t)
-    own = near[table.class_id[near] == at.class_id]
-    own = own[np.argsort(focus.replay.detected[own] != at.object_id, kind="stable")][:1]  # the object's own one first
-    far = float(np.hypot(*(table.box[own[0], :2] - focus.place(t)))) if len(own) else np.inf
+    at, t, seen = focus.at, focus.at.frame, focus.replay.scene.detections
+    followed, confused, own = at.new_id >= 0, evidence.confusing(focus, t), evidence.detection(focus, t)
+    far = evidence.away(focus, seen.box[own]) if own >= 0 else np.inf
     missed = far > evidence.reach(focus)
     if confused >= 0 and (missed or not followed):
-        whose = evidence.owner(focus, confused) or evidence.ghost(focus, confused)
-        says = f"detection there says {evidence.says(focus, confused)}{whose}"
-        yield f"the {says}" if missed else f"one {says}"
+        whose = focus.name_of(evidence.owner_of(focus, confused, t))
+        whose = f" (of {whose})" if whose else evidence.ghost(focus, confused)
+        yield f"{'the' if missed else 'one'} detection there says {evidence.says(focus, confused)}{whose}"
     if at.kind in ("ids", "lost"):
         yield _fate(focus)
     elif followed and (took := _took(focus, at.new_id)):
         yield f"track {at.new_id} {took}"
-    elif followed and evidence.away(focus, at.new_id) > evidence.reach(focus) / 2:
-        yield f"track {at.new_id} is {evidence.away(focus, at.new_id):.1f} m away"
-    if not len(own) and confused < 0:
+    elif followed and (away := _metres(focus, at.new_id, evidence.reach(focus) / 2)):
+        yield f"track {at.new_id} is {away} away"
+    yield from _others(focus)
+    nearest, taken = f"the nearest {focus.noun} detection", evidence.taken(focus, at.old_id, t)
+    if own < 0 and confused < 0 and (taken < 0 or focus.replay.detected[taken] >= 0):
         yield f"no {focus.noun} is detected within {focus.near:g} m"
-    elif len(own) and (missed or not followed):
-        score, whose = evidence.share(table.score[own[0]]), evidence.owner(focus, int(own[0]))
-        there = f"the nearest detection is {far:.1f} m away{whose}"
-        yield there if missed or whose else f"it is detected {far:.1f} m away, score {score}"
-    seen, ego = evidence.visible(focus, t), evidence.distance(focus, t)
-    hidden = seen is not None and seen < HIDDEN
+    elif own >= 0 and (missed or not followed):
+        metres, whose = evidence.metres(focus, far), focus.name_of(evidence.owner_of(focus, own, t))
+        there = f"it is detected {metres} away, score {evidence.share(seen.score[own])}"
+        other = f"{nearest}, {metres} away, is that of {whose}" if whose else f"{nearest} is {metres} away"
+        yield there if focus.replay.detected[own] == at.object_id else other
+    first, last = evidence.detected_until(focus, t)
+    if last < t:
+        yield f"last detected at {_time(focus, last)}" if last >= 0 else f"there since {_time(focus, first)}"
+    start, end = (at.first, at.until) if at.first >= 0 else (t, max(t, focus.regained - 1))
+    visible, ego = evidence.visible(focus, start, end), evidence.distance(focus, t)
+    hidden = visible is not None and visible < HIDDEN
     if ego is not None and (missed or hidden or not followed):
-        yield f"it is {ego:.0f} m from the ego" + (f", {seen:.0%} visible" if hidden else "")
+        yield f"it is {ego:.0f} m from the ego"
+    if hidden:
+        yield f"{visible:.0%} visible" + (" on average" if end > start else "")
+
+
+def _others(focus: Focus) -> Iterator[str]:
+    """The track of another object whose forecast counts for this one, and the nearest one that is at it."""
+    t, had = focus.at.frame, (focus.at.old_id, focus.at.new_id)
+    counted, rival = focus.counted(int(focus.rows[t])), focus.rival(t)
+    if focus.forecast(t) is not None and -1 < counted != focus.at.new_id:
+        other = -1 if counted in had else focus.other(counted, t)
+        follows = f", which follows {focus.name_of(other)}," if other >= 0 else ""
+        yield f"the forecast of track {counted}{follows} counts for it"
+    if rival not in (-1, counted, *had):
+        yield f"track {rival}, {_metres(focus, rival)} away, follows {focus.name_of(focus.other(rival, t))}"
 
 
 def _fate(focus: Focus) -> str:
@@ -162,8 +172,11 @@ def _fate(focus: Focus) -> str:
     t, old, new, rule = focus.at.frame, focus.at.old_id, focus.at.new_id, evidence.gate(focus)
     if (row := focus.track_rows(old)[t]) < 0:
         return f"track {old} ends"
-    took = f"{took} and " if (took := _took(focus, old)) else ""
-    if (other := focus.other(old, t)) >= 0:
+    took, other = _took(focus, old), focus.other(old, t)
+    if other >= 0 and f"of {focus.name_of(other)}" in took:
+        return f"track {old} {took}"
+    took += " and " if took else ""
+    if other >= 0:
         return f"track {old} {took}goes to {_named(focus, other)}"
     if (kind := int(focus.replay.rollout.track_class[row])) not in (-1, focus.at.class_id):
         return f"track {old} {took}has class {focus.replay.card.task.classes[kind].replace('_', ' ')} now"
@@ -171,18 +184,29 @@ def _fate(focus: Focus) -> str:
         overlap = iou_3d(focus.replay.scene.truth.box[focus.rows[t]], focus.replay.rollout.track_box[row])
         below = f", below {rule.threshold:g}" if new < 0 else ""
         return f"track {old} {took}has an IoU of {np.floor(100 * overlap) / 100:.2f} with it{below}"
-    beside = f", track {new} {evidence.away(focus, new):.1f} m" if new >= 0 else ""
-    return f"track {old} {took}is {evidence.away(focus, old):.1f} m away{beside}"
+    beside = f", track {new} {_metres(focus, new)}" if new >= 0 else ""
+    return f"track {old} {took}is {_metres(focus, old)} away{beside}"
+
+
+def _metres(focus: Focus, track: int, least: float = 0.0) -> str:
+    """Distance of a track that is output from the object; empty below ``least`` m."""
+    far = evidence.away(focus, focus.replay.rollout.track_box[focus.track_rows(track)[focus.at.frame]])
+    return evidence.metres(focus, far) if far >= least else ""
 
 
 def _took(focus: Focus, track: int) -> str:
-    """The detection that a track took, where it is far from the expected place; empty where it is near."""
+    """The detection that a track took, where it is of another object or far from the expected place; else empty."""
     t, place = focus.at.frame, evidence.expected(focus, track, focus.at.frame)
-    row = evidence.taken(focus, track, t)
-    if place is None or row < 0:
+    if (row := evidence.taken(focus, track, t)) < 0:
         return "" if place is None else "takes no detection"
-    far = float(np.hypot(*(focus.replay.scene.detections.box[row, :2] - place)))
-    return f"takes a detection {far:.1f} m from where its forecast put it" if far > evidence.reach(focus) else ""
+    box, other = focus.replay.scene.detections.box[row], evidence.owner_of(focus, row, t)
+    far = 0.0 if place is None else float(np.hypot(*(box[:2] - place)))
+    off = f"{far:.1f} m from where its forecast put it" if far > evidence.reach(focus) else ""
+    if other >= 0:
+        return f"takes the detection of {_named(focus, other)}" + (off and f", {off}")
+    if off and focus.replay.detected[row] < 0:
+        return f"takes a detection of no object, {evidence.metres(focus, evidence.away(focus, box))} beside it,"
+    return off and f"takes a detection {off}"
 
 
 def _error(focus: Focus) -> str:
@@ -191,19 +215,18 @@ def _error(focus: Focus) -> str:
     if at.parts is None or at.error is None:
         return "no error is counted, as it is not a target then"
     parts, forecast = parts_text(at.parts), focus.forecast(at.frame)
+    if at.parts.get(PARTS["ground_truth"], 0.0) >= at.blame + LEAST_SHOWN:
+        parts += " (better than on ground-truth tracks)"
     cost = f"which costs {at.error:.1f} m" + (f": {parts}" if parts != "nothing" else "")
     if forecast is None:
         return f"it has no forecast, {cost}"
     if at.minADE is None:
-        far = float(np.hypot(*(forecast.start - focus.place(at.frame))))
-        return f"the forecast of its track begins {far:.1f} m away and does not count, {cost}"
+        far = evidence.metres(focus, evidence.away(focus, forecast.start))
+        return f"the forecast of its track begins {far} away and does not count, {cost}"
     samples, below = len(forecast.path), at.parts.get(BELOW, 0.0) > at.blame
     which = f"the nearest of {samples} samples" if samples > 1 else "its forecast"
     which += f" (confidence {evidence.share(at.confidence)})" if below and at.confidence is not None else ""
     return f"{which} {evidence.went(focus, forecast)}, {cost}"
-
-
-# ---- false forecasts
 
 
 def _false_forecast(focus: Focus) -> list[str]:
@@ -218,19 +241,21 @@ def _false_forecast(focus: Focus) -> list[str]:
 
 def _surplus(focus: Focus) -> Iterator[str]:
     """Reasons why a forecast is false: an object of another class, a second forecast of one object, or no object."""
-    at, truth, t = focus.at, focus.replay.scene.truth, focus.at.frame
-    rows, far = truth.rows(t), np.hypot(*(truth.box[truth.rows(t), :2] - focus.place(t)).T)
-    other, far = evidence.confusing(focus, t, true=True), np.where(truth.class_id[rows] == at.class_id, far, np.inf)
-    if other >= 0:
-        away = float(np.hypot(*(truth.box[other, :2] - focus.place(t))))
-        yield f"the true {_named(focus, other)} is {away:.1f} m away, forecast as {focus.noun}"
-    nearest = float(far.min(initial=np.inf))
-    if nearest <= focus.gate:
-        yield f"it is a second forecast of {focus.name_of(rows.start + int(far.argmin()))}, {nearest:.1f} m away"
+    at, truth, t, doubled = focus.at, focus.replay.scene.truth, focus.at.frame, focus.doubled
+    far = [evidence.metres(focus, evidence.away(focus, box)) for box in truth.box[truth.rows(t)]]
+    if (other := evidence.confusing(focus, t, true=True)) >= 0:
+        yield f"the true {_named(focus, other)} is {far[other - truth.start[t]]} away, forecast as {focus.noun}"
+    if doubled >= 0:
+        yield f"it is a second forecast of {focus.name_of(doubled)}, {far[doubled - truth.start[t]]} away"
+        if (counted := focus.counted(doubled)) not in (-1, at.new_id):
+            yield f"that of track {counted} counts"
     elif other < 0:
-        text = f"the nearest is {nearest:.1f} m away" if np.isfinite(nearest) else "the scene has none"
-        yield f"no true {focus.noun} is within {focus.gate:g} m: {text}"
+        same = (far[i] for i in np.flatnonzero(truth.class_id[truth.rows(t)] == at.class_id))
+        nearest = min(same, key=lambda text: float(text[:-2]), default="")
+        yield f"the nearest true {focus.noun} is {nearest} away" if nearest else f"there is no true {focus.noun} then"
     if (row := evidence.taken(focus, at.new_id, t)) >= 0:
-        yield f"its detection scores {evidence.share(focus.replay.scene.detections.score[row])}"
+        whose = f" (of {name})" if (name := focus.name_of(evidence.owner_of(focus, row, t))) else ""
+        score = evidence.share(focus.replay.scene.detections.score[row])
+        yield f"the detection of track {at.new_id}{whose} scores {score}"
     elif at.new_id >= 0:
-        yield "it takes no detection"
+        yield f"track {at.new_id} takes no detection"

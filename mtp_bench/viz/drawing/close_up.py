@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from ...geometry import bev_corners
 from ...types import Floats
-from ..evidence import distance, gate
+from ..evidence import distance, gate, near_detections
 from ..focus import Focus, ObjectForecast
 from ..framing import ROLES, FocusFrame, Follower, Window, frame_of
 from ..palette import BLACK, DIM
@@ -232,7 +232,7 @@ class CloseUp:
         lacks = {
             f"no true object within {focus.near:g} m": focus.at.object_id < 0 and not len(self.shown.others),
             other or f"no {focus.noun} track {'with ' if rule.iou else ''}{rule.text}": own and focus.follower(t) < 0,
-            f"no detection within {focus.near:g} m": own and not len(focus.detections(t)),
+            f"no detection within {focus.near:g} m": own and not len(near_detections(focus, t)),
             "no forecast": own and all(role != "now" for role, _ in self.forecasts),
         }
         for text in [text for text, true in lacks.items() if true and t >= focus.at.frame]:
