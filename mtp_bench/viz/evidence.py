@@ -69,17 +69,17 @@ def trail(focus: Focus, track_id: int, t: int, frames: int) -> Floats:
 
 def near_detections(focus: Focus, t: int) -> Ints:
     """Rows of the detections within ``near`` metres of the object at frame ``t``, the nearest first."""
-    rows = focus.replay.scene.detections.rows(t)
-    far = np.hypot(*(focus.replay.scene.detections.box[rows, :2] - focus.place(t)).T)
-    order = np.argsort(far, kind="stable")
-    return np.asarray(rows.start + order[far[order] <= focus.near])
+    first, box = focus.replay.scene.detections.start[t], focus.replay.scene.detections.box
+    far = np.hypot(*(box[focus.replay.scene.detections.rows(t), :2] - focus.place(t)).T)
+    return np.asarray(first + np.argsort(far, kind="stable")[: (far <= focus.near).sum()])
 
 
-def detection(focus: Focus, t: int) -> int:
-    """Row of the detection that is matched to the object at frame ``t``, else of the nearest of its class, or -1."""
-    rows = near_detections(focus, t)
-    rows = rows[focus.replay.scene.detections.class_id[rows] == focus.at.class_id]
-    return min(rows.tolist(), key=lambda row: focus.replay.detected[row] != focus.at.object_id, default=-1)
+def detection(focus: Focus, t: int) -> tuple[int, float]:
+    """Row of the detection of the object at frame ``t``, else of the nearest of its class, or -1; its distance, m."""
+    rows, seen = near_detections(focus, t), focus.replay.scene.detections
+    rows = rows[seen.class_id[rows] == focus.at.class_id]
+    row = min(rows.tolist(), key=lambda row: focus.replay.detected[row] != focus.at.object_id, default=-1)
+    return row, away(focus, seen.box[row]) if row >= 0 else np.inf
 
 
 def detected_until(focus: Focus, t: int) -> tuple[int, int]:
@@ -147,6 +147,11 @@ def away(focus: Focus, place: Floats) -> float:
     return float(np.hypot(*(place[:2] - focus.place(focus.at.frame))))
 
 
+def track_away(focus: Focus, track: int) -> float:
+    """Distance of a track that is output then from the object in the event's frame, m."""
+    return away(focus, focus.replay.rollout.track_box[focus.track_rows(track)[focus.at.frame]])
+
+
 def metres(focus: Focus, far: float) -> str:
     """A distance in one digit, or in two where one would hide on which side of a gate it lies."""
     gates = {f"{each:.1f}" for each in (focus.gate, reach(focus))}
@@ -157,9 +162,8 @@ def ghost(focus: Focus, detection: int) -> str:
     """Name of the run of false forecasts of a detection of another class, in brackets; empty without one."""
     run, t, class_id = focus.replay, focus.at.frame, focus.replay.scene.detections.class_id[detection]
     runs = (each for each in run.incidents if each.kind == "spurious" and each.frame <= t <= each.until)
-    tracks = ((each.name, focus.track_rows(each.new_id)[t]) for each in runs if each.class_id == class_id)
-    near = (name for name, row in tracks if row >= 0 and away(focus, run.rollout.track_box[row]) <= reach(focus))
-    return next((f" ({name})" for name in near), "")
+    there = (each for each in runs if each.class_id == class_id and focus.track_rows(each.new_id)[t] >= 0)
+    return next((f" ({each.name})" for each in there if track_away(focus, each.new_id) <= reach(focus)), "")
 
 
 def distance(focus: Focus, t: int) -> float | None:

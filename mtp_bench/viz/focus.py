@@ -32,10 +32,9 @@ class ObjectForecast:
 
 @dataclass(frozen=True, eq=False)
 class Focus:
-    """An event and the run it happened in.
+    """An event and the run it happened in; rows are those of the tables of the run.
 
-    Tracks are those of the best hypothesis of the event's frame, back along its lineage; after it, of the best of each
-    frame. Rows are those of the tables of the run.
+    Tracks are those of the best hypothesis of the event's frame, back along its lineage; later, of the best then.
     """
 
     replay: Replay
@@ -149,8 +148,7 @@ class Focus:
     @cached_property
     def track_of_truth(self) -> Ints:
         """Track [R] matched to each true box in this hypothesis, -1 without one."""
-        frame = self.replay.scene.truth.frame_of_rows
-        chosen = self.hypothesis[frame]
+        frame, chosen = self.replay.scene.truth.frame_of_rows, self.hypothesis[self.replay.scene.truth.frame_of_rows]
         matched = self.replay.matched[np.arange(len(frame)), chosen]
         best = chosen == self.replay.answers.hypotheses.best[frame]
         return np.where(best, self.replay.truth_track, matched)
@@ -180,9 +178,9 @@ class Focus:
             return -1
         rows, own, gate = run.tracks.rows(t), slice(row, row + 1), card.task.event_gate
         tracks = rows.start + np.flatnonzero(self.shown[rows] & (self.truth_of_track[:-1][rows] >= 0))
-        others = np.zeros(len(tracks)), run.track_box[tracks], run.track_class[tracks]
-        one = np.zeros(1), truth.box[own], truth.class_id[own]
-        pairs = box_pairs(*one, *others, gate.measure, card.per_class(gate.threshold))
+        frames, others = np.zeros(1 + len(tracks), dtype=np.int64), (run.track_box[tracks], run.track_class[tracks])
+        one, rule = (truth.box[own], truth.class_id[own]), (gate.measure, card.per_class(gate.threshold))
+        pairs = box_pairs(frames[:1], *one, frames[1:], *others, *rule)
         return int(np.append(run.track_id[tracks[pairs.column[np.argsort(pairs.cost)]]], -1)[0])
 
     @cached_property
@@ -196,8 +194,7 @@ class Focus:
 
     def counted(self, row: int) -> int:
         """Id of the track whose forecast counts for a true box, -1 without one."""
-        forecast = self.replay.truth_forecast[row] if row >= 0 else -1
-        return int(np.append(self.replay.answers.object_track_id, -1)[forecast])
+        return int(np.append(self.replay.answers.object_track_id, -1)[np.append(self.replay.truth_forecast, -1)[row]])
 
     def tracks_at(self, t: int) -> tuple[int, ...]:
         """Ids of the tracks at the object in a picture of frame ``t``: of its forecasts, and its `rival`; -1: none."""
@@ -244,8 +241,6 @@ class Focus:
         From the event on the one before it stays in sight: the switch has spoilt it.
         """
         at, after = self.at, t >= self.at.frame
-        frames = {"before": at.frame - 1, "now": t} if after else {"before": t}
-        if after and (at.frame == 0 or at.kind == "spurious"):
-            del frames["before"]
-        forecasts = ((role, self.forecast(frame)) for role, frame in frames.items())
-        return [(role, forecast) for role, forecast in forecasts if forecast is not None]
+        frames = [("before", min(t, at.frame - 1))] if not after or (at.frame > 0 and at.kind != "spurious") else []
+        shown = ((role, self.forecast(frame)) for role, frame in [*frames, *[("now", t)] * after])
+        return [(role, forecast) for role, forecast in shown if forecast is not None]

@@ -25,7 +25,7 @@ def sentence(focus: Focus) -> str:
     if at.object_id < 0:
         texts = _false_forecast(focus)
     else:
-        happened = {"ids": _switched, "lost": _lost, "reacquired": _found, MOMENT: _followed}[at.kind](focus)
+        happened = {"ids": _switched, "lost": _lost, "reacquired": _switched, MOMENT: _followed}[at.kind](focus)
         texts = [f"{_when(focus)} {focus.named} {happened}", _fitting(_evidence(focus)), _error(focus)]
     texts[1:] = [text[0].upper() + text[1:] for text in texts[1:] if text]
     return _with_ids_in_file(f"{at.name}: {'. '.join(texts)}", run.scene.track_names)
@@ -33,10 +33,9 @@ def sentence(focus: Focus) -> str:
 
 def _with_ids_in_file(text: str, names: Mapping[int, str]) -> str:
     """``text``, whose first mention of each stored track has its id in the file behind it; ``names``: by number."""
-    for number in dict.fromkeys(re.findall(r"\btrack (\d+)\b", text)):
-        if int(number) in names:
-            before, track, after = re.split(rf"(\btrack {number}\b)", text, maxsplit=1)
-            text = f"{before}{track} ({names[int(number)]} in its file){after}"
+    for number in {*map(int, re.findall(r"\btrack (\d+)\b", text))} & names.keys():
+        before, track, after = re.split(rf"(\btrack {number}\b)", text, maxsplit=1)
+        text = f"{before}{track} ({names[number]} in its file){after}"
     return text
 
 
@@ -53,14 +52,10 @@ def _time(focus: Focus, t: int, since: int = 0) -> str:
 def _fitting(clauses: Iterator[str]) -> str:
     """The first clauses, as many as a sentence may have words."""
     text = ""
-    for clause in clauses:
+    for clause in filter(None, clauses):
         longer = f"{text}; {clause}" if text else clause
         text = longer if len(longer.split()) <= WORDS else text
     return text
-
-
-def _switched(focus: Focus) -> str:
-    return f"changes from track {focus.at.old_id} to {_taker(focus, focus.at.new_id, focus.at.frame)}"
 
 
 def _lost(focus: Focus) -> str:
@@ -72,10 +67,12 @@ def _lost(focus: Focus) -> str:
     return f"loses track {at.old_id} for {_time(focus, again, at.frame)}, {then}{_event(focus, at.object_id, again)}"
 
 
-def _found(focus: Focus) -> str:
+def _switched(focus: Focus) -> str:
     at = focus.at
-    lost = at.frame - int(np.argmax(focus.followers(at.frame, 0)[1:] >= 0))
     by = f"its old track {at.new_id}" if at.new_id == at.old_id else _taker(focus, at.new_id, at.frame)
+    if at.kind == "ids":
+        return f"changes from track {at.old_id} to {by}"
+    lost = at.frame - int(np.argmax(focus.followers(at.frame, 0)[1:] >= 0))
     return f"is found again after {_time(focus, at.frame, lost)}{_event(focus, at.object_id, lost)} by {by}"
 
 
@@ -83,10 +80,9 @@ def _followed(focus: Focus) -> str:
     tracks, again = focus.followers(focus.at.frame, 0), focus.regained
     frames = int(np.argmin(np.append(tracks == tracks[0], False)))  # with this track, or without one
     since, always = focus.at.frame - frames + 1, frames == len(tracks)
-    if tracks[0] >= 0 and always:
-        return f"is followed by track {tracks[0]} from its first frame on"
-    if tracks[0] >= 0:
-        return f"is followed since {_time(focus, since)} by {_taker(focus, int(tracks[0]), since)}"
+    if (track := int(tracks[0])) >= 0:
+        since_then = f"since {_time(focus, since)} by {_taker(focus, track, since)}"
+        return f"is followed by track {track} from its first frame on" if always else f"is followed {since_then}"
     text = "has had no track so far" if always else f"has no track since {_time(focus, since)}"
     then = "and gets none" if again < 0 else f"then track {focus.follower(again)} from {_time(focus, again)} on"
     return f"{text}, {then}"
@@ -120,78 +116,72 @@ def _event(focus: Focus, object_id: int, t: int) -> str:
 
 
 def _evidence(focus: Focus) -> Iterator[str]:
-    at, t, seen = focus.at, focus.at.frame, focus.replay.scene.detections
-    followed, confused, own = at.new_id >= 0, evidence.confusing(focus, t), evidence.detection(focus, t)
-    far = evidence.away(focus, seen.box[own]) if own >= 0 else np.inf
+    at, t, taken = focus.at, focus.at.frame, evidence.taken(focus, focus.at.old_id, focus.at.frame)
+    confused, (own, far), fate = evidence.confusing(focus, t), evidence.detection(focus, t), _fate(focus)
     missed = far > evidence.reach(focus)
-    if confused >= 0 and (missed or not followed):
-        whose = focus.name_of(evidence.owner_of(focus, confused, t))
-        whose = f" (of {whose})" if whose else evidence.ghost(focus, confused)
+    looked = missed or at.new_id < 0  # at the detections
+    if confused >= 0 and looked:
+        whose = f" (of {name})" if (name := _owner(focus, confused)) else evidence.ghost(focus, confused)
         yield f"{'the' if missed else 'one'} detection there says {evidence.says(focus, confused)}{whose}"
-    if at.kind in ("ids", "lost"):
-        yield _fate(focus)
-    elif followed and (took := _took(focus, at.new_id)):
-        yield f"track {at.new_id} {took}"
-    elif followed and (away := _metres(focus, at.new_id, evidence.reach(focus) / 2)):
-        yield f"track {at.new_id} is {away} away"
+    yield fate
     yield from _others(focus)
-    nearest, taken = f"the nearest {focus.noun} detection", evidence.taken(focus, at.old_id, t)
-    if own < 0 and confused < 0 and (taken < 0 or focus.replay.detected[taken] >= 0):
-        yield f"no {focus.noun} is detected within {focus.near:g} m"
-    elif own >= 0 and (missed or not followed):
-        metres, whose = evidence.metres(focus, far), focus.name_of(evidence.owner_of(focus, own, t))
-        there = f"it is detected {metres} away, score {evidence.share(seen.score[own])}"
-        other = f"{nearest}, {metres} away, is that of {whose}" if whose else f"{nearest} is {metres} away"
-        yield there if focus.replay.detected[own] == at.object_id else other
+    if looked and not (own < 0 <= confused or (" detection of " in fate and own in (-1, taken))):
+        yield _detected(focus, own, evidence.metres(focus, far))
     first, last = evidence.detected_until(focus, t)
     if last < t:
         yield f"last detected at {_time(focus, last)}" if last >= 0 else f"there since {_time(focus, first)}"
-    start, end = (at.first, at.until) if at.first >= 0 else (t, max(t, focus.regained - 1))
-    visible, ego = evidence.visible(focus, start, end), evidence.distance(focus, t)
-    hidden = visible is not None and visible < HIDDEN
-    if ego is not None and (missed or hidden or not followed):
-        yield f"it is {ego:.0f} m from the ego"
-    if hidden:
-        yield f"{visible:.0%} visible" + (" on average" if end > start else "")
+    start, ego = at.first if at.first >= 0 else t, evidence.distance(focus, t)
+    hidden = (visible := evidence.visible(focus, start, at.until)) is not None and visible < HIDDEN
+    yield f"it is {ego:.0f} m from the ego" if ego is not None and (looked or hidden) else ""
+    yield f"{visible:.0%} visible{' on average' if at.until > start else ''}" if hidden else ""
+
+
+def _detected(focus: Focus, row: int, far: str) -> str:
+    if row < 0:
+        return f"no {focus.noun} is detected within {focus.near:g} m"
+    if focus.replay.detected[row] == focus.at.object_id:
+        return f"it is detected {far} away, score {evidence.share(focus.replay.scene.detections.score[row])}"
+    there = f", {far} away, is that of {name}" if (name := _owner(focus, row)) else f" is {far} away"
+    return f"the nearest {focus.noun} detection{there}"
+
+
+def _owner(focus: Focus, detection: int) -> str:
+    return focus.name_of(evidence.owner_of(focus, detection, focus.at.frame))
 
 
 def _others(focus: Focus) -> Iterator[str]:
     """The track of another object whose forecast counts for this one, and the nearest one that is at it."""
-    t, had = focus.at.frame, (focus.at.old_id, focus.at.new_id)
-    counted, rival = focus.counted(int(focus.rows[t])), focus.rival(t)
-    if focus.forecast(t) is not None and -1 < counted != focus.at.new_id:
-        other = -1 if counted in had else focus.other(counted, t)
-        follows = f", which follows {focus.name_of(other)}," if other >= 0 else ""
+    at, counted, rival = focus.at, focus.counted(int(focus.rows[focus.at.frame])), focus.rival(focus.at.frame)
+    other, rivals = (focus.name_of(focus.other(each, at.frame)) for each in (counted, rival))
+    if counted not in (-1, at.new_id) and focus.forecast(at.frame) is not None:
+        follows = f", which follows {other}," if other and counted != at.old_id else ""
         yield f"the forecast of track {counted}{follows} counts for it"
-    if rival not in (-1, counted, *had):
-        yield f"track {rival}, {_metres(focus, rival)} away, follows {focus.name_of(focus.other(rival, t))}"
+    if rival not in (-1, counted, at.old_id, at.new_id):
+        yield f"track {rival}, {evidence.metres(focus, evidence.track_away(focus, rival))} away, follows {rivals}"
 
 
 def _fate(focus: Focus) -> str:
-    """Fate of the track that had the object before."""
+    """Fate of the track that had the object before, or of the one that keeps or finds it; empty if it is usual."""
     t, old, new, rule = focus.at.frame, focus.at.old_id, focus.at.new_id, evidence.gate(focus)
-    if (row := focus.track_rows(old)[t]) < 0:
-        return f"track {old} ends"
-    took, other = _took(focus, old), focus.other(old, t)
-    if other >= 0 and f"of {focus.name_of(other)}" in took:
-        return f"track {old} {took}"
-    took += " and " if took else ""
+    track = old if focus.at.kind in ("ids", "lost") else new
+    if (row := focus.track_rows(track)[t]) < 0:
+        return f"track {track} ends" if track >= 0 else ""
+    took, away, other = _took(focus, track), evidence.track_away(focus, track), focus.other(track, t)
+    far = f"is {evidence.metres(focus, away)} away"
+    if track == new:
+        took = took.strip(",") or (far if away > evidence.reach(focus) / 2 else "")
+        return took and f"track {track} {took}"
+    then, kind = f"track {track} {took and f'{took} and '}", int(focus.replay.rollout.track_class[row])
     if other >= 0:
-        return f"track {old} {took}goes to {_named(focus, other)}"
-    if (kind := int(focus.replay.rollout.track_class[row])) not in (-1, focus.at.class_id):
-        return f"track {old} {took}has class {focus.replay.card.task.classes[kind].replace('_', ' ')} now"
+        goes = f"detection of {_named(focus, other)},"
+        return f"track {track} {took.strip(',')}" if goes in f"{took}," else f"{then}goes to {_named(focus, other)}"
+    if kind not in (-1, focus.at.class_id):
+        return f"{then}has class {focus.replay.card.task.classes[kind].replace('_', ' ')} now"
     if rule.iou:
         overlap = iou_3d(focus.replay.scene.truth.box[focus.rows[t]], focus.replay.rollout.track_box[row])
         below = f", below {rule.threshold:g}" if new < 0 else ""
-        return f"track {old} {took}has an IoU of {np.floor(100 * overlap) / 100:.2f} with it{below}"
-    beside = f", track {new} {_metres(focus, new)}" if new >= 0 else ""
-    return f"track {old} {took}is {_metres(focus, old)} away{beside}"
-
-
-def _metres(focus: Focus, track: int, least: float = 0.0) -> str:
-    """Distance of a track that is output from the object; empty below ``least`` m."""
-    far = evidence.away(focus, focus.replay.rollout.track_box[focus.track_rows(track)[focus.at.frame]])
-    return evidence.metres(focus, far) if far >= least else ""
+        return f"{then}has an IoU of {np.floor(100 * overlap) / 100:.2f} with it{below}"
+    return then + far + (f", track {new} {evidence.metres(focus, evidence.track_away(focus, new))}" if new >= 0 else "")
 
 
 def _took(focus: Focus, track: int) -> str:
@@ -202,10 +192,11 @@ def _took(focus: Focus, track: int) -> str:
     box, other = focus.replay.scene.detections.box[row], evidence.owner_of(focus, row, t)
     far = 0.0 if place is None else float(np.hypot(*(box[:2] - place)))
     off = f"{far:.1f} m from where its forecast put it" if far > evidence.reach(focus) else ""
-    if other >= 0:
-        return f"takes the detection of {_named(focus, other)}" + (off and f", {off}")
-    if off and focus.replay.detected[row] < 0:
-        return f"takes a detection of no object, {evidence.metres(focus, evidence.away(focus, box))} beside it,"
+    whose = f"the detection of {_named(focus, other)}" if other >= 0 else "a detection of no object"
+    if other >= 0 and off:
+        return f"takes {whose}, {off}"
+    if other >= 0 or (off and focus.replay.detected[row] < 0):
+        return f"takes {whose}, {evidence.metres(focus, evidence.away(focus, box))} beside it,"
     return off and f"takes a detection {off}"
 
 
@@ -215,7 +206,7 @@ def _error(focus: Focus) -> str:
     if at.parts is None or at.error is None:
         return "no error is counted, as it is not a target then"
     parts, forecast = parts_text(at.parts), focus.forecast(at.frame)
-    if at.parts.get(PARTS["ground_truth"], 0.0) >= at.blame + LEAST_SHOWN:
+    if at.parts.get(PARTS["ground_truth"], 0.0) >= at.error + LEAST_SHOWN:
         parts += " (better than on ground-truth tracks)"
     cost = f"which costs {at.error:.1f} m" + (f": {parts}" if parts != "nothing" else "")
     if forecast is None:
@@ -235,8 +226,8 @@ def _false_forecast(focus: Focus) -> list[str]:
         return [f"{_when(focus)} there is no false forecast of a {focus.noun}"]
     owner = f"track {at.new_id}" if at.new_id >= 0 else "a forecast without a track"
     when = f"from {_time(focus, at.frame)} to {_time(focus, at.until)}" if at.frame < at.until else _when(focus)
-    confidence = f"confidence up to {evidence.share(at.confidence or 0.0)}"
-    return [f"{when} {owner} forecasts a {focus.noun}, {confidence}", _fitting(_surplus(focus))]
+    forecasts = f"forecasts a {focus.noun}, confidence up to {evidence.share(at.confidence or 0.0)}"
+    return [f"{when} {owner} {forecasts}", _fitting(_surplus(focus))]
 
 
 def _surplus(focus: Focus) -> Iterator[str]:
@@ -247,15 +238,13 @@ def _surplus(focus: Focus) -> Iterator[str]:
         yield f"the true {_named(focus, other)} is {far[other - truth.start[t]]} away, forecast as {focus.noun}"
     if doubled >= 0:
         yield f"it is a second forecast of {focus.name_of(doubled)}, {far[doubled - truth.start[t]]} away"
-        if (counted := focus.counted(doubled)) not in (-1, at.new_id):
-            yield f"that of track {counted} counts"
+        yield f"that of track {counted} is surer and counts" if (counted := focus.counted(doubled)) >= 0 else ""
     elif other < 0:
         same = (far[i] for i in np.flatnonzero(truth.class_id[truth.rows(t)] == at.class_id))
         nearest = min(same, key=lambda text: float(text[:-2]), default="")
         yield f"the nearest true {focus.noun} is {nearest} away" if nearest else f"there is no true {focus.noun} then"
     if (row := evidence.taken(focus, at.new_id, t)) >= 0:
-        whose = f" (of {name})" if (name := focus.name_of(evidence.owner_of(focus, row, t))) else ""
-        score = evidence.share(focus.replay.scene.detections.score[row])
-        yield f"the detection of track {at.new_id}{whose} scores {score}"
+        score, whose = evidence.share(focus.replay.scene.detections.score[row]), _owner(focus, row)
+        yield f"the detection of track {at.new_id}{whose and f' (of {whose})'} scores {score}"
     elif at.new_id >= 0:
         yield f"track {at.new_id} takes no detection"

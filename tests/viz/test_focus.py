@@ -72,7 +72,9 @@ def test_a_swap_shows_the_other_object_by_its_name() -> None:
     shown = frame_of(Focus(run, run.incident("ids-0")), EVENT)
     assert shown.other_names == ("car 6",)
     assert shown.others[:, 1].tolist() == [3.0]
-    assert "track 2 (of car 6 until then). Track 1 takes a detection 3.0 m from where" in told(truth, tracks, "ids-0")
+    assert "track 2 (of car 6 until then). Track 1 takes the detection of car 6 (ids-1), 3.0 m from where" in told(
+        truth, tracks, "ids-0"
+    )
 
 
 def test_a_track_and_a_detection_at_the_object_are_said_to_be_of_another_one() -> None:
@@ -213,10 +215,14 @@ def test_a_detection_of_another_class_is_said_of_the_object_and_of_its_ghost() -
     run = replay(with_detections(make_scene(line([5] * 8)), seen), make_rollout(said, said), CARD)
     lost, ghost = (sentence(Focus(run, run.incident(name))) for name in ("lost-0", "spurious-0"))
     assert ". The detection there says pedestrian 1.00 (spurious-0); track 1 has class pedestrian now" in lost
-    assert ". The true car 5 (lost-0) is 0.2 m away, forecast as pedestrian; its detection scores 1.00" in ghost
+    assert (
+        ". The true car 5 (lost-0) is 0.2 m away, forecast as pedestrian; the detection of track 1 scores 1.00" in ghost
+    )
 
 
-@pytest.mark.parametrize(("detected", "told_of_it"), [(3.0, "takes a detection 3.0 m from where"), (9.0, "takes no")])
+@pytest.mark.parametrize(
+    ("detected", "told_of_it"), [(3.0, "takes a detection of no object, 3.0 m"), (9.0, "takes no")]
+)
 def test_the_detection_that_a_track_took_lies_beyond_its_box(detected: float, told_of_it: str) -> None:
     tracks = [[Thing(1, t, 2.4 if t == 4 else 0.0)] for t in range(8)]
     seen = [[Thing(0, t, detected if t == 4 else 0.0)] for t in range(8)]
