@@ -59,36 +59,56 @@ def check(focus: Focus, text: str) -> None:
 
 
 def check_metres(focus: Focus, text: str, where: str) -> None:
-    """Check distances of tracks, ends of forecasts and costs."""
+    """Check distances of tracks, ends of forecasts and costs, and whose forecast counts."""
     at, t, run = focus.at, focus.at.frame, focus.replay
     for track, metres in re.findall(r"[Tt]rack (\d+) is ([\d.]+) m away", text):
-        box = run.rollout.track_box[focus.track_rows(int(track))[t]]
-        assert f"{np.hypot(*(box[:2] - focus.place(t))):.1f}" == metres, where
-        assert at.kind != "lost" or float(metres) >= round(reach(focus), 1) or focus.other(int(track), t) >= 0, where
+        far = np.hypot(*(run.rollout.track_box[focus.track_rows(int(track))[t], :2] - focus.place(t)))
+        assert shown(far, metres), where
+        assert at.kind != "lost" or far >= reach(focus) or focus.other(int(track), t) >= 0, where
     for metres in re.findall(r"and ends ([\d.]+) m off", text):
         forecast, future = focus.forecast(t), focus.future(t)
         assert forecast is not None
-        assert f"{np.hypot(*(forecast.nearest_path[len(future) - 1] - future[-1])):.1f}" == metres, where
-    for metres in re.findall(r"costs ([\d.]+) m", text):
-        assert f"{at.error:.1f}" == metres, where
+        assert shown(np.hypot(*(forecast.nearest_path[len(future) - 1] - future[-1])), metres), where
+    assert all(f"{at.error:.1f}" == metres for metres in re.findall(r"costs ([\d.]+) m", text)), where
+    for track in re.findall(r"forecast of track (\d+).* counts for it", text):
+        assert run.answers.object_track_id[run.truth_forecast[focus.rows[t]]] == int(track) != at.new_id, where
+
+
+def shown(value: float, text: str) -> bool:
+    """True if the text is the number, rounded to its digits."""
+    return f"{value:.{len(text.partition('.')[2])}f}" == text
 
 
 def check_detections(focus: Focus, text: str, where: str) -> None:
     """Check what is detected at the object, and that class confusion is said wherever an object is lost or a ghost."""
     at, t, scene = focus.at, focus.at.frame, focus.replay.scene
-    table, place = scene.detections, focus.place(t)
-    rows = np.arange(len(table.box))[table.rows(t)]
-    far, own = np.hypot(*(table.box[rows, :2] - place).T), table.class_id[rows] == at.class_id
+    table, place, truth = scene.detections, focus.place(t), scene.truth
+    seen = focus.replay.detected[table.rows(t)]
+    far, own = np.hypot(*(table.box[table.rows(t), :2] - place).T), table.class_id[table.rows(t)] == at.class_id
     if at.kind == "lost":
         assert ("detection there says" in text) == bool((far[~own] <= reach(focus)).any()), where
     if at.kind == "spurious":
-        truth = np.arange(len(scene.truth.box))[scene.truth.rows(t)]
-        others = truth[scene.truth.class_id[truth] != at.class_id]
-        true = np.hypot(*(scene.truth.box[others, :2] - place).T)
-        assert (": The true " in text or ". The true " in text) == bool((true <= reach(focus)).any()), where
+        others = truth.box[truth.rows(t), :2][truth.class_id[truth.rows(t)] != at.class_id]
+        near = bool((np.hypot(*(others - place).T) <= reach(focus)).any())
+        assert (": The true " in text or ". The true " in text) == near, where
     for metres in re.findall(r"is detected within (\S+) m", text):
         assert not (far[own] <= float(metres)).any(), where
-    for metres in re.findall(r"nearest detection is ([\d.]+) m", text):
-        assert f"{far[own].min():.1f}" == metres, where
+    for metres, of in re.findall(r"nearest \S.* detection(?: is|,) ([\d.]+) m away(, is that of)?", text):
+        assert shown(far[own].min(), metres), where
+        assert at.object_id not in seen, where
+        assert (seen[own][np.argmin(far[own])] >= 0) == bool(of), where
     for metres in re.findall(r"it is detected ([\d.]+) m", text):
-        assert metres in [f"{each:.1f}" for each in far[own]], where
+        assert shown(float(far[seen == at.object_id].item()), metres), where
+    for metres in re.findall(r"takes a detection of no object, ([\d.]+) m", text):
+        assert any(shown(each, metres) for each in far[seen < 0]), where
+    for row in range(truth.start[t], truth.start[t + 1]):
+        if re.search(rf"(is that|the detection) of {re.escape(focus.name_of(row))}\b", text):
+            assert truth.object_id[row] in seen, where
+    if "ast detected at " in text or "here since " in text:
+        last = table.frame_of_rows[focus.replay.detected == at.object_id]
+        first, last = truth.frame_of_rows[truth.object_id == at.object_id][0], last[last <= t][-1:]
+        since = (
+            f"ast detected at {focus.seconds(last[0]):.1f}" if len(last) else f"here since {focus.seconds(first):.1f}"
+        )
+        assert f"{since} {focus.seconds(when):.1f} s" in text, where
+        assert t not in last, where
