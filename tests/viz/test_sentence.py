@@ -107,8 +107,6 @@ def check_detections(focus: Focus, text: str, where: str) -> None:
     if "ast detected at " in text or "here since " in text:
         last = table.frame_of_rows[focus.replay.detected == at.object_id]
         first, last = truth.frame_of_rows[truth.object_id == at.object_id][0], last[last <= t][-1:]
-        since = (
-            f"ast detected at {focus.seconds(last[0]):.1f}" if len(last) else f"here since {focus.seconds(first):.1f}"
-        )
+        since, when = ("ast detected at", last[0]) if len(last) else ("here since", first)
         assert f"{since} {focus.seconds(when):.1f} s" in text, where
         assert t not in last, where
