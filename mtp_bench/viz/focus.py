@@ -121,8 +121,7 @@ class Focus:
 
     def path(self, first: int, last: int) -> Floats:
         """Places [n, 2] of the object from frame ``first`` on until a gap or ``last``, forwards or backwards."""
-        rows = self.until_gap(self.rows, first, last)
-        return np.asarray(self.replay.scene.truth.box[rows, :2], dtype=np.float64)
+        return self.replay.scene.truth.box[self.until_gap(self.rows, first, last), :2].astype(np.float64)
 
     def future(self, t: int) -> Floats:
         """Places [n, 2] of the object within the horizon, now first."""
@@ -163,13 +162,11 @@ class Focus:
 
     def follower(self, t: int) -> int:
         """Id of the track that follows the object at frame ``t``, -1 without one."""
-        track = np.append(self.track_of_truth, -1)[self.rows[t]]
-        return int(np.append(self.replay.rollout.track_id, -1)[track])
+        return int(np.append(self.replay.rollout.track_id, -1)[np.append(self.track_of_truth, -1)[self.rows[t]]])
 
     def followers(self, first: int, last: int) -> Ints:
         """Ids [n] of the tracks that follow the object from ``first`` until a gap or ``last``, or backwards."""
-        tracks = self.track_of_truth[self.until_gap(self.rows, first, last)]
-        return np.append(self.replay.rollout.track_id, -1)[tracks]
+        return np.append(self.replay.rollout.track_id, -1)[self.track_of_truth[self.until_gap(self.rows, first, last)]]
 
     def rival(self, t: int) -> int:
         """Id of the nearest track in the event gate of the object that follows another one; -1 if one follows it."""
