@@ -1,6 +1,7 @@
 """Evidence around an event that an agent does not state; metres, frame of the scene, rows of the tables of the run."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ..scoring.matching import match
 from ..scoring.pairs import Pairs
 from ..types import Detections, Floats, Ints, Truth, to_metres
 from .focus import Focus, ObjectForecast
+from .replay import Replay
 
 STILL = 1.0  # m, within the horizon: an object that moves less stands still
 TINY = 0.1  # m: a forecast that begins nearer begins at the object
@@ -97,19 +99,27 @@ def taken(focus: Focus, track_id: int, t: int) -> int:
     The tracks of the hypothesis are matched with detections one-to-one. A filter moves a track from its expected place
     towards its detection and stops short of it: the detection lies about as near to the box as the box has moved.
     """
-    row, run, table = int(focus.track_rows(track_id)[t]), focus.replay, focus.replay.scene.detections
-    if row < 0:
+    row, run = int(focus.track_rows(track_id)[t]), focus.replay
+    detection = -1 if row < 0 else _nearest(run, t, int(focus.hypothesis[t]), focus.near).get(row, -1)
+    if detection < 0:
         return -1
-    tracks, seen = (np.arange(each.start[t], each.start[t + 1]) for each in (run.rollout.tracks, table))
-    tracks = tracks[focus.shown[tracks]]
-    box, class_id = run.rollout.track_box[tracks, :2].astype(np.float64), run.rollout.track_class[tracks]
-    gap = np.hypot(*np.moveaxis(box[:, None] - table.box[seen, :2], -1, 0))
-    fits = (class_id[:, None] == table.class_id[seen]) | (class_id[:, None] < 0)
-    i, j = np.nonzero(fits & (gap <= focus.near))
-    own = int(np.searchsorted(tracks, row))
-    place, matched = expected(focus, track_id, t), int(match(Pairs(i, j, gap[i, j]), len(tracks))[own])
-    moved = 0.0 if place is None else float(np.hypot(*(box[own] - place)))
-    return int(seen[matched]) if matched >= 0 and gap[own, matched] <= SMOOTHED * focus.gate + moved else -1
+    place, box = expected(focus, track_id, t), run.rollout.track_box[row, :2].astype(np.float64)
+    moved = 0.0 if place is None else float(np.hypot(*(box - place)))
+    gap = float(np.hypot(*(box - run.scene.detections.box[detection, :2])))
+    return detection if gap <= SMOOTHED * focus.gate + moved else -1
+
+
+@lru_cache(maxsize=64)  # lists ask for all tracks of a frame, one after the other
+def _nearest(run: Replay, t: int, hypothesis: int, near: float) -> dict[int, int]:
+    """The detection matched to each track of a hypothesis in frame ``t``, at most ``near`` metres away, by rows."""
+    table, rollout = run.scene.detections, run.rollout
+    tracks, seen = (np.arange(each.start[t], each.start[t + 1]) for each in (rollout.tracks, table))
+    tracks = tracks[run.answers.hypotheses.member[tracks, hypothesis]]
+    class_id = rollout.track_class[tracks]
+    gap = np.hypot(*np.moveaxis(rollout.track_box[tracks, None, :2].astype(np.float64) - table.box[seen, :2], -1, 0))
+    i, j = np.nonzero(((class_id[:, None] == table.class_id[seen]) | (class_id[:, None] < 0)) & (gap <= near))
+    matched = match(Pairs(i, j, gap[i, j]), len(tracks))
+    return dict(zip(tracks[matched >= 0].tolist(), seen[matched[matched >= 0]].tolist(), strict=True))
 
 
 def confusing(focus: Focus, t: int, true: bool = False) -> int:
