@@ -6,8 +6,8 @@ from typer import Option
 
 from ..parallel import reported
 from ..running.stored import open_run
+from ..viz.incident import KINDS
 from ..viz.played import replays
-from ..viz.replay import KINDS
 from ..viz.terminal.event_table import (
     CAPTION,
     LOOK,

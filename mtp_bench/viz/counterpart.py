@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .replay import MOMENT, Incident, Replay
+from .incident import MOMENT, Incident
+from .replay import Replay
 
 
 def counterpart(run: Replay, at: Incident) -> Incident:

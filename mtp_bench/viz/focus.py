@@ -11,7 +11,8 @@ from ..scoring.forecasts import sample_weights
 from ..scoring.holes import pieces
 from ..scoring.pairs import box_pairs
 from ..types import Bools, Floats, Ints, to_metres
-from .replay import Incident, Replay
+from .incident import Incident
+from .replay import Replay
 
 
 @dataclass(frozen=True, eq=False)

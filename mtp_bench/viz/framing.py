@@ -11,8 +11,9 @@ from ..types import Floats, Ints
 from .counterpart import counterpart
 from .evidence import confusing, expected, near_detections, owner_of, says, share, taken, trail
 from .focus import Focus
+from .incident import Incident
 from .palette import BEFORE, BLACK, NOW, PURPLE, TRUTH
-from .replay import Incident, Replay
+from .replay import Replay
 
 MOST_DETECTIONS = 5  # that are bright: the nearest
 TRAIL_SECONDS = 3.0

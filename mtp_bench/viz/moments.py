@@ -12,7 +12,8 @@ from ..scoring.holes import separated_truth
 from ..scoring.pairs import near_pairs
 from ..scoring.parts import BELOW, PARTS, blame, named_parts
 from ..types import Bools, Floats, Ints
-from .replay import KINDS, Incident, Replay
+from .incident import KINDS, Incident
+from .replay import Replay
 
 AT = "an event, OBJECT@FRAME, an object, a frame (20) or a time (12.5s); `events` and `worst` list them"
 GAP_SECONDS = 0.5  # between two bad frames of one moment, at most

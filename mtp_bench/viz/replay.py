@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,55 +20,15 @@ from ..scoring.holes import pieces, separated_truth
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
-from ..scoring.parts import BELOW, PARTS, SceneParts, blame, named_parts, plain_parts
+from ..scoring.parts import PARTS, SceneParts, blame, named_parts, plain_parts
 from ..scoring.score import check_rollout
 from ..scoring.targets import find_targets, live_frames
 from ..sources import CameraImage
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .answers import Answers
+from .incident import MOMENT, Incident, named
 
-KINDS = ("ids", "lost", "reacquired", "spurious")  # the last: false forecasts
 EGO_SIZE = (4.6, 1.9, 1.6)  # m, l w h of a usual car: sources do not state the size of their vehicle
-MOMENT = "moment"  # kind of the incident of an object in a frame without an event
-
-
-@dataclass(frozen=True)
-class Incident:
-    """One event of the best hypothesis along its lineage, a run of false forecasts of one track, or a moment."""
-
-    kind: str  # of KINDS, or MOMENT
-    frame: int
-    until: int  # last frame: that of the event itself, but of a run its end
-    row: int  # of the truth; of a run: of its first forecast object
-    class_id: int
-    position: tuple[float, float, float]  # m, of the true box or of the first false forecast, frame of the scene
-    name: str = ""  # kind and number within the scene, in the order of frames: "ids-0"; of a moment "car_turn@17"
-    object_id: int = -1  # -1 for a run
-    old_id: int = -1  # track that matched the object last, before this frame; -1 without one
-    new_id: int = -1  # track that matches it now; of a run its own track; -1 without one
-    wrong: bool = False  # a loss whose old track is still output, but outside the gate
-    minADE: float | None = None  # noqa: N815  (m, of the target's forecast then; None: not a target, or not covered)
-    parts: Mapping[str, float] | None = None  # m, by name, those of the target's error; None: not a target
-    error_before: float | None = None  # m, error of the object a frame before
-    confidence: float | None = None  # of the object's forecast then; of a run the highest; None: no forecast
-    first: int = -1  # of a moment that lasts: its first frame; -1: ``frame``
-
-    @property
-    def error(self) -> float | None:
-        """Sum of the parts, m: the target's bADE, or its plain error where the run was not scored as a whole."""
-        return None if self.parts is None else sum(self.parts.values())
-
-    @property
-    def blame(self) -> float:
-        """The error without the part below threshold, m; 0 if it is not a target."""
-        return sum(value for name, value in (self.parts or {}).items() if name != BELOW)
-
-    @property
-    def label(self) -> str:
-        """The event in as few words as a marker has room for."""
-        ids = [str(track_id) for track_id in dict.fromkeys((self.old_id, self.new_id)) if track_id >= 0]
-        words = {"reacquired": "again", "spurious": "false forecast"}.get(self.kind, self.kind)
-        return f"{words} {' > '.join(ids)}".strip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +192,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "", parts: S
         usual=parts.usual,
         unsplit=parts.unsplit,
     )
-    return replace(run, incidents=_named([*_identity_incidents(run), *_runs(run)]))
+    return replace(run, incidents=named([*_identity_incidents(run), *_runs(run)]))
 
 
 def ego_boxes(ego: Floats) -> Floats:
@@ -319,13 +277,3 @@ def _position(box: Floats) -> tuple[float, float, float]:
 def known(value: float) -> float | None:
     """A number, with None for NaN."""
     return None if np.isnan(value) else float(value)
-
-
-def _named(incidents: list[Incident]) -> tuple[Incident, ...]:
-    """The incidents in the order of frames, kinds and rows, each with its name."""
-    count: Counter[str] = Counter()
-    named = []
-    for incident in sorted(incidents, key=lambda i: (i.frame, KINDS.index(i.kind), i.row)):
-        named.append(replace(incident, name=f"{incident.kind}-{count[incident.kind]}"))
-        count[incident.kind] += 1
-    return tuple(named)

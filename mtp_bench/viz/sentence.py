@@ -9,7 +9,7 @@ from ..geometry import iou_3d
 from ..scoring.parts import BELOW, LEAST_SHOWN, PARTS, parts_text
 from . import evidence
 from .focus import Focus
-from .replay import MOMENT
+from .incident import MOMENT
 from .terminal.output import counted
 
 WORDS = 25  # of a sentence; of the last one without the parts

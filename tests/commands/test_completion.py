@@ -6,7 +6,7 @@ import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
 from mtp_bench.training.predictors import ON
-from mtp_bench.viz.replay import KINDS
+from mtp_bench.viz.incident import KINDS
 from mtp_bench.viz.rerun.shown import LEVELS
 from mtp_bench.viz.terminal.event_table import ORDERS
 from tests.support.command_line import CommandLine

@@ -12,7 +12,7 @@ import typer.main
 
 from docs.generate import json_keys
 from mtp_bench.commands.app import app
-from mtp_bench.viz.replay import Incident
+from mtp_bench.viz.incident import Incident
 from mtp_bench.viz.terminal.event_table import Listed, in_order
 from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.scoring_scenes import make_scene

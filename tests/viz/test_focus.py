@@ -18,7 +18,8 @@ from mtp_bench.viz.drawing.report import SIZE, report
 from mtp_bench.viz.evidence import expected, taken
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import LARGEST, focuses_of, frame_of, turn_of, window_of
-from mtp_bench.viz.replay import MOMENT, Replay, replay
+from mtp_bench.viz.incident import MOMENT
+from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.sentence import sentence
 from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, MOST_BRIGHT, bright, crowd, told
 from tests.support.scoring_scenes import (

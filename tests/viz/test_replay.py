@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.lineage import match_hypotheses
 from mtp_bench.types import Rollout, Scene
-from mtp_bench.viz.replay import Incident, Replay, replay
+from mtp_bench.viz.incident import Incident
+from mtp_bench.viz.replay import Replay, replay
 from tests.support.scoring_scenes import (
     CAR,
     WALKER,

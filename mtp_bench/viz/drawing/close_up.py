@@ -11,8 +11,9 @@ from ...types import Floats
 from ..evidence import distance, gate, near_detections
 from ..focus import Focus, ObjectForecast
 from ..framing import ROLES, FocusFrame, Follower, Window, frame_of
+from ..incident import KINDS
 from ..palette import BLACK, DIM
-from ..replay import KINDS, ego_boxes
+from ..replay import ego_boxes
 from .birds_eye import VEHICLE, draw_lanes
 from .canvas import GRAY, Canvas, Outline
 from .column import Mark

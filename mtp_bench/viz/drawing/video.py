@@ -12,7 +12,8 @@ from PIL import Image
 from ...errors import MtpBenchError
 from ...files import whole_file
 from ..focus import Focus
-from ..replay import Incident, Replay
+from ..incident import Incident
+from ..replay import Replay
 from .birds_eye import SIZE, draw_frame, windows_of
 from .report import picture
 

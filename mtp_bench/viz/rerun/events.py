@@ -10,8 +10,9 @@ from ...scoring.parts import LEAST_SHOWN, PARTS
 from ...types import Floats, Ints, starts_of
 from ..evidence import gate
 from ..focus import Focus
+from ..incident import KINDS, MOMENT, Incident
 from ..palette import BLUE, ORANGE, PURPLE, TRUTH, VERMILLION, Color
-from ..replay import KINDS, MOMENT, Incident, Replay
+from ..replay import Replay
 from ..sentence import sentence
 from .colors import EVENTS, ROLES, SKY, SWITCH, UNKNOWN, UNTRACKED, Colors, packed, track_colors
 from .entities import Log, frames_around

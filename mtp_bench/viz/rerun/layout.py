@@ -10,8 +10,8 @@ import numpy as np
 from ...cards import Card
 from ...types import Floats
 from ..framing import turn_of, window_of
+from ..incident import KINDS, Incident
 from ..palette import Color
-from ..replay import KINDS, Incident
 from .entities import EVENT
 from .events import curves_of, lanes
 from .sdk import rr, rrb

@@ -12,7 +12,8 @@ from pathlib import Path
 from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
-from ..replay import Incident, Replay
+from ..incident import Incident
+from ..replay import Replay
 from .entities import EVENT, Log, frames_around, log_answers, log_map, log_scene
 from .events import log_judgement
 from .focus import event_key, log_focus

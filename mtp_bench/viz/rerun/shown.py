@@ -11,7 +11,8 @@ import numpy as np
 from ...errors import MtpBenchError, require_known
 from ..focus import Focus
 from ..framing import focuses_of
-from ..replay import Incident, Replay
+from ..incident import Incident
+from ..replay import Replay
 
 LEVELS = ("tracks", "top", "all")  # of detail, each with the content of the one before it
 TOP_HYPOTHESES = 4

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import IO
 
 from ...errors import MtpBenchError
-from ..replay import Incident, Replay
+from ..incident import Incident
+from ..replay import Replay
 from .recording import save_recording
 from .sdk import INSTALL
 

@@ -9,7 +9,8 @@ from typing import Any, Self
 from ...scoring.parts import parts_text
 from ...tables import BLANK, Column, Table
 from ...types import Scene
-from ..replay import KINDS, Incident, Replay
+from ..incident import KINDS, Incident
+from ..replay import Replay
 from .output import command_line, counted
 
 ORDERS = ("time", "cost", "confidence", "length")
