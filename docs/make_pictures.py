@@ -10,15 +10,15 @@ copy of the site.
 from __future__ import annotations
 
 import argparse
+import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
-from mtp_bench import load_submission
-from mtp_bench.env import MTPEnv
-from mtp_bench.running.run import agent_task, run_scene
+import mtp_bench
+from mtp_bench.running.stored import open_run
 from mtp_bench.viz.drawing.report import save_report
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.replay import replay
+from mtp_bench.viz.played import PlayedRun
 from mtp_bench.viz.sentence import sentence
 from mtp_bench.viz.terminal.event_table import Listed, in_order
 
@@ -47,10 +47,10 @@ REAL = {
 
 def take(shot: Shot, path: Path) -> str:
     """Run the plain baseline on the scene and draw its costliest event of this kind; the sentence about it."""
-    env = MTPEnv(shot.env_id, evaluation=True)
-    scene = shot.scene or env.scene_names[0]
-    rollout = run_scene(load_submission("stp").build(agent_task(env, 0, scene)), env, scene, seed=0)
-    run = replay(env.scene, rollout, env.card, "stp")
+    with tempfile.TemporaryDirectory() as folder:
+        mtp_bench.run("stp", shot.env_id, folder, scenes=1 if shot.scene is None else [shot.scene])
+        opened = open_run(Path(folder))
+        run = PlayedRun(opened).replay(opened.first(), opened.drawn(opened.first().scene))
     events = [Listed.of(run, each, "run", None, None) for each in run.incidents if each.kind == shot.kind]
     focus = Focus(run, in_order(events, "cost")[0].incident)
     save_report(path, focus)

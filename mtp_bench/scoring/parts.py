@@ -29,6 +29,13 @@ PARTS = {  # key of `Row` without "cost_" -> printed name; the first four are of
     "undetected_seen": "not detected now",
 }
 LEAST_SHOWN = 0.05  # m, of a part in a text
+FAULTS = {  # part of the stack -> parts of the error that it causes; what a forecast starts from is measured
+    "detector": ("localisation", "history", "other class", "off place", "never detected so far", "not detected now"),
+    "tracker": ("association", "no forecast"),
+    "predictor": ("predictor",),
+    "forecast": ("rest",),  # not split: of tracker or predictor
+    "confidence": ("below threshold",),
+}
 BELOW = PARTS["below_threshold"]
 # Plain errors [n] m of perfect association, of the same with the present place moved to the truth, and of ground-truth
 # tracks: means over the seeds that cover a target, NaN without one
@@ -79,6 +86,17 @@ def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     kept |= ({"others": others} if abs(others) >= LEAST_SHOWN else {}) | {n: v for n, v in shown.items() if n == BELOW}
     texts = [f"{name} {value:.1f}" for name, value in kept.items()]
     return ", ".join([f"{texts[0]} m", *texts[1:]]) if texts else "nothing"
+
+
+def fault_of(parts: Mapping[str, float]) -> str:
+    """The part of the stack that causes most of `named_parts`, with the largest of its causes; empty without an error.
+
+    Confidence is named only where nothing else has a part.
+    """
+    size = {who: sum(parts.get(name, 0.0) for name in names) for who, names in FAULTS.items()}
+    found = [who for who in sorted(size, key=lambda who: -size[who]) if size[who] >= LEAST_SHOWN]
+    who = next((who for who in found if who != "confidence"), "".join(found))
+    return f"{who}: {next(name for name in parts if name in FAULTS[who])}" if who else ""
 
 
 def reference_errors(

@@ -9,8 +9,10 @@ from ..geometry import wrap_angle
 from ..scoring.holes import pieces
 from ..scoring.matching import match
 from ..scoring.pairs import Pairs
+from ..scoring.parts import fault_of
 from ..types import Detections, Floats, Ints, Truth, to_metres
 from .focus import Focus, ObjectForecast
+from .incident import MOMENT
 from .replay import Replay
 
 STILL = 1.0  # m, within the horizon: an object that moves less stands still
@@ -217,3 +219,17 @@ def went(focus: Focus, forecast: ObjectForecast) -> str:
         (True, "goes the right way"),
     )
     return f"{next(text for applies, text in cases if applies)} and ends {off:.1f} m off"
+
+
+def verdict(focus: Focus) -> str:
+    """The part of the stack at fault and its cause: "detector: other class"."""
+    at, t = focus.at, focus.at.frame
+    if at.object_id >= 0:
+        return fault_of(at.parts) or "no error" if at.parts is not None else "not a target"
+    if at.kind == MOMENT:
+        return "no false forecast"
+    if confusing(focus, t, true=True) >= 0:
+        return "detector: other class"
+    if focus.doubled >= 0:
+        return "tracker: second forecast"
+    return "detector: false detection" if taken(focus, at.new_id, t) >= 0 else "tracker: goes on without a detection"

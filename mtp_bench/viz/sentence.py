@@ -129,7 +129,8 @@ def _evidence(focus: Focus) -> Iterator[str]:
         yield _detected(focus, own, evidence.metres(focus, far))
     first, last = evidence.detected_until(focus, t)
     if last < t:
-        yield f"last detected at {_time(focus, last)}" if last >= 0 else f"there since {_time(focus, first)}"
+        noun = f" as a {focus.noun}" if confused >= 0 else ""
+        yield f"last detected{noun} at {_time(focus, last)}" if last >= 0 else f"there since {_time(focus, first)}"
     start, ego = at.first if at.first >= 0 else t, evidence.distance(focus, t)
     hidden = (visible := evidence.visible(focus, start, at.until)) is not None and visible < HIDDEN
     yield f"it is {ego:.0f} m from the ego" if ego is not None and (looked or hidden) else ""

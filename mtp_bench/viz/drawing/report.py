@@ -9,14 +9,15 @@ from PIL import Image, ImageDraw, PngImagePlugin
 from ..._version import __version__
 from ...files import whole_file
 from ...scoring.parts import BELOW, LEAST_SHOWN, named_parts, parts_text
+from ..evidence import verdict
 from ..focus import Focus
 from ..framing import ROLES, close_window, frame_of, window_of
 from ..palette import BLACK, Color
 from ..photo import photo_of, photo_row
 from ..sentence import sentence
 from .canvas import EDGE, GRAY, PAPER, font, text_size
-from .close_up import draw_focus
-from .column import column, wrapped
+from .close_up import EXPECTED, draw_focus
+from .column import Mark, column, wrapped
 
 SIZE = (1200, 800)  # pixels, of a report
 COLUMN, CAPTION = 300, 46
@@ -32,14 +33,18 @@ def report(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
 
     The same event in other runs, ``beside``, has the same scale.
     """
-    large = picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW), beside)
-    return stacked([large, small_pictures(focus, beside)])
+    marks: list[Mark] = []
+    small = small_pictures(focus, beside, marks)
+    return stacked([picture(focus, focus.at.frame, (SIZE[0], SIZE[1] - ROW), beside, marks), small])
 
 
-def small_pictures(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
-    """Close-ups of t - 1, t and t + 1, and below them the camera image that shows the event, if there is one."""
+def small_pictures(focus: Focus, beside: Sequence[Focus], marks: list[Mark]) -> Image.Image:
+    """Close-ups of t - 1, t and t + 1, and below them the camera image that shows the event, if there is one.
+
+    Their marks are added to ``marks``.
+    """
     photo = photo_of(focus)
-    return stacked([strip(focus, beside), *([] if photo is None else [photo_row(photo, SIZE[0])])])
+    return stacked([strip(focus, beside, marks), *([] if photo is None else [photo_row(photo, SIZE[0])])])
 
 
 def stacked(images: Sequence[Image.Image]) -> Image.Image:
@@ -63,23 +68,31 @@ def save_report(path: Path, *focuses: Focus) -> None:
         drawn.save(part, format="PNG", pnginfo=about, optimize=True)
 
 
-def picture(focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus] = ()) -> Image.Image:
-    """The sentence, frame ``t`` of the event and the key in ``size`` pixels; the view follows the object."""
+def picture(
+    focus: Focus, t: int, size: tuple[int, int], beside: Sequence[Focus] = (), further: Sequence[Mark] = ()
+) -> Image.Image:
+    """The sentence, frame ``t`` of the event and the key in ``size`` pixels; the view follows the object.
+
+    ``further``: marks of small pictures, of which the key has the cross.
+    """
     whole = Image.new("RGB", size, PAPER)
     lines = wrapped(sentence(focus), LARGE, size[0] - 28)
     top = 40 + 26 * len(lines)
     wide, high = size[0] - COLUMN, size[1] - top
     drawn, marks = draw_focus(focus, t, (wide, high), window_of(focus, t, beside))
     whole.paste(drawn, (0, top))
+    marks += [EXPECTED] if EXPECTED in further and EXPECTED not in marks else []
     parts = {name: value for name, value in _parts(focus, t, t).items() if abs(value) >= LEAST_SHOWN}
     heading = [(text, SMALL, BLACK) for text in _errors(focus, t)]
-    above = REMARK.format("north is up" if focus.at.object_id < 0 else "the way of the object points to the right")
+    above = REMARK.format("north is up" if focus.at.object_id < 0 else "the object will be to the right")
     remarks = [(text, SMALL - 1, GRAY) for text in (above, *([UNSURE] if BELOW in parts else []))]
     whole.paste(column((COLUMN, high), heading, marks, remarks, parts), (wide, top))
     ink = ImageDraw.Draw(whole)
     of_event = focus.at.frame <= t <= (focus.at.until if focus.at.object_id < 0 else focus.at.frame)
     other = "" if of_event else f"   The text is of {focus.seconds(focus.at.frame):.1f} s:"
-    ink.text((14, 8), _title(focus, t) + other, fill=GRAY, font=font(SMALL))
+    fault = verdict(focus).capitalize()
+    ink.text((14, 5), fault, fill=GRAY if other else BLACK, font=font(LARGE), stroke_width=0 if other else 0.4)
+    ink.text((34 + text_size(fault, LARGE)[0], 10), _title(focus, t) + other, fill=GRAY, font=font(SMALL))
     for i, line in enumerate(lines):
         ink.text((14, 29 + 26 * i), line, fill=GRAY if other else BLACK, font=font(LARGE))
     ink.rectangle([0, top, wide - 1, size[1] - 1], outline=EDGE)
@@ -100,9 +113,14 @@ def _errors(focus: Focus, t: int) -> Iterator[str]:
         span = f"{focus.seconds(at.first):.1f} to {focus.seconds(at.until):.1f} s"
         yield f"Whole moment, {span}: {parts_text(_parts(focus, at.first, at.until), MOST)}"
     bars = max(map(abs, parts.values()), default=0.0) >= LEAST_SHOWN
-    error = f", {sum(parts.values()):.1f} m, by cause:" if bars else f": {parts_text(parts)}"
-    if at.object_id >= 0:
-        yield f"Error {when}{error}" if parts else f"No error is counted {when}"
+    if at.object_id < 0:
+        yield "A false forecast has no error: it uses up the budgets."
+    elif not parts:
+        yield f"No error is counted {when}"
+    else:
+        most = focus.replay.card.per_class(focus.replay.card.task.miss_error)[at.class_id]
+        cause = ", by cause:" if bars else ""
+        yield f"Mean error {when}: {sum(parts.values()):.1f} m of at most {most:g}{cause}"
 
 
 def _title(focus: Focus, t: int) -> str:
@@ -111,7 +129,7 @@ def _title(focus: Focus, t: int) -> str:
     return "   ".join(part for part in parts if part)
 
 
-def strip(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
+def strip(focus: Focus, beside: Sequence[Focus], marks: list[Mark]) -> Image.Image:
     """The small pictures of the frames t - 1, t and t + 1, each with the track that follows the object."""
     wide, at = SIZE[0] // 3, focus.at.frame
     whole = Image.new("RGB", (SIZE[0], ROW), PAPER)
@@ -119,7 +137,8 @@ def strip(focus: Focus, beside: Sequence[Focus] = ()) -> Image.Image:
     for i, (t, name) in enumerate(((at - 1, "t - 1"), (at, "t"), (at + 1, "t + 1"))):
         left = i * wide
         if 0 <= t < focus.replay.frames:
-            near, _ = draw_focus(focus, t, (wide, ROW - CAPTION), close_window(focus, t, beside), near=True)
+            near, own = draw_focus(focus, t, (wide, ROW - CAPTION), close_window(focus, t, beside), near=True)
+            marks += own
             whole.paste(near, (left, CAPTION))
             when, (text, color) = f"{name}: frame {t}, {focus.seconds(t):.1f} s", _follower(focus, t)
             ink.text((left + 10, 4), when, fill=BLACK, font=font(TEXT))

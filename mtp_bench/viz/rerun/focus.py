@@ -88,7 +88,7 @@ def log_focus(recording: rr.RecordingStream, focuses: Sequence[Focus], number: i
         recording.set_time("time", duration=float(scene.time[end] - scene.time[0]))
         recording.log(f"{root}world/focus", rr.Clear(recursive=True))
         recording.reset_time()
-    small_pictures(focus, focuses).save(png := BytesIO(), format="PNG")
+    small_pictures(focus, focuses, []).save(png := BytesIO(), format="PNG")
     pictures = rr.EncodedImage(contents=png.getvalue(), media_type="image/png")
     recording.log(f"{root}focus/pictures", pictures, static=True)
     if number == 0:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...scoring.parts import parts_text
+from ...scoring.parts import fault_of, parts_text
 from ...tables import Column, Table
 from ..moments import Moment
 from .event_table import Listed
@@ -26,6 +26,11 @@ class WorstRow(Listed):
     moment: Moment
 
     @property
+    def fault(self) -> str:
+        """The part of the stack at fault."""
+        return "detector" if self.moment.borrowed else fault_of(self.moment.parts).partition(":")[0]
+
+    @property
     def error(self) -> float:
         """Mean error of its frames, m."""
         return sum(self.moment.parts.values())
@@ -41,6 +46,7 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
         Column("to ego\n(m)", format=".0f", optional=True, read=lambda row: row.moment.distance),
         Column("share", unit="share", read=lambda row: row.moment.cost / total),
         Column("error\n(m)", format=".1f", read=lambda row: row.error),
+        Column("fault", read=lambda row: row.fault),
         Column("causes", read=_causes),
     )
     return Table("worst", "Worst moments", "", rows, columns)
@@ -69,6 +75,7 @@ def _record(row: WorstRow) -> dict[str, Any]:
         "frames": moment.frames,
         "cost": moment.cost,
         "error": row.error,
+        "fault": row.fault,
         "cause": moment.cause,
         "parts": moment.parts,
         "distance": moment.distance,
