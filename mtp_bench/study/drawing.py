@@ -93,8 +93,7 @@ def draw(
         options: Any = {"dpi": DOTS, "pil_kwargs": {"optimize": True}}
         canvas.savefig(png, format="png", bbox_inches="tight", metadata={**about, "Software": None}, **options)
     svg = text.getvalue()
-    # pages have a style
-    svg = re.sub(r"<style[^>]*>.*?</style>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    svg = re.sub(r"<style[^>]*>.*?</style>", "", svg[svg.index("<svg") :], flags=re.DOTALL)  # pages have a style
     svg = svg.replace("'DejaVu Sans'", "system-ui, 'DejaVu Sans', sans-serif")
     label = f'<svg role="img" aria-label="{escape(f"{title}. {sentence}")}" data-figure="{name}" '
     return Drawing(title, sentence, n, width > WIDTH * 1.2, svg.replace("<svg ", label, 1), png.getvalue())

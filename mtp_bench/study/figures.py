@@ -137,10 +137,8 @@ def _parts(findings: Findings, rows: Sequence[Any]) -> Sketch:
     rows = [row for row in rows if row.H in (1, max(_pick(rows, "H")))][::-1]
     places = range(len(rows))
     values = {name: [getattr(row, f"cost_{key}") or 0.0 for row in rows] for key, name in PARTS.items()}
-    series = [
-        Series(name, places, part, color, "bar")
-        for (name, part), color in zip(values.items(), PART_COLORS, strict=True)
-    ]
+    colored = zip(values.items(), PART_COLORS, strict=True)
+    series = [Series(name, places, part, color, "bar") for (name, part), color in colored]
     mark = {"marker": "|", "markersize": 17, "markeredgewidth": 2}
     series.append(_series_of(rows, "bADE", "ink", places, "error", kind="dots", style=mark))
     ends = [max(row.error, sum(part[i] for part in values.values() if part[i] > 0)) for i, row in enumerate(rows)]

@@ -79,5 +79,4 @@ class Findings:
 
     def _scores(self, setting: Setting) -> AgentScores:
         measured = self.of(setting)
-        # equal runs have one name in the report
-        return scores_of(setting, measured.scores, measured.setting.label)
+        return scores_of(setting, measured.scores, measured.setting.label)  # equal runs have one name in the report

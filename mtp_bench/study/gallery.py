@@ -67,7 +67,7 @@ def draw_worst_moments(findings: Findings, folder: Path) -> list[MomentPicture]:
         pictures = []
         for number, (scene, moment) in enumerate(worst, 1):
             path = folder / f"{number}-{moment.cause.replace(' ', '-')}.png"
-            pictures.append(_draw(findings, played, scene, moment, path))
+            pictures.append(_draw(played, scene, moment, path))
             work.done(scene)
     return pictures
 
@@ -83,9 +83,8 @@ def worst_moments(findings: Findings, played: PlayedSetting) -> list[tuple[str, 
     for scene, moment in sorted(listed, key=lambda pair: -pair[1].cost):
         cost[moment.cause] = cost.get(moment.cause, 0.0) + moment.cost
         first.setdefault(moment.cause, {}).setdefault((scene, moment.at.object_id), (scene, moment))
-    causes = [
-        cause for cause in sorted(cost, key=lambda each: -cost[each]) if cost[cause] >= LEAST_SHARE * sum(cost.values())
-    ]
+    least = LEAST_SHARE * sum(cost.values())
+    causes = [cause for cause in sorted(cost, key=lambda each: -cost[each]) if cost[cause] >= least]
     return [pair for cause in causes for pair in list(first[cause].values())[:EACH]]
 
 
@@ -93,7 +92,7 @@ def _moments(card: Card, data: str | None, rollout: Rollout, parts: SceneParts) 
     return moments(replay(open_source(card, data).load(rollout.scene), rollout, card, parts=parts))
 
 
-def _draw(findings: Findings, played: list[PlayedSetting], scene: str, moment: Moment, path: Path) -> MomentPicture:
+def _draw(played: list[PlayedSetting], scene: str, moment: Moment, path: Path) -> MomentPicture:
     notes = list[str]()
     replays = [
         replay(each.run.drawn(scene, notes.append), each.run.first(scene), each.run.card, each.name, each.parts[scene])
@@ -101,18 +100,12 @@ def _draw(findings: Findings, played: list[PlayedSetting], scene: str, moment: M
     ]
     focuses = focuses_of(replays, moment.at)
     save_report(path, *focuses)
-    frames = counted(moment.frames, "frame")
+    frames, data = counted(moment.frames, "frame"), played[0].run.data
+    folders = [os.path.relpath(each.run.folder) for each in played]
     sentences = "; ".join(f"{focus.replay.agent}: {sentence(focus)}" for focus in focuses)
     return MomentPicture(
         title=f"{moment.cause}: {focuses[0].named}, scene {scene}, {sum(moment.parts.values()):.1f} m in {frames}",
         path=path,
         sentence=sentences + ("; the road is not drawn, for its map is broken" if notes else ""),
-        command=command_of(findings, scene, moment),
+        command=command_line("view", *folders, scene=scene, at=moment.at.name, data=data),
     )
-
-
-def command_of(findings: Findings, scene: str, moment: Moment) -> str:
-    """The command that opens a moment, with the most hypotheses and with one side by side."""
-    settings = (findings.subject.most, findings.subject.single)
-    folders = dict.fromkeys(os.path.relpath(findings.of(setting).folders[0]) for setting in settings)
-    return command_line("view", *folders, scene=scene, at=moment.at.name, data=findings.bench.options.data)

@@ -59,8 +59,7 @@ def draw_panel(axis: Any, panel: Panel) -> None:
     """Draw the series of a panel, its ticks and labels."""
     axis.grid(axis="x" if panel.stacked else "y")
     bars = [series for series in panel.series if series.kind == "bar"]
-    # tops of positive and negative bars
-    base = np.zeros((2, max((len(series.x) for series in bars), default=0)))
+    base = np.zeros((2, max((len(series.x) for series in bars), default=0)))  # tops of positive and negative bars
     for series in panel.series:
         if series.kind == "bar":
             _bar(axis, panel, series, bars.index(series), len(bars), base)

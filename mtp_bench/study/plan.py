@@ -85,9 +85,8 @@ def make_plan(
         raise MtpBenchError("a study needs an agent: name at least one")
     all_settings(names, card)  # checks the names and manifests
     subjects = (subject_of(load_submission(name), card, hypotheses, free) for name in dict.fromkeys(names))
-    return StudyPlan(
-        tuple(_with_references(subject, card) for subject in subjects), tuple(all_settings(control_names(), card))
-    )
+    studied = tuple(_with_references(subject, card) for subject in subjects)
+    return StudyPlan(studied, tuple(all_settings(control_names(), card)))
 
 
 def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], free: Sequence[int]) -> StudiedAgent:

@@ -127,13 +127,9 @@ def _kept(findings: Findings, free: Setting, paper: str) -> Row:
     alone, chosen, whole = (
         table.per_unit(np.divide(table.min_ade, np.maximum(table.covered, 1)), weight) for table in tables
     )  # [U] m, summed
-    return _share(
-        "Sampling keeps most of the gain",
-        paper,
-        "share of the gain on IDS, by minADE, that is left with k samples",
-        (alone - chosen, alone - whole),
-        tables[0].unit_weight(weight),
-    )
+    measured = "share of the gain on IDS, by minADE, that is left with k samples"
+    gains = (alone - chosen, alone - whole)
+    return _share("Sampling keeps most of the gain", paper, measured, gains, tables[0].unit_weight(weight))
 
 
 def _share(relation: str, paper: str, measured: str, parts: tuple[Floats, Floats], weight: Floats) -> Row:
@@ -175,6 +171,5 @@ def _shared(findings: Findings) -> Row:
     first = np.array([scene.own["ids"] for scene in one], dtype=float)
     left = np.array([scene.shared["ids"] for scene in every], dtype=float)
     measured = f"{first.sum():.0f} ids with one hypothesis, {left.sum():.0f} in all {count}"
-    return _share(
-        "Most switches are absent from at least one hypothesis", paper, measured, (first - left, first), first
-    )
+    title = "Most switches are absent from at least one hypothesis"
+    return _share(title, paper, measured, (first - left, first), first)
