@@ -44,12 +44,9 @@ class Exchange:
         self._process, self._limits = process, limits
         assert isinstance(space, spaces.Dict)
         self._shapes = {name: tuple(part.shape or ()) for name, part in space.spaces.items()}
-        self._frame = 0
-        self._malformed = 0
+        self._frame, self._malformed, self._seal = 0, 0, seal
         self._status, self._reason = "finished", ""
-        self._started = 0.0
-        self._begin = process.begun
-        self._seal = seal
+        self._begin, self._started = process.begun, 0.0
 
     def open(self, setup: dict[str, Any], task: dict[str, Any]) -> None:
         """Build the agent and reset it."""
@@ -70,9 +67,7 @@ class Exchange:
         A malformed answer is returned without fields, which the env counts as broken.
         """
         action: Action | None = None
-        malformed = self._malformed
-        begin = time.monotonic()
-        spent = 0.0
+        malformed, begin, spent = self._malformed, time.monotonic(), 0.0
         if self._status == "finished":
             try:
                 action = self._answer(observation, begin)
@@ -108,21 +103,18 @@ class Exchange:
             raise SceneOverError("hung", f"no answer to frame {self._frame} in time, expected one within {limit:g} s")
         header = message[0]
         if (header.get("kind"), header.get("frame"), header.get("token")) != ("answer", self._frame, token):
-            raise SceneOverError(
-                "rejected", "it sent an unexpected message: every frame is answered once, after it was shown"
-            )
+            reason = "it sent an unexpected message: every frame is answered once, after it was shown"
+            raise SceneOverError("rejected", reason)
         return self._checked(message)
 
     def _checked(self, message: Message) -> Action | None:
         header, body = message
-        if "malformed" in header:
-            self._malformed += 1
-            return None
         try:
-            arrays = arrays_of(header, body, self._shapes)
-            fitting = {name: array for name, array in arrays.items() if array is not None}
-            if len(fitting) == len(arrays) and _finite(fitting):
-                return fitting
+            if "malformed" not in header:
+                arrays = arrays_of(header, body, self._shapes)
+                fitting = {name: array for name, array in arrays.items() if array is not None}
+                if len(fitting) == len(arrays) and _finite(fitting):
+                    return fitting
         except Exception as error:  # any error on reading an answer is the agent's fault
             raise SceneOverError("rejected", f"it broke the wire format: {_error_text(error)}") from None
         self._malformed += 1

@@ -135,9 +135,8 @@ class AgentProcess:
         """Start it without a sandbox; meanwhile the memory of the judge is closed to processes of the same user."""
         folder = undo.enter_context(tempfile.TemporaryDirectory(prefix="mtp_bench-agent-"))
         self._own_children = {*processes.children(os.getpid())}
-        for close in (processes.hide_memory, processes.adopt_orphans):
-            undo.callback(close, False)
-            close(True)
+        undo.callback(processes.guard, False)
+        processes.guard(True)
         self.begun = time.monotonic()
         child = str(library() / "mtp_bench" / "gateway" / "child.py")
         with self._pipes(undo) as (stdin, orders, answers, log, _), _starting:

@@ -143,14 +143,11 @@ def files_below(pid: int, folder: str) -> int:
     return 0
 
 
-def hide_memory(hidden: bool) -> None:
-    """Close the memory of this process to other processes of the same user, or open it again; on Linux only."""
-    _set_property(_DUMPABLE, not hidden)
-
-
-def adopt_orphans(wanted: bool) -> None:
-    """Make this process the parent of descendants whose own parent ends, or no longer; on Linux only."""
-    _set_property(_CHILD_SUBREAPER, wanted)
+def guard(on: bool) -> None:
+    """Hide the memory of this process from others of the user, and adopt its orphans, or end both; on Linux only."""
+    if sys.platform.startswith("linux"):
+        for number, value in ((_DUMPABLE, not on), (_CHILD_SUBREAPER, on)):
+            ctypes.CDLL(None).prctl(number, int(value), 0, 0, 0)
 
 
 def adopted(own: Iterable[int]) -> list[int]:
@@ -215,11 +212,6 @@ def _pages(pid: int, place: int) -> int:
     with suppress(OSError, ValueError, IndexError):
         return int(_read(f"/proc/{pid}/statm").split()[place]) * _PAGE
     return 0
-
-
-def _set_property(number: int, value: bool) -> None:
-    if sys.platform.startswith("linux"):
-        ctypes.CDLL(None).prctl(number, int(value), 0, 0, 0)
 
 
 def _read(path: str) -> bytes:

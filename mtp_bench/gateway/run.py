@@ -38,16 +38,10 @@ def run_isolated(
 ) -> SceneRun:
     """One scene of an env in evaluation mode, answered by a submission in a process of its own.
 
-    Args:
-        submission: Folder of the submission, or name of a baseline.
-        env_id: Id of the env or path of its card.
-        env_keywords: Keywords of MTPEnv; the env observes what the submission asks for unless they say otherwise.
-        scene: Name of the scene.
-        seed: Seed of all random draws.
-        parameters: Of the agent; None: those of the manifest.
-        limits: Limits of the agent.
-        digest: Expected digest of the submission (`image_of`); None: any.
-        backend: The sandbox; None: the one that works here, if any.
+    ``submission``: its folder, or the name of a baseline. ``env_id``: id, or path of a card. ``env_keywords``: of
+    MTPEnv; the env observes what the submission asks for unless they say otherwise. ``parameters``: of the agent; None:
+    those of the manifest. ``digest``: expected of the submission (`image_of`); None: any. ``backend``: the sandbox;
+    None: the one that works here, if any.
 
     The rollout of an agent that follows the rules equals that of `running.run.run_scene`, but for the times. An
     unanswered frame has no rows. Never raises for actions of an agent; raises MtpBenchError for a folder that is not a
@@ -68,11 +62,9 @@ def run_isolated(
         setup = process.setup(loaded.parameters if parameters is None else parameters)
         exchange = Exchange(process, limits, env.action_space, seal_start(env.card.digest, scene, seed))
         exchange.open(setup, asdict(agent_task(env, seed, scene)))
-        silence = make_action(
-            env.task, np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2)), checked=False
-        )
-        seconds: list[float] = []
-        over = False
+        nothing = np.zeros((0, 7)), np.zeros(0, int), np.zeros((0, env.task.future, 2))
+        silence = make_action(env.task, *nothing, checked=False)
+        seconds, over = list[float](), False
         while not over:
             action, spent = exchange.ask(observation)
             seconds.append(spent)
@@ -96,10 +88,9 @@ def run_isolated_scenes(
 ) -> list[SceneRun]:
     """`run_isolated` of every scene, in the order of ``scenes``.
 
-    Every scene has an agent of its own: a failure ends at most its scene. ``submission``, ``env_id``,
-    ``env_keywords``, ``seed`` and ``limits`` as there. ``workers`` run them; ``finished`` is called
-    with every finished scene, in the order of completion and in this process. ``digest``: of the submission in
-    all scenes; None: the one that it has now.
+    Every scene has an agent of its own: a failure ends at most its scene. ``finished`` is called with every finished
+    scene, in the order of completion and in this process. ``digest``: of the submission in all scenes; None: the one
+    that it has now.
     """
     compile_kernels(workers)
     card = MTPEnv(env_id, **env_keywords).card
