@@ -11,14 +11,8 @@ from pydantic import AfterValidator, Field
 
 TOLERANCE = 1e-9  # of a number that is scored again, absolute and relative
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
-
-
-def _require_date(text: str) -> str:
-    datetime.date.fromisoformat(text)
-    return text
-
-
-Date = Annotated[str, Field(pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}$"), AfterValidator(_require_date)]
+_YYYY_MM_DD = Field(pattern=r"^[0-9]{4}-[0-9]{2}-[0-9]{2}$")
+Date = Annotated[str, _YYYY_MM_DD, AfterValidator(lambda text: datetime.date.fromisoformat(text).isoformat())]
 
 
 def canonical(content: Any) -> bytes:

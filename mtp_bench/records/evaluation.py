@@ -22,6 +22,7 @@ from .record import MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
 # of a row: they depend on other records, or are measured
 _BLANK = ("gap_blank_because", "association_gap_blank_because")
+_OF_RECORD = ("reference", "hypotheses", "rows", "silence", "details", "per_scene")  # fields of the same name
 _LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame", *_BLANK)
 
 
@@ -52,14 +53,9 @@ class Evaluation:
         status, reason = status_of(len(self.per_scene), scenes_of_split, missed, runs)
         return {
             "scorer": ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest()),
-            "reference": self.reference,
             "status": status,
             "status_reason": reason,
-            "hypotheses": self.hypotheses,
-            "rows": self.rows,
-            "silence": self.silence,
-            "details": self.details,
-            "per_scene": self.per_scene,
+            **{name: getattr(self, name) for name in _OF_RECORD},
         }
 
 

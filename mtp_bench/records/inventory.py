@@ -36,13 +36,8 @@ class Piece:
 def inventory(env_ids: Sequence[str] = (), names: Sequence[str] = (), folder: Path | None = None) -> list[Piece]:
     """The records of a leaderboard as they are made: recorded envs first; STP and ground-truth tracks before others.
 
-    Submissions that observe stored tracks are left out.
-
-    Args:
-        env_ids: Only these environments; empty: all that ship.
-        names: Only these submissions; empty: all baselines that ship.
-        folder: Folder of the records; None: leaderboard/records below the working folder.
-
+    Submissions that observe stored tracks are left out. ``env_ids``: only these environments, ``names``: only these
+    submissions; empty: all that ship. ``folder``: of the records; None: leaderboard/records below the working folder.
     Raises UnknownNameError for an id or a name that does not ship.
     """
     cards = {env_id: load_card(env_id) for env_id in env_ids or card_ids()}

@@ -71,12 +71,7 @@ class _Entrant(Checked):
 def standings(
     records: Sequence[Record], levels: Mapping[str, SignedLevel] | None = None, ships: Ships = shipped
 ) -> dict[str, Standing]:
-    """Standing of each record, by its digest.
-
-    Args:
-        records: Of any envs.
-        levels: Signed levels by the digest of the record.
-        ships: The shipped env of an id.
+    """Standing of each record of any envs, by its digest, as are ``levels``; ``ships``: the shipped env of an id.
 
     Only records of what ships, of one data and the same units are ranked against each other; on simulated envs those
     of one seal. The main ranking of an env is that of the newest seal with a record of STP, then that of the

@@ -52,8 +52,6 @@ _Digest = Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")]  # empty until the
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Bytes = Annotated[int, Field(gt=0, le=1 << 40)]
 _NotNegative = Annotated[float, Field(ge=0)]
-
-
 UnitSums = dict[Subset, Annotated[list[Annotated[float, Field(ge=0, le=1e9)]], Field(max_length=100_000)]]
 
 
@@ -186,11 +184,6 @@ class IsolationPart(Section):
 
     mechanism: SandboxBackend
     memory: Literal["cgroup", "watch"]
-
-    @property
-    def sandboxed(self) -> bool:
-        """True if the agent could not reach truth, network and other processes."""
-        return self.mechanism != "none"
 
 
 class HashesPart(Section):

@@ -70,7 +70,7 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
 def why_unsandboxed(record: Record, now: IsolationPart) -> str:
     """Reason why another run does not confirm a record; empty if the agent was sandboxed then and ``now``."""
     for when, part in (("when the record was made", record.isolation), ("in this run", now)):
-        if not part.sandboxed:
+        if part.mechanism == "none":
             return f"the agent was unsandboxed {when}"
     return ""
 

@@ -90,8 +90,7 @@ class Sealed:
     def card(self, card: Card) -> Card:
         """``card`` with the hidden scenes as its test split."""
         source = _simulated_source(card)
-        first = self.seeds.first
-        ranges = source.seeds.model_copy(update={"test": (first, first + self.seeds.count)})
+        ranges = source.seeds.model_copy(update={"test": (self.seeds.first, self.seeds.first + self.seeds.count)})
         hidden = source.model_copy(update={"split": "test", "seeds": ranges})
         return card.model_copy(update={"source": hidden})
 

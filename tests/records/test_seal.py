@@ -97,7 +97,7 @@ def test_a_submission_on_hidden_scenes(
     assert f"for trials alone: {SCENES} scenes are too few to rank, ranks need 50" in said
     shutil.copy(tmp_path / "s.commitment.json", leaderboard / "seals")
     made = submit("stp", short, RunOptions(seeds=(0,)), tmp_path / "stp")
-    if not made.isolation.sandboxed:
+    if made.isolation.mechanism == "none":
         pytest.skip("this system cannot hide files and network from an agent")
     path = tmp_path / "stp" / f"{ENV}.json"
     before = path.read_bytes()
