@@ -186,7 +186,7 @@ class ModelFile(Section):
 
     detector: str = ""
     terms: str = ""
-    fitted_on: list[Origin] = Field(default_factory=list)
+    fitted_on: list[Origin] = Field(default_factory=list)  # manifests of agents state those that are scored
     features: Annotated[list[str], Field(min_length=1)]  # F
     low: list[float]  # [F]
     high: list[float]  # [F]
@@ -220,14 +220,6 @@ def file_of(detector: str) -> Path:
     """The file that ships for a detector, or the default one."""
     own = MODELS / f"{family_of(detector)}.json"
     return own if own.is_file() else MODELS / "default.json"
-
-
-def fitted_on(detector: str) -> tuple[str, ...]:
-    """Names of the scenes that the presence of a detector was fitted on.
-
-    If one of them is scored, the manifest of an agent states it (``[trained_on_scored]``), and tables too.
-    """
-    return tuple(name for part in read_file(file_of(detector)).fitted_on for name in part.scenes)
 
 
 def read_model(path: Path) -> tuple[PresenceModel, ScoreTables]:

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -29,14 +29,10 @@ class _History:
     """History of one identity."""
 
     first: int  # frame in which it was first reported
-    past: int  # P
-    reports: deque[tuple[int, int, Floats]] = field(init=False)  # frame, detection, measured box; the last P
+    reports: deque[tuple[int, int, Floats]]  # frame, detection, measured box; the last P
     hits: int = 0
     scores: float = 0.0  # sum over the detections that it took
     last_score: float = 0.0
-
-    def __post_init__(self) -> None:
-        self.reports = deque(maxlen=self.past)
 
     def append(self, frame: int, report: TrackReport, detection_score: Floats) -> None:
         """Enter the report of a frame; ``detection_score`` [D] of its observation."""
@@ -59,9 +55,10 @@ class Histories:
     def after(self, reports: Sequence[TrackReport], detection_score: Floats) -> Tracks:
         """Tracks of one hypothesis after the next frame; ``detection_score`` [D] of all rows of its observation."""
         self._frame += 1
-        histories = [self._by_id.setdefault(report.id, _History(self._frame, self._past)) for report in reports]
-        for history, report in zip(histories, reports, strict=True):
+        for report in reports:
+            history = self._by_id.setdefault(report.id, _History(self._frame, deque(maxlen=self._past)))
             history.append(self._frame, report, detection_score)
+        histories = [self._by_id[report.id] for report in reports]
         past, taken = self._window(histories)
         return Tracks(
             track_id=np.array([report.id for report in reports], dtype=np.int64),

@@ -58,11 +58,8 @@ class HypothesisTracker:
                 raise ShapeError(
                     f"min_detection_score is {least!r}, expected a number, a number per class name, or None for no cut"
                 )
-        self._hypotheses = hypotheses
-        self._given = parameters
-        self._temperature = temperature
-        self._assignment = assignment
-        self._min_detection_score = min_detection_score
+        self._hypotheses, self._given, self._temperature = hypotheses, parameters, temperature
+        self._assignment, self._min_detection_score = assignment, min_detection_score
 
     def reset(self, task: Task) -> None:
         """Forget everything."""

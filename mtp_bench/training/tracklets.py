@@ -147,17 +147,12 @@ def concatenate(parts: Sequence[Windows]) -> Windows:
     ]
     rows = {name: np.concatenate([getattr(part, name) for part in moved]) for name in BY_WINDOW}
     columns = [f.name for f in fields(Surroundings) if f.name != "start"]
-    seen = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in columns}
-    start = starts_of(np.concatenate([part.seen.counts for part in parts]))
+    around = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in columns}
+    seen = Surroundings(starts_of(np.concatenate([part.seen.counts for part in parts])), **around)
     envs = tuple(dict.fromkeys(env_id for part in parts for env_id in part.envs))
-    if len(envs) == 1:
-        names = tuple(name for part in parts for name in part.names)
-    else:
-        names = tuple(f"{part.task.env_id} {name}" for part in parts for name in part.names)
+    names = tuple(name if len(envs) == 1 else f"{part.task.env_id} {name}" for part in parts for name in part.names)
     own_names = tuple(name for part in parts for name in part.own_names)
-    return Windows(
-        **rows, names=names, own_names=own_names, seen=Surroundings(start, **seen), task=parts[0].task, envs=envs
-    )
+    return Windows(**rows, names=names, own_names=own_names, seen=seen, task=parts[0].task, envs=envs)
 
 
 def _load_windows(card: Card, data: str | None, task: Task, tracker: Tracker, name: str) -> Windows:

@@ -19,7 +19,6 @@ from mtp_bench.prediction.presence import (
     PresenceModel,
     TrackHistory,
     file_of,
-    fitted_on,
     history_of,
     map_scores,
     read_model,
@@ -28,7 +27,7 @@ from mtp_bench.running.reference import frozen_reference
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
-from tests.support.tracking_scenes import CYCLIST, at_once, frame, kitti_task, run
+from tests.support.tracking_scenes import CYCLIST, at_once, fitted_on, frame, kitti_task, run
 
 SHIPPED = sorted(path.stem for path in MODELS.glob("*.json"))
 CHANGES = {"last_score": 1.0, "mean_score": 2.0, "hits": 3, "age": 6, "unseen": 0, "range": 20.0, "speed": 1.0}

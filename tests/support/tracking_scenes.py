@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from mtp_bench.agent import Observation, Tracker
+from mtp_bench.prediction.presence import file_of, read_file
 from mtp_bench.tracking import ClassParameters, detector_parameters
 from mtp_bench.tracks import Tracks
 from mtp_bench.types import Bools, Floats, Ints, Task
@@ -102,3 +103,8 @@ def tracks_with_past(past: Floats, valid: Bools | None = None, class_id: Ints | 
         member=np.ones((1, n), dtype=bool),
         log_weight=np.zeros(1),
     )
+
+
+def fitted_on(detector: str) -> set[str]:
+    """Names of the scenes that the presence of a detector was fitted on."""
+    return {name for part in read_file(file_of(detector)).fitted_on for name in part.scenes}

@@ -18,7 +18,7 @@ from mtp_bench.training.presence_rows import PresenceRecipe, PresenceRows, colle
 from mtp_bench.types import Floats
 from tests.support.command_line import CommandLine
 from tests.support.scoring_scenes import at, make_card, make_scene, with_detections
-from tests.support.tracking_scenes import kitti_task
+from tests.support.tracking_scenes import fitted_on, kitti_task
 
 FULL = PresenceRecipe((), terms="of nobody")
 SMALL = PresenceRecipe((), ("mean_score", "log_hits", "coasting"), products=False, calibrated=False)
@@ -149,7 +149,6 @@ def _same(made: Any, shipped: Any) -> None:
 
 @pytest.mark.data
 def test_no_scored_scene_of_another_split_is_fitted_on(data_root: Path) -> None:
-    from mtp_bench.prediction.presence import fitted_on
     from mtp_bench.training.split import open_split
 
     for env_id in ("MTP-KITTI-v0", "MTP-PETS-v0", "MTP-WILDTRACK-v0"):
