@@ -168,8 +168,7 @@ class Profile(Section):
     field_of_view: Annotated[float, Field(gt=0, le=360)] = 360.0  # degrees in which false positives were counted
     neighbours: Annotated[float, Field(gt=0)] = 20.0  # m; objects farther apart share no noise
     classes: dict[str, ClassNoise]
-    # Further classes and the class whose noise they have.
-    alike: dict[str, str] = Field(default_factory=dict)
+    alike: dict[str, str] = Field(default_factory=dict)  # further classes and the class whose noise they have
 
     @field_validator("alike")
     @classmethod

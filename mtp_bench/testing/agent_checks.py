@@ -96,10 +96,9 @@ def _deterministic(suite: Suite) -> Findings:
     where = first_difference(suite.passes[0], suite.play())
     if where:
         suite.deterministic = False
+        got = "a second agent with the same seed acts differently"
         advice = "draw from np.random.default_rng(task.seed), made in reset"
-        yield Finding(
-            "error", "", "a second agent with the same seed acts differently", "the same actions", where, advice
-        )
+        yield Finding("error", "", got, "the same actions", where, advice)
 
 
 def _forgets(suite: Suite) -> Findings:

@@ -42,9 +42,7 @@ def fit_false_positives(
     """Fit the false positives of the class ``name`` to the ``real`` ones; returns its whole noise."""
     noise = profile.classes[name]
     of_class = np.array([profile.noise_name(other) == name for other in classes])
-    boxes = 0
-    for scene in scenes:
-        boxes += int((covered(scene.truth, scene.ego, sensor) & of_class[scene.truth.class_id]).sum())
+    boxes = sum(int((covered(s.truth, s.ego, sensor) & of_class[s.truth.class_id]).sum()) for s in scenes)
     near_rows = np.asarray(real.beside < NEAR)
     near = _count_near(real, near_rows, boxes, profile.dt)
     free = _count_free(real, ~near_rows, sum(scene.frames for scene in scenes), profile.dt)

@@ -47,13 +47,9 @@ def paper_table(report: Report) -> Table:
         here = replace(declared, heading="here", read=lambda row: _both(row[0][ours].minADE, row[0][ours].minFDE))
         return here, replace(declared, heading="paper", read=lambda row: _both(*row[1].get(theirs, (None, None))))
 
-    named = [_of_all(column) for column in columns_of(Row)[:2]]
+    named = [_of(column, lambda row: row[0]["all"]) for column in columns_of(Row)[:2]]
     columns = [*named, *chain(*(pair(ours, theirs) for ours, theirs in PAPER_SUBSETS.items()))]
     return Table("paper", "minADE/minFDE here and in the paper, whose detections are others (m)", "", rows, columns)
-
-
-def _of_all(column: Column) -> Column:
-    return replace(column, read=lambda row: column.value(row[0]["all"]))
 
 
 def _both(ade: float | None, fde: float | None) -> str | None:
@@ -147,7 +143,7 @@ def _row_columns(report: Report) -> tuple[Column, ...]:
     return columns_of(type(report.rows[0]) if report.rows else Row)
 
 
-def _of(column: Column, part_of: Callable[[AgentLine], Any], **changes: Any) -> Column:
+def _of(column: Column, part_of: Callable[[Any], Any], **changes: Any) -> Column:
     """A column of a part of a line as a column of lines; ``part_of`` gets the part."""
     return replace(column, read=lambda line: column.value(part_of(line)), **changes)
 
