@@ -210,8 +210,7 @@ def compiled_kernels() -> list[Path]:
 
 
 def _system_libraries() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    links: list[tuple[str, str]] = []
-    shown: list[tuple[str, str]] = []
+    links, shown = list[tuple[str, str]](), list[tuple[str, str]]()
     for path in map(Path, _SYSTEM):
         if path.is_symlink():
             links.append((str(path.readlink()), str(path)))

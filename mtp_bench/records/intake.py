@@ -66,8 +66,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
         f"{OWNERS}: {name[:40]!r} has no record: a name comes with the first record of it"
         for name in sorted(names.keys() - trusted_names.keys() - used)
     ]
-    accepted: list[Path] = []
-    notes: list[str] = []
+    accepted, notes = list[Path](), list[str]()
     for name in sorted(files.keys() - {Path(OWNERS)}):
         path = folder / name
         if (trust.folder / name).is_file() and filecmp.cmp(path, trust.folder / name, shallow=False):

@@ -69,8 +69,7 @@ def why_impossible(piece: Piece, data: str | None = None) -> str | None:
     submission = piece.submission
     if submission.path.parent != bundled("baselines"):
         return None
-    env = MTPEnv(piece.env, evaluation=True, data=data, observe=submission.compare.observe)
-    task = agent_task(env, 0)
+    task = agent_task(MTPEnv(piece.env, evaluation=True, data=data, observe=submission.compare.observe), 0)
     try:
         submission.build(task, **submission.parameters).reset(task)
     except MtpBenchError as error:

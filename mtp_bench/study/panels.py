@@ -103,8 +103,8 @@ def _level(axis: Any, panel: Panel, series: Series) -> None:
 
 def _marks(axis: Any, panel: Panel, series: Series) -> None:
     """A line or dots with intervals; the intervals of a line are a band."""
-    name, value = series.color, np.array(series.y, dtype=float)
-    style: dict[str, Any] = {"color": COLORS[name], "marker": MARKERS.get(name, "o"), "label": series.label or None}
+    name, color, value = series.color, COLORS[series.color], np.array(series.y, dtype=float)
+    style: dict[str, Any] = {"color": color, "marker": MARKERS.get(name, "o"), "label": series.label or None}
     if series.kind == "line":
         style |= {"linestyle": LINES.get(name, "-"), "markersize": 4.5, "linewidth": 1.7}
     elif series.kind == "dots":
@@ -114,12 +114,10 @@ def _marks(axis: Any, panel: Panel, series: Series) -> None:
     x, y = (value, series.x) if panel.stacked else (series.x, value)
     axis.plot(x, y, **{**style, **series.style})
     for *place, text in zip(x, y, series.texts, strict=False):
-        axis.annotate(
-            text, place, xytext=(6, 0), textcoords="offset points", va="center", fontsize=8.5, color=COLORS[name]
-        )
+        axis.annotate(text, place, xytext=(6, 0), textcoords="offset points", va="center", fontsize=8.5, color=color)
     if series.kind == "line" and series.intervals:
         low, high = np.array([pair or (np.nan, np.nan) for pair in series.intervals], dtype=float).T
-        axis.fill_between(series.x, low, high, color=COLORS[name], alpha=0.14, linewidth=0)
+        axis.fill_between(series.x, low, high, color=color, alpha=0.14, linewidth=0)
     elif series.intervals:
         _intervals(axis, series.x, series.intervals, name)
 

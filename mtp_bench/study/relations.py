@@ -62,10 +62,8 @@ def _costs(findings: Findings) -> Iterator[Row]:
     subject = findings.subject
     for place in _PLACES[:2]:
         roles = ("ground_truth", "single")
-        pair = [figures_of(findings.bench.of_paper, role, "equal", 1).get(place.key) for role in roles]
-        papers = ""
-        if pair[0] and pair[1]:
-            papers = f"minADE {pair[0][0]:.3f} m from GT tracks, {pair[1][0]:.3f} m from tracklets"
+        truth, stp = (figures_of(findings.bench.of_paper, role, "equal", 1).get(place.key) for role in roles)
+        papers = f"minADE {truth[0]:.3f} m from GT tracks, {stp[0]:.3f} m from tracklets" if truth and stp else ""
         title = f"{place.event} makes prediction much worse"
         yield _difference(findings, subject.reference, subject.truth, place, +1, title, papers)
 

@@ -23,16 +23,12 @@ def fit_noise(
     reach: float | None = None,
     field_of_view: float | None = None,
 ) -> str:
-    """TOML of a ``[detector]`` section with the noise of the detections of an env.
+    """TOML of a ``[detector]`` section with the noise of the detections of an env, by id or path of its card.
 
-    Args:
-        env_id: Id of the env or path of its card.
-        options: Data, scenes, changes of the card and progress.
-        min_score: Operating points: "2.5" for all classes, or "car=2.5".
-        alike: Texts "bus=car": a class, and the class that it is fitted together with and whose noise it has.
-        name: Name of the profile; agents choose their settings by the part before its first hyphen.
-        reach: Reach of the detector in metres; None: as in the card.
-        field_of_view: Degrees around the heading that it covers; None: as in the card.
+    ``options``: data, scenes, changes of the card and progress. ``min_score``: operating points, "2.5" for all classes
+    or "car=2.5". ``alike``: texts "bus=car", a class, and the class that it is fitted together with and whose noise it
+    has. ``name``: of the profile; agents choose their settings by the part before its first hyphen. ``reach``: of the
+    detector, m; ``field_of_view``: around its heading, degrees; None: as in the card.
 
     Raises MtpBenchError for wrong options, incomplete truth and too few detections.
     """

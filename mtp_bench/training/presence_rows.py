@@ -38,8 +38,7 @@ class PresenceRecipe:
         if table is None:
             raise UnknownNameError("detector with a [presence] recipe", detector, fitted_detectors())
         scenes = tuple(SceneChoice(**{**row, "without": tuple(row.get("without", ()))}) for row in table["scenes"])
-        features = tuple(table.get("features", FEATURES))
-        return cls(**{**table, "scenes": scenes, "features": features})
+        return cls(**{**table, "scenes": scenes, "features": tuple(table.get("features", FEATURES))})
 
 
 def fitted_detectors() -> list[str]:
