@@ -57,6 +57,13 @@ _WHERE = {
     "old_id_in_file": "Id of that track in a file of stored tracks.",
     "new_id_in_file": "The same of the track now.",
 }
+WORST = {  # the file of `worst --json`, beside env and agent
+    "error": "Mean error of all targets of the listed scenes, metres.",
+    "parts": "Its parts by name, metres.",
+    "faults": "Their sums by part of the stack, metres.",
+    "cost": "Sum over all targets of what moments are sorted by, metres.",
+    "moments": "The moments, in the order of the list.",
+}
 MOMENT = {  # of `worst --json`
     **_WHERE,
     "moment": "Name, as `--at` takes it.",
@@ -108,6 +115,7 @@ def page() -> str:
     parts += [_table(title, keys_of(kind)) for title, kind in SECTIONS.items()]
     plain = {
         "Rows of score --per-scene (other keys as in rows[])": PER_SCENE,
+        "The file of worst --json": WORST,
         "moments[] of worst --json": MOMENT,
         "events[] of events --json": EVENT,
     }

@@ -7,14 +7,15 @@ from typer import BadParameter, Option
 
 from ..parallel import reported
 from ..running.stored import open_run
-from ..scoring.parts import BELOW, PARTS
+from ..scoring.parts import BELOW, FAULTS, PARTS, named_parts
 from ..viz.moments import costs, moments
 from ..viz.played import replays
 from ..viz.terminal.output import counted, show, show_command, show_lines, show_table
-from ..viz.terminal.worst_table import CAPTION, UNSPLIT, WorstRow, worst_json, worst_table
+from ..viz.terminal.worst_table import CAPTION, CAPTION_BELOW, UNSPLIT, WorstRow, run_line, worst_json, worst_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice, one_of
 from .output import write_json
 
+CAUSES = tuple(dict.fromkeys([*FAULTS, *PARTS.values()]))
 LOOK = "To look at the first; with --png FILE.png it becomes a picture, without a screen:"
 
 
@@ -22,7 +23,7 @@ def worst(
     folder: FolderArgument,
     scene: Annotated[str | None, Option(help="Only this scene.")] = None,
     cause: Annotated[
-        str | None, choice(tuple(PARTS.values()), text="Only moments whose largest part has this name.")
+        str | None, choice(CAUSES, text=f"Only moments of this cause or part of the stack: {', '.join(CAUSES)}.")
     ] = None,
     class_name: Annotated[str | None, Option("--class", help="Only objects of this class.")] = None,
     within: Annotated[float | None, Option(min=0, help="Only objects at most so many metres from the ego.")] = None,
@@ -32,7 +33,7 @@ def worst(
     json_file: JsonOption = None,
 ) -> None:
     """List the worst moments of a run: whose fault each was, and how to look at it."""
-    total, below, rows, unsplit = 0.0, cause == BELOW, list[WorstRow](), ""
+    below, whole, targets, rows, unsplit = cause == BELOW, np.zeros(len(PARTS)), 0, list[WorstRow](), ""
     with reported("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
         if class_name is not None:
@@ -40,24 +41,24 @@ def worst(
         if within is not None and not opened.card.has_ego:
             raise BadParameter(f"{opened.card.id} has no ego to measure from", param_hint="--within")
         for played in replays(opened, scene, progress):
-            total, unsplit = total + float(np.nansum(costs(played, below))), played.unsplit
+            whole, unsplit = whole + np.nansum(played.part, axis=0), played.unsplit
+            targets += int(np.isfinite(played.part[:, 0]).sum())
             rows += [WorstRow.of(played, one.at, str(folder), root, env, moment=one) for one in moments(played, below)]
     kept = [
         row
         for row in rows
-        if (cause is None or below or row.moment.cause == cause)
+        if (cause is None or below or cause in (row.moment.cause, row.fault))
         and (class_name is None or row.class_name == class_name)
         and (within is None or (row.moment.distance or 0.0) <= within)
     ]
     shown = sorted(kept, key=lambda row: -row.moment.cost)[:top]
-    write_json(json_file, worst_json(shown, total, opened.card.id, opened.run.info.agent))
+    parts, total = named_parts(whole / max(1, targets)), float(costs(whole, below))
+    write_json(json_file, worst_json(shown, total, parts, opened.card.id, opened.run.info.agent))
     if shown:
         show_table(worst_table(shown, total))
         show("")
-        show_lines([CAPTION, LOOK])
+        show_lines([CAPTION_BELOW if below else CAPTION, LOOK])
         show_command(shown[0].view)
-    if unsplit:
-        show_lines([UNSPLIT.format(unsplit)])
     share = sum(row.moment.cost for row in shown) / total if total else 0.0
-    scenes = counted(len(opened.rollouts(scene)), "scene")
-    show(f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the error; {scenes}")
+    of_run = f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the {'part' if below else 'blame'}."
+    show_lines([*([UNSPLIT.format(unsplit)] if unsplit else []), of_run, run_line(parts, len(opened.rollouts(scene)))])

@@ -88,13 +88,18 @@ def parts_text(parts: Mapping[str, float], most: int = len(PARTS)) -> str:
     return ", ".join([f"{texts[0]} m", *texts[1:]]) if texts else "nothing"
 
 
+def by_fault(parts: Mapping[str, float]) -> dict[str, float]:
+    """Sums of `named_parts` by the part of the stack, m, the largest first."""
+    size = {who: sum(parts.get(name, 0.0) for name in names) for who, names in FAULTS.items()}
+    return dict(sorted(size.items(), key=lambda each: -each[1]))
+
+
 def fault_of(parts: Mapping[str, float]) -> str:
     """The part of the stack that causes most of `named_parts`, with the largest of its causes; empty without an error.
 
     Confidence is named only where nothing else has a part.
     """
-    size = {who: sum(parts.get(name, 0.0) for name in names) for who, names in FAULTS.items()}
-    found = [who for who in sorted(size, key=lambda who: -size[who]) if size[who] >= LEAST_SHOWN]
+    found = [who for who, size in by_fault(parts).items() if size >= LEAST_SHOWN]
     who = next((who for who in found if who != "confidence"), "".join(found))
     return f"{who}: {next(name for name in parts if name in FAULTS[who])}" if who else ""
 

@@ -36,9 +36,9 @@ class Moment:
         return next(iter(self.parts))
 
 
-def costs(run: Replay, below: bool = False) -> Floats:
-    """Cost [R] of each true box, m: its blame, or its part ``below`` threshold; NaN where it is not a target."""
-    return run.part[:, list(PARTS.values()).index(BELOW)] if below else blame(run.part)
+def costs(part: Floats, below: bool = False) -> Floats:
+    """Cost [...] of the ``part`` [..., len(PARTS)] of errors, m: their blame, or the part ``below`` threshold."""
+    return part[..., list(PARTS.values()).index(BELOW)] if below else blame(part)
 
 
 def moments(run: Replay, below: bool = False) -> list[Moment]:
@@ -46,7 +46,7 @@ def moments(run: Replay, below: bool = False) -> list[Moment]:
 
     ``below``: the cost is the part below threshold, instead of all others.
     """
-    cost = costs(run, below)
+    cost = costs(run.part, below)
     usual = float(np.nanmean(cost)) if below and np.isfinite(cost).any() else run.usual
     return sorted((_moment(run, rows, cost) for rows in _spans(run, cost > usual)), key=lambda m: -m.cost)
 
@@ -117,7 +117,7 @@ def found(run: Replay, text: str) -> Incident:
         return _worst_of(run, t)
     rows = _rows_of(run, text)
     own = (each.at for each in moments(run) if each.at.row in rows)
-    return next(own, None) or run.moment(int(rows[np.argmax(np.nan_to_num(costs(run)[rows], nan=-1.0))]))
+    return next(own, None) or run.moment(int(rows[np.argmax(np.nan_to_num(costs(run.part)[rows], nan=-1.0))]))
 
 
 def _with_span(run: Replay, row: int) -> Incident:
@@ -158,7 +158,7 @@ def _worst_of(run: Replay, t: int) -> Incident:
     """The worst target of frame ``t``; raises MtpBenchError without one."""
     rows = np.flatnonzero((run.scene.truth.frame_of_rows == t) & np.isfinite(run.part[:, 0]))
     if len(rows):
-        return run.moment(int(rows[np.argmax(costs(run)[rows])]))
+        return run.moment(int(rows[np.argmax(costs(run.part)[rows])]))
     targets = run.scene.truth.frame_of_rows[np.isfinite(run.part[:, 0])]
     has = f"frames {targets[0]} to {targets[-1]} have some" if len(targets) else "no frame has one"
     raise MtpBenchError(f"frame {t} of scene {run.scene.name} has no target: {has}; name an object, OBJECT@{t}")

@@ -22,6 +22,7 @@ from ..support.command_line import CommandLine, read_json
 from ..support.planted_faults import write_log
 from ..support.scoring_scenes import Thing, make_card, make_rollout, make_scene, with_detections
 
+FAULTS = {"mistaken": "detector", "missed": "detector", "turning": "predictor"}
 CAUSES = {"mistaken": "other class", "missed": "not detected now", "turning": "predictor"}
 
 
@@ -82,6 +83,10 @@ def test_moments_have_many_names(played: Replay) -> None:
 def test_the_list_and_its_file(cli: CommandLine, run: Path, tmp_path: Path) -> None:
     printed = cli.ok("worst", run, "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")
+    assert content.keys() == {"env", "agent", *json_keys.WORST}
+    assert sum(content["faults"].values()) == pytest.approx(content["error"], abs=1e-9)
+    assert {each["object_id"]: each["fault"] for each in content["moments"][:3]} == FAULTS
+    assert "turning@" not in cli.ok("worst", run, "--cause", "detector")
     first = content["moments"][0]
     assert first["view"] in printed
     assert first.keys() == json_keys.MOMENT.keys(), "the page of keys explains them"

@@ -1,21 +1,25 @@
 """List of the worst moments of a run: object, span, cost and causes, and a command that shows it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...scoring.parts import fault_of, parts_text
+from ...scoring.parts import by_fault, fault_of, parts_text
 from ...tables import Column, Table
 from ..moments import Moment
 from .event_table import Listed
+from .output import counted
 
 CAPTION = (
-    "A moment is a run of frames of one object whose error is above the run's mean. share: of the error of all targets "
-    "of the run. error: mean of its frames, m, and its parts, which add up to bADE. Moments are sorted by their error "
-    "without the part below threshold, which depends on the confidence of all other forecasts."
+    "A moment is a run of frames of one object whose blame is above the run's mean. Blame is the error without the "
+    "part below threshold, which depends on the confidence of all other forecasts. share: of the blame of the run, by "
+    "which moments are sorted. error: mean of its frames, m; fault: the part of the stack that causes most of it; "
+    "causes: its parts, the largest by name, the rest as others."
 )
-
-
+CAPTION_BELOW = (
+    "A moment is a run of frames of one object whose part below threshold is above the run's mean. share: of that part "
+    "of the error of the run, by which moments are sorted. error: mean of its frames, m, and its parts."
+)
 UNSPLIT = "The error of forecasts is not split, but stands under rest: {}."
 
 
@@ -52,9 +56,19 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
     return Table("worst", "Worst moments", "", rows, columns)
 
 
-def worst_json(rows: Sequence[WorstRow], total: float, env_id: str, agent: str) -> dict[str, Any]:
-    """Content of ``worst --json``."""
-    return {"env": env_id, "agent": agent, "cost": total, "moments": [_record(row) for row in rows]}
+def worst_json(
+    rows: Sequence[WorstRow], total: float, parts: Mapping[str, float], env_id: str, agent: str
+) -> dict[str, Any]:
+    """Content of ``worst --json``; ``parts``: of the error of the run, m, by name."""
+    run = {"error": sum(parts.values()), "parts": dict(parts), "faults": by_fault(parts), "cost": total}
+    return {"env": env_id, "agent": agent, **run, "moments": [_record(row) for row in rows]}
+
+
+def run_line(parts: Mapping[str, float], scenes: int) -> str:
+    """The error of a run and its shares by the part of the stack."""
+    error = sum(parts.values())
+    shares = (f"{who} {size / error:.0%}" for who, size in by_fault(parts).items() if error and size)
+    return f"The whole run, {counted(scenes, 'scene')}: {error:.2f} m: {', '.join(shares)}."
 
 
 def _causes(row: WorstRow) -> str:
