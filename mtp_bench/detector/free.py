@@ -110,10 +110,7 @@ def _draw_members(
 
 
 def _draw_births(parameters: FreeFalsePositives, survive: float, scene: SensedScene, draws: Draws) -> Ints:
-    """Draw the frame of every family's birth, ascending: Poisson, with a Gamma factor per scene.
-
-    The first frame is in equilibrium.
-    """
+    """Draw the frame of every family's birth, ascending: Poisson, a Gamma factor per scene, first in equilibrium."""
     factor = 1.0
     if parameters.dispersion > 1.0:
         shape = parameters.rate / (parameters.dispersion - 1.0)

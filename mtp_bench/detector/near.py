@@ -54,10 +54,7 @@ def near_false_positives(
 
 
 def classes_of_same_noise(truth: Truth, noise_names: Sequence[str]) -> list[Ints]:
-    """For every class the other classes with the same noise, the most frequent ones of the scene first.
-
-    ``noise_names``: of each class.
-    """
+    """For every class the others with the same of ``noise_names``, the most frequent ones of the scene first."""
     boxes = np.bincount(truth.class_id, minlength=len(noise_names))
     order = np.argsort(-boxes, kind="stable")
     names = np.array(noise_names)

@@ -120,10 +120,7 @@ def bubblewrap_command(layout: Layout, program: Sequence[str], space: int) -> li
 
 
 def bubblewrap_works() -> bool:
-    """True if a program starts in a sandbox and sees only the files that it is shown.
-
-    Raises SubmissionError where that takes too long to tell.
-    """
+    """True if a program starts in a sandbox and sees only what it is shown; SubmissionError if that takes too long."""
     layout = bare_layout()
     program = [*python(), "-c", "import os; print(sorted(os.listdir('/')))"]
     try:
@@ -145,10 +142,7 @@ def bubblewrap_works() -> bool:
 
 @cache
 def system_call_filter() -> bytes | None:
-    """The filter as a program of the kernel; None if libseccomp is not installed.
-
-    Raises OSError where libseccomp refuses a rule.
-    """
+    """The filter as a program of the kernel; None without libseccomp. Raises OSError where that refuses a rule."""
     library = _libseccomp()
     if library is None:
         return None

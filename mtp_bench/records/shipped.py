@@ -31,10 +31,7 @@ class Shipped:
 
 @cache
 def shipped(env_id: str) -> Shipped | None:
-    """The env of this id; None if it is not shipped or has no frozen event weights.
-
-    Raises DataError if the file of the weights is broken.
-    """
+    """The env of this id; None if it does not ship or has no frozen event weights. DataError if these are broken."""
     if env_id not in card_ids():
         return None
     card = load_card(env_id)

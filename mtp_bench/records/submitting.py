@@ -105,10 +105,7 @@ def plan_content(plan: Plan, commit: str = "") -> dict[str, Any]:
 
 
 def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True) -> Record | None:
-    """The record at ``target`` if it is complete and of the plan ``content``, else None.
-
-    ``rollouts``: they must be stored beside it.
-    """
+    """The record at ``target`` if complete, by default with its rollouts, and of the plan ``content``, else None."""
     if count_parts(target) or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
         return None
     try:

@@ -95,10 +95,7 @@ class Histories:
 
 
 def bridged(past: Floats, valid: Bools) -> Floats:
-    """Pasts [N, P, 7], oldest first, whose gaps between two reports, ``valid`` [N, P], lie on the straight line.
-
-    Only x and y are changed.
-    """
+    """Pasts [N, P, 7], oldest first, with x and y of gaps between two reports, ``valid`` [N, P], on a straight line."""
     length = valid.shape[1]
     frame = np.arange(length)
     before = np.maximum.accumulate(np.where(valid, frame, -1), axis=1)

@@ -97,10 +97,7 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
 
 
 def _pieces(board: dict[str, Any], known: dict[str, Any]) -> str:
-    """The details of the entries of a table as calls that hand HTML to the page.
-
-    JSON in ASCII without "<" ends no script early.
-    """
+    """The details of a table's entries as calls that hand HTML to the page; ASCII without "<" ends no script early."""
     pieces = []
     for line in board["lines"]:
         html = _render("entry.html", **known, board=board, line=details_of(line, board))
