@@ -219,14 +219,14 @@ class Scene:
         return self.object_names.get(object_id, str(object_id))
 
     def short_name(self, object_id: int) -> str:
-        """Id of a true object in at most 16 characters; the number where other ids have the same beginning."""
+        """Id of a true object in at most 16 characters; "#" and its number where others have the same beginning."""
         name = self.name_of(object_id)
         if len(name) <= LONGEST_SHORT_NAME:
             return name
         for begin in (name[:8], name[:LONGEST_SHORT_NAME]):
             if sum(other.startswith(begin) for other in self.object_names.values()) == 1:
                 return begin
-        return str(object_id)
+        return f"#{object_id}"
 
 
 @dataclass(frozen=True)

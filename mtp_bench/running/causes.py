@@ -1,22 +1,23 @@
 """Causes of the errors of a stored run: parts of bADE per target (docs/definitions, "Parts of the error")."""
 
 import hashlib
-import zlib
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
-from zipfile import BadZipFile
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .._version import __version__
-from ..errors import SubmissionError, UnknownNameError
-from ..files import cache_root, whole_file
+from ..errors import MtpBenchError, SubmissionError, UnknownNameError
+from ..files import cache_root, open_regular, whole_file
 from ..parallel import reported
 from ..scoring import AgentScores, score_scene
 from ..scoring.parts import PARTS, SceneParts, blame, error_parts, reference_errors
 from ..scoring.table import agent_table
 from ..submission.loader import load_submission
-from ..types import Floats, Ints
 from .evaluate import scores_of
 from .options import DEFAULTS, RunOptions
 from .reference import frozen_reference, make_reference
@@ -28,29 +29,42 @@ from .stored import OpenedRun, run_scores
 _SPLIT = ("associated", "tracks")  # references that split the error of a forecast, fields of `References`
 
 
-def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS) -> dict[str, SceneParts]:
+def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS, again: bool = False) -> dict[str, SceneParts]:
     """Parts of the errors of a stored run by scene: they add up to the bADE of each target of the run.
 
     Made once, which runs two references on all scenes of the run, and kept in the cache. Without references, the error
-    of a forecast is its rest, and `SceneParts.unsplit` says why. ``options``: workers. Raises DataError if the scenes
-    cannot be read.
+    of a forecast is its rest, and `SceneParts.unsplit` says why. ``options``: workers. ``again``: not from the cache.
+    Raises DataError if the scenes cannot be read.
     """
     runs, why = _references(opened)
     content = f"{__version__}|{why}|{(opened.folder / RUN_FILE).read_text(encoding='utf-8')}"
     path = cache_root() / "causes" / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.npz"
     names = [rollout.scene for rollout in opened.run.rollouts]
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:  # numpy leaves a broken one open
-            part, count = stored["part"], stored["count"]
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):  # none there, or a broken one
-        part, count, failed = _made(opened, names, runs, options)
+    stored = None if again else _stored(path, len(names))
+    if stored is None:
+        stored, failed = _made(opened, names, runs, options)
         why = why or failed
         if not failed:  # tried again the next time
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(path) as written:
-                np.savez_compressed(written, part=part, count=count)
-    usual, ends = float(blame(part).mean()) if len(part) else 0.0, np.cumsum(count)[:-1]
-    return {name: SceneParts(own, usual, why) for name, own in zip(names, np.split(part, ends), strict=True)}
+            with suppress(OSError, MtpBenchError):  # without a cache it is made each time
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with whole_file(path) as whole:
+                    np.savez_compressed(whole, allow_pickle=False, **stored)
+    part, ends = stored["part"], np.cumsum(stored["count"])[:-1]
+    usual = float(blame(part).mean()) if len(part) else 0.0
+    rows = zip(names, np.split(part, ends), np.split(stored["distance"], ends), strict=True)
+    return {name: SceneParts(own, usual, distance, why) for name, own, distance in rows}
+
+
+def _stored(path: Path, scenes: int) -> dict[str, NDArray[Any]] | None:
+    """Arrays of a file of the cache; None without one, and for one that is broken or of another shape."""
+    try:
+        with open_regular(path) as file, np.load(file, allow_pickle=False) as arrays:
+            stored = {name: arrays[name] for name in ("part", "count", "distance")}
+    except Exception:  # NumPy raises many kinds for missing and changed bytes
+        return None
+    part, count = stored["part"], stored["count"]
+    fits = part.shape == (*stored["distance"].shape, len(PARTS)) and count.shape == (scenes,)
+    return stored if fits and count.sum() == len(part) and np.isfinite(part).all() else None
 
 
 def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
@@ -72,8 +86,8 @@ def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
 
 def _made(
     opened: OpenedRun, names: Sequence[str], runs: dict[str, Setting], options: RunOptions
-) -> tuple[Floats, Ints, str]:
-    """Parts [n, len(PARTS)] of all targets, m, numbers of targets by scene, and why a reference failed."""
+) -> tuple[dict[str, NDArray[Any]], str]:
+    """Parts [n, len(PARTS)] and distances [n] of all targets, m, their numbers by scene; why a reference failed."""
     split, failed = None, ""
     with reported("finding causes: scoring the run, and the two references that split its errors"):
         scores = run_scores(opened, options)
@@ -88,7 +102,8 @@ def _made(
         found = error_parts(agent_table(scores, reference), "all", split)
     count = [len(score) for score in scores.seeds[0]]
     part = np.stack([found.get(name, np.zeros(sum(count))) for name in PARTS], axis=1)
-    return part, np.array(count), failed
+    distance = np.concatenate([score.distance for score in scores.seeds[0]])
+    return {"part": part, "count": np.array(count), "distance": distance}, failed
 
 
 def _scores(setting: Setting, opened: OpenedRun, names: Sequence[str], options: RunOptions) -> AgentScores:

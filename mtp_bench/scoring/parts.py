@@ -47,6 +47,7 @@ class SceneParts(NamedTuple):
 
     part: Floats  # [n, len(PARTS)] m
     usual: float  # m, mean of `blame` over the targets of all scenes
+    distance: Floats  # [n] m, of the targets to the ego: shows whether the truth is that of the run
     unsplit: str = ""  # reason why the error of forecasts is its rest; empty: it is split
 
 

@@ -48,7 +48,8 @@ def moments(run: Replay, below: bool = False) -> list[Moment]:
     """
     cost = costs(run.part, below)
     usual = float(np.nanmean(cost)) if below and np.isfinite(cost).any() else run.usual
-    return sorted((_moment(run, rows, cost) for rows in _spans(run, cost > usual)), key=lambda m: -m.cost)
+    bad = (cost > 0) & (cost >= usual * (1 - 1e-9))  # all of them where they cost the same
+    return sorted((_moment(run, rows, cost) for rows in _spans(run, bad)), key=lambda m: -m.cost)
 
 
 def _spans(run: Replay, bad: np.ndarray) -> Iterator[Ints]:
@@ -103,18 +104,19 @@ def found(run: Replay, text: str) -> Incident:
     the beginning of it, with its class before it or not. Raises UnknownNameError, and MtpBenchError for a frame without
     a target.
     """
-    if re.fullmatch(rf"({'|'.join(KINDS)})-\d+", text):
-        return run.incident(text)
+    ids = set(map(run.scene.name_of, np.unique(run.scene.truth.object_id).tolist()))
+    seconds = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?) ?s", text)
     name, _, frame = text.rpartition("@")
-    if name and frame.isdecimal():
-        return _with_span(run, _row_at(run, _rows_of(run, name), int(frame), text))
-    seconds = re.fullmatch(r"(\d+(?:\.\d+)?) ?s", text)
-    if seconds or text.isdecimal():
+    if re.fullmatch(rf"({'|'.join(KINDS)})-\d+", text) and text not in ids:
+        return run.incident(text)
+    if seconds or re.fullmatch(r"\d{1,9}", text):
         time = run.scene.time - run.scene.time[0]
         t = int(np.argmin(np.abs(time - float(seconds[1])))) if seconds else int(text)
         if t >= run.frames or (seconds and float(seconds[1]) > time[-1] + 1.0):
             raise MtpBenchError(f"{text}: scene {run.scene.name} ends at frame {run.frames - 1}, {time[-1]:.1f} s")
         return _worst_of(run, t)
+    if name and re.fullmatch(r"\d{1,9}", frame) and text not in ids:
+        return _with_span(run, _row_at(run, _rows_of(run, name), int(frame), text))
     rows = _rows_of(run, text)
     own = (each.at for each in moments(run) if each.at.row in rows)
     return next(own, None) or run.moment(int(rows[np.argmax(np.nan_to_num(costs(run.part)[rows], nan=-1.0))]))
@@ -133,12 +135,14 @@ def _rows_of(run: Replay, name: str) -> Ints:
     scene, classes = run.scene, run.card.task.classes
     numbers, first = np.unique(scene.truth.object_id, return_index=True)
     ids = {scene.name_of(int(number)): int(number) for number in numbers}
-    nouns = dict(zip(numbers.tolist(), (classes[i] for i in scene.truth.class_id[first]), strict=True))
+    nouns = {int(scene.truth.object_id[row]): classes[scene.truth.class_id[row]].replace("_", " ") for row in first}
     word = name.rpartition(" ")[2]
     for own in (name, word):
-        known = [number for each, number in ids.items() if own in (each, str(number))]
+        # the id itself, else its number, else the only one that begins so
+        exact = [number for each, number in ids.items() if own == each]
+        known = exact or [number for number in nouns if own.removeprefix("#") == str(number)]
         known = known or [number for each, number in ids.items() if own and each.startswith(own)]
-        known = [number for number in known if own == name or name == f"{nouns[number].replace('_', ' ')} {own}"]
+        known = [number for number in known if own == name or name.replace("_", " ") == f"{nouns[number]} {own}"]
         if len(known) == 1:
             return np.flatnonzero(scene.truth.object_id == known[0])
     raise UnknownNameError(

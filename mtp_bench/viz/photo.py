@@ -3,6 +3,7 @@
 Edges of boxes are in pixels of the image, cut off close to the camera.
 """
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,7 +75,7 @@ def photo_row(photo: Photo, wide: int) -> Image.Image:
     ink, middle = ImageDraw.Draw(row), min(round(high * photo.image.size[0] / photo.image.size[1]), wide // 2)
     ink.text((10, 4), photo.image.camera, fill=BLACK, font=font(TEXT))
     try:
-        with Image.open(photo.image.path) as file:
+        with warnings.catch_warnings(action="ignore"), Image.open(photo.image.path) as file:
             picture = file.convert("RGB").resize(photo.image.size)  # that its projection is for
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):  # SyntaxError: a broken PNG
         ink.text((10, CAPTION + 6), f"{photo.image.path.name} cannot be read", fill=BLACK, font=font(TEXT))

@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from ..parallel import SERIAL, Progress, Workers, cores
 from ..running.causes import run_parts
 from ..running.options import RunOptions
 from ..running.stored import OpenedRun
+from ..scoring import find_targets
 from ..types import Rollout, Scene
 from .replay import Replay, replay
 
@@ -18,13 +21,16 @@ class PlayedRun:
     def __init__(self, opened: OpenedRun) -> None:
         self.opened = opened
         few = len(opened.run.rollouts) <= _FEW
-        self._parts = run_parts(opened, RunOptions(data=opened.data, workers=SERIAL if few else Workers(cores())))
+        self._options = RunOptions(data=opened.data, workers=SERIAL if few else Workers(cores()))
+        self._parts = run_parts(opened, self._options)
 
     def replay(self, rollout: Rollout, scene: Scene | None = None, agent: str = "") -> Replay:
         """The replay of one rollout; ``scene``: with a road; ``agent``: in place of its name."""
-        opened = self.opened
-        content = opened.scene(rollout.scene) if scene is None else scene
-        return replay(content, rollout, opened.card, agent or opened.run.info.agent, self._parts[rollout.scene])
+        opened, name = self.opened, rollout.scene
+        content = opened.scene(name) if scene is None else scene
+        if not np.array_equal(self._parts[name].distance, find_targets(content, opened.card).distance):
+            self._parts = run_parts(opened, self._options, again=True)  # the data is another one
+        return replay(content, rollout, opened.card, agent or opened.run.info.agent, self._parts[name])
 
 
 def replays(opened: OpenedRun, scene: str | None, progress: Progress) -> Iterator[Replay]:

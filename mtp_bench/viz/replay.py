@@ -215,10 +215,9 @@ def _forecasts(
         worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
         cause = np.where(errors.covered, -1, absent_causes(scene, targets, card))
         plain = plain_parts(capped_error(errors.min_ade, worst), cause)
-        parts = SceneParts(plain, float(blame(plain).mean()) if len(plain) else 0.0)
-    if len(parts.part) != len(targets):
-        found = f"{len(targets)} targets, expected {len(parts.part)} as when its run was scored"
-        raise RolloutError(f"scene {scene.name!r} has {found}: run the agent again")
+        parts = SceneParts(plain, float(blame(plain).mean()) if len(plain) else 0.0, targets.distance)
+    if not np.array_equal(parts.distance, targets.distance):
+        raise RolloutError(f"scene {scene.name!r} has other targets than when its run was scored: run the agent again")
     worth, part = (np.full((len(scene.truth.box), size), np.nan) for size in (2, len(PARTS)))
     worth[targets.row, 0] = np.where(errors.covered, errors.min_ade, np.nan)
     worth[:, 1] = np.append(rollout.object_confidence, np.nan)[forecast]

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import mtp_bench
 from docs.generate import json_keys
-from mtp_bench.errors import MtpBenchError, UnknownNameError
+from mtp_bench.errors import MtpBenchError, RolloutError, UnknownNameError
 from mtp_bench.files import cache_root
 from mtp_bench.running.causes import run_parts
 from mtp_bench.running.stored import open_run
@@ -44,10 +45,13 @@ def test_the_parts_of_all_targets_add_up_to_the_error_of_the_run(run: Path) -> N
     row = next(row for row in mtp_bench.score(run).report.rows if row.subset == "all")
     assert row.error is not None
     assert parts.part.sum(axis=1).mean() == pytest.approx(row.error, abs=1e-9)
-    for content in (None, b"", b"PK\x03\x04 and no more"):  # kept, and made again where it is broken
-        for kept in (cache_root() / "causes").iterdir():
-            if content is not None:
+    part = parts.part
+    for content in (None, b"", b"PK\x03\x04 and no more", part[:5], part[:, :3], part * np.nan, part[0]):
+        for kept in (cache_root() / "causes").iterdir():  # kept, and made again where it is broken
+            if isinstance(content, bytes):
                 kept.write_bytes(content)
+            elif content is not None:
+                np.savez(kept, part=content, count=np.array([len(part)]), distance=parts.distance)
         again = run_parts(open_run(run))["log"]
         assert (again.part == parts.part).all()
         assert again.usual == parts.usual
@@ -78,6 +82,30 @@ def test_moments_have_many_names(played: Replay) -> None:
     for wrong in ("0", "missed@99", "900s"):
         with pytest.raises(MtpBenchError, match="frame"):
             found(played, wrong)
+
+
+def test_causes_of_other_data_are_made_again(run: Path) -> None:
+    opened = open_run(run)
+    scene = opened.scene("log")
+    far = replace(scene, ego=scene.ego + 5.0)
+    played = PlayedRun(opened)
+    assert played.replay(opened.first(), scene).usual > 0
+    with pytest.raises(RolloutError, match="other targets than when its run was scored"):
+        played.replay(opened.first(), far)  # made again, from the data of the run
+
+
+def test_ids_that_look_like_others() -> None:
+    """Ids that are numbers of other objects, beginnings of others, or forms of ``--at``."""
+    names = ["2", "3", "0", "x@y@7", "lost-0", "A" * 30 + "b", "A" * 30 + "c"]
+    truth = [[Thing(number, float(t), 9.0 * number) for number in range(len(names))] for t in range(8)]
+    scene = replace(with_detections(make_scene(truth), truth), object_names=dict(enumerate(names)))
+    run = replay(scene, make_rollout(truth), make_card())
+    shown = [scene.short_name(number) for number in range(len(names))]
+    assert len({*shown}) == len(names)
+    for number, short in enumerate(shown):
+        assert found(run, f"{short}@6").object_id == found(run, f"car {short}@6").object_id == number, short
+    assert found(run, "x@y@7").object_id == 3
+    assert found(run, "lost-0").object_id == 4
 
 
 def test_the_list_and_its_file(cli: CommandLine, run: Path, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from ..text import RowTable
 from .checks import check_ranges, frame_index
 from .columns import BORDERS, PROJECTION
 
-MOST_PIXELS = 20_000
+MOST_PIXELS = 10_000
 
 
 def lanes_of(table: RowTable) -> tuple[Lane, ...]:
@@ -53,6 +53,8 @@ def images_of(table: RowTable, folder: Path, number: Ints) -> tuple[CameraImage,
     wrong = (np.minimum(width, height) < 1) | (np.maximum(width, height) > MOST_PIXELS)
     table.refuse(wrong, f"expected a width and a height of 1 to {MOST_PIXELS} pixels", "width")
     paths = [folder / name for name in table.words["file"].tolist()]
+    away = np.array([Path(name).is_absolute() or ".." in Path(name).parts for name in table.words["file"].tolist()])
+    table.refuse(away, "expected a path inside of the folder of the scene", "file")
     lost = np.array([not path.is_file() for path in paths], dtype=bool)
     table.refuse(lost, lambda row: f"no file {paths[row]}", "file")
     projection = table.matrix(" ".join(PROJECTION)).reshape(-1, 3, 4)
