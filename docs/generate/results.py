@@ -5,8 +5,8 @@
 The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
 entry of an environment, ``story ID``, ten of them in words,
 ``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, ``costs``, those of detection and
-tracking together and of association alone, and ``parts``, shares of bADE by cause. The last is made from
-``leaderboard/error_parts.json``, which ``benchmarks/error_parts.py`` writes.
+tracking together and of association alone, and ``faults`` and ``parts``, shares of bADE by part of the stack and by
+cause. The last two are made from ``leaderboard/error_parts.json``, which ``benchmarks/error_parts.py`` writes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from mtp_bench.records import trusted
 from mtp_bench.records.held_back import difference_of
 from mtp_bench.records.ranking import conditions
 from mtp_bench.scoring.definitions import SUBSETS, Subset
-from mtp_bench.scoring.parts import PARTS
+from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
 from mtp_bench.scoring.rank import rank_text
 from mtp_bench.tables import Column, Table, Value, to_markdown
 from mtp_bench.viz.board.columns import COLUMN, INTERVALS, PAGE
@@ -81,11 +81,11 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
         return story_table(further[0], entries)
     if name == "costs":
         return costs_table(entries)
-    if name == "parts":
-        return parts_table(json.loads(PARTS_FILE.read_text(encoding="utf-8")))
+    if name in ("faults", "parts"):
+        return parts_table(name, json.loads(PARTS_FILE.read_text(encoding="utf-8")))
     if first in SUBSETS and further[:1] == ["of"] and further[1:]:
         return across_table(next(subset for subset in SUBSETS if subset == first), further[1:], entries)
-    names = "`env ID`, `story ID`, `SUBSET of AGENT ...`, `costs`, `parts`"
+    names = "`env ID`, `story ID`, `SUBSET of AGENT ...`, `costs`, `faults`, `parts`"
     raise MtpBenchError(f"{where}: table {name!r}, expected {names}")
 
 
@@ -166,20 +166,27 @@ def costs_table(entries: Sequence[Entry]) -> Table:
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
 
 
-def parts_table(rows: Sequence[dict[str, Any]]) -> Table:
-    """Shares of bADE over all targets by cause: a row per environment and agent of `PARTS_FILE`."""
+def parts_table(name: str, rows: Sequence[dict[str, Any]]) -> Table:
+    """Shares of bADE over all targets, which add up to 1: a row per environment and agent of `PARTS_FILE`.
 
-    def share(key: str) -> Callable[[dict[str, Any]], Value]:
+    ``name``: "faults" are by part of the stack, "parts" by cause.
+    """
+
+    def of_stack(who: str) -> Callable[[dict[str, Any]], Value]:
+        return lambda row: by_fault({PARTS[key]: part for key, part in row["parts"].items()})[who] / row["error"]
+
+    def of_cause(key: str) -> Callable[[dict[str, Any]], Value]:
         return lambda row: row["parts"][key] / row["error"]
 
+    names, share = (FAULT_NAMES, of_stack) if name == "faults" else (PARTS, of_cause)
     columns = [
         Column("environment", key="env"),
         Column("agent", key="agent", read=lambda row: f"`{row['agent']}`"),
         Column("scenes; seeds", key="runs", read=lambda row: f"{row['scenes']}; {row['seeds']}"),
         Column("bADE", "m", "lower", key="error"),
     ]
-    columns += [Column(name, format=".1%", key=key, read=share(key)) for key, name in PARTS.items()]
-    return Table("parts", "Parts of bADE", "", rows, columns)
+    columns += [Column(heading, format=".1%", key=key, read=share(key)) for key, heading in names.items()]
+    return Table(name, "Parts of bADE", "", rows, columns)
 
 
 def _cost(worse: str, better: str, what: str) -> Callable[[tuple[Subset, dict[str, Entry]]], Value]:

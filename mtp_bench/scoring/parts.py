@@ -33,9 +33,10 @@ FAULTS = {  # part of the stack -> parts of the error that it causes; what a for
     "detector": ("localisation", "history", "other class", "off place", "never detected so far", "not detected now"),
     "tracker": ("association", "no forecast"),
     "predictor": ("predictor",),
-    "forecast": ("rest",),  # not split: of tracker or predictor
+    "forecast": ("rest",),  # of tracker or predictor
     "confidence": ("below threshold",),
 }
+FAULT_NAMES = {who: "not split" if who == "forecast" else who for who in FAULTS}  # in tables of all parts
 BELOW = PARTS["below_threshold"]
 # Plain errors [n] m of perfect association, of the same with the present place moved to the truth, and of ground-truth
 # tracks: means over the seeds that cover a target, NaN without one

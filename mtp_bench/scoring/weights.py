@@ -84,7 +84,7 @@ class Reference:
     @property
     def origin(self) -> str:
         """Origin of the weights in one sentence, for a report."""
-        text = f"event weights of {self.runs} runs of {self.agent!r}"
+        text = f"event weights of {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
         if self.frozen:
             return f"frozen {text} (hash {self.digest[:12]})"
         return f"{text} on these scenes (hash {self.digest[:12]}), not the frozen ones of a ranking"

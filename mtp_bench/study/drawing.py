@@ -22,6 +22,9 @@ COLORS = {
     "sky": "#56b4e9",
     "grey": "#555b61",
     "yellow": "#f0e442",
+    "brown": "#6b3410",
+    "violet": "#6000d8",
+    "lime": "#a8d890",
 }
 SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
 GROUND = "#ffffff"

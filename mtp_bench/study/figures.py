@@ -15,7 +15,7 @@ from .rows import subset_name, texts_of
 
 Tables = dict[str, Table]  # by name
 PART_COLORS = (
-    "green", "sky", "blue", "vermillion", "purple", "orange", "yellow", "purple", "orange", "grey", "grey",
+    "green", "sky", "blue", "vermillion", "lime", "orange", "yellow", "purple", "brown", "grey", "violet",
 )  # fmt: skip
 EVENT_COLORS = {"ids": "vermillion", "lost": "orange", "reacquired": "sky", "frag": "blue"}
 FROM_ZERO = (0.0, None)
@@ -135,8 +135,12 @@ def _samples(findings: Findings, rows: Sequence[Any]) -> Sketch:
 def _parts(findings: Findings, rows: Sequence[Any]) -> Sketch:
     rows = _where(rows, targets_of="all")
     rows = [row for row in rows if row.H in (1, max(_pick(rows, "H")))][::-1]
+    if findings.few:  # controls whose errors are not split
+        own = {label for each in findings.plan.subjects for label in (each.single.label, each.most.label)}
+        rows = [row for row in rows if row.cost_ground_truth is not None or row.agent in own]
     places = range(len(rows))
-    values = {name: [getattr(row, f"cost_{key}") or 0.0 for row in rows] for key, name in PARTS.items()}
+    names = {**PARTS, "rest": "rest (not split)"}
+    values = {name: [getattr(row, f"cost_{key}") or 0.0 for row in rows] for key, name in names.items()}
     colored = zip(values.items(), PART_COLORS, strict=True)
     series = [Series(name, places, part, color, "bar") for (name, part), color in colored]
     mark = {"marker": "|", "markersize": 17, "markeredgewidth": 2}

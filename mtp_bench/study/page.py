@@ -13,7 +13,7 @@ import numpy as np
 from ..running.settings import training_note
 from ..scoring.definitions import RANKED_UNITS
 from ..scoring.main_table import place_of
-from ..scoring.parts import PARTS, named_parts
+from ..scoring.parts import FAULT_NAMES, PARTS, by_fault, named_parts
 from ..tables import Column, Table
 from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 GALLERY = "gallery"  # chapter of the pictures
-LEAST_SHARE = 0.005  # of bADE: causes below it are left out of the sentence
+LEAST_SHARE = 0.005  # of bADE: parts below it are left out of the sentence
 LEADING = ("parts", GALLERY)  # first chapters of few recordings
+UNBROKEN = "\u00a0%"  # without a line break before it
 _SHARE = Column(unit="share")
 _HERE = Path(__file__).parent
 
@@ -63,7 +64,7 @@ def study_page(
         command=command, chapters=chapters, style=style, policy=policy, few=few, needed=RANKED_UNITS,
         paper=bool(figures_of(findings.bench.of_paper, "single", "equal", 1)),
     )  # fmt: skip
-    return f"{content}\n"
+    return f"{content.replace(' %', UNBROKEN)}\n"
 
 
 @cache
@@ -84,17 +85,21 @@ def relation_value(row: Any) -> str:
 def summary(findings: Findings) -> list[str]:
     """Results in a few sentences: with intervals, or, of few recordings, the causes of the error."""
     if findings.few:
-        return [cause_sentence(findings, subject) for subject in findings.plan.subjects]
+        return [cause_sentence(findings, subject).replace(" %", UNBROKEN) for subject in findings.plan.subjects]
     return verdict(findings.report, [subject.name for subject in findings.plan.subjects])
 
 
 def cause_sentence(findings: Findings, subject: StudiedAgent) -> str:
-    """Shares of bADE of an agent with the most hypotheses by cause, largest first."""
+    """Shares of bADE of an agent with the most hypotheses by part of the stack, then by cause; largest first."""
     row = findings.row(subject.most, "all")
-    share = np.array([getattr(row, f"cost_{key}") or 0.0 for key in PARTS]) / (row.error or 1.0)
-    shares = {name: part for name, part in named_parts(share).items() if abs(part) >= LEAST_SHARE}
-    causes = ", ".join(f"{name} {_SHARE.text(part)}" for name, part in shares.items())
-    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {causes or 'no error'}."
+    causes = named_parts(np.array([getattr(row, f"cost_{key}") or 0.0 for key in PARTS]) / (row.error or 1.0))
+    faults = {FAULT_NAMES[who]: part for who, part in by_fault(causes).items()}
+    texts = [
+        ", ".join(f"{name} {_SHARE.text(part)}" for name, part in shares.items() if abs(part) >= LEAST_SHARE)
+        for shares in (faults, causes)
+    ]
+    parts = ". By cause: ".join(texts) if all(texts) else "no error"
+    return f"bADE of {subject.most.label} is {row.error:.2f} m over {row.targets} targets: {parts}."
 
 
 def facts(findings: Findings) -> list[tuple[str, str]]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from types import SimpleNamespace as Row
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -100,15 +100,13 @@ def _difference(
     row = findings.difference(setting, other, place.subset)
     first, second = findings.table(setting), findings.table(other)
     weight = first.unit_weight(first.weight[place.subset] * ((first.covered > 0) & (second.covered > 0)))
-    return Row(
-        relation=title,
-        paper=paper,
-        measured=f"minADE, {_name(setting)} minus {_name(other)}, {row.shared} {place.targets} that both cover",
-        value=row.minADE,
-        value_interval=row.minADE_interval,
-        unit="m",
-        verdict=verdict(row.minADE_interval, 0.0, sign, weight),
-    )
+    measured = f"minADE, {_name(setting)} minus {_name(other)}, {row.shared} {place.targets} that both cover"
+    found = verdict(row.minADE_interval, 0.0, sign, weight)
+    return _row(title, paper, measured, row.minADE, row.minADE_interval, "m", found)
+
+
+def _row(relation: str, paper: str, measured: str, value: Any, value_interval: Any, unit: str, verdict: str) -> Row:
+    return Row(**locals())
 
 
 def _name(setting: Setting) -> str:
@@ -133,15 +131,8 @@ def _kept(findings: Findings, free: Setting, paper: str) -> Row:
 def _share(relation: str, paper: str, measured: str, parts: tuple[Floats, Floats], weight: Floats) -> Row:
     """A share that should be above one half: of two numbers [U] per unit, summed."""
     interval = share_interval(*parts)
-    return Row(
-        relation=relation,
-        paper=paper,
-        measured=measured,
-        value=ratio(parts[0].sum(), parts[1].sum()),
-        value_interval=interval,
-        unit="share",
-        verdict=verdict(interval, 0.5, +1, weight),
-    )
+    value = ratio(parts[0].sum(), parts[1].sum())
+    return _row(relation, paper, measured, value, interval, "share", verdict(interval, 0.5, +1, weight))
 
 
 def _frequency(findings: Findings) -> Row:
@@ -149,15 +140,10 @@ def _frequency(findings: Findings) -> Row:
     events = np.array([scene.own["lost"] for scene in near], dtype=float)
     objects = np.array([scene.objects for scene in near], dtype=float)
     interval = bootstrap_interval(events, objects)
-    return Row(
-        relation="On average a trajectory has a fragment",
-        paper="about one or more per trajectory on KITTI and nuScenes (figure)",
-        measured=f"losses of {findings.subject.single.label} per true object and scene",
-        value=ratio(events.sum(), objects.sum()),
-        value_interval=interval,
-        unit="per trajectory",
-        verdict=verdict(interval, 1.0, +1, objects),
-    )
+    title, paper = "On average a trajectory has a fragment", "about one or more on KITTI and nuScenes (figure)"
+    measured = f"losses of {findings.subject.single.label} per true object and scene"
+    value, found = ratio(events.sum(), objects.sum()), verdict(interval, 1.0, +1, objects)
+    return _row(title, paper, measured, value, interval, "per trajectory", found)
 
 
 def _shared(findings: Findings) -> Row:
@@ -169,5 +155,6 @@ def _shared(findings: Findings) -> Row:
     first = np.array([scene.own["ids"] for scene in one], dtype=float)
     left = np.array([scene.shared["ids"] for scene in every], dtype=float)
     measured = f"{first.sum():.0f} ids with one hypothesis, {left.sum():.0f} in all {count}"
-    title = "Most switches are absent from at least one hypothesis"
-    return _share(title, paper, measured, (first - left, first), first)
+    return _share(
+        "Most switches are absent from at least one hypothesis", paper, measured, (first - left, first), first
+    )

@@ -8,7 +8,8 @@ from typing import Any
 
 from ..running.settings import Setting
 from ..scoring.definitions import Subset
-from ..scoring.parts import PARTS
+from ..scoring.gaps import NO_GAP
+from ..scoring.parts import FAULT_NAMES, FAULTS, PARTS
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..tables import Column, Table
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
@@ -29,6 +30,8 @@ def make_tables(findings: Findings) -> dict[str, Table]:
     tables = {}
     for name, make in ROWS.items():
         rows = list(make(findings))
+        for row in rows if findings.few else ():  # nothing can be told from chance
+            vars(row).update({key: None for key in vars(row) if key == "p" or key.endswith("_interval")})
         if rows:
             title, sentence = texts_of("tables", name, findings)
             tables[name] = Table(name, title, sentence, rows, [column(key) for key in vars(rows[0])])
@@ -38,7 +41,12 @@ def make_tables(findings: Findings) -> dict[str, Table]:
 def texts_of(kind: str, name: str, findings: Findings) -> tuple[str, str]:
     """Title and sentence of a table or figure, filled in; those of a figure may be those of the table."""
     texts = TEXTS["tables"].get(name, {}) | TEXTS[kind].get(name, {})
-    return texts["title"], texts["sentence"].format(single=findings.subject.single.label)
+    return texts["title"], texts["sentence"].format(
+        single=findings.subject.single.label,
+        intervals="" if findings.few else ", with 95 % intervals",
+        paper=TEXTS["paper"] if figures_of(findings.bench.of_paper, "single", "equal", 1) else "",
+        faults="; ".join(f"{FAULT_NAMES[who]}: {', '.join(names)}" for who, names in FAULTS.items()),
+    )
 
 
 def column(key: str) -> Column:
@@ -83,7 +91,7 @@ def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subs
     if setting.budget == "equal" and setting is not subject.single:
         difference = findings.difference(setting, subject.single, subset)
     weight, papers = table.weight[subset], _paper_figures(findings, subject, setting, subset)
-    covered = table.unit_weight(weight * table.covered)
+    covered, no_gap = table.unit_weight(weight * table.covered), row.association_gap_blank_because
     return Row(
         targets_of=subset_name(subset),
         agent=setting.label,
@@ -100,7 +108,7 @@ def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subs
         p=difference and difference.p,
         association_gap=row.association_gap_closed,
         association_gap_interval=row.association_gap_interval,
-        no_gap_because=row.association_gap_blank_because,
+        no_gap_because="too few recordings" if findings.few and no_gap == NO_GAP else no_gap,
         coverage=row.coverage,
         targets=row.targets,
         objects=row.objects,

@@ -19,7 +19,7 @@ from .palette import BLACK
 
 CLOSE = 0.5  # m before the camera: nearer parts of a box are cut off
 HEIGHT = 300  # pixels of the row
-CAPTION, TEXT = 26, 15
+CAPTION, TEXT, GAP = 26, 15, 12
 AROUND = 2.5  # times the object that a small image shows
 LEAST = 90.0  # pixels of the image that it shows at least
 _BOTTOM = np.array([[i, (i + 1) % 4] for i in range(4)])  # by corner
@@ -72,16 +72,17 @@ def projected(projection: Floats, box: Floats) -> Floats:
 def photo_row(photo: Photo, wide: int) -> Image.Image:
     """A row of ``wide`` x HEIGHT pixels: the whole image, and the object from near."""
     row, high = Image.new("RGB", (wide, HEIGHT), PAPER), HEIGHT - CAPTION
-    ink, middle = ImageDraw.Draw(row), min(round(high * photo.image.size[0] / photo.image.size[1]), wide // 2)
-    ink.text((10, 4), photo.image.camera, fill=BLACK, font=font(TEXT))
+    ink, whole = ImageDraw.Draw(row), min(round(high * photo.image.size[0] / photo.image.size[1]), (wide - GAP) // 2)
     try:
         with warnings.catch_warnings(action="ignore"), Image.open(photo.image.path) as file:
             picture = file.convert("RGB").resize(photo.image.size)  # that its projection is for
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError):  # SyntaxError: a broken PNG
         ink.text((10, CAPTION + 6), f"{photo.image.path.name} cannot be read", fill=BLACK, font=font(TEXT))
         return row
-    for left, right, reach in ((0, middle, np.inf), (middle, wide, max(LEAST, AROUND * photo.extent) / 2)):
+    near = max(LEAST, AROUND * photo.extent) / 2
+    for left, right, reach, view in ((0, whole, np.inf, "whole"), (whole + GAP, wide, near, "near the object")):
         row.paste(_drawn(photo, picture, (right - left, high), reach), (left, CAPTION))
+        ink.text((left + 10, 4), f"{photo.image.camera}, {view}", fill=BLACK, font=font(TEXT))
     return row
 
 

@@ -1,13 +1,14 @@
 """The leaderboard as it is committed: records that hold together, and a page that was made of them."""
 
 import itertools
+import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from docs.generate.results import PAGES, filled
+from docs.generate.results import PAGES, PARTS_FILE, filled, parts_table
 from mtp_bench.cards import load_card
 from mtp_bench.commands.board import read_board
 from mtp_bench.parallel import NO_PROGRESS
@@ -83,6 +84,13 @@ def test_the_pages_are_made_of_the_records(repository: Path, tmp_path: Path, cli
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         assert filled(text, entries, page.name) == text, page.name
+
+
+@pytest.mark.parametrize("name", ["faults", "parts"])
+def test_shares_of_the_error_add_up(name: str) -> None:
+    table = parts_table(name, json.loads(PARTS_FILE.read_text(encoding="utf-8")))
+    for row in table.rows:
+        assert sum(column.value(row) for column in table.columns if column.format == ".1%") == pytest.approx(1.0)
 
 
 def _files(leaderboard: Path) -> dict[str, bytes]:

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 import pytest
 from matplotlib.axes import Axes
 
+from mtp_bench.scoring.parts import PARTS
 from mtp_bench.study.drawing import COLORS, GROUND, SERIES, draw
 from mtp_bench.study.figures import PART_COLORS
 from mtp_bench.study.panels import Panel, Series, draw_panel
@@ -20,6 +21,7 @@ def rgb(color: str) -> list[int]:
 
 @pytest.mark.parametrize("vision", VISION)
 def test_series_and_parts_are_told_apart(vision: str) -> None:
+    assert len({*PART_COLORS}) == len(PARTS)
     for a, b in combinations(sorted({*SERIES, *PART_COLORS}), 2):
         assert distance(rgb(COLORS[a]), rgb(COLORS[b]), vision) > APART, (a, b)
 

@@ -106,9 +106,19 @@ def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     keys = ["found", "parts", "gallery", "cost", "often", "choose", "made"]
     assert re.findall(r'<section id="(\w+)">', text) == keys
     assert made.tables["relations"].title not in text
-    parts = ", ".join(summary(made.findings))
-    assert parts.startswith("bADE of mtp is ")
-    assert "predictor" in parts
+    (sentence,) = summary(made.findings)
+    whose, causes = sentence.replace("\u00a0", " ").removeprefix("bADE of mtp is ").split(". By cause: ")
+    sums = [int(part) for part in re.findall(r"[\w ]+ ([-−]?\d+) %", whose.partition(": ")[2])]
+    assert sums == sorted(sums, reverse=True)
+    assert sum(sums) == pytest.approx(100, abs=len(sums)), "each is rounded"
+    assert "predictor" in causes
+    assert "95" not in "".join(figure.sentence for figure in make_figures(made.findings, made.tables).values())
+    figure = (made.folder / "figures" / "parts.svg").read_text()
+    assert "stp_hedged" not in figure, "its error is not split"
+    assert "not split: rest" in figure
+    for row in rows_of(made, "errors"):
+        assert (row["p"], row["minADE_interval"]) == (None, None)
+        assert "significantly" not in (row["no_gap_because"] or "")
     assert all(f"tables/{name}.csv" in text for name in TABLES - {"relations"})
     assert text.count("<svg") == len(FIGURES) == len(list((made.folder / "figures").glob("*.png")))
     plain = html.unescape(text)

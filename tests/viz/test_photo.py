@@ -12,11 +12,12 @@ from PIL import Image
 
 from mtp_bench.sources import CameraImage
 from mtp_bench.types import Floats
+from mtp_bench.viz.drawing.canvas import PAPER
 from mtp_bench.viz.drawing.report import SIZE, report, save_report
 from mtp_bench.viz.focus import Focus
 from mtp_bench.viz.framing import ROLES
 from mtp_bench.viz.palette import Color
-from mtp_bench.viz.photo import HEIGHT, photo_of, projected
+from mtp_bench.viz.photo import CAPTION, GAP, HEIGHT, photo_of, projected
 from mtp_bench.viz.replay import Replay
 from tests.support.camera_images import GREY, write_image
 from tests.support.camera_images import SIZE as PIXELS
@@ -101,6 +102,9 @@ def test_the_row_shows_the_image_and_the_boxes(seen: Replay) -> None:
     assert near(row, GREY, 4) > 0.7 * SIZE[0] * HEIGHT
     for role in ("truth", "before"):  # the track now lies under the true box
         assert near(row, ROLES[role]) > 50, role
+    whole = round((HEIGHT - CAPTION) * PIXELS[0] / PIXELS[1])
+    gap = row.crop((whole, CAPTION, whole + GAP, HEIGHT))
+    assert near(gap, PAPER, 1) == GAP * (HEIGHT - CAPTION)
 
 
 @pytest.mark.parametrize("content", [b"", b"no image", b"\xff\xd8\xff\xe0 cut off"], ids=["empty", "text", "cut off"])
