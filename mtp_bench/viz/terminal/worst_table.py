@@ -12,7 +12,7 @@ from .output import counted
 
 CAPTION = (
     "A moment is a run of frames of one object whose blame is above the run's mean. Blame is the error without the "
-    "part below threshold, which depends on the confidence of all other forecasts. share: of the blame of the run, by "
+    "part below threshold, which depends on the confidence of all other forecasts. share: of all blame, by "
     "which moments are sorted. error: mean of its frames, m; fault: the part of the stack that causes most of it; "
     "causes: its parts, the largest by name, the rest as others."
 )
