@@ -45,7 +45,7 @@ def texts_of(kind: str, name: str, findings: Findings) -> tuple[str, str]:
         single=findings.subject.single.label,
         intervals="" if findings.few else ", with 95 % intervals",
         paper=TEXTS["paper"] if figures_of(findings.bench.of_paper, "single", "equal", 1) else "",
-        faults="; ".join(f"{FAULT_NAMES[who]}: {', '.join(names)}" for who, names in FAULTS.items()),
+        faults=", ".join(f"{FAULT_NAMES[who]} ({', '.join(names)})" for who, names in FAULTS.items()),
     )
 
 

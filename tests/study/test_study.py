@@ -115,7 +115,7 @@ def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     assert "95" not in "".join(figure.sentence for figure in make_figures(made.findings, made.tables).values())
     figure = (made.folder / "figures" / "parts.svg").read_text()
     assert "stp_hedged" not in figure, "its error is not split"
-    assert "not split: rest" in figure
+    assert "not split (rest)" in figure
     for row in rows_of(made, "errors"):
         assert (row["p"], row["minADE_interval"]) == (None, None)
         assert "significantly" not in (row["no_gap_because"] or "")
