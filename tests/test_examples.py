@@ -89,7 +89,8 @@ def test_the_commands_of_the_page_on_causes_run_on_its_log(
     shown = [words for words in commands if words[0] == "worst" or "--png" in words]
     printed = [cli.ok(*words) for words in shown]
     assert len(printed) >= 3
-    assert "turning@" in printed[1], "the only moment that is the predictor's fault"
+    assert "turning@" in printed[0]
+    assert "turning@" not in printed[1], "it is not the detector's fault"
     assert "hidden@" not in printed[1]
 
 

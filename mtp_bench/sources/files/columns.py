@@ -68,7 +68,7 @@ PICTURES: dict[str, tuple[TableColumn, ...]] = {  # tables that scores do not ne
     "images": (
         _FRAME,
         TableColumn("camera", "name of the camera, such as front", text=True),
-        TableColumn("file", "path of the image, relative to the folder of the scene", text=True),
+        TableColumn("file", "path of the image inside of the folder of the scene", text=True),
         TableColumn("width", "pixels"),
         TableColumn("height", "pixels"),
         *(TableColumn(name, f"projection, row {name[1]}, column {name[2]}") for name in PROJECTION),
