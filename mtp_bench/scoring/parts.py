@@ -103,7 +103,8 @@ def fault_of(parts: Mapping[str, float]) -> str:
     """
     found = [who for who, size in by_fault(parts).items() if size >= LEAST_SHOWN]
     who = next((who for who in found if who != "confidence"), "".join(found))
-    return f"{who}: {next(name for name in parts if name in FAULTS[who])}" if who else ""
+    first = next((name for name in parts if who and name in FAULTS[who]), who)
+    return who if first == who else f"{who}: {first}"
 
 
 def reference_errors(
