@@ -33,7 +33,7 @@ def worst(
     json_file: JsonOption = None,
 ) -> None:
     """List the worst moments of a run: whose fault each was, and how to look at it."""
-    below, whole, targets, rows, unsplit = cause == BELOW, np.zeros(len(PARTS)), 0, list[WorstRow](), ""
+    below, whole, targets, rows, unsplit = cause in (BELOW, "confidence"), np.zeros(len(PARTS)), 0, list[WorstRow](), ""
     with reported("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
         if class_name is not None:

@@ -13,6 +13,7 @@ from ..scoring.parts import fault_of
 from ..types import Detections, Floats, Ints, Truth, to_metres
 from .focus import Focus, ObjectForecast
 from .incident import MOMENT
+from .moments import borrowed
 from .replay import Replay
 
 STILL = 1.0  # m, within the horizon: an object that moves less stands still
@@ -225,6 +226,8 @@ def verdict(focus: Focus) -> str:
     """The part of the stack at fault and its cause: "detector: other class"."""
     at, t = focus.at, focus.at.frame
     if at.object_id >= 0:
+        if at.parts and borrowed(focus.replay)[at.row]:
+            return "detector: only other objects are detected there"
         return fault_of(at.parts) or "no error" if at.parts is not None else "not a target"
     if at.kind == MOMENT:
         return "no false forecast"

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -85,6 +86,7 @@ def _moment(run: Replay, rows: Ints, cost: Floats) -> Moment:
 _SEEN = [list(PARTS).index(name) for name in ("no_forecast", "other_class", "off_place")]  # causes with a detection
 
 
+@lru_cache(maxsize=4)  # asked for every moment of a run
 def borrowed(run: Replay) -> Bools:
     """Mask [R] of the true boxes whose detections within two gates are all matched to other objects."""
     truth, seen = run.scene.truth, run.scene.detections
