@@ -198,7 +198,7 @@ class Scene:
     image: ImageField | None = None  # area that the labels cover; None: all around
     world: Floats | None = None  # [F, 4] x y z yaw of each frame's origin, if every frame has its own
     tracks: StoredTracks | None = None  # of a foreign tracker, for agents that observe them
-    lanes: tuple[Lane, ...] = ()  # the road map, for drawing and training
+    lanes: tuple[Lane, ...] = ()  # the road map; observations show it where the card says so
     # names in the files by number, only where they differ; texts alone show them, and no digest counts them
     object_names: Mapping[int, str] = field(default_factory=dict, compare=False)  # of true objects, all different
     track_names: Mapping[int, str] = field(default_factory=dict, compare=False)
@@ -251,6 +251,8 @@ class Task:
     ego_motion: bool = True  # False: every frame is given in its own ego frame, the world moves
     velocity: bool = False  # detections carry a measured velocity
     seed: int = 0  # for the agent's own random draws; a hash of the run's seed and the scene
+    lanes: int = 0  # L pieces of lanes in the observation; 0: it shows none
+    lane_points: int = 0  # Q points of a piece
     motion_noise: str = ""  # e.g. "KITTI": where objects move like here; agents choose their motion model by it
     weights_of: str = ""  # the env whose network weights serve here too; empty: none
     tracker: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # by class; empty: those of the detector

@@ -4,7 +4,7 @@ import hashlib
 import json
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, SerializeAsAny, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationInfo, field_validator
 
 from ..detector import Profile, Variant, load_profile
 from ..errors import CardError, MtpBenchError, nearest
@@ -76,6 +76,16 @@ class SizeSection(Section):
     hypotheses: Annotated[int, Field(ge=1)]  # H
 
 
+class LaneSection(Section):
+    """Sizes of the lanes in observations: rows, points of a row, and m between points and around the sensor."""
+
+    pieces: Annotated[int, Field(ge=1, le=10_000)] = 96  # L
+    points: Annotated[int, Field(ge=2, le=1000)] = 20  # Q
+    step: Annotated[float, Field(gt=0, le=100)] = 2.0  # m between two points, at most
+    reach: Annotated[float, Field(gt=0, le=1000)] = 60.0  # m from the sensor
+
+
+_SWITCH = BeforeValidator(lambda value: ({} if value else None) if isinstance(value, bool) else value)
 _SHIPPED = rule(  # a path would be relative to which folder?
     lambda profile: not profile.endswith(".toml"),
     "expected the name of a shipped profile; a file's content belongs into [detector.noise]",
@@ -128,6 +138,7 @@ class Card(Section):
     weights_of: str | None = None  # id of the env whose network weights serve here too
     board: int | None = None  # place among the envs of the leaderboard; those without one come last
     tracker: dict[str, TrackerSection] = Field(default_factory=dict)  # by class; empty: those of the detector
+    lanes: Annotated[LaneSection | None, _SWITCH] = None  # observations show the road; ``true``: in the default sizes
     source: SerializeAsAny[SourceSection]
     detector: DetectorSection | None = None
     task: TaskSection
@@ -186,6 +197,9 @@ class Card(Section):
 def check_consistency(card: Card, where: str) -> None:
     """Raise CardError, naming the card by ``where``, unless its sections fit each other."""
     check_detector(card, where)
+    if card.lanes is not None and not (card.source.traits.lanes and card.ego_motion):
+        lacking = "whose frames have separate axes" if card.source.traits.lanes else "without a road map"
+        raise CardError(f"{where}: lanes cannot be shown for source {card.source.name!r}, {lacking}; leave them out")
     seconds, needed = card.source.traits.scene_seconds, card.task.past + card.task.future
     if seconds is not None and seconds * card.task.rate < needed:
         raise CardError(

@@ -44,6 +44,7 @@ class Traits:
     common_frame: bool = True  # all frames of a scene share one frame of reference; else each has its sensor's own
     has_ego: bool = True  # a vehicle carries the sensors; else the ego pose is a fixed place
     truth_complete: bool = True  # every object is known; else a simulated detector would miss the others
+    lanes: bool = False  # scenes have a road map
     view: float = 360.0  # degrees that a simulated detector sees unless the card says otherwise
     scene_seconds: float | None = None  # length of every scene, if the card decides it
 
@@ -101,6 +102,7 @@ class FilesSource(SourceSection):
             common_frame=self.ego_motion,
             has_ego=self.ego,
             truth_complete=self.truth == "all",
+            lanes=True,
             view=self.view,
         )
 

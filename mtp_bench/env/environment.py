@@ -211,5 +211,7 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         tracker={name: section.model_dump() for name, section in card.tracker.items()},
         ego_motion=card.ego_motion,
         velocity=card.velocity,
+        lanes=card.lanes.pieces if card.lanes else 0,
+        lane_points=card.lanes.points if card.lanes else 0,
         **sizes,
     )

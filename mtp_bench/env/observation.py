@@ -16,6 +16,7 @@ from ..scoring.forecasts import near_truth
 from ..scoring.matching import columns_to_rows, match
 from ..types import Bools, Detections, Floats, Ints, Observation, Ragged, Scene, Task, starts_of
 from .action import COORDINATE_LIMIT, SIZE_LIMIT, padded
+from .lanes import LaneFeed, make_lane_feed
 from .spaces import SCORE_LIMIT, VELOCITY_LIMIT
 
 
@@ -41,6 +42,10 @@ class LocalFrame:
         """Boxes [R, 7] of the scene in the local frame."""
         return transform_boxes(box, self.yaw, self.translation)
 
+    def places_to_local(self, place: Floats) -> Floats:
+        """Places [R, 2] of the scene in the local frame."""
+        return np.asarray(rotate(place, self.yaw) + self.translation[:2])
+
     def to_scene(self, box: Floats) -> Floats:
         """Boxes [R, 7] of the local frame in the scene's."""
         return transform_boxes(box, -self.yaw, -rotate(self.translation, -self.yaw))
@@ -60,6 +65,7 @@ class Feed(Ragged):
     time: Floats  # [F] s since the first frame
     dt: Floats  # [F] s since the frame before
     dropped: Ints  # [F] rows that were out of range or did not fit
+    lanes: LaneFeed | None = None
 
     def of_class(self, t: int, classes: int) -> Ints:
         """Number of detections of each class [C] in frame ``t``."""
@@ -81,7 +87,7 @@ class Feed(Ragged):
         }
         if self.object_id is not None:
             seen["detection_id"] = padded(self.object_id[rows], self.size, np.int64, -1)
-        return seen
+        return seen if self.lanes is None else {**seen, **self.lanes.observe(now)}
 
 
 def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
@@ -113,6 +119,7 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
         time=time,
         dt=np.diff(time, prepend=-task.dt),
         dropped=shown.counts - count,
+        lanes=None if card.lanes is None else make_lane_feed(scene, frame.places_to_local, card.lanes),
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..types import ID_LIMIT, Task
 from . import action
 from .checks import examine
+from .lanes import NEXT
 
 SCORE_LIMIT = 1e6
 VELOCITY_LIMIT = 1e3  # m/s
@@ -26,6 +27,9 @@ def observation_space(task: Task) -> spaces.Dict:
     Rows where ``detection_valid`` is 0 hold zeros, and -1 as class and id. With ``observe="truth"`` true boxes come as
     detections with score 1 and ``detection_id`` (D,) is added; with ``observe="tracks"`` those of a foreign tracker do.
     With ``observe="associated"`` it is the true object that a detection is matched to, -1 for none.
+
+    A card with lanes adds pieces of the road map in reach of the sensor, nearest first: ``lane_point`` (L, Q, 2) along
+    the direction of travel, ``lane_valid`` (L, Q), and ``lane_next`` (L, 4), the rows that continue a piece, or -1.
     """
     d = task.detections
     fields: AnySpaces = {
@@ -40,6 +44,11 @@ def observation_space(task: Task) -> spaces.Dict:
     }
     if task.observe != "detections":
         fields["detection_id"] = Box(-1, ID_LIMIT, (d,), np.int64)
+    if task.lanes:
+        shape = (task.lanes, task.lane_points)
+        fields["lane_point"] = Box(-action.COORDINATE_LIMIT, action.COORDINATE_LIMIT, (*shape, 2), np.float32)
+        fields["lane_valid"] = spaces.MultiBinary(shape)
+        fields["lane_next"] = Box(-1, task.lanes - 1, (task.lanes, NEXT), np.int16)
     return spaces.Dict(fields)
 
 
@@ -49,8 +58,8 @@ def action_numbers(task: Task) -> int:
 
 
 def observation_numbers(task: Task) -> int:
-    """Largest number of entries of an observation: box, velocity, score, class, mask and id of each detection."""
-    return 13 * task.detections
+    """Largest number of entries of an observation: 13 for each detection, and the points and successors of lanes."""
+    return 13 * task.detections + task.lanes * (3 * task.lane_points + NEXT)
 
 
 def _space_of(field: action.Field, task: Task) -> spaces.Space[Any]:

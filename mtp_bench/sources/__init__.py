@@ -27,7 +27,9 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     Raises DataError when the root, a folder or the card's detector is missing.
     """
     with notice.work(f"opening {card.id}", around=True):
-        return ChangedScenes(_package(card).open(card, data), lambda scene: detected(usable(scene), card))
+        found = _package(card).open(card, data)
+    with_lanes = (lambda scene: scene) if card.lanes is None else (lambda scene: _with_lanes(scene, card, data))
+    return ChangedScenes(found, lambda scene: with_lanes(detected(usable(scene), card)))
 
 
 def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: str | Path) -> SceneSource:
@@ -117,6 +119,17 @@ def keep_private(card: Card) -> None:
 def discard(card: Card) -> None:
     """Remove the simulated scenes of the card's split from the cache; recorded scenes are not kept there."""
     _package(card).discard(card)
+
+
+def _with_lanes(scene: Scene, card: Card, data: str | Path | None) -> Scene:
+    """The scene with its road map; raises DataError if it has none."""
+    lanes = tuple(_package(card).lanes(card, data, scene))
+    if not lanes:
+        lacking = f"scene {scene.name!r} has no lanes, which {card.id} shows to agents"
+        raise DataError(
+            f"{lacking}: get the map (`mtp-bench data` says from where), or add a table lanes to own scenes"
+        )
+    return replace(scene, lanes=lanes)
 
 
 def _package(card: Card) -> SourcePackage:

@@ -107,5 +107,6 @@ class HighwaySource(SourceSection):
             simulated=True,
             without_detections="simulated traffic",
             has_ego=self.sensor == "ego",
+            lanes=True,
             scene_seconds=self.seconds,
         )

@@ -73,6 +73,7 @@ class NuScenesSource(DetectionsSection):
             detection_file="a JSON file in the official submission form",
             measured_velocity=self.velocity,
             truth_complete=self.truth == "all",
+            lanes=True,
         )
 
 
