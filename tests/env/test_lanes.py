@@ -51,7 +51,11 @@ def test_pieces_share_end_points_and_know_their_successors(make_env: Callable[..
     here = seen["lane_point"] @ turned.T + [20, 10]  # back in the frame of the scene
     shown = [here[i][seen["lane_valid"][i] == 1] for i in range(4)]
     # The road of 10 m has five steps of 2 m: a piece of four points and one of three.
-    want = [[(15, 12), (17, 12), (19, 12), (21, 12)], [(21, 12), (23, 12), (25, 12)], [(25, 12), (26.5, 12), (28, 12)]]
+    want: list[Any] = [
+        [(15, 12), (17, 12), (19, 12), (21, 12)],
+        [(21, 12), (23, 12), (25, 12)],
+        [(25, 12), (26.5, 12), (28, 12)],
+    ]
     for got, points in zip(shown, [*want, [(25, 12), (25, 14)]], strict=True):
         np.testing.assert_allclose(got, points, atol=1e-5)
     assert seen["lane_next"].tolist() == [[1, -1, -1, -1], [3, 2, -1, -1], [-1] * 4, [-1] * 4]
