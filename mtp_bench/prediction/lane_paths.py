@@ -1,0 +1,232 @@
+"""Paths along the lanes of an observation, and the lanes that follow them, for many objects at once."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..tracking.kernels.compile import kernel, part
+from ..types import Bools, Floats, Ints, Observation
+
+STEP = 2.0  # m, between the points of a path
+_ASIDE = 3.0  # m, farthest middle line of a lane that an object may be on
+_TURNED = 0.9  # rad, largest angle between an object and its lane
+_BEYOND = 0.5  # m, before the beginning or behind the end of a piece of a lane
+_SPREAD = (1.0, 0.3)  # m and rad, usual distance and angle between an object and its lane
+_STARTS = 8  # pieces of lanes that an object may be on
+_BRANCHES = 16  # paths from the beginning of a piece
+_DEPTH = 40  # pieces of a path
+_SAME = 1.0  # m, paths that stay as near are one
+
+
+@dataclass(frozen=True, eq=False)
+class LanePaths:
+    """Paths of n objects, most plausible first; ``S`` points, every 2 m from the point of the lane near the object.
+
+    Behind the last known lane a path goes straight on.
+    """
+
+    points: Floats  # [n, most, S, 2] m, frame of the observation; 0 where not valid
+    valid: Bools  # [n, most]
+    offset: Floats  # [n, most] m, distance of the object from the lane, left positive
+    chance: Floats  # [n, most] plausibility, adding up to 1 over the paths of an object that has any
+
+
+def lane_paths(
+    observation: Observation, place: Floats, heading: Floats, most: int, metres: float | Floats
+) -> LanePaths:
+    """Up to ``most`` paths of objects at ``place`` [n, 2] with direction of travel ``heading`` [n], rad.
+
+    An object is on a lane by distance and direction, on several within a junction. Each is followed over all its
+    successors for ``metres``, one number or one per object [n]; paths that are the same so far are one.
+    """
+    count = observation["lane_valid"].astype(np.int64).sum(axis=1)
+    point = np.array(observation["lane_point"], dtype=np.float64, order="C")
+    follow = np.array(observation["lane_next"], dtype=np.int64, order="C")
+    object_pose = np.empty((len(place), 4))
+    object_pose[:, :2], object_pose[:, 2], object_pose[:, 3] = place, heading, metres
+    size = int(np.ceil(np.max(metres, initial=0.0) / STEP)) + 1
+    paths = np.zeros((len(place), most, size, 2))
+    offset, chance = np.zeros((len(place), most)), np.zeros((len(place), most))
+    find_paths(point, count, follow, object_pose, paths, offset, chance)
+    return LanePaths(paths, chance > 0, offset, chance)
+
+
+@part
+def _nearest(line: Floats, x: float, y: float) -> tuple[float, float, float, float]:
+    """Arc length of the point of a line [Q, 2] nearest to x y, distance (left positive) and direction there.
+
+    The last number is how far x y is before the beginning or behind the end of the line, along it.
+    """
+    least, arc, offset, direction, beyond, length = np.inf, 0.0, 0.0, 0.0, 0.0, 0.0
+    for q in range(len(line) - 1):
+        ux, uy = line[q + 1, 0] - line[q, 0], line[q + 1, 1] - line[q, 1]
+        long = np.hypot(ux, uy)
+        if long < 1e-6:
+            continue
+        dx, dy = x - line[q, 0], y - line[q, 1]
+        ahead = (dx * ux + dy * uy) / long
+        along = min(max(ahead, 0.0), long)
+        rx, ry = dx - along * ux / long, dy - along * uy / long
+        distance = np.hypot(rx, ry)
+        if distance < least:
+            least, arc, direction = distance, length + along, np.arctan2(uy, ux)
+            offset = distance if ux * ry - uy * rx >= 0 else -distance
+            beyond = max(-ahead if q == 0 else 0.0, ahead - long if q == len(line) - 2 else 0.0)
+        length += long
+    return arc, offset, direction, beyond
+
+
+@part
+def _append(line: Floats, path: Floats, filled: int, rest: float) -> tuple[int, float]:
+    """Go on along ``line`` [Q, 2] and write a point of ``path`` [G, 2] every 2 m; ``rest``: m to the next one."""
+    for q in range(len(line) - 1):
+        ux, uy = line[q + 1, 0] - line[q, 0], line[q + 1, 1] - line[q, 1]
+        long, along = np.hypot(ux, uy), rest
+        while along <= long and filled < len(path):
+            share = along / long if long > 0 else 0.0
+            path[filled, 0], path[filled, 1] = line[q, 0] + share * ux, line[q, 1] + share * uy
+            filled += 1
+            along += STEP
+        rest = along - long
+    return filled, rest
+
+
+@part
+def _write(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
+    """Write the points [G, 2] of the pieces ``chain``, and straight on behind them."""
+    filled, rest = 0, 0.0
+    for row in chain:
+        filled, rest = _append(point[row, : count[row]], path, filled, rest)
+    last = point[chain[-1], : count[chain[-1]]]
+    ux, uy = last[-1, 0] - last[-2, 0], last[-1, 1] - last[-2, 1]
+    long = max(np.hypot(ux, uy), 1e-9)
+    while filled < len(path):
+        path[filled, 0], path[filled, 1] = last[-1, 0] + rest * ux / long, last[-1, 1] + rest * uy / long
+        filled += 1
+        rest += STEP
+
+
+@part
+def _trace(first: int, point: Floats, count: Ints, length: Floats, follow: Ints, path: Floats, share: Floats) -> int:
+    """Write the paths [B, G, 2] from the beginning of piece ``first`` and their shares [B]; return their number."""
+    reach, found, waiting = STEP * (path.shape[1] - 1), 0, 1
+    stack_row, stack_depth = np.zeros(4 * _DEPTH, np.int64), np.zeros(4 * _DEPTH, np.int64)
+    chain, end, part_of = np.zeros(_DEPTH, np.int64), np.zeros(_DEPTH), np.ones(_DEPTH)
+    stack_row[0] = first
+    while waiting and found < len(path):
+        waiting -= 1
+        row, depth = stack_row[waiting], stack_depth[waiting]
+        chain[depth] = row
+        end[depth] = length[row] + (end[depth - 1] if depth else 0.0)
+        branches = 0
+        for after in follow[row]:
+            branches += after >= 0 and count[after] > 1
+        if branches == 0 or end[depth] >= reach or depth + 1 == _DEPTH:
+            _write(chain[: depth + 1], point, count, path[found])
+            share[found] = part_of[depth]
+            found += 1
+            continue
+        part_of[depth + 1] = part_of[depth] / branches
+        for i in range(3, -1, -1):  # the first successor comes off the stack first
+            after = follow[row, i]
+            if after >= 0 and count[after] > 1:
+                stack_row[waiting], stack_depth[waiting] = after, depth + 1
+                waiting += 1
+    return found
+
+
+@part
+def _on_lanes(point: Floats, count: Ints, bound: Floats, pose: Floats, row: Ints, match: Floats) -> int:
+    """Write the pieces [8] that an object may be on and arc length, distance and weight of each [8, 3]."""
+    found = 0
+    for i in range(len(count)):
+        x, y = pose[0], pose[1]
+        if count[i] < 2 or x < bound[i, 0] or x > bound[i, 1] or y < bound[i, 2] or y > bound[i, 3]:
+            continue
+        arc, offset, direction, beyond = _nearest(point[i, : count[i]], x, y)
+        turned = abs((direction - pose[2] + np.pi) % (2 * np.pi) - np.pi)
+        if abs(offset) > _ASIDE or turned > _TURNED or beyond > _BEYOND:
+            continue
+        weight = np.exp(-0.5 * ((offset / _SPREAD[0]) ** 2 + (turned / _SPREAD[1]) ** 2))
+        place = found if found < len(row) else int(np.argmin(match[:, 2]))
+        if found == len(row) and match[place, 2] >= weight:
+            continue
+        row[place], match[place, 0], match[place, 1], match[place, 2] = i, arc, offset, weight
+        found = min(found + 1, len(row))
+    return found
+
+
+@part
+def _at(path: Floats, arc: float, axis: int) -> float:
+    """Coordinate of a path [G, 2] at an arc length."""
+    g = min(int(arc / STEP), len(path) - 2)
+    share = arc / STEP - g
+    return float(path[g, axis] + share * (path[g + 1, axis] - path[g, axis]))
+
+
+@part
+def _same(a: Floats, arc_a: float, b: Floats, arc_b: float, metres: float) -> bool:
+    """True if two paths stay close to each other for ``metres``."""
+    for i in range(5):
+        ahead = metres * i / 4
+        dx = _at(a, arc_a + ahead, 0) - _at(b, arc_b + ahead, 0)
+        dy = _at(a, arc_a + ahead, 1) - _at(b, arc_b + ahead, 1)
+        if dx * dx + dy * dy > _SAME**2:
+            return False
+    return True
+
+
+@kernel("void(f8[:, :, ::1], i8[::1], i8[:, ::1], f8[:, ::1], f8[:, :, :, ::1], f8[:, ::1], f8[:, ::1])")
+def find_paths(
+    point: Floats, count: Ints, follow: Ints, pose: Floats, paths: Floats, offset: Floats, chance: Floats
+) -> None:
+    """Write paths [n, most, S, 2], offsets and chances [n, most] of objects at ``pose`` [n, 4]: x y heading metres.
+
+    ``point`` [L, Q, 2], ``count`` [L], ``follow`` [L, 4]: pieces of lanes, their points and their successors. The paths
+    from the beginning of a piece are traced once, for all objects on it.
+    """
+    pieces, most, size = len(count), paths.shape[1], paths.shape[2]
+    bound, length = np.empty((pieces, 4)), np.zeros(pieces)
+    for i in range(pieces):
+        line = point[i, : max(count[i], 1)]
+        bound[i, 0], bound[i, 1] = line[:, 0].min() - _ASIDE, line[:, 0].max() + _ASIDE
+        bound[i, 2], bound[i, 3] = line[:, 1].min() - _ASIDE, line[:, 1].max() + _ASIDE
+        for q in range(count[i] - 1):
+            length[i] += np.hypot(line[q + 1, 0] - line[q, 0], line[q + 1, 1] - line[q, 1])
+    grid = size + int(length.max() / STEP) + 2 if pieces else 0
+    traced, slot = np.zeros(pieces, np.int64), np.zeros(pieces, np.int64)
+    table, share, used = np.empty((pieces, _BRANCHES, grid, 2)), np.empty((pieces, _BRANCHES)), 0
+    row, match = np.empty(_STARTS, np.int64), np.empty((_STARTS, 3))
+    kept, arc = np.empty((_STARTS * _BRANCHES, 2), np.int64), np.empty(_STARTS * _BRANCHES)
+    aside, weight = np.empty(_STARTS * _BRANCHES), np.empty(_STARTS * _BRANCHES)
+    for n in range(len(pose)):
+        starts, different = _on_lanes(point, count, bound, pose[n], row, match), 0
+        for place in np.argsort(-match[:starts, 2]):
+            i = row[place]
+            if traced[i] == 0:
+                slot[i], used = used, used + 1
+                traced[i] = _trace(i, point, count, length, follow, table[slot[i]], share[slot[i]])
+            for b in range(traced[i]):
+                path, own, before = table[slot[i], b], match[place, 2] * share[slot[i], b], -1
+                for d in range(different):
+                    if _same(table[kept[d, 0], kept[d, 1]], arc[d], path, match[place, 0], pose[n, 3]):
+                        before = d
+                        break
+                if before >= 0:  # branches add up; of lanes over each other the likelier one counts
+                    same_piece = kept[before, 0] == slot[i]
+                    weight[before] = weight[before] + own if same_piece else max(weight[before], own)
+                    continue
+                kept[different, 0], kept[different, 1], arc[different] = slot[i], b, match[place, 0]
+                aside[different], weight[different] = match[place, 1], own
+                different += 1
+        order = np.argsort(-weight[:different])[:most]
+        total = 0.0
+        for d in order:
+            total += weight[d]
+        for m in range(len(order)):
+            d = order[m]
+            offset[n, m], chance[n, m] = aside[d], weight[d] / total
+            path = table[kept[d, 0], kept[d, 1]]
+            for s in range(size):
+                paths[n, m, s, 0] = _at(path, arc[d] + STEP * s, 0)
+                paths[n, m, s, 1] = _at(path, arc[d] + STEP * s, 1)
