@@ -10,7 +10,7 @@ from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, requ
 from ..strict import read_toml, validate
 from ..types import Scene
 from .card import Card, DetectorSection, check_detector
-from .own import TEXTS, folder_digest, known_digest, plain_name, scenes_digest, split_folder
+from .own import TEXTS, folder_digest, known_digest, own_digest, plain_name, scenes_digest, split_folder
 from .source import STORED_DETECTOR, FilesSource
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
@@ -45,7 +45,7 @@ def with_split(card: Card, split: str) -> Card:
                 "scenes of that split alone"
             )
         if source.folder is not None:
-            update["sha256"] = folder_digest(split_folder(Path(source.folder), split))
+            update["sha256"] = own_digest(split_folder(Path(source.folder), split), card.lanes is not None)
     return card.model_copy(update={"source": source.model_copy(update=update)})
 
 
@@ -118,7 +118,7 @@ def with_files(card: Card, folder: str | Path) -> Card:
     path = Path(folder).expanduser().absolute()
     if not path.is_dir():
         raise DataError(f"no folder {path}, expected one with a sub-folder of tables for each scene")
-    return _with_own(card, folder=str(path), sha256=folder_digest(path))
+    return _with_own(card, folder=str(path), sha256=own_digest(path, card.lanes is not None))
 
 
 def with_scenes(card: Card, scenes: Sequence[Scene]) -> Card:

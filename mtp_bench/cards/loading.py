@@ -30,7 +30,7 @@ def load_card(name: str | Path) -> Card:
     if card.id != path.stem:
         raise CardError(f"{path.name}: id is {card.id!r}, expected the file's stem {path.stem!r}")
     if isinstance(card.source, FilesSource):
-        return card.model_copy(update={"source": resolve_folder(card.source, path.parent)})
+        return card.model_copy(update={"source": resolve_folder(card.source, path.parent, card.lanes is not None)})
     return card
 
 

@@ -15,11 +15,13 @@ from ..files import file_digest
 from ..types import Scene
 from .source import FilesSource
 
-SCENES = tuple(f"*/{table}.{form}" for table in ("truth", "detections", "ego") for form in ("csv", "parquet"))
+FORMS = ("csv", "parquet")
+SCENES = tuple(f"*/{table}.{form}" for table in ("truth", "detections", "ego") for form in FORMS)
+ROADS = tuple(f"*/lanes.{form}" for form in FORMS)
 TEXTS = ("*.txt", "*/*.txt")  # the files of a folder that hold detections
 
 
-def resolve_folder(section: FilesSource, base: Path) -> FilesSource:
+def resolve_folder(section: FilesSource, base: Path, lanes: bool) -> FilesSource:
     """The section with the absolute path of its scenes, given relative to ``base``, and their digest if they exist.
 
     A ``sha256`` that the card states is kept, so other files are refused when they are opened.
@@ -27,7 +29,7 @@ def resolve_folder(section: FilesSource, base: Path) -> FilesSource:
     folder = (base.absolute() / Path(section.folder or "").expanduser()).resolve()
     digest = section.sha256
     if digest is None and folder.is_dir():
-        digest = folder_digest(split_folder(folder, section.split))
+        digest = own_digest(split_folder(folder, section.split), lanes)
     return section.model_copy(update={"folder": str(folder), "sha256": digest})
 
 
@@ -36,7 +38,12 @@ def split_folder(folder: Path, split: str) -> Path:
     return folder if split == "all" else folder / split
 
 
-def folder_digest(folder: Path, patterns: Sequence[str] = SCENES) -> str:
+def own_digest(folder: Path, lanes: bool) -> str:
+    """Digest of a folder of own scenes; with ``lanes``, which agents then see, also of their tables of these."""
+    return folder_digest(folder, (*SCENES, *(ROADS if lanes else ())))
+
+
+def folder_digest(folder: Path, patterns: Sequence[str]) -> str:
     """Hex sha256 over the names and contents of the files of a folder that match the patterns; hidden ones are skipped.
 
     Raises DataError if a file cannot be read.

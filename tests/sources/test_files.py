@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mtp_bench.cards import Card, with_detector, with_files, with_scenes, with_split
-from mtp_bench.cards.own import folder_digest
+from mtp_bench.cards.card import LaneSection
+from mtp_bench.cards.own import own_digest
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
 from mtp_bench.sources import camera_images, load_scenes, open_source
 from mtp_bench.sources.files.save import TableForm, save_scene
@@ -87,7 +88,7 @@ def scenes(draw: st.DrawFn) -> Scene:
         ),
         detector="pointrcnn, stored detections",
         object_names={row: f"word {row:02}" for row in range(rows)} if draw(st.booleans()) else {},
-        lanes=tuple(replace(lane, following=()) for lane in whole_scene().lanes) if draw(st.booleans()) else (),
+        lanes=whole_scene().lanes if draw(st.booleans()) else (),
     )  # fmt: skip
 
 
@@ -194,7 +195,7 @@ def test_lanes_and_images_are_for_pictures_alone(tmp_path: Path, base: Card) -> 
     turn, way = scene.lanes
     np.testing.assert_allclose(way.center, [[0, 0], [4, 0], [9, 0]])
     np.testing.assert_allclose([way.left[1], way.right[1]], [[4, 1.75], [4, -1.75]])
-    assert (way.junction, turn.junction) == (False, True)
+    assert (way.junction, turn.junction, way.following, turn.following) == (False, True, (1, 0), ())
     first, last = camera_images(scene, card)
     assert (first.frame, first.camera, first.path, first.size) == (0, "front", tmp_path / "one/4.png", (64, 48))
     assert (last.frame, last.projection.tolist()) == (2, np.arange(12.0).reshape(3, 4).tolist())
@@ -204,7 +205,14 @@ def test_lanes_and_images_are_for_pictures_alone(tmp_path: Path, base: Card) -> 
     assert f"images.csv, line 4, column 'file': no file {tmp_path}/one/7.png" in notes[0]
 
 
-LANES = ["lane,x,y,junction", "turn,9,0,true", "turn,9,5,0", "way,0,0,0", "way,4,0,0", "way,9,0,0"]
+LANES = [
+    "lane,x,y,junction,following",
+    "turn,9,0,true,",
+    "turn,9,5,0,",
+    "way,0,0,0,way turn",
+    "way,4,0,0,",
+    "way,9,0,0,turn",
+]
 IMAGES = [
     "frame,camera,file,width,height,p00,p01,p02,p03,p10,p11,p12,p13,p20,p21,p22,p23",
     *(f"{frame},front,{frame}.png,64,48,0,1,2,3,4,5,6,7,8,9,10,11" for frame in (6, 4)),
@@ -279,6 +287,11 @@ def test_the_digest_holds_what_the_files_hold_and_not_where_they_are(tmp_path: P
     with pytest.raises(DataError, match="they are not those of MTP-Small-v0, or changed after a run with this card"):
         open_source(card)
     assert str(tmp_path) not in str(card.model_dump(mode="json"))
+    cards = base, base.model_copy(update={"lanes": LaneSection()})
+    before = [with_files(one, here).digest for one in cards]
+    write_tables(here, detections=DETECTIONS[:2], lanes=LANES)
+    after = [with_files(one, here).digest for one in cards]
+    assert [a == b for a, b in zip(before, after, strict=True)] == [True, False], "only pictures show them, agents too"
 
 
 # --- one sentence for every mistake ----------------------------------------------------------------------------------
@@ -291,6 +304,10 @@ TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     ),
     "a lane in the singular": ({"lane": LANES}, "lane.csv is not a known table; did you mean lanes.csv?"),
     "a lane of one point": ({"lanes": LANES[:2]}, "lanes.csv, line 2, column 'lane': the only point of this lane, exp"),
+    "a lane of another map": (
+        {"lanes": [*LANES, "way,12,0,0,turn exit"]},
+        "lanes.csv, line 7, column 'following': 'exit', expected a lane of this table",
+    ),
     "a border": ({"lanes": ["lane,x,y,left_x"]}, "lanes.csv: some of the columns 'left_x', 'left_y', 'right_x', 'r"),
     "no detections": ({"detections": None}, "one: no detections; without them a simulated detector runs at once"),
     "names alone": ({"truth": TRUTH[:1]}, "truth.csv has no rows, expected one per object and frame"),
@@ -385,7 +402,7 @@ def test_a_mark_blank_lines_quotes_and_blanks_are_fine_and_lines_are_counted(tmp
 def test_names_do_not_stand_for_contents(tmp_path: Path) -> None:
     first, second = (write_tables(tmp_path / name) for name in "ab")
     (second / "one" / "truth.csv").rename(second / "one" / "ego.csv")
-    assert folder_digest(first) != folder_digest(second)
+    assert own_digest(first, False) != own_digest(second, False)
 
 
 @pytest.mark.parametrize(("first", "second"), [("5000000000", "7"), ("-5", "6"), ("01", "1")])

@@ -57,13 +57,14 @@ TABLES: dict[str, tuple[TableColumn, ...]] = {
 }
 PROJECTION = tuple(f"p{row}{column}" for row in range(3) for column in range(4))
 BORDERS = ("left_x", "left_y", "right_x", "right_y")
-PICTURES: dict[str, tuple[TableColumn, ...]] = {  # tables that scores do not need
+PICTURES: dict[str, tuple[TableColumn, ...]] = {  # beside those of the boxes
     "lanes": (
         TableColumn("lane", "the lane: a number or a word", text=True),
         TableColumn("x", "m, point of its middle line; the rows of a lane are in the direction of travel"),
         TableColumn("y", "m, point of its middle line"),
         *(TableColumn(name, "m, point of a border beside x y", "1.75 m from the middle line") for name in BORDERS),
         TableColumn("junction", "1 or 0, true or false: inside a junction, drawn without borders", "0", flag=True),
+        TableColumn("following", "lanes that continue it, with blanks between them; empty: none", "none", True, True),
     ),
     "images": (
         _FRAME,

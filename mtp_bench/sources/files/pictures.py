@@ -1,6 +1,6 @@
-"""Lanes and camera images of own scenes, which pictures show and scores do not need."""
+"""Lanes and camera images of own scenes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import DataError
 from ...types import Ints, Lane
 from ..base import CameraImage, lane_around
 from ..text import RowTable
@@ -20,17 +21,32 @@ MOST_PIXELS = 10_000
 def lanes_of(table: RowTable) -> tuple[Lane, ...]:
     """Lanes of a table, in the order of their first rows; DataError names the row that is wrong."""
     check_ranges(table)
-    _, first, of_row, count = np.unique(table.words["lane"], True, True, True)
+    name, first, of_row, count = np.unique(table.words["lane"], True, True, True)
     table.refuse((count == 1)[of_row], "the only point of this lane, expected two or more", "lane")
     rows = np.split(np.argsort(of_row, kind="stable"), np.cumsum(count)[:-1])
-    return tuple(_lane(table, rows[lane]) for lane in np.argsort(first).tolist())
+    order = np.argsort(first)
+    number = {word: index for index, word in enumerate(name[order].tolist())}
+    return tuple(_lane(table, rows[lane], number) for lane in order.tolist())
 
 
-def _lane(table: RowTable, rows: Ints) -> Lane:
+def _lane(table: RowTable, rows: Ints, number: Mapping[str, int]) -> Lane:
     lane = lane_around(table.matrix("x y")[rows], table.has("junction") and bool(table["junction"][rows].any()))
+    if table.has("following"):
+        lane = replace(lane, following=_following(table, rows, number))
     if not table.has(BORDERS[0]):
         return lane
     return replace(lane, left=table.matrix("left_x left_y")[rows], right=table.matrix("right_x right_y")[rows])
+
+
+def _following(table: RowTable, rows: Ints, number: Mapping[str, int]) -> tuple[int, ...]:
+    """Numbers of the lanes that any row of a lane names, each once."""
+    found: dict[int, None] = {}
+    for row in rows.tolist():
+        for word in table.words["following"][row].split():
+            if word not in number:
+                raise DataError(f"{table.where(row, 'following')}: {word!r}, expected a lane of this table")
+            found[number[word]] = None
+    return tuple(found)
 
 
 def lane_columns(lanes: Sequence[Lane]) -> dict[str, NDArray[Any]]:
@@ -41,6 +57,7 @@ def lane_columns(lanes: Sequence[Lane]) -> dict[str, NDArray[Any]]:
         "lane": np.repeat(np.arange(len(lanes)), count),
         **dict(zip(("x", "y", *BORDERS), np.column_stack(lines).T, strict=True)),
         "junction": np.repeat([int(lane.junction) for lane in lanes], count),
+        "following": np.repeat([" ".join(map(str, lane.following)) for lane in lanes], count),
     }
 
 

@@ -30,8 +30,7 @@ def save_scene(scene: Scene, folder: str | Path, classes: Sequence[str], form: T
     """Write a scene as tables into a sub-folder of a folder of own scenes, and return the sub-folder.
 
     ``classes``: names of its class ids, as ``task.classes`` of a card. Reading gives equal numbers to the last bit, but
-    ids of objects that have names are written as these names and numbered anew when they are read, and lanes are
-    written without those that follow them.
+    ids of objects that have names are written as these names and numbered anew when they are read.
     Raises DataError for a wrong scene, and MtpBenchError if it cannot be written or would replace other files.
     """
     require_known("form of a scene", form, FORMS)

@@ -5,7 +5,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from ...cards import Card, FilesSource
-from ...cards.own import folder_digest, split_folder
+from ...cards.own import own_digest, split_folder
 from ...errors import DataError, MissingDataError
 from ...types import Scene
 from ..base import CameraImage, section_of
@@ -85,7 +85,7 @@ def _card_folder(section: FilesSource, card: Card) -> dict[str, Path]:
     if not folders:
         advice = f"; it is a scene itself: name the folder above, {folder.parent}" if is_scene(folder) else ""
         raise MissingDataError(f"{folder} has no scene, expected {EXPECTED}{advice}")
-    digest = folder_digest(folder)
+    digest = own_digest(folder, card.lanes is not None)
     if section.sha256 not in (None, digest):
         raise DataError(
             f"{folder}: its files have the sha256 {digest[:12]}, expected {str(section.sha256)[:12]}: they are not "

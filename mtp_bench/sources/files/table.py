@@ -118,7 +118,7 @@ def _add_column(table: RowTable, column: TableColumn, values: Any) -> None:
         limit = f"expected at most {MOST_LETTERS}"
         table.refuse(long, lambda row: f"a word of {len(words[row])} characters, {limit}", name)
         table.words[name] = np.array(words, dtype=np.str_)
-        table.refuse(table.words[name] == "", "an empty cell, expected a word", name)
+        table.refuse((table.words[name] == "") & (not column.gaps), "an empty cell, expected a word", name)
         return
     if is_word:
         values = _numbers(table, column, values)
