@@ -19,6 +19,7 @@ SOURCES = {
     "nuscenes": "mtp_bench.sources.nuscenes:NuScenesSource",
     "wildtrack": "mtp_bench.sources.wildtrack:WildtrackSource",
     "mot3d": "mtp_bench.sources.mot3d:Mot3dSource",
+    "people": "mtp_bench.sources.people:PeopleSource",
     "highway": "mtp_bench.sources.highway.world:HighwaySource",
     "files": "mtp_bench.cards.source:FilesSource",
 }

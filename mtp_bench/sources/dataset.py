@@ -53,10 +53,10 @@ class Dataset:
         return (*(root / folder for folder in self.folders), root)
 
     def find(self, data: str | Path | None, holds: str) -> Path:
-        """The folder that holds the folder ``holds``, which may be a pattern; DataError names what was searched."""
+        """The folder that holds the file or folder ``holds``, or a pattern; DataError names what was searched."""
         folders = self.searched(data)
         for folder in folders:
-            if any(path.is_dir() for path in folder.glob(holds)):
+            if any(folder.glob(holds)):
                 return folder
         raise MissingDataError(
             f"no {self.name} data: {holds} is in none of {', '.join(map(str, folders))} ({data_root(data)[1]})"
@@ -64,7 +64,7 @@ class Dataset:
         )
 
     def status(self, data: str | Path | None, holds: str) -> "DataStatus":
-        """Status of the folder that has a folder ``holds``, still to be completed; without it the root is unknown."""
+        """Status of the folder that has ``holds``, still to be completed; without it the root is unknown."""
         try:
             root = self.find(data, holds)
         except DataError:

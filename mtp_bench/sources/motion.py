@@ -82,6 +82,14 @@ def extent(box: Floats) -> tuple[float, float, float, float] | None:
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
+def middle(place: Floats) -> Floats:
+    """State ``x y z yaw`` of a fixed reference point: the middle of places ``[R, 2]`` or more, in whole metres."""
+    if not len(place):
+        return np.zeros(4)
+    x, y = np.round((place[:, :2].min(axis=0) + place[:, :2].max(axis=0)) / 2) + 0.0  # no negative zero
+    return np.array([x, y, 0.0, 0.0])
+
+
 def as_places(detections: Detections) -> Detections:
     """``detections`` as boxes of the nominal person: places are all that such a detector reports.
 

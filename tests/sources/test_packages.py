@@ -15,6 +15,7 @@ from mtp_bench.sources import about, describe, open_source
 from mtp_bench.sources.base import SourcePackage
 from tests.sources import test_kitti as kitti
 from tests.sources import test_mot3d as mot3d
+from tests.sources import test_people as people
 from tests.sources import test_wildtrack as wildtrack
 from tests.support.nuscenes_root import nuscenes_card, write_root
 from tests.support.source_files import with_task
@@ -22,6 +23,7 @@ from tests.support.source_files import with_task
 ROOTS: dict[str, tuple[Card, Callable[[Path], Path], tuple[str, ...], str]] = {  # card, root, folders, where to get it
     "kitti": (kitti.kitti_card(), kitti.make_root, ("kitti_tracking",), "cvlibs.net"),
     "mot3d": (mot3d.mot3d_card(), mot3d.make_root, ("mot3d2015", "3DMOT2015"), "motchallenge.net"),
+    "people": (people.people_card(), people.make_root, ("eth_ucy", "ETH_UCY"), "Trajectron-plus-plus"),
     "wildtrack": (
         wildtrack.wildtrack_card(split="test"),
         wildtrack.make_root,

@@ -15,7 +15,7 @@ from ...errors import CardError, DataError, MissingDataError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
-from ..motion import people_detections, people_truth
+from ..motion import middle, people_detections, people_truth
 from ..text import RowTable, read_table, read_text
 
 DATASET = Dataset.of(__file__)
@@ -95,7 +95,7 @@ class Mot3d:
         row, frame = _select(people, kept)
         period, neutral = 1 / self._info.rate * section.stride, people.confidence[row] == 0
         truth = people_truth(frame, people.ground[row, :2], people.object_id[row], time, period, neutral)
-        ego, visible = np.tile(_reference_point(people.ground), (len(kept), 1)), np.ones(len(truth.box))
+        ego, visible = np.tile(middle(people.ground), (len(kept), 1)), np.ones(len(truth.box))
         label = f"{stored}, stored detections" if stored else ""
         return Scene(name, time, ego, truth, detections, detector=label, visible=visible, recording=section.sequence)
 
@@ -119,14 +119,6 @@ def split_frames(card: Card, length: int) -> dict[str, Ints]:
             f"{section.scene_frames} frames, and source.train_scenes is {section.train_scenes}"
         )
     return {f"{section.sequence}-{frames[0]:04d}": frames for frames in chosen}
-
-
-def _reference_point(ground: Floats) -> Floats:
-    """State ``x y z yaw`` of the fixed reference point: the middle of the true positions, in whole metres."""
-    if not len(ground):
-        return np.zeros(4)
-    x, y = np.round((ground[:, :2].min(axis=0) + ground[:, :2].max(axis=0)) / 2) + 0.0  # no negative zero
-    return np.array([x, y, 0.0, 0.0])
 
 
 @dataclass(frozen=True, eq=False)
