@@ -1,7 +1,5 @@
 """The page on own scenes says what the code does: its tables are those of the code, its blocks run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What the documents say is true: their code runs, and their tables list what there is."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

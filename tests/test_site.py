@@ -1,7 +1,5 @@
 """The site: built without a warning, whole, and readable without a network."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

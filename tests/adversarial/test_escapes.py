@@ -106,7 +106,7 @@ for root in (self.given["link"], self.given["data"]):
 """
 DEVICES = """
 assert sorted(os.listdir("/dev")) == ["null", "urandom", "zero"], os.listdir("/dev")
-for make in (lambda: os.mknod("/tmp/disk", 0o60600, os.makedev(8, 0)), lambda: os.mknod("/tmp/tty", 0o20600, 1281)):
+for make in (lambda: os.mknod("disk", 0o60600, os.makedev(8, 0)), lambda: os.mknod("tty", 0o20600, 1281)):
     try:
         make()
     except OSError:
@@ -194,9 +194,9 @@ for path in (Path("/kernels"), Path(association.__file__), Path("/submission/age
 LINKS_OUT = """
 for target in ("/proc/self/root/../..", "/proc/1/cwd/../../..", "/agent-scratch/../..", "/dev/../.."):
     assert os.listdir(target) == os.listdir("/"), target
-Path("/tmp/way").unlink(missing_ok=True)
-os.symlink("/" + self.given["folder"].lstrip("/"), "/tmp/way")
-assert not os.path.exists("/tmp/way"), "followed a link out"
+Path("way").unlink(missing_ok=True)
+os.symlink("/" + self.given["folder"].lstrip("/"), "way")
+assert not os.path.exists("way"), "followed a link out"
 """
 DESCRIPTORS = """
 kinds = {}
@@ -446,7 +446,7 @@ LEAVES = (
     + """
 if self.frame == 0:
     for write in (lambda: call(248, b"user", b"left", b"x", 1, -3), lambda: call(248, b"user", b"left", b"x", 1, -4),
-                  lambda: call(29, 4711, 4096, 0o1666), lambda: Path("/tmp/left").write_text("x"),
+                  lambda: call(29, 4711, 4096, 0o1666), lambda: Path("left").write_text("x"),
                   lambda: Path("/dev/shm/left").write_text("x"), lambda: Path("/submission/left").write_text("x"),
                   lambda: Path("/kernels/left").write_text("x"), lambda: os.fork() or time.sleep(4711)):
         try:
@@ -460,7 +460,7 @@ FINDS = (
     + """
 assert call(249, b"user", b"left", None, 0) == -1, "found a key"
 assert call(29, 4711, 4096, 0) == -1, "found shared memory"
-for place in ("/tmp/left", "/dev/shm/left", "/submission/left", "/kernels/left"):
+for place in ("left", "/dev/shm/left", "/submission/left", "/kernels/left"):
     assert not os.path.exists(place), f"found {place}"
 """
 )
@@ -485,7 +485,7 @@ for part in self.hoard:
 """,
     "names": """
 for i in range(200_000):
-    Path(f"/tmp/{i}").touch()
+    Path(f"{i}").touch()
 """,
 }
 

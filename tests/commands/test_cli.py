@@ -1,7 +1,5 @@
 """The command line: what each command prints and writes, its exit status, and what the README says of it."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """``mtp-bench events``: every event with the command that shows it, and a count that is the score's."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`mtp-bench view`: what it writes, what it refuses, and that windows and pages open on the event."""
 
-from __future__ import annotations
-
 import re
 import signal
 import subprocess

@@ -101,7 +101,7 @@ def test_one_server_serves_a_submission(court: Court) -> None:
 
 FACTS = {  # that `tests/adversarial/test_escapes.py` does not look at
     "no parent is seen": ("os.getppid()", "0"),
-    "its folder is empty": ("sorted(set(os.listdir('/tmp')) - {'kernels'})", "[]"),
+    "its folder is empty": ("sorted(set(os.listdir()) - {'kernels'})", "[]"),
     "no memory that forks share": (
         "[l for l in open('/proc/self/maps') if l.split()[1][1] == 'w' and l.split()[1][3] == 's']", "[]",
     ),
@@ -116,7 +116,7 @@ def test_a_fork_sees(court: Court, asks: str, expected: str) -> None:
 
 
 LEAVES = {
-    "a file": ("open('/tmp/note', 'w').write('x')", "os.path.exists('/tmp/note')"),
+    "a file": ("open('note', 'w').write('x')", "os.path.exists('note')"),
     "a module": ("sys.modules['note'] = sys", "'note' in sys.modules"),
     "an attribute of the library": ("import mtp_bench; mtp_bench.note = 1", "hasattr(__import__('mtp_bench'), 'note')"),
     "the environment": ("os.environ['NOTE'] = '1'", "'NOTE' in os.environ"),

@@ -1,7 +1,5 @@
 """Stored tracks scored as an agent: what it is shown, how its row is marked, and STP's own tracks there and back."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace

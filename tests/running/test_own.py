@@ -1,7 +1,5 @@
 """Own scenes from a log to a score: in Python and on the command line, and from any working directory."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Parts of bADE by hand: each is what its name says; tests/independent computes them anew on random rollouts."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Scenes of real recordings, written as own scenes: agents say the same on them and score the same, to the bit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

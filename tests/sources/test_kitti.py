@@ -1,7 +1,5 @@
 """KITTI source on a folder of a few lines: axes, poses, bad input, what is found and missing."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

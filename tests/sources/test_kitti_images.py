@@ -1,7 +1,5 @@
 """Camera images of KITTI: which frame they are of, and that boxes lie in them where the labels have them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

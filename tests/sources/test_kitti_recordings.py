@@ -1,7 +1,5 @@
 """KITTI source on the real recordings: known counts, and evidence for the poses and the frame period."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path

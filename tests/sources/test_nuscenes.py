@@ -1,7 +1,5 @@
 """nuScenes source on a small root: frames, truth, targets, splits, what is missing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

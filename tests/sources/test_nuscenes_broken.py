@@ -1,7 +1,5 @@
 """Broken files of nuScenes: one error each, which names the file and the record."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

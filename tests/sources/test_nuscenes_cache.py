@@ -1,7 +1,5 @@
 """The compact copy of nuScenes follows the files: changed, moved, broken, built by several; status of a root."""
 
-from __future__ import annotations
-
 import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

@@ -1,7 +1,5 @@
 """nuScenes detections: submission files, the scenes that they cover, one clear error for everything that is wrong."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Camera images of nuScenes: where they show things, and that tables of them are read once, and for no run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """nuScenes source on the real recordings: known counts, and detections that lie where the true boxes are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Stored tracks of other programs: the three forms, there and back, and one clear error for each wrong file."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Counts of events."""
 
-from __future__ import annotations
-
 from mtp_bench.study.runs import EventCounts, count_events
 from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
 

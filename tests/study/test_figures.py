@@ -1,7 +1,5 @@
 """Colours of figures: told apart by people with any kind of colour vision."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from xml.etree import ElementTree
 

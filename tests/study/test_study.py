@@ -1,7 +1,5 @@
 """A whole study of tiny sequences: its files, its page, and that no run is made twice."""
 
-from __future__ import annotations
-
 import csv
 import html
 import json

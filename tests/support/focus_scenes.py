@@ -1,7 +1,5 @@
 """An event in a crowd, small enough to count: what has to be bright and what dim."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

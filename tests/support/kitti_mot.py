@@ -5,8 +5,6 @@ tracker: truth that is truncated, heavily occluded or of a neighbour class; unma
 high in the image or lie in a DontCare region.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,11 +36,11 @@ class TrackRows:
     score: Floats  # [R] of the detection taken last
     image_box: Floats  # [R, 4] of the detection taken last, px
 
-    def keep(self, mask: Bools) -> TrackRows:
+    def keep(self, mask: Bools) -> "TrackRows":
         """The rows where ``mask`` is true."""
         return TrackRows(**{name: rows[mask] for name, rows in vars(self).items()})
 
-    def above(self, threshold: float) -> TrackRows:
+    def above(self, threshold: float) -> "TrackRows":
         """The tracks whose mean score reaches ``threshold``."""
         ids, row = np.unique(self.track_id, return_inverse=True)
         mean = np.bincount(row, self.score) / np.bincount(row) if len(ids) else np.zeros(0)

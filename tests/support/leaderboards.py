@@ -1,7 +1,5 @@
 """Leaderboards of their own, with keys that are made for a test."""
 
-from __future__ import annotations
-
 import subprocess
 from pathlib import Path
 

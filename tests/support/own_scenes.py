@@ -1,7 +1,5 @@
 """Own scenes: a card for them, tables small enough to think through, and scenes that hold everything."""
 
-from __future__ import annotations
-
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The conformance suite: sound agents pass, and each way to break the contract has its finding."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -48,7 +46,7 @@ def test_good_agents_pass(name: str, tmp_path: Path) -> None:
 class Broken(EchoAgent):
     """The echo, which ``change`` spoils: it gets the action and the observation, and may return another action."""
 
-    def __init__(self, change: Change) -> None:
+    def __init__(self, change: "Change") -> None:
         super().__init__()
         self.change = change
         self.calls = 0  # over all scenes

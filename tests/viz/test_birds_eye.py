@@ -1,7 +1,5 @@
 """Bird's-eye pictures: what is in them, what is not, and that nothing of the truth is in those of an evaluation."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 from dataclasses import replace

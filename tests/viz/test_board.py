@@ -1,7 +1,5 @@
 """The leaderboard as a page, as tables and as JSON, from records made up for it."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The leaderboard in a real browser: sorting, filters, details, and that nothing leaves the page or runs in it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of the leaderboard in Markdown pages."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """An event alone: what is bright, where the picture looks, and what the sentence says."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Pictures of events: what a person sees is there, and in its place; of small scenes and of real recordings."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 from dataclasses import replace

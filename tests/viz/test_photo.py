@@ -1,7 +1,5 @@
 """Camera images beside an event: which camera is chosen, where its boxes are, and what happens to broken files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The record that drawings read: incidents of scenes small enough to draw, and the judge's numbers on any scene."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """An episode in rerun while it is played: what is logged equals what was answered, and evaluations show no truth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Recordings: what is read back from a file equals the rollout, and two of them are equal."""
 
-from __future__ import annotations
-
 import subprocess
 from collections.abc import Iterator
 from dataclasses import replace as changed

@@ -1,7 +1,5 @@
 """Facts that the sentences of recorded runs state, worked out a second time from the tables of the run."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

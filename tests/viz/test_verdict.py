@@ -1,7 +1,5 @@
 """Sentences and tables from reports made by hand."""
 
-from __future__ import annotations
-
 import io
 import re
 from dataclasses import replace

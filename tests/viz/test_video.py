@@ -1,7 +1,5 @@
 """``mtp-bench video``: files that hold every frame, cut around an event, complete or not there at all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
