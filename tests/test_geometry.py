@@ -90,19 +90,15 @@ def test_nearly_parallel_edges(exponent: int) -> None:
     np.testing.assert_allclose(bev_intersection_area(a, b), common, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("a", "b", "volume"),
-    [
-        pytest.param(box(), box(), 1.0, id="identical"),
-        pytest.param(box(), box(x=2), 1 / 3, id="half a length on"),
-        pytest.param(box(), box(x=4), 0.0, id="touching"),
-        pytest.param(box(l=1, w=1), box(x=2, z=1, l=1, w=1), 0.0, id="a gap, and one above the other"),
-        pytest.param(box(), box(z=0.5), 1 / 3, id="half a height up"),
-        pytest.param(box(), box(z=2), 0.0, id="above, not touching"),
-        pytest.param(box(), box(yaw=QUARTER), 1 / 3, id="cross"),
-        pytest.param(box(l=0, w=0, h=0), box(l=0, w=0, h=0), 0.0, id="both empty"),
-    ],
-)
+@pytest.mark.parametrize(("a", "b", "volume"), [
+    pytest.param(box(), box(), 1.0, id="identical"), pytest.param(box(), box(x=2), 1 / 3, id="half a length on"),
+    pytest.param(box(), box(x=4), 0.0, id="touching"),
+    pytest.param(box(l=1, w=1), box(x=2, z=1, l=1, w=1), 0.0, id="a gap, and one above the other"),
+    pytest.param(box(), box(z=0.5), 1 / 3, id="half a height up"),
+    pytest.param(box(), box(z=2), 0.0, id="above, not touching"),
+    pytest.param(box(), box(yaw=QUARTER), 1 / 3, id="cross"),
+    pytest.param(box(l=0, w=0, h=0), box(l=0, w=0, h=0), 0.0, id="both empty"),
+])  # fmt: skip
 def test_values_by_hand(a: Floats, b: Floats, volume: float) -> None:
     np.testing.assert_allclose(iou_3d(a[None], b[None]), volume, atol=1e-8)
 

@@ -139,12 +139,9 @@ def test_the_wheel_holds_the_library_and_its_bundle(wheel: Path, repository: Pat
 def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: Path) -> None:
     public = ["keys/allowed_signers", "owners.toml", "records/mine/MTP-KITTI-v0.json", "seals/a.commitment.json"]
     secret = [
-        "keys/me",
-        "records/mine/MTP-KITTI-v0.rollouts/seed-0/run.json",
-        "records/mine/.MTP-X-v0.1.0a.part.json",
-        "seals/a.json",
-        "seals/a.weights.json",
-    ]
+        "keys/me", "records/mine/MTP-KITTI-v0.rollouts/seed-0/run.json", "records/mine/.MTP-X-v0.1.0a.part.json",
+        "seals/a.json", "seals/a.weights.json",
+    ]  # fmt: skip
     for name in (*public, *secret):
         path = tmp_path / "leaderboard" / name
         path.parent.mkdir(parents=True, exist_ok=True)

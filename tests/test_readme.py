@@ -16,18 +16,10 @@ from tests.support.command_line import CommandLine
 
 PAGES = sorted(path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "docs").rglob("*.md"))
 DOCUMENTS = (
-    "README.md",
-    "CONTRIBUTING.md",
-    "SECURITY.md",
-    "envs/README.md",
-    "baselines/README.md",
-    "leaderboard/README.md",
-    "leaderboard/RESULTS.md",
-    "leaderboard/SUBMITTING.md",
-    "leaderboard/MAINTAINING.md",
-    "mtp_bench/detector/README.md",
+    "README.md", "CONTRIBUTING.md", "SECURITY.md", "envs/README.md", "baselines/README.md", "leaderboard/README.md",
+    "leaderboard/RESULTS.md", "leaderboard/SUBMITTING.md", "leaderboard/MAINTAINING.md", "mtp_bench/detector/README.md",
     *PAGES,
-)
+)  # fmt: skip
 
 
 def blocks(path: Path, language: str) -> list[str]:

@@ -11,23 +11,14 @@ from tests.support.tracking_scenes import kitti_task
 KITTI = ("car", "pedestrian", "cyclist")
 
 
-@pytest.mark.parametrize(
-    ("name", "like", "hint"),
-    [
-        ("cyclist", "cyclist", "did you mean 'cyclist'?"),
-        ("truck", "car", "similar is 'car'"),
-        ("forklift", "car", "similar is 'car'"),
-        ("bicycle", "cyclist", "did you mean 'cyclist'?"),
-        ("Worker", "pedestrian", "did you mean 'pedestrian'?"),
-        ("human.pedestrian.adult", "car", "did you mean 'pedestrian'?"),
-        ("robot", "car", ""),
-        ("minibus", "car", "similar is 'car'"),
-        ("train", "car", ""),
-        ("pedestrain", None, "did you mean 'pedestrian'?"),
-        ("cars", None, "did you mean 'car'?"),
-        ("Car", "car", "did you mean 'car'?"),
-    ],
-)
+@pytest.mark.parametrize(("name", "like", "hint"), [
+    ("cyclist", "cyclist", "did you mean 'cyclist'?"), ("truck", "car", "similar is 'car'"),
+    ("forklift", "car", "similar is 'car'"), ("bicycle", "cyclist", "did you mean 'cyclist'?"),
+    ("Worker", "pedestrian", "did you mean 'pedestrian'?"),
+    ("human.pedestrian.adult", "car", "did you mean 'pedestrian'?"), ("robot", "car", ""),
+    ("minibus", "car", "similar is 'car'"), ("train", "car", ""), ("pedestrain", None, "did you mean 'pedestrian'?"),
+    ("cars", None, "did you mean 'car'?"), ("Car", "car", "did you mean 'car'?"),
+])  # fmt: skip
 def test_similar_classes(name: str, like: str | None, hint: str) -> None:
     assert (similar_class(name, KITTI), class_hint(name, KITTI)) == (like, hint)
 

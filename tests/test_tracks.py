@@ -18,16 +18,10 @@ def make_tracks(leaves: list[tuple[int, int, str]], weights: list[float] | Float
     for leaf, (_, _, held) in enumerate(leaves):
         member[[int(h) for h in held], leaf] = True
     return Tracks(
-        track_id=np.array([i for i, _, _ in leaves], dtype=np.int64),
-        box=box,
-        class_id=np.arange(n) % 3,
-        score=np.arange(n, dtype=np.float64),
-        detection=np.array([d for _, d, _ in leaves], dtype=np.int64),
-        past=np.zeros((n, 2, 7)),
-        past_valid=np.ones((n, 2), dtype=bool),
-        member=member,
-        log_weight=np.log(weights),
-    )
+        track_id=np.array([i for i, _, _ in leaves], dtype=np.int64), box=box, class_id=np.arange(n) % 3,
+        score=np.arange(n, dtype=np.float64), detection=np.array([d for _, d, _ in leaves], dtype=np.int64),
+        past=np.zeros((n, 2, 7)), past_valid=np.ones((n, 2), dtype=bool), member=member, log_weight=np.log(weights),
+    )  # fmt: skip
 
 
 HALVES, THREE = [0.6, 0.4], [0.5, 0.3, 0.2]

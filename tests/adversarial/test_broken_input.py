@@ -377,17 +377,12 @@ def test_texts_of_an_agent_are_cleaned(cli: CommandLine, card: str, kitti: str, 
     assert all("\ufffd" in reason and reason.isprintable() and len(reason) <= 1100 for reason in reasons)
 
 
-@pytest.mark.parametrize(
-    ("got", "expected"),
-    [
-        ("plain – ünïcode ✓ \u0645\u200c\u0646", "plain – ünïcode ✓ \u0645\u200c\u0646"),
-        ("a\nb\r\nc\u2028d\te", "a b c d\ufffde"),
-        ("\x1b[31mred\x07", "\ufffd[31mred\ufffd"),
-        ("\ud800\udc00 \u202e \u200b \ufeff", "\ufffd\ufffd \ufffd \ufffd \ufffd"),
-        ("x" * 50, "x" * 19 + "…"),
-        ("\n" * 50, " " * 19 + "…"),
-    ],
-)
+@pytest.mark.parametrize(("got", "expected"), [
+    ("plain – ünïcode ✓ \u0645\u200c\u0646", "plain – ünïcode ✓ \u0645\u200c\u0646"),
+    ("a\nb\r\nc\u2028d\te", "a b c d\ufffde"), ("\x1b[31mred\x07", "\ufffd[31mred\ufffd"),
+    ("\ud800\udc00 \u202e \u200b \ufeff", "\ufffd\ufffd \ufffd \ufffd \ufffd"), ("x" * 50, "x" * 19 + "…"),
+    ("\n" * 50, " " * 19 + "…"),
+])  # fmt: skip
 def test_clean_text(got: str, expected: str) -> None:
     cleaned = clean_text(got, 20 if len(got) > 30 else 40)
     assert cleaned.strip() == expected.strip()

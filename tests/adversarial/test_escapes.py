@@ -570,12 +570,8 @@ def test_the_tricks_work_where_nothing_holds_them(loose: None, court: Court, sec
         listener.listen()
         threading.Thread(target=_accept, args=(listener,), daemon=True).start()
         given: dict[str, Any] = {
-            "secret": secret,
-            "sockets": [place],
-            "folder": str(court.folder),
-            "link": court.data,
-            "data": court.data,
-        }
+            "secret": secret, "sockets": [place], "folder": str(court.folder), "link": court.data, "data": court.data,
+        }  # fmt: skip
         found = court.run(act(code), **given)
     assert found.status == "crashed"
     assert said in found.reason

@@ -699,16 +699,11 @@ def test_the_work_of_intake_grows_with_the_number_of_owners(
     assert 1000 < len(seen) < 1200, "once for every owner"
 
 
-@pytest.mark.parametrize(
-    ("changed", "status"),
-    [
-        (b"leaderboard/records/a/b.json\nleaderboard/owners.toml", 0),
-        (b"leaderboard/records/\xff/b.json", 0),
-        (b"leaderboard/records/\xff/b.json\nmtp_bench/errors.py", 1),
-        (b"leaderboard/records/a\n\xff.py", 1),
-        (b"leaderboard/ownersXtoml", 1),
-    ],
-)
+@pytest.mark.parametrize(("changed", "status"), [
+    (b"leaderboard/records/a/b.json\nleaderboard/owners.toml", 0), (b"leaderboard/records/\xff/b.json", 0),
+    (b"leaderboard/records/\xff/b.json\nmtp_bench/errors.py", 1), (b"leaderboard/records/a\n\xff.py", 1),
+    (b"leaderboard/ownersXtoml", 1),
+])  # fmt: skip
 def test_the_workflow_compares_names_by_bytes(changed: bytes, status: int, repository: Path, tmp_path: Path) -> None:
     import yaml
 
@@ -795,59 +790,44 @@ OLD: Content = {"scorer": {"definitions": "2.0"}}
 PROPOSALS: dict[str, tuple[Proposal, str]] = {
     "a level": (
         writes(f"records/newcomer/{MAIN}.level.json", "{}"),
-        "levels are written by those who check records: leave it out of the proposal, or bring",
-    ),
+        "levels are written by those who check records: leave it out of the proposal, or bring"),
     "a link": (as_link, f"{NEWCOMER}: link, expected a file of mode 100644"),
     "a pipe": (lambda head, _: os.mkfifo(head / "records" / "newcomer" / "x.json"), "newcomer/x.json: FIFO, expected"),
     "an executable file": (lambda head, _: (head / NEWCOMER).chmod(0o755), f"{NEWCOMER}: executable file, expected"),
     "an empty folder": (lambda head, _: (head / "records" / "evil").mkdir(), "records/evil: empty folder or submodule"),
     "a submodule": (with_a_submodule, "records/evil: git mode 160000, expected a file of mode 100644"),
     "another folder": (
-        lambda head, _: (head / "records" / "newcomer").rename(head / "records" / "other"),
-        "expected it at newcomer/",
-    ),
+        lambda head, _: (head / "records" / "newcomer").rename(head / "records" / "other"), "expected it at newcomer/"),
     "code": (writes("records/newcomer/agent.py", "print(1)"), "agent.py: expected records/<submission>/<env id>.json"),
     "a key": (writes("keys/allowed_signers", "me ssh-ed25519 AAAA\n"), "keys/allowed_signers: expected records/"),
     "a seal": (writes("seals/mine.commitment.json", "{}"), "seals/mine.commitment.json: expected records/"),
     "no owner": (writes("owners.toml", "[owners]\n"), "the name 'newcomer' does not have an owner"),
     "a name for another": (
-        writes("owners.toml", '[owners]\nnewcomer = "bob"\n'), "gives 'newcomer' to 'bob', expected 'ada'",
-    ),
+        writes("owners.toml", '[owners]\nnewcomer = "bob"\n'), "gives 'newcomer' to 'bob', expected 'ada'"),
     "a look-alike": (writes("owners.toml", f'{OWNED}s_t-p = "ada"\n'), "'s_t-p' looks like 'stp', which is taken"),
     "the name of a baseline": (writes("owners.toml", f'{OWNED}stp = "ada"\n'), "'stp' is taken: choose another name"),
     "two that look alike": (
-        writes("owners.toml", f'{OWNED}new-comer = "ada"\n'), "'new-comer' looks like 'newcomer', which is taken",
-    ),
-    "an odd name": (
-        writes("records/newcomer/a\x1b[2J\u202e.json", "{}"), "records/newcomer/a\ufffd[2J\ufffd.json: ",
-    ),
+        writes("owners.toml", f'{OWNED}new-comer = "ada"\n'), "'new-comer' looks like 'newcomer', which is taken"),
+    "an odd name": (writes("records/newcomer/a\x1b[2J\u202e.json", "{}"), "records/newcomer/a\ufffd[2J\ufffd.json: "),
     "a name for later": (
         writes("owners.toml", f'{OWNED}later = "ada"\n'),
-        "'later' has no record: a name comes with the first record of it",
-    ),
+        "'later' has no record: a name comes with the first record of it"),
     "an odd name of an owner": (
-        writes("owners.toml", f'{OWNED}"<b>later</b>" = "ada"\n'), "owners.<b>later</b>: got '<b>later</b>': expected",
-    ),
+        writes("owners.toml", f'{OWNED}"<b>later</b>" = "ada"\n'), "owners.<b>later</b>: got '<b>later</b>': expected"),
     "many names": (
         writes("owners.toml", OWNED + "".join(f'"x{i:02d}" = "ada"\n' for i in range(20))),
-        "21 new names, expected at most 20 in one proposal",
-    ),
+        "21 new names, expected at most 20 in one proposal"),
     "a date to come": (
-        adds("newcomer", measured={"made": "2999-12-31"}), f"{NEWCOMER}: made on 2999-12-31, expected a day up to",
-    ),
+        adds("newcomer", measured={"made": "2999-12-31"}), f"{NEWCOMER}: made on 2999-12-31, expected a day up to"),
     "labelled detections": (adds("newcomer", env={"observe": "associated"}), "records of it are of baselines alone"),
     "a record of a baseline": (adds("stp"), "'stp' is a baseline, only maintainers make its records"),
     "a name that is taken over": (
         lambda _, base: (base / "owners.toml").write_text('[owners]\nnewcomer = "bob"\n'),
-        "'newcomer' belongs to 'bob': only maintainers change that",
-    ),
+        "'newcomer' belongs to 'bob': only maintainers change that"),
     "a record of somebody else": (of_somebody_else, "the name 'newcomer' belongs to 'bob', not to 'ada'"),
-    "a removed record": (
-        lambda _, base: adds("theirs")(base, base), "is removed; only maintainers remove files",
-    ),
+    "a removed record": (lambda _, base: adds("theirs")(base, base), "is removed; only maintainers remove files"),
     "a removed level": (
-        without_a_rivals_level, f"records/theirs/{MAIN}.level.json: is removed; only maintainers remove files",
-    ),
+        without_a_rivals_level, f"records/theirs/{MAIN}.level.json: is removed; only maintainers remove files"),
     "another card": (adds("newcomer", env={"card_digest": "00" * 8}), "with card 0000000000000000 does not ship"),
     "a record of definitions 2.0": (adds("newcomer", **OLD), "scored by definitions 2.0: make it again"),
     "a key twice": (with_a_key_twice, "key 'division' comes twice"),

@@ -186,16 +186,12 @@ def test_forecasts_may_move_an_object_state_its_presence_and_leave_it_out() -> N
     assert action["forecast_log_weight"][there][0, 1] < -1e29
 
 
-@pytest.mark.parametrize(
-    ("shape", "row", "message"),
-    [
-        ((1, 2, 3, 2), [0], r"row has shape \(1,\), expected \(2,\) or \(1, 2\)"),
-        ((1, 2, 3, 2), [0, 1], "row is 1, expected 0 to 0"),
-        ((1, 2, 3, 2), [[0, -1]], "row is -1, expected 0 to 0"),
-        ((3, 2, 3, 2), None, "samples has 3 rows, expected 2: one for each track"),
-        ((2, 2, 4, 2), None, r"forecasts has shape \(2, 2, 4, 2\), expected \(2, k, 3, 2\)"),
-    ],
-)
+@pytest.mark.parametrize(("shape", "row", "message"), [
+    ((1, 2, 3, 2), [0], r"row has shape \(1,\), expected \(2,\) or \(1, 2\)"),
+    ((1, 2, 3, 2), [0, 1], "row is 1, expected 0 to 0"), ((1, 2, 3, 2), [[0, -1]], "row is -1, expected 0 to 0"),
+    ((3, 2, 3, 2), None, "samples has 3 rows, expected 2: one for each track"),
+    ((2, 2, 4, 2), None, r"forecasts has shape \(2, 2, 4, 2\), expected \(2, k, 3, 2\)"),
+])  # fmt: skip
 def test_forecasts_that_do_not_fit_the_frame(shape: tuple[int, ...], row: Any, message: str) -> None:
     wrong = Forecasts(np.zeros(shape), row=None if row is None else np.array(row))
     with pytest.raises(ShapeError, match=message):

@@ -21,19 +21,8 @@ from tests.support.command_line import CommandLine, copy_sequence, plain_environ
 from tests.support.small_scenes import write_kitti
 
 COMMANDS = [
-    "envs",
-    "data",
-    "run",
-    "score",
-    "compare",
-    "study",
-    "view",
-    "events",
-    "worst",
-    "video",
-    "train",
-    "fit-noise",
-]
+    "envs", "data", "run", "score", "compare", "study", "view", "events", "worst", "video", "train", "fit-noise",
+]  # fmt: skip
 COMMANDS += ["new", "check", "submit", "verify", "board", "import", "export", "maintain"]
 TABLES = ["envs", "data", "score", "compare", "events", "worst", "check", "verify", "board"]  # what prints one
 HEAVY = ["torch", "rerun", "highway_env", "sklearn", "numba", "scipy", "joblib", "pandas", "matplotlib", "jinja2"]
@@ -319,14 +308,10 @@ def commands_of(text: str) -> list[list[str]]:
 
 
 DOCUMENTS = [
-    "README.md",
-    "CONTRIBUTING.md",
-    "baselines/README.md",
-    "envs/README.md",
-    "leaderboard/SUBMITTING.md",
+    "README.md", "CONTRIBUTING.md", "baselines/README.md", "envs/README.md", "leaderboard/SUBMITTING.md",
     "leaderboard/MAINTAINING.md",
     *sorted(path.relative_to(REPOSITORY).as_posix() for path in (REPOSITORY / "docs").rglob("*.md")),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

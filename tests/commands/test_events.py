@@ -46,13 +46,9 @@ def test_the_costliest_events_come_first() -> None:
         return Listed(make_scene([[]]), "car", incident, "")
 
     rows = [
-        row("no target", None),
-        row("cheap", 0.5, 0.0),
-        row("capped", 10.0, 9.0, 30.0),
-        row("capped and far", 10.0, 9.0, 40.0),
-        row("capped at once", 10.0, 0.0, 12.0),
-        row("free", 0.0),
-    ]
+        row("no target", None), row("cheap", 0.5, 0.0), row("capped", 10.0, 9.0, 30.0),
+        row("capped and far", 10.0, 9.0, 40.0), row("capped at once", 10.0, 0.0, 12.0), row("free", 0.0),
+    ]  # fmt: skip
     names = [one.incident.name for one in in_order(rows, "cost")]
     assert names == ["capped at once", "capped and far", "capped", "cheap", "free", "no target"]
     assert in_order(rows, "time") == rows

@@ -20,14 +20,10 @@ def in_empty_scene(frames: int = 2000, seed: int = 0, view: float = 90.0, **free
     return detect(no_objects(frames), profile, seed, sensor=AHEAD)
 
 
-@pytest.mark.parametrize(
-    ("view", "dispersion", "rate", "expected"),
-    [
-        pytest.param(90.0, 1.0, 3.0, 1.0, id="scenes alike"),
-        pytest.param(90.0, 2.5, 3.0, 2.5, id="scenes that differ"),
-        pytest.param(45.0, 2.0, 6.0, 3.0, id="a sensor that covers more of the circle than the fitted one"),
-    ],
-)
+@pytest.mark.parametrize(("view", "dispersion", "rate", "expected"), [
+    pytest.param(90.0, 1.0, 3.0, 1.0, id="scenes alike"), pytest.param(90.0, 2.5, 3.0, 2.5, id="scenes that differ"),
+    pytest.param(45.0, 2.0, 6.0, 3.0, id="a sensor that covers more of the circle than the fitted one"),
+])  # fmt: skip
 def test_rates_and_their_dispersion_are_those_of_the_profile(
     view: float, dispersion: float, rate: float, expected: float
 ) -> None:

@@ -22,15 +22,10 @@ LAPSES = {"share": 0.5, "bias": 0.5, "phi": 0.8, "shared": 0.7}
 def original() -> Profile:
     axis = {**MEMORY, "s0": 0.05, "s1": 0.04, "quality": 0.3, "shared": 0.3}
     return profile_of(
-        quality={**MEMORY, "shared": 0.2, "location": (2.6, -0.4, 0, 0, 0, 0, 0), "lapses": LAPSES},
-        radial=axis,
-        tangential=axis,
-        nu=4.0,
-        velocity=0.3,
-        heading={"scale": 0.05, "flip": 0.02, "flip_again": 0.4},
-        free={**FREE, "rate": 6.0, "chance": 0.15, "siblings": 0.7, "family": 0.6},
-        near=NEAR,
-    )
+        quality={**MEMORY, "shared": 0.2, "location": (2.6, -0.4, 0, 0, 0, 0, 0), "lapses": LAPSES}, radial=axis,
+        tangential=axis, nu=4.0, velocity=0.3, heading={"scale": 0.05, "flip": 0.02, "flip_again": 0.4},
+        free={**FREE, "rate": 6.0, "chance": 0.15, "siblings": 0.7, "family": 0.6}, near=NEAR,
+    )  # fmt: skip
 
 
 def a_truth(rng: np.random.Generator) -> Truth:

@@ -23,12 +23,9 @@ def boxes(*places: ROW) -> Floats:
 def detections(*frames: list[ROW], class_id: int = 0, score: float = 1.0) -> Detections:
     rows = sum(map(len, frames))
     return Detections(
-        start=np.cumsum([0, *map(len, frames)]),
-        box=boxes(*(place for places in frames for place in places)),
-        velocity=np.full((rows, 2), np.nan),
-        class_id=np.full(rows, class_id),
-        score=np.full(rows, score),
-    )
+        start=np.cumsum([0, *map(len, frames)]), box=boxes(*(place for places in frames for place in places)),
+        velocity=np.full((rows, 2), np.nan), class_id=np.full(rows, class_id), score=np.full(rows, score),
+    )  # fmt: skip
 
 
 def truth(*frames: list[ROW], class_id: int = 0, neutral: tuple[int, ...] = ()) -> Truth:

@@ -38,14 +38,10 @@ def test_equal_arguments_give_equal_detections_and_another_seed_others(name: str
     assert len(first.box) > 50
 
 
-@pytest.mark.parametrize(
-    ("name", "digest"),
-    [
-        ("nuscenes_megvii", "b527f661df94"),
-        ("kitti_pointrcnn_raw", "d669c01054f0"),
-        ("nuscenes_centerpoint", "77bfba59ce0b"),
-    ],
-)
+@pytest.mark.parametrize(("name", "digest"), [
+    ("nuscenes_megvii", "b527f661df94"), ("kitti_pointrcnn_raw", "d669c01054f0"),
+    ("nuscenes_centerpoint", "77bfba59ce0b"),
+])  # fmt: skip
 def test_detections_are_those_of_all_machines_and_processes(name: str, digest: str) -> None:
     assert _digest(simulated(load_profile(name), 2**63 + 5))[:12] == digest
 

@@ -67,19 +67,14 @@ def test_scattered_boxes_are_as_visible_as_to_a_fine_ring_of_rays(seed: int) -> 
     np.testing.assert_allclose(visible_fraction(box, AT_ORIGIN), expected, atol=0.02)
 
 
-@pytest.mark.parametrize(
-    ("name", "near", "expected"),
-    [
-        ("beside it", [_wall(5.0, 6.0, 8.0)], 1.0),
-        ("behind it", [_wall(20.0, -10.0, 10.0)], 1.0),
-        ("upper half", [_wall(5.0, 0.0, 9.0)], 0.5),
-        ("middle", [_wall(5.0, -2.5, 2.5)], 1 - np.arctan(0.5) / np.arctan(1.0)),
-        ("all of it", [_wall(5.0, -9.0, 9.0)], 0.0),
-        ("two that overlap in angle", [_wall(5.0, -9.0, 0.0), _wall(4.0, -3.0, 0.0)], 0.5),
-        ("around the sensor", [_box(0.0, 0.0)], 1.0),
-        ("on the other side", [_wall(-5.0, -9.0, 9.0)], 1.0),
-    ],
-)
+@pytest.mark.parametrize(("name", "near", "expected"), [
+    ("beside it", [_wall(5.0, 6.0, 8.0)], 1.0), ("behind it", [_wall(20.0, -10.0, 10.0)], 1.0),
+    ("upper half", [_wall(5.0, 0.0, 9.0)], 0.5),
+    ("middle", [_wall(5.0, -2.5, 2.5)], 1 - np.arctan(0.5) / np.arctan(1.0)),
+    ("all of it", [_wall(5.0, -9.0, 9.0)], 0.0),
+    ("two that overlap in angle", [_wall(5.0, -9.0, 0.0), _wall(4.0, -3.0, 0.0)], 0.5),
+    ("around the sensor", [_box(0.0, 0.0)], 1.0), ("on the other side", [_wall(-5.0, -9.0, 9.0)], 1.0),
+])  # fmt: skip
 def test_a_wall_from_45_degrees_right_to_left_is_visible_past(
     name: str, near: list[list[float]], expected: float
 ) -> None:
@@ -101,10 +96,7 @@ def test_visibility_does_not_depend_on_the_order_of_boxes_or_on_the_heading_of_t
         np.testing.assert_allclose(visible_fraction(turned, np.array([500.0, -300.0])), plain, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("visible", "level"),
-    [(0.81, 0), (0.79, 1), (0.41, 1), (0.39, 2), (0.06, 2), (0.04, 3)],
-)
+@pytest.mark.parametrize(("visible", "level"), [(0.81, 0), (0.79, 1), (0.41, 1), (0.39, 2), (0.06, 2), (0.04, 3)])
 def test_the_occlusion_level_follows_the_visible_fraction(visible: float, level: int) -> None:
     # The far wall spans 45 degrees to each side; the near one hides all of it but an angle on the left.
     top = 5 * np.tan(np.pi / 4 - visible * np.pi / 2)

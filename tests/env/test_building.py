@@ -74,16 +74,10 @@ def test_samples_and_their_weights() -> None:
 def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
     # Leaves 0 and 3 in the best hypothesis, 2 in the second, 1 in the third; room for two hypotheses, three tracks.
     tracks = Tracks(
-        track_id=np.array([10, 11, 12, 13]),
-        box=np.arange(1.0, 29.0).reshape(4, 7),
-        class_id=np.array([0, 1, 1, 0]),
-        score=np.ones(4),
-        detection=np.arange(4),
-        past=np.zeros((4, 10, 7)),
-        past_valid=np.ones((4, 10), dtype=bool),
-        member=np.array([[1, 0, 0, 1], [0, 0, 1, 1], [0, 1, 0, 0]], dtype=bool),
-        log_weight=np.log([0.5, 0.3, 0.2]),
-    )
+        track_id=np.array([10, 11, 12, 13]), box=np.arange(1.0, 29.0).reshape(4, 7), class_id=np.array([0, 1, 1, 0]),
+        score=np.ones(4), detection=np.arange(4), past=np.zeros((4, 10, 7)), past_valid=np.ones((4, 10), dtype=bool),
+        member=np.array([[1, 0, 0, 1], [0, 0, 1, 1], [0, 1, 0, 0]], dtype=bool), log_weight=np.log([0.5, 0.3, 0.2]),
+    )  # fmt: skip
     small = task(tracks=3, hypotheses=2, objects=1)
     action = make_action(small, BOX, CLASS, FUTURE, tracks=tracks)
     assert action["track_id"].tolist() == [10, 12, 13]

@@ -198,16 +198,11 @@ def test_other_data_weights_or_samples_are_not_compared(other: dict[str, Any]) -
     assert found == [1, 1, None]
 
 
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"status": "partial", "status_reason": "1 of 2 scenes"}, "partial: 1 of 2 scenes"),
-        ({"status": "crashed"}, "crashed: "),
-        ({"status": "rejected"}, "rejected: "),
-        ({"env": {"observe": "truth"}}, "saw the truth"),
-        ({"budget": "free"}, "4 samples per object, not the env's own k"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "reason"), [
+    ({"status": "partial", "status_reason": "1 of 2 scenes"}, "partial: 1 of 2 scenes"),
+    ({"status": "crashed"}, "crashed: "), ({"status": "rejected"}, "rejected: "),
+    ({"env": {"observe": "truth"}}, "saw the truth"), ({"budget": "free"}, "4 samples per object, not the env's own k"),
+])  # fmt: skip
 def test_some_are_shown_never_ranked(changes: dict[str, Any], reason: str) -> None:
     odd, sound = write_record(*times(0.1), name="odd", **changes), write_record(*EIGHT)
     assert why_unranked(odd) == reason

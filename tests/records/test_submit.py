@@ -314,16 +314,12 @@ def test_a_record_is_not_written_into_the_submission(submission: Path, card: str
     assert not (submission / "records").exists()
 
 
-@pytest.mark.parametrize(
-    ("table", "options", "reason"),
-    [
-        ("", {"seeds": range(51)}, "seeds: got [0, 1"),
-        (f"[parameters]\nlarge = {2**53 + 1}", {}, "less than or equal to 9007199254740992"),
-        (f'[parameters]\ntext = "{"x" * 2001}"', {}, "at most 2000 characters"),
-        ("", {"card": CARD.replace(CARD_ID, "MTP Small")}, "env.id: got 'MTP Small'"),
-    ],
-    ids=["seeds", "number", "parameter", "card"],
-)  # fmt: skip
+@pytest.mark.parametrize(("table", "options", "reason"), [
+    ("", {"seeds": range(51)}, "seeds: got [0, 1"),
+    (f"[parameters]\nlarge = {2**53 + 1}", {}, "less than or equal to 9007199254740992"),
+    (f'[parameters]\ntext = "{"x" * 2001}"', {}, "at most 2000 characters"),
+    ("", {"card": CARD.replace(CARD_ID, "MTP Small")}, "env.id: got 'MTP Small'"),
+], ids=["seeds", "number", "parameter", "card"])  # fmt: skip
 def test_what_no_record_can_hold_is_refused_before_the_work(
     table: str, options: Content, reason: str, card: str, kitti: str, tmp_path: Path
 ) -> None:

@@ -22,19 +22,10 @@ from tests.support.broken_files import cut_head, flips
 from tests.support.small_scenes import decode, empty_action, full_action, task
 
 INFO = RunInfo(
-    env_id="MTP-Small-v0",
-    card_digest="0123456789abcdef",
-    observe="detections",
-    samples=4,
-    split="val",
-    keywords={"rigid_motion": False},
-    agent="echo",
-    parameters={"noise": 0.5, "classes": ["car"]},
-    submission_digest="ab",
-    seed=3,
-    definitions="2.0",
-    versions={"numpy": "2"},
-)
+    env_id="MTP-Small-v0", card_digest="0123456789abcdef", observe="detections", samples=4, split="val",
+    keywords={"rigid_motion": False}, agent="echo", parameters={"noise": 0.5, "classes": ["car"]},
+    submission_digest="ab", seed=3, definitions="2.0", versions={"numpy": "2"},
+)  # fmt: skip
 
 
 def make_rollout(name: str = "one", frames: int = 3) -> Rollout:

@@ -114,18 +114,15 @@ def test_answers_are_the_same_in_every_process(tmp_path: Path, card: str, kitti:
 CHANGES: dict[str, tuple[Callable[[Path], Any], str]] = {  # what a file may hold: tests of rollouts
     "npz missing": (lambda folder: (folder / "0006.npz").unlink(), "0006.npz is missing"),
     "fewer samples than stored": (
-        edit_json(lambda content: content["info"].update(samples=3)),
-        "states 3 samples per object, scene '0001' has 4",
+        edit_json(lambda content: content["info"].update(samples=3)), "states 3 samples per object, scene '0001' has 4",
     ),
     "a scene twice": (
         edit_json(lambda content: content["scenes"].append(content["scenes"][0])),
-        "expected at least one, and each once",
-    ),
+        "expected at least one, and each once"),
     "another card": (
         edit_json(lambda content: content["info"].update(card_digest="0" * 16)),
-        "made for MTP-Small-v0 with card digest 0000000000000000, .*run the agent again",
-    ),
-}
+        "made for MTP-Small-v0 with card digest 0000000000000000, .*run the agent again"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("change", "message"), CHANGES.values(), ids=CHANGES.keys())

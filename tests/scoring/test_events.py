@@ -175,10 +175,7 @@ IDS, XY = "expected a list of integers or strings", "expected finite metres of s
 BAD: dict[str, tuple[Any, str]] = {
     "NaN": ([(*GOOD[:3], [[0, 0], [1, float("nan")]], *GOOD[4:])], rf"true xy of \(scene 's', t 3\) is .*nan.*{XY}"),
     "infinite": ([(*GOOD[:5], [[np.inf, 0]])], r"track xy of \(scene 's', t 3\)"),
-    "true id twice": (
-        [(*GOOD[:2], [1, 1], *GOOD[3:])],
-        r"true ids of \(scene 's', t 3\) are \[1, 1\], expected each",
-    ),
+    "true id twice": ([(*GOOD[:2], [1, 1], *GOOD[3:])], r"true ids of \(scene 's', t 3\) are \[1, 1\], expected each"),
     "track id twice": ([(*GOOD[:4], ["a", "a"], [[0, 0], [1, 1]])], "track ids of .*'a', 'a'"),
     "lengths differ": ([(*GOOD[:3], [[0, 0]], *GOOD[4:])], rf"true xy .*{XY} \(2, 2\)"),
     "three coordinates": ([(*GOOD[:5], [[0, 0, 0]])], rf"track xy .*{XY} \(1, 2\)"),
@@ -192,7 +189,7 @@ BAD: dict[str, tuple[Any, str]] = {
     "ids as a column": ([(*GOOD[:2], np.array([[1], [2]]), *GOOD[3:])], rf"hold \[1\], {IDS}"),
     "no time": ([("s", float("nan"), *GOOD[2:])], r"t of frame \(scene 's', t nan\) is nan, expected a finite number"),
     "a time in words": ([("s", "noon", *GOOD[2:])], r"t of frame .* is 'noon', expected a finite number"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("frames", "message"), BAD.values(), ids=BAD.keys())

@@ -91,18 +91,10 @@ ERRORS: dict[str, tuple[Scene, Sequence[Thing], Sequence[int], float]] = {
     "targets only: 40 are free": (still(*TARGETS, truth_complete=False), (*SEEN, *MANY[2:]), NOTHING, 1 + 3),
     "targets only: the 41st is not": (still(*TARGETS, truth_complete=False), (*SEEN, *MANY[1:]), NOTHING, 1 + 3 + 5),
     "targets only: malformed ones are among the 40": (
-        still(*TARGETS, truth_complete=False),
-        (*SEEN, *MANY[4:]),
-        (1, 0, 1),
-        1 + 3,
-    ),
+        still(*TARGETS, truth_complete=False), (*SEEN, *MANY[4:]), (1, 0, 1), 1 + 3),
     "targets only: more malformed ones than are free": (
-        still(*TARGETS, truth_complete=False),
-        (*SEEN, *MANY[2:]),
-        (1, 1, 0),
-        1 + 3 + 5 + 2,
-    ),
-}
+        still(*TARGETS, truth_complete=False), (*SEEN, *MANY[2:]), (1, 1, 0), 1 + 3 + 5 + 2),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("scene", "objects", "malformed", "want"), ERRORS.values(), ids=ERRORS.keys())
@@ -148,15 +140,11 @@ AP: dict[str, tuple[list[bool], list[float], int, float]] = {
     "nothing said": ([], [], 2, 0.0),
     "half found": ([True], [0.9], 2, 40 / 90),
     "a wrong one after the last right one lowers one of 90 points": (
-        [True, False],
-        [0.9, 0.1],
-        1,
-        (89 + 0.4 / 0.9) / 90,
-    ),
+        [True, False], [0.9, 0.1], 1, (89 + 0.4 / 0.9) / 90),
     "one score for all": ([True, False], [0.5, 0.5], 1, 0.4 / 0.9),
     "the order of equal scores does not matter": ([False, True], [0.5, 0.5], 1, 0.4 / 0.9),
     "precision below .1 counts for nothing": ([True, *[False] * 19], [0.5] * 20, 1, 0.0),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("correct", "score", "targets", "want"), AP.values(), ids=AP.keys())

@@ -42,16 +42,10 @@ Other = dict[str, dict[str, tuple[float, float]]]  # case, number: ours, the pee
 # AB3DMOT's trajectory counts need a switch to be followed by one more match, take a switch for a fragment, and leave
 # a switch across unmatched frames out; its per-frame script (mtp_IDS, mtp_FRAG) does none of this.
 AB3DMOT_OTHER: Other = {
-    "switch": {"FRAG": (0, 1)},
-    "gap_switch": {"IDS": (1, 0)},
-    "flicker": {"FRAG": (3, 0)},
-    "blip": {"FRAG": (2, 1)},
-    "two_switches": {"FRAG": (0, 2)},
-    "gt_absent_switch": {"FRAG": (0, 1)},
-    "swap": {"FRAG": (0, 2)},
-    "sticky": {"FRAG": (0, 1)},
-    "20x40": {"IDS": (12, 9), "FRAG": (55, 57)},
-}
+    "switch": {"FRAG": (0, 1)}, "gap_switch": {"IDS": (1, 0)}, "flicker": {"FRAG": (3, 0)}, "blip": {"FRAG": (2, 1)},
+    "two_switches": {"FRAG": (0, 2)}, "gt_absent_switch": {"FRAG": (0, 1)}, "swap": {"FRAG": (0, 2)},
+    "sticky": {"FRAG": (0, 1)}, "20x40": {"IDS": (12, 9), "FRAG": (55, 57)},
+}  # fmt: skip
 # TrackEval counts the absence of the truth as a fragment, skips frames without tracker output, and prefers near
 # partners to many ones (its assignment maximises the similarity, so three pairs at 1.9 m lose to two at 0).
 TRACKEVAL_OTHER: Other = {

@@ -20,14 +20,9 @@ SIZES = np.array([[2.0, 2.0, 1.65], [0.2, 0.2, 1.65]])
 def field(*regions: tuple[float, ...], frames: int = 1) -> ImageField:
     """The camera, and these regions in the last frame."""
     return ImageField(
-        projection=np.tile(CAMERA, (frames, 1, 1)),
-        height=np.zeros(frames),
-        heading=np.zeros(frames),
-        size=(200, 100),
-        region=np.reshape(regions, (-1, 4)),
-        region_start=np.array([0] * frames + [len(regions)]),
-        box_size=SIZES,
-    )
+        projection=np.tile(CAMERA, (frames, 1, 1)), height=np.zeros(frames), heading=np.zeros(frames), size=(200, 100),
+        region=np.reshape(regions, (-1, 4)), region_start=np.array([0] * frames + [len(regions)]), box_size=SIZES,
+    )  # fmt: skip
 
 
 def one(image: ImageField, x: float, y: float = 0.0, class_id: int = CAR, frame: int = 0) -> bool:

@@ -280,23 +280,19 @@ WRONG: dict[str, tuple[Any, str]] = {
     "fewer frames": ((make_scene([[]] * 3), make_rollout([[]] * 2, samples=4)), "frames is 2, expected 3"),
     "other horizon": ((make_scene([[]]), make_rollout([[]], future=5)), "future frames is 5, expected 3"),
     "unknown class": (
-        (make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, class_id=2)]])),
-        "object_class contains 2",
-    ),
+        (make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, class_id=2)]])), "object_class contains 2"),
     # of tracks it means "not stated"
     "no class": ((make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, class_id=-1)]])), "object_class contains -1"),
     "no place": ((make_scene([[]]), make_rollout([[]], [[Thing(1, np.nan, 0)]])), "object_box contains nan"),
     "no probability": (
         (make_scene([[]]), make_rollout([[]], [[Thing(1, 0, 0, confidence=np.nan)]])),
-        r"rollout of scene 's': object_confidence contains nan \(frame 0\); expected values in \[0, 1\]",
-    ),
+        r"rollout of scene 's': object_confidence contains nan \(frame 0\); expected values in \[0, 1\]"),
     "no parent": (wrong(hypothesis_parent=np.full((12, 3), 3)), r"parent contains 3 \(frame 0\); expected -1 to 2"),
     "fewer than no malformed rows": (
         wrong(malformed=np.repeat([[0], [-5]], [4, 8], axis=0) * np.ones((1, 3), int)),
-        r"malformed contains -5 \(frame 4\); expected 0 or more",
-    ),
+        r"malformed contains -5 \(frame 4\); expected 0 or more"),
     "no time": (wrong(seconds=np.full(12, np.nan)), "seconds contains nan"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("case", "message"), WRONG.values(), ids=WRONG.keys())

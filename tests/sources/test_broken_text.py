@@ -74,25 +74,19 @@ KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error 
     "a misspelt type": (kitti.LABELS, [PARKED, PARKED.replace("Car", "Cars")], "line 2: type 'Cars', expected one"),
     "a flat label": (kitti.LABELS, [PARKED.replace("1.5 2 4", "1 0 1")], "line 1: a box with a size"),
     "a label after the end": (
-        kitti.LABELS,
-        [PARKED.replace("0", "6", 1)],
-        "line 1: frame 6, but .* 6 frames; a recording of your own needs a name that no official sequence has",
-    ),
+        kitti.LABELS, [PARKED.replace("0", "6", 1)],
+        "line 1: frame 6, but .* 6 frames; a recording of your own needs a name that no official sequence has"),
     "an object twice": (kitti.LABELS, [PARKED, "", PARKED], "line 3: a second box of object 7 in frame 0"),
     "another type": (kitti.DETECTED, [kitti.detection(0, 1, 0, 1, 2, 3)], r"line 1: type 1, expected 2 \(Car\)"),
     "no detections": (kitti.DETECTED, None, "no file"),
     "GPS/IMU too short": (
-        kitti.OXTS,
-        [kitti.oxts()] * 5,
-        "has 5 rows, expected one for each frame of the sequence map; a recording of your own needs a name that no",
-    ),
+        kitti.OXTS, [kitti.oxts()] * 5,
+        "has 5 rows, expected one for each frame of the sequence map; a recording of your own needs a name that no"),
     "GPS/IMU empty": (kitti.OXTS, [], "is empty, expected one row per frame"),
     "a calibration without the image": (kitti.CALIB, CALIBRATION[1:], "no line 'P2'; found R_rect"),
     "a calibration without a turn": (
-        kitti.CALIB,
-        [line if "R_rect" not in line else "R_rect 0 0 0 0 0 0 0 0 0" for line in CALIBRATION],
-        "line 'R_rect' must hold a rotation",
-    ),
+        kitti.CALIB, [line if "R_rect" not in line else "R_rect 0 0 0 0 0 0 0 0 0" for line in CALIBRATION],
+        "line 'R_rect' must hold a rotation"),
     "a calibration not finite": (kitti.CALIB, [each.replace("-1.5", "nan") for each in CALIBRATION], "'Tr_imu_velo'"),
     "a calibration cut off": (kitti.CALIB, [*CALIBRATION[:-1], "Tr_imu_velo 1 2"], "must hold 12 numbers"),
     "a broken sequence map": (kitti.SEQMAP, ["0000 empty 0"], "has a wrong row, expected rows such as"),
@@ -100,7 +94,7 @@ KITTI: dict[str, tuple[str, Lines, str]] = {  # file, its lines, what the error 
     "scaled poses": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 1 0", *["2 0 0 0 0 2 0 0 0 0 2 0"] * 5], "line 2: .* rotation"),
     "transposed poses": (ODOMETRY, ["0 0 0 1 0 0 0 1 0 0 0 1"] * 6, "line 1: expected a rotation"),
     "poses too short": (ODOMETRY, ["1 0 0 0 0 1 0 0 0 0 1 0"] * 5, "has 5 rows, but .* has 6"),
-}
+}  # fmt: skip
 
 GT, DET, INI, row, seqinfo = mot3d.GT, mot3d.DET, mot3d.INI, mot3d.row, mot3d.seqinfo
 MOT3D: dict[str, tuple[str, Lines, str]] = {
@@ -148,17 +142,13 @@ CASES = [pytest.param(name, case, id=f"{name}: {case}") for name, (*_, cases) in
 
 ONE_PLACE: dict[str, tuple[str, list[str], str]] = {
     "KITTI": (
-        kitti.LABELS,
-        [kitti.label(2, i, "Car", 0, 1.65, 10 + i % 2, 0) for i in (7, 8, 9)],
-        "'0000', frame 2: the objects 7 and 9 are all at x 11, y 0",
-    ),
+        kitti.LABELS, [kitti.label(2, i, "Car", 0, 1.65, 10 + i % 2, 0) for i in (7, 8, 9)],
+        "'0000', frame 2: the objects 7 and 9 are all at x 11, y 0"),
     "3DMOT2015": (
-        GT,
-        [row(5, i, 4, -5.6) for i in (3, 8, 9)],
-        "frame 0: the objects 3, 8 and 9 are all at x 4, y -5.6; expected a place of its own for each",
-    ),
+        GT, [row(5, i, 4, -5.6) for i in (3, 8, 9)],
+        "frame 0: the objects 3, 8 and 9 are all at x 4, y -5.6; expected a place of its own for each"),
     "WILDTRACK": (FRAME, people(7, 5, 2, 4, 3, 5), "frame 0: the objects 7 and 3 are all at x -2.875, y -9"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("dataset", DATASETS)

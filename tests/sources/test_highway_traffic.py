@@ -27,11 +27,8 @@ CASES = {
 }
 PEDESTRIAN = CLASSES.index("pedestrian")
 WORLDS = {  # first digits of the digests under seed 3; others need the next number of the generator, and new records
-    "intersection": "6a9fef1134b0",
-    "roundabout": "a33b8f8f159d",
-    "merge": "864ebcde6428",
-    "highway": "6d8dc961d2c0",
-}
+    "intersection": "6a9fef1134b0", "roundabout": "a33b8f8f159d", "merge": "864ebcde6428", "highway": "6d8dc961d2c0",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -76,16 +76,13 @@ def load(root: Path, **source: Any) -> Scene:
 
 
 @pytest.mark.parametrize("ego_motion", [True, False])
-@pytest.mark.parametrize(
-    ("camera", "ry", "centre", "yaw"),
-    [
-        pytest.param((0, 1.65, 10), -QUARTER, (10, 0, -0.9), 0.0, id="ahead, driving away"),
-        pytest.param((0, 1.65, 10), QUARTER, (10, 0, -0.9), -np.pi, id="ahead, coming towards us"),
-        pytest.param((5, 1.65, 10), 0.0, (10, -5, -0.9), -QUARTER, id="right of us, heading to the right"),
-        pytest.param((-5, 1.65, 10), np.pi, (10, 5, -0.9), QUARTER, id="left of us, heading to the left"),
-        pytest.param((0, 0, 20), -QUARTER - 0.1, (20, 0, 0.75), 0.1, id="at camera height, turned slightly left"),
-    ],
-)
+@pytest.mark.parametrize(("camera", "ry", "centre", "yaw"), [
+    pytest.param((0, 1.65, 10), -QUARTER, (10, 0, -0.9), 0.0, id="ahead, driving away"),
+    pytest.param((0, 1.65, 10), QUARTER, (10, 0, -0.9), -np.pi, id="ahead, coming towards us"),
+    pytest.param((5, 1.65, 10), 0.0, (10, -5, -0.9), -QUARTER, id="right of us, heading to the right"),
+    pytest.param((-5, 1.65, 10), np.pi, (10, 5, -0.9), QUARTER, id="left of us, heading to the left"),
+    pytest.param((0, 0, 20), -QUARTER - 0.1, (20, 0, 0.75), 0.1, id="at camera height, turned slightly left"),
+])  # fmt: skip
 def test_axes(
     root: Path, ego_motion: bool, camera: tuple[float, ...], ry: float, centre: tuple[float, ...], yaw: float
 ) -> None:
@@ -278,15 +275,10 @@ def test_a_velocity_that_is_shown_tells_nothing_of_the_next_frame(
     np.testing.assert_allclose(velocity, np.array([0, 1, 2]) / FRAME_PERIOD, rtol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("size", "z", "reason"),
-    [
-        ("nan,2,4", 10, "detection not finite"),
-        ("1.5,2,4", np.inf, "detection not finite"),
-        ("1.5,0,4", 10, "detection size not above 0"),
-        ("1.5,2,-4", 10, "detection size not above 0"),
-    ],
-)
+@pytest.mark.parametrize(("size", "z", "reason"), [
+    ("nan,2,4", 10, "detection not finite"), ("1.5,2,4", np.inf, "detection not finite"),
+    ("1.5,0,4", 10, "detection size not above 0"), ("1.5,2,-4", 10, "detection size not above 0"),
+])  # fmt: skip
 def test_detections_that_cannot_be_used_are_skipped_and_counted(root: Path, size: str, z: float, reason: str) -> None:
     good, bad = detection(1, 2, 0, 1, 10, 0), detection(1, 2, 0, 1, z, 0, size=size)
     write(root / "detections/pointrcnn/Car/0000.txt", good, bad, bad)

@@ -90,20 +90,17 @@ def test_rows_that_are_not_to_be_evaluated_are_neutral(root: Path) -> None:
     assert truth.eligible.tolist() == [True, False, False]
 
 
-@pytest.mark.parametrize(
-    ("source", "train", "val"),
-    [
-        pytest.param({}, [1], [5], id="two frames are left: too few for a target"),
-        pytest.param({"scene_frames": 3}, [1], [4, 7], id="one frame is left"),
-        pytest.param({"scene_frames": 7}, [1], [8], id="three frames are left: a scene"),
-        pytest.param({"scene_frames": 5, "train_scenes": 0}, None, [1, 6], id="nothing to train on"),
-        pytest.param({"scene_frames": 5, "train_scenes": 2}, [1, 6], None, id="nothing but training"),
-        pytest.param({"scene_frames": 99, "train_scenes": 9}, [1], None, id="all in one"),
-        pytest.param({"stride": 2, "scene_frames": 3}, [1], None, id="two kept frames are left"),
-        pytest.param({"stride": 2, "scene_frames": 5, "train_scenes": 0}, None, [1], id="every second frame"),
-        pytest.param({"stride": 3, "scene_frames": 3, "train_scenes": 1}, [1], None, id="one kept frame is left"),
-    ],
-)
+@pytest.mark.parametrize(("source", "train", "val"), [
+    pytest.param({}, [1], [5], id="two frames are left: too few for a target"),
+    pytest.param({"scene_frames": 3}, [1], [4, 7], id="one frame is left"),
+    pytest.param({"scene_frames": 7}, [1], [8], id="three frames are left: a scene"),
+    pytest.param({"scene_frames": 5, "train_scenes": 0}, None, [1, 6], id="nothing to train on"),
+    pytest.param({"scene_frames": 5, "train_scenes": 2}, [1, 6], None, id="nothing but training"),
+    pytest.param({"scene_frames": 99, "train_scenes": 9}, [1], None, id="all in one"),
+    pytest.param({"stride": 2, "scene_frames": 3}, [1], None, id="two kept frames are left"),
+    pytest.param({"stride": 2, "scene_frames": 5, "train_scenes": 0}, None, [1], id="every second frame"),
+    pytest.param({"stride": 3, "scene_frames": 3, "train_scenes": 1}, [1], None, id="one kept frame is left"),
+])  # fmt: skip
 def test_scenes_of_the_splits(root: Path, source: dict[str, Any], train: list[int] | None, val: Any) -> None:
     for split, firsts in (("train", train), ("val", val)):
         if firsts is None:

@@ -34,13 +34,10 @@ def scenes(data_root: Path) -> dict[str, Scene]:
     return {scene.name: scene for scene in found.values()}
 
 
-@pytest.mark.parametrize(
-    ("name", "counts"),
-    [
-        pytest.param("PETS09-S2L1-0001", (795, 19, 4650, 5578), id="PETS"),
-        pytest.param("TUD-Stadtmitte-0001", (179, 10, 1156, 1129), id="TUD"),
-    ],
-)
+@pytest.mark.parametrize(("name", "counts"), [
+    pytest.param("PETS09-S2L1-0001", (795, 19, 4650, 5578), id="PETS"),
+    pytest.param("TUD-Stadtmitte-0001", (179, 10, 1156, 1129), id="TUD"),
+])  # fmt: skip
 def test_counts(scenes: dict[str, Scene], name: str, counts: tuple[int, int, int, int]) -> None:
     scene = scenes[name]
     ids = len(np.unique(scene.truth.object_id))

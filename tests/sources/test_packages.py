@@ -25,13 +25,9 @@ ROOTS: dict[str, tuple[Card, Callable[[Path], Path], tuple[str, ...], str]] = { 
     "mot3d": (mot3d.mot3d_card(), mot3d.make_root, ("mot3d2015", "3DMOT2015"), "motchallenge.net"),
     "people": (people.people_card(), people.make_root, ("eth_ucy", "ETH_UCY"), "Trajectron-plus-plus"),
     "wildtrack": (
-        wildtrack.wildtrack_card(split="test"),
-        wildtrack.make_root,
-        ("wildtrack", "Wildtrack_dataset"),
-        "epfl.ch",
-    ),
+        wildtrack.wildtrack_card(split="test"), wildtrack.make_root, ("wildtrack", "Wildtrack_dataset"), "epfl.ch"),
     "nuscenes": (nuscenes_card(), lambda data: write_root(data) / "nuscenes", ("nuscenes",), "nuscenes.org"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", SOURCES)

@@ -49,16 +49,12 @@ def load(root: Path, name: str = STORED, **source: Any) -> Scene:
     return Wildtrack(wildtrack_card(**source), root).load(name)
 
 
-@pytest.mark.parametrize(
-    ("cell", "place"),
-    [
-        pytest.param((0, 0), (-3.0, -9.0), id="first corner"),
-        pytest.param((479, 0), (8.975, -9.0), id="end of the first row"),
-        pytest.param((0, 1), (-3.0, -8.975), id="start of the second row"),
-        pytest.param((240, 720), (3.0, 9.0), id="middle"),
-        pytest.param((479, 1439), (8.975, 26.975), id="last corner"),
-    ],
-)
+@pytest.mark.parametrize(("cell", "place"), [
+    pytest.param((0, 0), (-3.0, -9.0), id="first corner"),
+    pytest.param((479, 0), (8.975, -9.0), id="end of the first row"),
+    pytest.param((0, 1), (-3.0, -8.975), id="start of the second row"),
+    pytest.param((240, 720), (3.0, 9.0), id="middle"), pytest.param((479, 1439), (8.975, 26.975), id="last corner"),
+])  # fmt: skip
 def test_ground_plane(root: Path, cell: tuple[int, int], place: tuple[float, float]) -> None:
     """Annotations and detections are on one grid, x runs fastest; people stand on z = 0."""
     write_people(root, LAST, person(7, cell[0] + 480 * cell[1]))

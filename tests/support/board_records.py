@@ -123,17 +123,14 @@ def made_up_board() -> list[Record]:
     few: Table = {"env_id": FEW}
     truth = {"observe": "truth"}
     return [
-        made_up("braided_paths", 0.742, hypotheses=20),
-        made_up("forest_of_maybe", 0.744, hypotheses=10),
+        made_up("braided_paths", 0.742, hypotheses=20), made_up("forest_of_maybe", 0.744, hypotheses=10),
         made_up("calm_hedge", 0.823, hypotheses=5),
         made_up("late_decider", 0.921, hypotheses=8, training_data=["split train of this env"]),
-        made_up("stp", 1.068, silence=2.0),
-        made_up("straight_on", 1.434, spread=0.1, missed={"malformed": 14}),
+        made_up("stp", 1.068, silence=2.0), made_up("straight_on", 1.434, spread=0.1, missed={"malformed": 14}),
         made_up("truth_past", 0.381, env=truth),
         made_up("pooled_many", 0.655, hypotheses=40, env={"data_manifest": "ee" * 32}),
         made_up("short_of_breath", 1.5, scenes=3, spread=0.05, status_reason="3 of 4 scenes"),
         made_up("sleeper", None, status="crashed", status_reason="the process ended by signal 9"),
-        made_up("braided_paths", 0.411, hypotheses=20, **few),
-        made_up("stp", 0.532, **few),
+        made_up("braided_paths", 0.411, hypotheses=20, **few), made_up("stp", 0.532, **few),
         made_up("calm_hedge", 0.548, hypotheses=5, **few),
-    ]
+    ]  # fmt: skip

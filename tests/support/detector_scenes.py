@@ -71,14 +71,11 @@ def grid_truth(box: Floats, velocity: Floats, kind: Ints, object_id: Ints | None
     frames, objects = box.shape[:2]
     rows = frames * objects
     return Truth(
-        start=objects * np.arange(frames + 1),
-        box=box.reshape(-1, 7),
-        velocity=np.tile(velocity, (frames, 1)),
+        start=objects * np.arange(frames + 1), box=box.reshape(-1, 7), velocity=np.tile(velocity, (frames, 1)),
         class_id=np.tile(kind, frames),
         object_id=np.tile(np.arange(objects) if object_id is None else object_id, frames),
-        eligible=np.ones(rows, dtype=bool),
-        neutral=np.zeros(rows, dtype=bool),
-    )
+        eligible=np.ones(rows, dtype=bool), neutral=np.zeros(rows, dtype=bool),
+    )  # fmt: skip
 
 
 def cars(frames: int, objects: int, gap: float = SPACING) -> Truth:

@@ -40,18 +40,14 @@ def detector_statistics(
     for name, (objects, false) in collect_samples(scenes, classes, sensor, floor).items():
         length = _gap_lengths(objects)
         result[name] = ClassStatistics(
-            boxes=len(objects.hit),
-            recall=_mean(objects.hit),
-            undetected_odds_ratio=_undetected_odds_ratio(objects),
-            gaps=len(length),
-            gap_length=_mean(length),
+            boxes=len(objects.hit), recall=_mean(objects.hit), undetected_odds_ratio=_undetected_odds_ratio(objects),
+            gaps=len(length), gap_length=_mean(length),
             radial_scale=robust_deviation(objects.error[objects.hit, RADIAL]),
             tangential_scale=robust_deviation(objects.error[objects.hit, TANGENTIAL]),
             radial_autocorrelation=_autocorrelation(objects, RADIAL),
-            tangential_autocorrelation=_autocorrelation(objects, TANGENTIAL),
-            false_positives=_mean(false.count),
+            tangential_autocorrelation=_autocorrelation(objects, TANGENTIAL), false_positives=_mean(false.count),
             score_true=_mean(objects.score[objects.hit]),
-        )
+        )  # fmt: skip
     return result
 
 

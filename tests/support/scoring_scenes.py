@@ -117,25 +117,15 @@ def make_rollout(
             weight[i] = thing.log_weight
     given = np.full((frames, hypotheses), -np.log(hypotheses)) if log_weight is None else np.array(log_weight, float)
     return Rollout(
-        scene=name,
-        track_start=_starts(tracks),
-        track_id=np.array([r.id for r in rows], dtype=np.int64),
-        track_box=_boxes(rows),
-        track_class=np.array([r.class_id for r in rows], dtype=np.int64),
-        member=member,
-        hypothesis_log_weight=given,
-        hypothesis_parent=np.full(given.shape, -1),
-        object_start=_starts(objects),
-        object_box=box,
-        object_class=np.array([r.class_id for r in seen], dtype=np.int64),
-        object_confidence=np.array([r.confidence for r in seen], dtype=np.float32),
-        forecast=forecast,
-        forecast_log_weight=weight,
-        invalid=np.zeros((frames, 3), dtype=np.int64),
-        malformed=np.zeros((frames, 3), dtype=np.int64),
-        dropped=np.zeros(frames, dtype=np.int64),
+        scene=name, track_start=_starts(tracks), track_id=np.array([r.id for r in rows], dtype=np.int64),
+        track_box=_boxes(rows), track_class=np.array([r.class_id for r in rows], dtype=np.int64), member=member,
+        hypothesis_log_weight=given, hypothesis_parent=np.full(given.shape, -1), object_start=_starts(objects),
+        object_box=box, object_class=np.array([r.class_id for r in seen], dtype=np.int64),
+        object_confidence=np.array([r.confidence for r in seen], dtype=np.float32), forecast=forecast,
+        forecast_log_weight=weight, invalid=np.zeros((frames, 3), dtype=np.int64),
+        malformed=np.zeros((frames, 3), dtype=np.int64), dropped=np.zeros(frames, dtype=np.int64),
         seconds=np.full(frames, 0.01),
-    )
+    )  # fmt: skip
 
 
 def random_case(
@@ -199,27 +189,20 @@ def take_tracks(rollout: Rollout, rows: Array) -> Rollout:
     """The tracks in another order within their frames, or some of them; ``rows`` indexes the old ones."""
     frame = rollout.tracks.frame_of_rows[rows]
     return replace(
-        rollout,
-        track_start=np.searchsorted(frame, np.arange(rollout.frames + 1)),
-        track_id=rollout.track_id[rows],
-        track_box=rollout.track_box[rows],
-        track_class=rollout.track_class[rows],
-        member=rollout.member[rows],
-    )
+        rollout, track_start=np.searchsorted(frame, np.arange(rollout.frames + 1)), track_id=rollout.track_id[rows],
+        track_box=rollout.track_box[rows], track_class=rollout.track_class[rows], member=rollout.member[rows],
+    )  # fmt: skip
 
 
 def take_objects(rollout: Rollout, rows: Array) -> Rollout:
     """The forecast objects of ``rows``, which are sorted by frame and may name a row twice."""
     frame = rollout.objects.frame_of_rows[rows]
     return replace(
-        rollout,
-        object_start=np.searchsorted(frame, np.arange(rollout.frames + 1)),
-        object_box=rollout.object_box[rows],
-        object_class=rollout.object_class[rows],
-        object_confidence=rollout.object_confidence[rows],
-        forecast=rollout.forecast[rows],
+        rollout, object_start=np.searchsorted(frame, np.arange(rollout.frames + 1)),
+        object_box=rollout.object_box[rows], object_class=rollout.object_class[rows],
+        object_confidence=rollout.object_confidence[rows], forecast=rollout.forecast[rows],
         forecast_log_weight=rollout.forecast_log_weight[rows],
-    )
+    )  # fmt: skip
 
 
 def end_to_end(scenes: Sequence[Scene], step: float) -> Scene:

@@ -93,16 +93,11 @@ def tracks_with_past(past: Floats, valid: Bools | None = None, class_id: Ints | 
     """One hypothesis with tracks of these pasts [N, P, 7], seen in every frame unless told otherwise."""
     n, length = past.shape[:2]
     return Tracks(
-        track_id=np.arange(n),
-        box=past[:, -1].copy(),
-        class_id=np.zeros(n, dtype=np.int64) if class_id is None else class_id,
-        score=np.ones(n),
-        detection=np.arange(n),
-        past=past,
-        past_valid=np.ones((n, length), dtype=bool) if valid is None else valid,
-        member=np.ones((1, n), dtype=bool),
-        log_weight=np.zeros(1),
-    )
+        track_id=np.arange(n), box=past[:, -1].copy(),
+        class_id=np.zeros(n, dtype=np.int64) if class_id is None else class_id, score=np.ones(n),
+        detection=np.arange(n), past=past, past_valid=np.ones((n, length), dtype=bool) if valid is None else valid,
+        member=np.ones((1, n), dtype=bool), log_weight=np.zeros(1),
+    )  # fmt: skip
 
 
 def fitted_on(detector: str) -> set[str]:

@@ -51,22 +51,12 @@ def test_the_fields_declare_the_columns_and_their_keys() -> None:
     assert [column.arrow for column in columns[2:5]] == ["↓", "", "↑"]
 
 
-@pytest.mark.parametrize(
-    ("column", "value", "text"),
-    [
-        (Column(), None, "–"),
-        (Column(), "x", "x"),
-        (Column(), 12345, "12345"),
-        (Column(), 0.73125, "0.731"),
-        (Column(), 9.9996, "10.00"),
-        (Column(), -123.46, "−123.5"),
-        (Column(), (0.5, 12.345), "0.500 to 12.35"),
-        (Column(format="+.3f"), -0.0001, "0.000"),
-        (Column(format="+.3f"), 0.25, "+0.250"),
-        (Column(unit="share"), 0.456, "46 %"),
-        (Column(unit="share", format=".1%"), -0.456, "−45.6 %"),
-    ],
-)
+@pytest.mark.parametrize(("column", "value", "text"), [
+    (Column(), None, "–"), (Column(), "x", "x"), (Column(), 12345, "12345"), (Column(), 0.73125, "0.731"),
+    (Column(), 9.9996, "10.00"), (Column(), -123.46, "−123.5"), (Column(), (0.5, 12.345), "0.500 to 12.35"),
+    (Column(format="+.3f"), -0.0001, "0.000"), (Column(format="+.3f"), 0.25, "+0.250"),
+    (Column(unit="share"), 0.456, "46 %"), (Column(unit="share", format=".1%"), -0.456, "−45.6 %"),
+])  # fmt: skip
 def test_text_of_a_value(column: Column, value: str | float | None, text: str) -> None:
     assert column.text(value) == text
 

@@ -82,18 +82,10 @@ def test_nearly_equal_boxes(exponent: int) -> None:
 
 
 RULES: list[tuple[Affinity, float]] = [
-    ("giou_3d", -0.2),
-    ("giou_3d", -0.8),
-    ("giou_3d", -1.0),
-    ("giou_3d", 0.3),
-    ("iou_3d", 0.1),
-    ("iou_3d", 0.0),
-    ("iou_3d", -0.5),
-    ("center_distance", 2.0),
-    ("center_distance", 0.0),
-    ("center_distance", -1.0),
+    ("giou_3d", -0.2), ("giou_3d", -0.8), ("giou_3d", -1.0), ("giou_3d", 0.3), ("iou_3d", 0.1), ("iou_3d", 0.0),
+    ("iou_3d", -0.5), ("center_distance", 2.0), ("center_distance", 0.0), ("center_distance", -1.0),
     ("center_distance", np.inf),
-]
+]  # fmt: skip
 PARAMETERS = tuple(ClassParameters("hungarian", affinity, gate, 1, 2) for affinity, gate in RULES)
 
 

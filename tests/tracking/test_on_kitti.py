@@ -56,13 +56,9 @@ def track(scene: Scene, assignment: str, image_box: Floats) -> TrackRows:
         box.append(tracks.box)
         took += [last[i] for i in tracks.track_id.tolist()]
     return TrackRows(
-        frame=np.concatenate(frame),
-        track_id=np.concatenate(track_id),
-        class_id=np.concatenate(class_id),
-        box=np.concatenate(box),
-        score=scene.detections.score[took],
-        image_box=image_box[took],
-    )
+        frame=np.concatenate(frame), track_id=np.concatenate(track_id), class_id=np.concatenate(class_id),
+        box=np.concatenate(box), score=scene.detections.score[took], image_box=image_box[took],
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")

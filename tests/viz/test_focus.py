@@ -171,36 +171,22 @@ def test_a_switch_in_one_sentence() -> None:
 
 SAYS: dict[str, tuple[list[list[Thing]], str, str]] = {  # tracks of car 5, event, what is said of it
     "an older track takes it": (
-        [[Thing(1, t, 0.0 if t < 3 else 4.0), Thing(2, t, 4.0 if t < 3 else 0.0)] for t in range(8)],
-        "ids-0",
-        "(3 frames old, of no object before). Track 1 takes no detection and is 4.0 m away, track 2 0.0 m. ",
-    ),
+        [[Thing(1, t, 0.0 if t < 3 else 4.0), Thing(2, t, 4.0 if t < 3 else 0.0)] for t in range(8)], "ids-0",
+        "(3 frames old, of no object before). Track 1 takes no detection and is 4.0 m away, track 2 0.0 m. "),
     "its track ends": (
-        line([1, 1, None, None, None, None, None, None]),
-        "lost-0",
-        "loses track 1 for good. Track 1 ends; it is detected 0.0 m away, score 1.00; it is 2 m from the ego. It",
-    ),
+        line([1, 1, None, None, None, None, None, None]), "lost-0",
+        "loses track 1 for good. Track 1 ends; it is detected 0.0 m away, score 1.00; it is 2 m from the ego. It"),
     "its track drifts off": (
-        [[Thing(1, t, 0.0 if t < 3 else 2.5)] for t in range(8)],
-        "lost-0",
-        "loses track 1 for good. Track 1 is 2.5 m away; it is detected 0.0 m away, ",
-    ),
+        [[Thing(1, t, 0.0 if t < 3 else 2.5)] for t in range(8)], "lost-0",
+        "loses track 1 for good. Track 1 is 2.5 m away; it is detected 0.0 m away, "),
     "it is found again": (
-        line([1, 1, None, None, 1, 1, 1, 1]),
-        "reacquired-0",
-        "at 0.4 s car 5 is found again after 0.2 s (lost-0) by its old track 1. ",
-    ),
+        line([1, 1, None, None, 1, 1, 1, 1]), "reacquired-0",
+        "at 0.4 s car 5 is found again after 0.2 s (lost-0) by its old track 1. "),
     "another track finds it": (
-        line([1, 1, None, 2, 2, 2, 2, 2]),
-        "reacquired-0",
-        "is found again after 0.1 s (lost-0) by the new track 2. ",
-    ),
+        line([1, 1, None, 2, 2, 2, 2, 2]), "reacquired-0", "is found again after 0.1 s (lost-0) by the new track 2. "),
     "too near the end to be a target": (
-        line([1, 1, 1, 1, 1, 1, 1, 2]),
-        "ids-0",
-        "No error is counted, as it is not a target then",
-    ),
-}
+        line([1, 1, 1, 1, 1, 1, 1, 2]), "ids-0", "No error is counted, as it is not a target then"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("tracks", "name", "text"), SAYS.values(), ids=SAYS)

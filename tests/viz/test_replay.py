@@ -42,19 +42,14 @@ CASES: dict[str, tuple[list[list[Thing]], list[list[Thing]], list[tuple[str, int
     "nothing happens": (line([5] * 4), line([1] * 4), []),
     "a switch": (line([5] * 4), line([1, 1, 2, 2]), [("ids-0", 2, 5, 1, 2)]),
     "lost and found again": (
-        line([5] * 5),
-        line([1, 1, None, None, 1]),
-        [("lost-0", 2, 5, 1, -1), ("reacquired-0", 4, 5, 1, 1)],
-    ),
+        line([5] * 5), line([1, 1, None, None, 1]), [("lost-0", 2, 5, 1, -1), ("reacquired-0", 4, 5, 1, 1)]),
     "a swap": (
-        together(line([5] * 3), line([6] * 3, y=9.0)),
-        together(line([1, 1, 2]), line([2, 2, 1], y=9.0)),
-        [("ids-0", 2, 5, 1, 2), ("ids-1", 2, 6, 2, 1)],
-    ),
+        together(line([5] * 3), line([6] * 3, y=9.0)), together(line([1, 1, 2]), line([2, 2, 1], y=9.0)),
+        [("ids-0", 2, 5, 1, 2), ("ids-1", 2, 6, 2, 1)]),
     "found late": (line([5] * 3), line([None, 1, 1]), []),
     "an object that leaves is not lost": (line([5, 5, None]), line([1, 1, None]), []),
     "neutral objects have no events": (line([5] * 3, neutral=True), line([1, 2, None]), []),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("truth", "tracks", "expected"), CASES.values(), ids=CASES.keys())

@@ -88,11 +88,9 @@ def test_columns_of_the_observation(env: AssociationOnly) -> None:
     np.testing.assert_allclose(near[2, 0], [1, 1, 0, 1 / 3], atol=1e-5)  # the walker waited a frame
 
 
-@pytest.mark.parametrize(
-    "action",
-    [None, [0, 0], [0, 0, 0, 4], [-1, 0, 0, 0], [0.5, 0, 0, 0], [[1], [1, 2]], np.zeros((4, 4), dtype=int)],
-    ids=str,
-)
+@pytest.mark.parametrize("action", [
+    None, [0, 0], [0, 0, 0, 4], [-1, 0, 0, 0], [0.5, 0, 0, 0], [[1], [1, 2]], np.zeros((4, 4), dtype=int),
+], ids=str)  # fmt: skip
 def test_what_is_no_choice_is_one_clear_error(action: Any, env: AssociationOnly) -> None:
     env.reset()
     with pytest.raises(ActionError, match="expected 4 whole numbers from 0 to 3"):
