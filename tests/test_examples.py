@@ -79,9 +79,7 @@ def test_the_example_of_the_commands_runs(tmp_path: Path, monkeypatch: pytest.Mo
     assert (tmp_path / "frame.png").exists()
 
 
-def test_the_commands_of_the_page_on_causes_run_on_its_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine
-) -> None:
+def test_the_commands_on_causes_run_on_a_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(FOLDER / "planted_faults.py", tmp_path).returncode == 0
     lines = "".join(blocks(ROOT / "docs/visualization/fault.md", "sh")).splitlines()

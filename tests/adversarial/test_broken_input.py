@@ -300,9 +300,7 @@ FOLDERS: dict[str, tuple[Change, str]] = {
 
 
 @pytest.mark.parametrize(("change", "said"), FOLDERS.values(), ids=FOLDERS)
-def test_what_lies_in_a_submission(
-    change: Change, said: str, cli: CommandLine, card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_submission_folders(change: Change, said: str, cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
     folder = write_submission(tmp_path / "echo")
     change(folder)
     assert said in refused(cli("submit", folder, "--env", card, "--data", kitti, "-o", tmp_path / "out"))

@@ -360,9 +360,7 @@ READS = {
 
 
 @pytest.mark.parametrize("name", READS)
-def test_it_finds_no_truth(
-    sandboxed: None, court: Court, name: str, cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_finds_no_truth(sandboxed: None, court: Court, name: str, cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MTP_BENCH_DATA", court.data)
     (cache / "kernels-kept").mkdir(exist_ok=True)
     given: dict[str, Any] = {"judge": os.getpid(), "data": court.data, "submission": str(court.shared)}
@@ -492,9 +490,7 @@ for i in range(200_000):
 
 @pytest.mark.parametrize("grouped", [True, False], ids=["cgroup", "watch"])
 @pytest.mark.parametrize("what", HOARDS)
-def test_what_it_hoards_is_counted(
-    sandboxed: None, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hoards_count(sandboxed: None, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not grouped:
         monkeypatch.setattr("mtp_bench.gateway.processes.make_group", lambda *_: None)
     limits = QUICK if what == "threads" else type(QUICK)(**{**vars(QUICK), "memory": 1 << 30})

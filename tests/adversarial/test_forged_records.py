@@ -102,9 +102,7 @@ def echo(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> tup
     return folder, root / "records" / f"{CARD_ID}.json"
 
 
-def test_answers_of_true_pasts_under_another_name_are_found(
-    echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_relabelled_answers_are_found(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     """Stored answers of an agent that saw the truth, relabelled, with a record and a run file that fit them."""
     folder, genuine = echo
     submit("truth_past", card, RunOptions(kitti), tmp_path)
@@ -133,9 +131,7 @@ def test_answers_of_true_pasts_under_another_name_are_found(
     assert "hashes.rollouts" in [difference.what for difference in checked.differences]
 
 
-def test_seals_are_verified_when_a_submission_runs_again(
-    echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_seals_are_verified_by_another_run(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     folder, genuine = echo
     zeroed: Change = lambda content: content["hashes"].update(seals="00" * 32)  # noqa: E731
     path = forged(tmp_path / "a.json", load_record(genuine), zeroed)
@@ -356,9 +352,7 @@ NO_NAMES = (
 
 
 @pytest.mark.parametrize("name", [*NO_NAMES, "a.b", "console", "part", "a.parts", "9-_"])
-def test_one_rule_of_names_holds_for_manifests_records_and_owners(
-    name: str, honest: tuple[Path, Record], tmp_path: Path
-) -> None:
+def test_names_of_manifests_records_and_owners(name: str, honest: tuple[Path, Record], tmp_path: Path) -> None:
     path, _ = honest
     content = json.loads(path.read_text())
     content["submission"]["name"] = name
@@ -443,9 +437,7 @@ def test_a_genuine_level_is_shown(honest: tuple[Path, Record], leaderboard: Path
     assert (signed.level, signed.signer) == ("re-run", SIGNER)
 
 
-def test_a_check_that_reached_less_does_not_replace_a_level(
-    honest: tuple[Path, Record], leaderboard: Path, key: Path
-) -> None:
+def test_a_check_that_reached_less_keeps_a_level(honest: tuple[Path, Record], leaderboard: Path, key: Path) -> None:
     """As on a machine whose sandbox does not hold: the level that is there stays."""
     path, record = honest
     sign(path, record, key)
@@ -459,9 +451,7 @@ def test_a_check_that_reached_less_does_not_replace_a_level(
         assert signed.statement.looked_at is stated
 
 
-def test_a_level_of_another_record_is_not_shown(
-    honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path
-) -> None:
+def test_a_level_of_another_record(honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path) -> None:
     """Of another submission, of an earlier version of the record, of other times, and of numbers changed on disk."""
     path, record = honest
     other = tmp_path / "records" / "other" / path.name
@@ -496,9 +486,7 @@ def test_a_key_that_is_not_listed_is_refused_before_anything_is_run(
 @pytest.mark.parametrize(
     "options", ['valid-before="20200101"', 'valid-after="20990101"', 'namespaces="mail"', "revoked"]
 )
-def test_a_key_that_is_not_valid_signs_no_level(
-    options: str, honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path
-) -> None:
+def test_invalid_keys(options: str, honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path) -> None:
     path, record = honest
     sign(path, record, key)
     if options == "revoked":
@@ -554,9 +542,7 @@ def test_of_two_copies_of_a_record_the_one_with_a_level_is_shown(
     assert "re-run" in cli.ok(*with_it)
 
 
-def test_a_level_that_is_a_link_is_not_shown(
-    honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path
-) -> None:
+def test_a_linked_level_is_not_shown(honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path) -> None:
     path, record = honest
     file = sign(path, record, key)
     file.rename(tmp_path / "elsewhere.json")
@@ -596,9 +582,7 @@ def sealed_part(promise: Commitment, **changed: Any) -> HiddenPart:
     return hidden_part(1.0, 2.0, name="agent", **({"commitment": promise.commitment} | changed))
 
 
-def test_a_hidden_part_of_its_seal_is_shown(
-    on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path
-) -> None:
+def test_a_hidden_part_of_its_seal(on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path) -> None:
     path, record, promise = on_seal
     sign(path, record, key, "hidden", hidden=sealed_part(promise))
     signed, said = read_level(path, record, trusted(leaderboard))
@@ -610,9 +594,7 @@ def sums_of_others(part: HiddenPart) -> HiddenPart:
     return part.model_copy(update={"error": {**part.error, "all": [1.0, 1.0]}})
 
 
-def test_a_hidden_part_that_is_not_of_its_seal_is_not_shown(
-    on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path
-) -> None:
+def test_a_hidden_part_without_its_seal(on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path) -> None:
     path, record, promise = on_seal
     sign(path, record, key, "hidden", hidden=sealed_part(promise, commitment=hex_of("of nobody")))
     assert "its hidden scenes are of no seal" in note(path, leaderboard)
@@ -626,9 +608,7 @@ def test_a_hidden_part_that_is_not_of_its_seal_is_not_shown(
     assert "level 'hidden' without hidden scenes" in note(path, leaderboard)
 
 
-def test_public_scenes_are_never_hidden_ones(
-    on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path
-) -> None:
+def test_public_scenes_are_not_hidden(on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path) -> None:
     """A seal whose seeds are those of a split of the card cannot be opened, let alone signed."""
     _, _, promise = on_seal
     content = {"env": SIMULATED, "card_digest": promise.card_digest, "first": 10_000, "count": 50, "salt": "s" * 64}
@@ -665,9 +645,7 @@ def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: P
     assert "no record to take in" in said
 
 
-def test_a_record_with_the_answers_of_another_is_taken_in_with_a_note(
-    cli: CommandLine, proposal: Path, leaderboard: Path
-) -> None:
+def test_a_record_with_answers_of_another_gets_a_note(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
     path = proposal / "records" / "mtp" / f"{MAIN}.json"
     for root in (proposal, leaderboard):
         save_record(
@@ -682,9 +660,7 @@ def test_a_record_with_the_answers_of_another_is_taken_in_with_a_note(
         assert "`training_data` in submission.toml is empty" in said
 
 
-def test_the_work_of_intake_grows_with_the_number_of_owners(
-    proposal: Path, leaderboard: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_intake_looks_at_every_owner_once(proposal: Path, leaderboard: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[str] = []
 
     def look(name: str) -> str:

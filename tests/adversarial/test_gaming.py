@@ -56,9 +56,7 @@ def test_silence_where_no_target_can_be_changes_nothing(report: Report, subset: 
 
 @pytest.mark.parametrize("agent", SHUFFLED)
 @pytest.mark.parametrize("subset", ["ids", "reacquired"])
-def test_other_confidences_of_the_same_forecasts_change_an_event_subset_only_where_gates_overlap(
-    report: Report, agent: str, subset: str
-) -> None:
+def test_other_confidences_change_event_subsets_where_gates_overlap(report: Report, agent: str, subset: str) -> None:
     assert error(report, agent, subset) == pytest.approx(error(report, "stp", subset), abs=0.01)
 
 

@@ -137,9 +137,7 @@ def content(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-def test_kills_at_random_moments_change_nothing(
-    cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path
-) -> None:
+def test_kills_at_random_moments(cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path) -> None:
     target, moments = tmp_path / "out" / RECORD, random.Random(7)
     for at in (0, 2, 4):
         process = start([*command, "--resume"])
@@ -154,9 +152,7 @@ def test_kills_at_random_moments_change_nothing(
     assert [path.name for path in sorted(target.parent.iterdir())] == [RECORD, f"{CARD_ID}.rollouts"]
 
 
-def test_a_kill_of_several_workers_changes_nothing(
-    cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path
-) -> None:
+def test_a_kill_of_several_workers(cli: CommandLine, command: list[str], undisturbed: str, tmp_path: Path) -> None:
     command[command.index("--jobs") + 1] = "2"
     target = tmp_path / "out" / RECORD
     process = start(command)
@@ -205,9 +201,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize("pages", [3, 15])
-def test_a_full_disk_loses_nothing(
-    pages: int, cli: CommandLine, command: list[str], undisturbed: str, small_disk: Path
-) -> None:
+def test_a_full_disk(pages: int, cli: CommandLine, command: list[str], undisturbed: str, small_disk: Path) -> None:
     """Whatever is free, at most the last steps fail; then there is space again."""
     target = small_disk / RECORD
     cli.ok(*command, "--scenes", 1)
@@ -226,9 +220,7 @@ def test_a_full_disk_loses_nothing(
     assert [path.name for path in sorted(small_disk.iterdir())] == [RECORD, f"{CARD_ID}.rollouts"]
 
 
-def test_a_failed_submit_leaves_the_earlier_record(
-    cli: CommandLine, command: list[str], card: str, submission: Path, tmp_path: Path
-) -> None:
+def test_a_failed_submit(cli: CommandLine, command: list[str], card: str, submission: Path, tmp_path: Path) -> None:
     """The data goes away in the middle: one error that names the file."""
     cli.ok(*command)
     before = content(tmp_path / "out")
@@ -282,9 +274,7 @@ def begun(killed: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(killed, tmp_path / "out")) / RECORD
 
 
-def test_what_was_begun_is_not_lost_unasked(
-    cli: CommandLine, command: list[str], begun: Path, undisturbed: str
-) -> None:
+def test_begun_work_is_not_lost_unasked(cli: CommandLine, command: list[str], begun: Path, undisturbed: str) -> None:
     found = count_parts(begun)
     said = cli(*command).error
     assert said.startswith(f"{begun.with_suffix('.part')} holds {found} finished scenes of an interrupted submit")
@@ -326,9 +316,7 @@ def test_only_what_is_left_is_run_and_broken_parts_are_left(
     assert ran[0] == "0001"
 
 
-def test_parts_of_another_version_are_run_again(
-    cli: CommandLine, command: list[str], begun: Path, undisturbed: str
-) -> None:
+def test_parts_of_another_version_rerun(cli: CommandLine, command: list[str], begun: Path, undisturbed: str) -> None:
     part = begun.with_suffix(".part") / "seed-0" / "0001.npz"
     arrays = read_arrays(part)
     assert arrays is not None
@@ -339,9 +327,7 @@ def test_parts_of_another_version_are_run_again(
     assert load_record(begun).digest == undisturbed
 
 
-def test_scenes_of_other_data_are_not_mixed(
-    cli: CommandLine, command: list[str], begun: Path, kitti: str, tmp_path: Path
-) -> None:
+def test_scenes_of_other_data(cli: CommandLine, command: list[str], begun: Path, kitti: str, tmp_path: Path) -> None:
     """What was finished on detections that have been replaced since is not scored beside what they are now."""
     other = tmp_path / "other"
     shutil.copytree(kitti, other)

@@ -56,9 +56,7 @@ UNSAFE = {
 
 
 @pytest.mark.parametrize(("body", "text"), UNSAFE.values(), ids=UNSAFE)
-def test_an_agent_that_would_end_this_process_is_not_run_in_it(
-    body: str, text: str, folder: Path, cli: CommandLine
-) -> None:
+def test_an_agent_that_ends_its_process_is_not_run_here(body: str, text: str, folder: Path, cli: CommandLine) -> None:
     edit(folder, ACT, f"{ACT}        {body}\n")
     output = cli("check", folder, "--scenes", 1)
     assert output.status == 1

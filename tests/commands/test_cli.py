@@ -94,9 +94,7 @@ def test_the_program_and_the_module_are_the_same(tmp_path: Path) -> None:
     assert "MTP-KITTI-v0" in first.stdout
 
 
-def test_settings_of_numba_in_the_current_folder_are_refused(
-    cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_settings_of_numba_here_are_refused(cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They would come from a submission, and change how the judge runs."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / ".numba_config.yaml").write_text("disable_jit: 1\n")
@@ -162,9 +160,7 @@ def test_a_misspelt_agent_is_refused_before_scenes_are_made(
     assert not list(tmp_path.iterdir())
 
 
-def test_json_on_standard_output_stands_alone(
-    cli: CommandLine, tmp_path: Path, events_run: Path, known: list[str]
-) -> None:
+def test_json_on_stdout_stands_alone(cli: CommandLine, tmp_path: Path, events_run: Path, known: list[str]) -> None:
     for command in (["envs"], ["data", "--data", known[-1]], ["events", events_run, *known]):
         printed = cli.ok(*command, "--json", "-")
         cli.ok(*command, "--json", tmp_path / "a.json")
@@ -280,9 +276,7 @@ def test_a_full_disk_behind_standard_output_is_one_line() -> None:
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_a_current_folder_that_was_deleted_is_named(
-    cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_deleted_current_folder_is_named(cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()

@@ -77,9 +77,7 @@ def spoil(root: Path) -> None:
         file.write("\n" + row.format(score="inf", size=1.5))
 
 
-def test_rows_that_are_skipped_are_counted_for_the_user(
-    cli: CommandLine, tmp_path: Path, kitti: Path, card: str
-) -> None:
+def test_skipped_rows_are_counted_for_the_user(cli: CommandLine, tmp_path: Path, kitti: Path, card: str) -> None:
     common = ("--env", card, "--data", kitti.parent)
     compared = ("compare", "stp", *common, "--seeds", 1, "--jobs", 1, "--json")
     for name in ("clean", "spoilt"):

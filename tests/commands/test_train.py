@@ -24,9 +24,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> str:
     return write_training(tmp_path_factory.mktemp("train"), "0006", NAMES)
 
 
-def test_noise_is_fitted_without_the_scenes_of_a_fold(
-    cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_noise_without_a_fold(cli: CommandLine, root: str, card: str, monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[str] = []
 
     def watched(scenes: Sequence[Scene], *_: object) -> dict[str, Any]:

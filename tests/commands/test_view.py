@@ -44,9 +44,7 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, known: list[str]
     assert not any(path.endswith("/forecast") for path in entities)
 
 
-def test_runs_of_other_cards_share_no_picture(
-    cli: CommandLine, folder: Path, known: list[str], kitti: str, tmp_path: Path
-) -> None:
+def test_runs_of_other_cards(cli: CommandLine, folder: Path, known: list[str], kitti: str, tmp_path: Path) -> None:
     run = load_run(folder)
     info = run.info.model_copy(update={"card_digest": "0" * 16})
     save_run(tmp_path / "other", info, run.rollouts)
@@ -55,9 +53,7 @@ def test_runs_of_other_cards_share_no_picture(
     assert "0" * 16 in error
 
 
-def test_each_run_stands_beside_what_its_agent_was_given(
-    cli: CommandLine, card: str, kitti: str, known: list[str], tmp_path: Path
-) -> None:
+def test_each_run_shows_its_input(cli: CommandLine, card: str, kitti: str, known: list[str], tmp_path: Path) -> None:
     for agent in ("truth_past", "stp"):
         stored.run(agent, card, tmp_path / agent, RunOptions(kitti))
     shown = [_replays(_opened([tmp_path / name for name in order], kitti, card), None, False)
@@ -66,9 +62,7 @@ def test_each_run_stands_beside_what_its_agent_was_given(
     np.testing.assert_array_equal(together.scene.detections.box, alone.scene.detections.box)
 
 
-def test_a_window_plays_the_seconds_around_the_event(
-    cli: CommandLine, folder: Path, known: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_window_plays(cli: CommandLine, folder: Path, known: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     require_driver()
     with windows_without_a_screen(monkeypatch) as address:
         cli.ok("view", folder, *known, "--at", "lost-0")

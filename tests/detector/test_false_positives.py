@@ -24,9 +24,7 @@ def in_empty_scene(frames: int = 2000, seed: int = 0, view: float = 90.0, **free
     pytest.param(90.0, 1.0, 3.0, 1.0, id="scenes alike"), pytest.param(90.0, 2.5, 3.0, 2.5, id="scenes that differ"),
     pytest.param(45.0, 2.0, 6.0, 3.0, id="a sensor that covers more of the circle than the fitted one"),
 ])  # fmt: skip
-def test_rates_and_their_dispersion_are_those_of_the_profile(
-    view: float, dispersion: float, rate: float, expected: float
-) -> None:
+def test_rates_and_dispersion_of_the_profile(view: float, dispersion: float, rate: float, expected: float) -> None:
     scenes = [in_empty_scene(10, seed, view, dispersion=dispersion) for seed in range(200)]
     count = np.diff([scene.start for scene in scenes], axis=1)
     assert count.mean() == pytest.approx(rate, rel=0.1)
@@ -133,9 +131,7 @@ def repeated(found: Detections, value: Floats) -> Bools:
     return again
 
 
-def test_no_number_of_a_false_positive_repeats_more_often_than_one_of_an_object(
-    labelled: tuple[Detections, Bools],
-) -> None:
+def test_false_positives_repeat_no_number_more_often_than_objects(labelled: tuple[Detections, Bools]) -> None:
     """A real detector estimates every number anew. (The least size of a side can occur twice.)"""
     found, false = labelled
     columns = [*found.box.T, found.box[:, 2] - found.box[:, 6] / 2, *found.velocity.T]

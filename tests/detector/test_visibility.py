@@ -75,9 +75,7 @@ def test_scattered_boxes_are_as_visible_as_to_a_fine_ring_of_rays(seed: int) -> 
     ("two that overlap in angle", [_wall(5.0, -9.0, 0.0), _wall(4.0, -3.0, 0.0)], 0.5),
     ("around the sensor", [_box(0.0, 0.0)], 1.0), ("on the other side", [_wall(-5.0, -9.0, 9.0)], 1.0),
 ])  # fmt: skip
-def test_a_wall_from_45_degrees_right_to_left_is_visible_past(
-    name: str, near: list[list[float]], expected: float
-) -> None:
+def test_a_wall_of_90_degrees_is_visible_past(name: str, near: list[list[float]], expected: float) -> None:
     box = np.array([_wall(10.0, -10.0, 10.0), *near])
     assert visible_fraction(box, AT_ORIGIN)[0] == pytest.approx(expected, abs=1e-6), name
 

@@ -24,9 +24,7 @@ def test_false_positives_are_not_measurable_where_only_targets_are_known(cli: Co
         assert [tracking["all"][name] for name in ("FP", "MOTA", "IDF1", "HOTA")] == [None] * 4
 
 
-def test_a_file_of_detections_is_run_and_scored(
-    cli: CommandLine, tmp_path: Path, data_root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_detection_file(cli: CommandLine, tmp_path: Path, data_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same detections under another name: the same scores, another digest."""
     shutil.copy(data_root / "nuscenes/detections/megvii_mini.json", tmp_path / "mine.json")
     common = ("--env", "MTP-nuScenes-mini-v0", "--split", "mini_val", "--scenes", 1)

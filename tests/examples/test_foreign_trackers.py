@@ -54,9 +54,7 @@ def test_it_follows_the_cars(case: tuple[Path, dict[str, str]], card: str, kitti
     assert len(names.pop()) == len(np.unique(rollout.track_id)) == count
 
 
-def test_it_runs_from_the_command_line(
-    case: tuple[Path, dict[str, str]], card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_the_command_runs_it(case: tuple[Path, dict[str, str]], card: str, kitti: str, tmp_path: Path) -> None:
     folder, _ = case
     assert run(folder, card, tmp_path / "run", RunOptions(kitti, scenes=1)).scenes == 1
     assert CARD_ID in (tmp_path / "run/run.json").read_text()

@@ -118,9 +118,7 @@ HOARDS = {  # on a busy machine the memory of the processes that start is seen b
 
 
 @pytest.mark.parametrize(("what", "text"), HOARDS.values(), ids=HOARDS)
-def test_processes_that_take_the_machine_end_before_the_answer_is_due(
-    court: Court, agents: Path, what: str, text: str
-) -> None:
+def test_processes_that_take_the_machine_end_at_once(court: Court, agents: Path, what: str, text: str) -> None:
     run = court.run(at_frame_two(f"{what}; time.sleep(4711)"), replace(QUICK, frame=50.0, memory=2 << 30))
     assert run.status == "rejected", run.reason
     assert re.search(text, run.reason), run.reason

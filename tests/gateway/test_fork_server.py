@@ -302,9 +302,7 @@ def test_how_a_fork_ended(court: Court, does: str, words: str) -> None:
     assert run.status == "crashed"
 
 
-def test_a_fork_is_in_its_control_groups_and_does_not_see_their_names(
-    court: Court, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fork_is_in_its_groups_and_does_not_see_their_names(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
     setup = AgentProcess.setup
     entered: list[bool] = []
 

@@ -156,9 +156,7 @@ def test_a_full_temporary_folder_is_named(tmp_path: Path, monkeypatch: pytest.Mo
     assert "temporary files in " in said_of(OSError(errno.ENOSPC, "No space left on device"))
 
 
-def test_copies_of_killed_judges_are_removed_and_those_of_living_ones_are_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_copies_of_killed_judges_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Their pids say nothing: a judge may live in another namespace."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     folders = {name: tmp_path / f"mtp_bench-image-{name}" for name in ("killed", "living", "begun", "unlocked")}

@@ -66,9 +66,7 @@ def test_a_round_goes_through_all_records_and_goes_on_when_started_again(
     assert signed.is_file()
 
 
-def test_a_disk_that_fails_once_stops_no_round(
-    made: Path, cli: CommandLine, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failing_disk(made: Path, cli: CommandLine, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def failing(asked: Round, path: Path, *arguments: Any) -> Verification:
         if path.parent.name == "echo":
             raise OSError(errno.ENOSPC, "No space left on device", "/cache/scene.npz")

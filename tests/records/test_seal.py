@@ -87,9 +87,7 @@ def test_hidden_scenes_are_others(short: str, tmp_path: Path) -> None:
     assert not set(hidden.scene_names) & set(MTPEnv(card).scene_names)
 
 
-def test_a_submission_on_hidden_scenes(
-    cli: CommandLine, short: str, tmp_path: Path, leaderboard: Path, key: Path
-) -> None:
+def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, leaderboard: Path, key: Path) -> None:
     """From the seal to a signed level; the signer's key and the commitment are in the leaderboard."""
     secret = tmp_path / "s.json"
     said = cli.ok("maintain", "seal", "--env", short, "--count", SCENES, "-o", secret)
@@ -142,9 +140,7 @@ def test_a_submission_on_hidden_scenes(
     assert "this seal is retired" in cli(*arguments).error
 
 
-def test_nothing_is_run_for_a_level_that_nobody_would_be_shown(
-    cli: CommandLine, tmp_path: Path, leaderboard: Path, key: Path
-) -> None:
+def test_no_run_for_a_level_that_is_not_shown(cli: CommandLine, tmp_path: Path, leaderboard: Path, key: Path) -> None:
     secret = tmp_path / "s.json"
     cli.ok("maintain", "seal", "--env", ENV, "--count", SCENES, "-o", secret)
     arguments = ("verify", tmp_path / "a.json", "--rerun", "--hidden", secret, "--base", leaderboard)

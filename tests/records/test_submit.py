@@ -81,9 +81,7 @@ def test_what_a_record_says(made: Path, submission: Path, card: str) -> None:
     assert str(Path(card).parent) not in made.read_text()
 
 
-def test_the_same_submission_and_seeds_give_the_same_record(
-    made: Path, submission: Path, card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_equal_runs_give_equal_records(made: Path, submission: Path, card: str, kitti: str, tmp_path: Path) -> None:
     options = RunOptions(kitti, seeds=(0, 1), workers=Workers(2))
     again = submit(submission, card, options, tmp_path / "a")
     assert again.digest == load_record(made).digest
@@ -116,18 +114,14 @@ def with_hypotheses(content: Content, count: int) -> None:
 
 
 @pytest.mark.parametrize("what", RERUN)
-def test_a_run_again_finds_what_the_record_states_otherwise(
-    what: str, path: Path, submission: Path, card: str, kitti: str
-) -> None:
+def test_a_run_again_finds_what_differs(what: str, path: Path, submission: Path, card: str, kitti: str) -> None:
     change, differs = RERUN[what]
     resign(path, change)
     checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
     assert [difference.what for difference in checked.differences] == differs
 
 
-def test_the_commit_is_named_beside_the_folder(
-    submission: Path, card: str, kitti: str, tmp_path: Path, cli: CommandLine
-) -> None:
+def test_the_commit_of_a_submission(submission: Path, card: str, kitti: str, tmp_path: Path, cli: CommandLine) -> None:
     """In the folder it would change the digest of what it names."""
     words = ["submit", submission, "--env", card, "--data", kitti, "--scenes", 1, "--seeds", 1, "-o", tmp_path]
     assert "--commit: got 'main', expected 7 to 64 hex digits" in cli(*words, "--commit", "main").err
@@ -149,9 +143,7 @@ def test_hypotheses_are_those_that_the_manifest_declares(card: str, kitti: str, 
         verify(path, RunOptions(kitti), card)
 
 
-def test_who_dies_under_the_secret_motion_shows_nothing(
-    path: Path, submission: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_secret_crashes(path: Path, submission: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def dies_where_the_seed_is_secret(plan: Plan, seed: int) -> list[SceneRun]:
         first, *others = shuffled(plan, seed)
         return [first, *others] if seed in (0, 1) else [replace(first, status="crashed", reason="crashed: no"), *others]
@@ -253,9 +245,7 @@ def test_a_record_of_earlier_definitions_is_checked_in_itself(path: Path, card: 
         verify(path, RunOptions(kitti), card)
 
 
-def test_the_command_writes_a_partial_record(
-    cli: CommandLine, submission: Path, card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_a_partial_record(cli: CommandLine, submission: Path, card: str, kitti: str, tmp_path: Path) -> None:
     arguments = ("submit", submission, "--env", card, "--data", kitti, "--jobs", 1, "--seeds", 1)
     said = cli.ok(*arguments, "--scenes", 1, "-o", tmp_path / "out")
     assert f"{tmp_path / 'out' / CARD_ID}.json: partial (1 of 3 scenes); " in said
@@ -283,9 +273,7 @@ def test_a_later_record_replaces_an_earlier_one(path: Path, submission: Path, ca
 
 
 @pytest.mark.parametrize("resume", [True, False])
-def test_a_finished_record_is_not_lost_to_a_smaller_one(
-    resume: bool, path: Path, submission: Path, card: str, kitti: str
-) -> None:
+def test_a_finished_record_is_not_lost(resume: bool, path: Path, submission: Path, card: str, kitti: str) -> None:
     before = state_of(path.parent)
     for seeds, scenes, less in (((0, 1), 1, "seeds 0, 1, 1 scenes"), ((0,), None, "seeds 0, all scenes")):
         with pytest.raises(RecordError, match=rf"seeds 0, 1, all 3 scenes\) with another \({less}\)"):
@@ -293,9 +281,7 @@ def test_a_finished_record_is_not_lost_to_a_smaller_one(
     assert state_of(path.parent) == before
 
 
-def test_the_command_says_so_before_anything_runs(
-    cli: CommandLine, path: Path, submission: Path, card: str, kitti: str
-) -> None:
+def test_the_command_says_so_at_once(cli: CommandLine, path: Path, submission: Path, card: str, kitti: str) -> None:
     other = path.parent / "MTP-Other-v0.toml"
     other.write_text(Path(card).read_text().replace(CARD_ID, "MTP-Other-v0"))
     before = state_of(path.parent)
@@ -320,9 +306,7 @@ def test_a_record_is_not_written_into_the_submission(submission: Path, card: str
     (f'[parameters]\ntext = "{"x" * 2001}"', {}, "at most 2000 characters"),
     ("", {"card": CARD.replace(CARD_ID, "MTP Small")}, "env.id: got 'MTP Small'"),
 ], ids=["seeds", "number", "parameter", "card"])  # fmt: skip
-def test_what_no_record_can_hold_is_refused_before_the_work(
-    table: str, options: Content, reason: str, card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_impossible_records(table: str, options: Content, reason: str, card: str, kitti: str, tmp_path: Path) -> None:
     folder = write_submission(tmp_path / "mine", "mine", tables=table)
     if "card" in options:
         (tmp_path / "MTP Small.toml").write_text(options["card"])
@@ -343,9 +327,7 @@ def test_a_record_has_no_other_detector(submission: Path, card: str, kitti: str,
 
 
 @pytest.mark.parametrize(("seeds", "kept"), [((0, 1, 2), True), (range(5), False), ((3, 4, 5), False)])
-def test_a_record_that_can_rank_is_not_lost_to_one_that_cannot(
-    seeds: Sequence[int], kept: bool, submission: Path, tmp_path: Path
-) -> None:
+def test_a_ranked_record_is_not_lost(seeds: Sequence[int], kept: bool, submission: Path, tmp_path: Path) -> None:
     target = tmp_path / "echo.json"
     save_record(write_record(1.0, 2.0), target)
     asked = (target, load_submission(submission), RunOptions(seeds=seeds))

@@ -39,9 +39,7 @@ def test_every_baseline_on_every_environment_the_ends_of_gaps_first() -> None:
         inventory(["MTP-KITI-v0"])
 
 
-def test_a_record_is_made_once_kept_and_not_lost_to_a_smaller_one(
-    cli: CommandLine, tmp_path: Path, submission: Path, card: str, kitti: str
-) -> None:
+def test_a_record_is_made_once_kept(cli: CommandLine, tmp_path: Path, submission: Path, card: str, kitti: str) -> None:
     words = ("submit", "--all", submission, "--env", card, "--data", kitti, "--seeds", 1, "--jobs", 1, "-o", tmp_path)
     assert outcomes(cli(*words).out) == [1, 0, 0, 0]
     target = tmp_path / "echo" / f"{CARD_ID}.json"
@@ -84,9 +82,7 @@ def test_scenes_that_were_cut_short_are_a_failure(tmp_path: Path) -> None:
     assert line_of(write_record(1.0, 2.0)).outcome == "made"
 
 
-def test_a_record_that_cannot_be_made_says_why(
-    cli: CommandLine, tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_says_why(cli: CommandLine, tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without weights, and without data."""
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "none"))
     out = tmp_path / "records"

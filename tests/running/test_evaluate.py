@@ -36,9 +36,7 @@ def numbers(report: mtp_bench.Report) -> list[dict[str, Any]]:
     return [{**row, "agent": "", "ms_per_frame": 0} for row in report.to_json()["rows"]]
 
 
-def test_an_object_a_function_a_class_and_a_folder_score_alike_in_any_number_of_processes(
-    card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_objects_functions_classes_and_folders_score_alike_in_processes(card: str, kitti: str, tmp_path: Path) -> None:
     folder = write_submission(tmp_path / "echo", tables="[parameters]\nnoise = 0.1\n")
     agents = [folder, str(folder), mtp_bench.load_submission(folder), EchoAgent(0.1), make_noisy, Counting, Counting()]
     reports = [mtp_bench.evaluate(agent, card, data=kitti, seeds=2) for agent in agents]
@@ -130,9 +128,7 @@ def broken(task: Task) -> EchoAgent:
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_failing_agents_cost_the_others_nothing(
-    jobs: int, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failing_agents(jobs: int, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path))
     good = mtp_bench.compare([EchoAgent(0.1)], card, data=kitti)
     assert len(repr(good).splitlines()) == 2

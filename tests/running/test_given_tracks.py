@@ -59,9 +59,7 @@ def test_stored_boxes_come_as_detections_with_ids(card: str, kitti: str, tracks:
     np.testing.assert_allclose(found, [-2.0, 1.0, 3.0])  # of the detections that the tracks took
 
 
-def test_a_run_is_stored_scored_and_looked_at(
-    cli: CommandLine, card: str, kitti: str, known: list[str], tracks: str, tmp_path: Path
-) -> None:
+def test_a_stored_run(cli: CommandLine, card: str, kitti: str, known: list[str], tracks: str, tmp_path: Path) -> None:
     cli.ok("run", "given_tracks", *known, "--tracks", tracks, "-o", tmp_path / "run", "--jobs", 1)
     info = json.loads((tmp_path / "run/run.json").read_text())["info"]
     assert (info["observe"], info["keywords"]["track_file"]) == ("tracks", tracks)
@@ -112,9 +110,7 @@ def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str,
         open_run(tmp_path / "run", kitti, card).scene("0001")
 
 
-def test_the_command_exports_what_can_be_read_back(
-    cli: CommandLine, known: list[str], tracks: str, tmp_path: Path
-) -> None:
+def test_the_command_exports_readable_tracks(cli: CommandLine, known: list[str], tracks: str, tmp_path: Path) -> None:
     run = Path(tracks).parent / "run"
     said = cli.ok("export", run, *known, "--table", "-o", tmp_path / "tables")
     assert said == f"{tmp_path / 'tables'}: 36 tracked positions\n"
@@ -189,9 +185,7 @@ SCENES = [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0006"), ("MT
 
 @pytest.mark.data
 @pytest.mark.parametrize(("env_id", "scene"), SCENES)
-def test_stored_detections_of_tracks_give_the_same_numbers(
-    env_id: str, scene: str, data_root: Path, tmp_path: Path
-) -> None:
+def test_stored_detections_of_tracks_score_alike(env_id: str, scene: str, data_root: Path, tmp_path: Path) -> None:
     """Nothing that counts is lost in the file: events are equal, errors too but for its decimals."""
     env = MTPEnv(env_id, str(data_root), evaluation=True)
     tracker = Reported()

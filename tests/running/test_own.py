@@ -28,9 +28,7 @@ def scene(logs: Path) -> Scene:
     return scene
 
 
-def test_from_a_folder_to_a_score_in_any_working_directory(
-    cli: CommandLine, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_from_folder_to_score(cli: CommandLine, logs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     cli.ok("run", "stp", "--env", ENV, "--files", "logs", "-o", "run", "--jobs", 1)
     (tmp_path / "elsewhere").mkdir()

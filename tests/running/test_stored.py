@@ -85,9 +85,7 @@ def test_a_stored_run_says_what_was_trained_on_its_scenes(tmp_path: Path, card: 
 
 
 @pytest.mark.parametrize(("agent", "seed"), [("mtp", 3), ("truth_past", 0)])
-def test_a_stored_run_scores_as_in_a_comparison(
-    agent: str, seed: int, cli: CommandLine, tmp_path: Path, shipped: str, kitti: str
-) -> None:
+def test_scores_as_compared(agent: str, seed: int, cli: CommandLine, tmp_path: Path, shipped: str, kitti: str) -> None:
     cli.ok("maintain", "freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)
     scored = stored.score(tmp_path / "run", RunOptions(kitti)).report.to_json()["rows"]
@@ -135,9 +133,7 @@ def test_a_changed_run_is_one_clear_error(
     assert not file.exists()
 
 
-def test_a_run_for_another_version_of_the_card(
-    cli: CommandLine, folder: Path, tmp_path: Path, shipped: str, kitti: str
-) -> None:
+def test_a_run_for_an_earlier_card(cli: CommandLine, folder: Path, tmp_path: Path, shipped: str, kitti: str) -> None:
     said = cli.ok("score", folder, "--data", kitti)
     write_card(tmp_path / "bundle" / "envs", CARD.replace("miss_error = 2.0", "miss_error = 3.0"))
     again = cli.ok("score", folder, "--data", kitti)
@@ -155,9 +151,7 @@ def test_a_run_without_its_card(cli: CommandLine, folder: Path, card: str, kitti
     cli.ok("score", folder, "--data", kitti, "--env", card)
 
 
-def test_an_earlier_run_is_replaced_only_when_asked(
-    cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str
-) -> None:
+def test_replacing_an_earlier_run(cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str) -> None:
     before = digests(folder)
     command = ("run", "ab3dmot", "--env", card, "--data", kitti, "-o", folder, "--jobs", 1)
     assert (

@@ -148,9 +148,7 @@ ABSENT = {
 
 
 @pytest.mark.parametrize(("seen", "stream", "want"), ABSENT.values(), ids=ABSENT.keys())
-def test_a_frame_without_the_object_or_with_a_neutral_one_makes_no_event(
-    seen: str, stream: str, want: tuple[list[int], ...]
-) -> None:
+def test_a_frame_with_no_or_a_neutral_object_has_no_event(seen: str, stream: str, want: tuple[list[int], ...]) -> None:
     truth = [[] if c == "." else [Thing(5, 0, 0, neutral=c == "n")] for c in seen]
     tracks = [[] if c == "-" else [held(int(c), 0, 0)] for c in stream]
     got, _ = events(tracks, [[0]] * len(seen), 1, truth)

@@ -178,9 +178,7 @@ def unchanged() -> list[str]:
 
 
 @pytest.mark.parametrize("shared", SHARED, ids=lambda shared: str(shared.__name__))
-def test_attributes_of_highway_env_do_not_change_a_world(
-    shared: type, unchanged: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_attributes_of_highway_env(shared: type, unchanged: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     changed = [name for name in vars(shared) if not name.startswith("_")]
     for name in changed:
         value = getattr(shared, name)

@@ -249,9 +249,7 @@ def test_velocity_needs_both_neighbours(root: Path) -> None:
 @pytest.mark.parametrize(
     ("observe", "again"), [("detections", ""), ("truth", ""), ("truth", "scenes"), ("detections", "files")]
 )
-def test_a_velocity_that_is_shown_tells_nothing_of_the_next_frame(
-    root: Path, observe: str, again: str, tmp_path: Path
-) -> None:
+def test_a_shown_velocity_tells_nothing_of_the_next_frame(root: Path, observe: str, again: str, tmp_path: Path) -> None:
     """A car at 10, 11, 13, 16, 20 and 25 m: what is shown of its first frames stays where it turns back later."""
 
     def shown(places: tuple[float, ...]) -> list[dict[str, Any]]:

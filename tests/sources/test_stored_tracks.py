@@ -49,9 +49,7 @@ def require_same(found: StoredTracks, rows: TrackRows, rounding: float) -> None:
 
 @pytest.mark.parametrize("table", [False, True])
 @pytest.mark.parametrize("change", [{}, {"ego_motion": False}, {"stride": 2}], ids=str)
-def test_kitti_tracks_come_back_as_they_were(
-    change: dict[str, Any], table: bool, card: str, kitti: str, tmp_path: Path
-) -> None:
+def test_kitti_tracks_come_back(change: dict[str, Any], table: bool, card: str, kitti: str, tmp_path: Path) -> None:
     content = load_card(card).model_dump(mode="json", exclude_none=True)
     rate = 10.0 / change.get("stride", 1)
     changed = parse_card(

@@ -121,9 +121,7 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
-def test_a_broken_file_is_made_again(
-    damage: Callable[[Path], object], made: list[int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_broken_files(damage: Callable[[Path], object], made: list[int], capsys: pytest.CaptureFixture[str]) -> None:
     store = WorldStore(TRAFFIC)
     good = store.get(5)
     damage(store.path(5))

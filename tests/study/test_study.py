@@ -153,9 +153,7 @@ def test_runs_are_made_again_when_code_or_fitted_files_change() -> None:
     assert not [name for name in files if name.startswith(("viz/", "scoring/", "study/")) or name.endswith(".pyc")]
 
 
-def test_the_command_on_an_agent_of_ones_own(
-    made: Study, cli: CommandLine, tmp_path: Path, card: str, kitti: str
-) -> None:
+def test_the_command_on_an_own_agent(made: Study, cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
     """One run has one name in every table: its reference with one hypothesis is the agent itself."""
     mine = write_submission(
         tmp_path / "mine", "mine", "[compare]\ngap_references = {}", body="return empty_action(self._task)"

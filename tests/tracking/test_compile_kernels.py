@@ -86,9 +86,7 @@ def test_a_damaged_file_is_noticed_and_the_kernel_compiled_again(
         assert cache.is_sound(kernel.folder, distinct_rows.function.__code__.co_filename)
 
 
-def test_a_cache_that_cannot_be_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_read_only_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").write_text("a file, not a folder", encoding="utf-8")
     load(tmp_path / "file" / "cache", monkeypatch)
     assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err

@@ -16,9 +16,7 @@ PAGES = {  # what each prints
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_the_blocks_of_pages_of_environments_run(
-    page: str, repository: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_blocks_of_pages_of_environments_run(page: str, repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
     if page == "reinforcement":
         pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[rl]'")
     names: dict[str, Any] = {}
