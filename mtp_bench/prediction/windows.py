@@ -1,36 +1,49 @@
 """Windows of tracks: the input of a learned predictor, the same in training and in an agent."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Self
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..agent import Frame, Observation, Tracks
 from ..tracks import UNBORN
 from ..types import Bools, Floats, Ints, Ragged, starts_of
 
+LANES = ("lane_point", "lane_valid", "lane_next")  # fields of observations that show lanes
+
 
 @dataclass(frozen=True, eq=False)
 class Surroundings(Ragged):
-    """The detections of m frames, in the frame of the observations; frames of a scene stand one after another."""
+    """Detections and lanes of m frames, in the frame of the observations; frames of a scene stand one after another."""
 
     box: Floats  # [R, 7]
     velocity: Floats  # [R, 2] m/s, 0 where it is not measured
     class_id: Ints  # [R]
     score: Floats  # [R]
     before: Ints  # [m] frames of the same scene that stand before each frame, without a hole in time
+    lanes: dict[str, NDArray[Any]] = field(default_factory=dict)  # `LANES` [m, L, ...] as observed; empty: none shown
+
+    def lanes_at(self, moment: int) -> Observation:
+        """The lanes of a frame, as its observation showed them; empty if it showed none."""
+        return {name: values[moment] for name, values in self.lanes.items()}
 
 
 def surroundings_of(seen: Sequence[Observation]) -> Surroundings:
-    """The detections of these frames, of one scene."""
+    """Detections and lanes of these frames, of one scene."""
     valid = [np.flatnonzero(np.asarray(observation["detection_valid"])) for observation in seen]
     box, velocity, class_id, score = (
         np.concatenate([np.asarray(o[f"detection_{name}"])[rows] for o, rows in zip(seen, valid, strict=True)])
         for name in ("box", "velocity", "class", "score")
     )
     start = starts_of([len(rows) for rows in valid])
-    return Surroundings(start, box, velocity, class_id, score, np.arange(len(seen)))
+    return Surroundings(start, box, velocity, class_id, score, np.arange(len(seen)), lanes_of(seen))
+
+
+def lanes_of(seen: Sequence[Observation]) -> dict[str, NDArray[Any]]:
+    """Lanes [m, L, ...] of observations by field; empty if they show none."""
+    return {name: np.stack([observation[name] for observation in seen]) for name in LANES if name in seen[0]}
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,7 @@ def training_windows(request: TrainingRequest, options: RunOptions = DEFAULTS) -
 
 def _require_same_task(task: Task, other: Task) -> None:
     """Raise MtpBenchError unless one network can be trained on windows of both tasks."""
-    for name in ("past", "future", "dt", "k", "ego_motion"):
+    for name in ("past", "future", "dt", "k", "ego_motion", "lanes", "lane_points"):
         if getattr(task, name) != getattr(other, name):
             raise MtpBenchError(
                 f"{other.env_id} has {name} {getattr(other, name)}, but {task.env_id} {getattr(task, name)}: "

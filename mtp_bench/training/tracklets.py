@@ -17,7 +17,7 @@ from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..errors import MtpBenchError, require_known
 from ..parallel import parallel_map, reported
-from ..prediction.windows import Surroundings, TrackWindows, windows_of
+from ..prediction.windows import LANES, Surroundings, TrackWindows, lanes_of, windows_of
 from ..running.options import DEFAULTS, Fold, RunOptions, asked, held_out
 from ..scoring.holes import pieces
 from ..sources import open_source
@@ -49,7 +49,7 @@ class Windows(TrackWindows):
     # Of each scene, its name in its own env. Scenes of several envs with one name show the same traffic: what is held
     # out of one env must not be learnt from another one.
     own_names: tuple[str, ...]
-    seen: Surroundings  # the detections of all frames of all scenes
+    seen: Surroundings  # detections and lanes of all frames of all scenes
     task: Task  # of the first env
     envs: tuple[str, ...]  # ids
 
@@ -146,8 +146,10 @@ def concatenate(parts: Sequence[Windows]) -> Windows:
         for part, scene, frame in zip(parts, scenes, frames, strict=False)
     ]
     rows = {name: np.concatenate([getattr(part, name) for part in moved]) for name in BY_WINDOW}
-    columns = [f.name for f in fields(Surroundings) if f.name != "start"]
-    around = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in columns}
+    columns = [f.name for f in fields(Surroundings) if f.name not in ("start", "lanes")]
+    around: dict[str, Any] = {name: np.concatenate([getattr(part.seen, name) for part in parts]) for name in columns}
+    shown = parts[0].seen.lanes  # by all or by none
+    around["lanes"] = {name: np.concatenate([part.seen.lanes[name] for part in parts]) for name in shown}
     seen = Surroundings(starts_of(np.concatenate([part.seen.counts for part in parts])), **around)
     envs = tuple(dict.fromkeys(env_id for part in parts for env_id in part.envs))
     names = tuple(name if len(envs) == 1 else f"{part.task.env_id} {name}" for part in parts for name in part.names)
@@ -165,11 +167,12 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
     feed = make_feed(scene, local, task, card)
     labels = SceneLabels(scene, card, local, feed)
     tracker.reset(task)
-    parts, seen = [_no_windows(task)], deque[Observation](maxlen=task.past)
+    parts, seen, road = [_no_windows(task)], deque[Observation](maxlen=task.past), list[Observation]()
     for t in range(scene.frames):
         if task.after_hole(observation := feed.observe(t)):
             seen.clear()
         seen.append(observation)
+        road.append({name: observation[name] for name in LANES if name in observation})
         tracks = tracker.step(seen[-1])
         if not np.isfinite(tracks.box).all():
             raise MtpBenchError(f"scene {scene.name!r}, frame {t}: the tracker gave a box that is not finite")
@@ -179,7 +182,7 @@ def windows_of_scene(scene: Scene, card: Card, task: Task, tracker: Tracker) -> 
     box, velocity, score = (_single_precision(values) for values in (feed.box, feed.velocity, feed.score))
     piece = pieces(scene, card)
     before = np.arange(scene.frames) - np.searchsorted(piece, piece)
-    around = Surroundings(feed.start, box, velocity, feed.class_id, score, before)
+    around = Surroundings(feed.start, box, velocity, feed.class_id, score, before, lanes_of(road))
     scene_number, names = np.zeros(len(rows["frame"]), dtype=np.int64), (scene.name,)
     return Windows(
         **rows, scene=scene_number, moment=rows["frame"], names=names, own_names=names, seen=around, task=task,

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from mtp_bench.cards import load_card
-from mtp_bench.env.observation import LocalFrame
+from mtp_bench.env.observation import LocalFrame, make_feed
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
 from mtp_bench.tracking import ClassParameters, HypothesisTracker, TruthTracker
 from mtp_bench.training.labels import UNKNOWN
 from mtp_bench.training.tracklets import BY_WINDOW, Windows, concatenate, windows, windows_of_scene
-from mtp_bench.types import ImageField, Scene
+from mtp_bench.types import ImageField, Lane, Scene
 from tests.support.scoring_scenes import end_to_end
-from tests.support.small_scenes import bare_scene, make_scene, write_card, write_kitti
+from tests.support.small_scenes import CARD, bare_scene, make_scene, write_card, write_kitti
 from tests.support.small_scenes import task as small_task
 
 
@@ -134,6 +134,18 @@ def test_windows_do_not_cross_a_hole_in_time(truth: bool, tmp_path: Path) -> Non
     for name in set(BY_WINDOW) - {"scene", "frame"}:
         np.testing.assert_array_equal(getattr(whole, name), getattr(apart, name), err_msg=name)
     np.testing.assert_array_equal(whole.seen.before, apart.seen.before)
+
+
+def test_windows_hold_the_lanes_of_their_frames(tmp_path: Path) -> None:
+    card = load_card(write_card(tmp_path, CARD.replace("[source]", "lanes = true\n[source]").replace("kitti", "files")))
+    center = np.array([[15.0, 12.0], [90.0, 12.0]])
+    scene = replace(make_scene(), lanes=(Lane(center, center, center),))
+    seen = concatenate([windows_of_scene(scene, card, small_task(), HypothesisTracker(1)) for _ in range(2)]).seen
+    shown = make_feed(scene, LocalFrame.of(scene), small_task(), card).observe(3)
+    assert shown["lane_valid"].any()
+    for name, value in seen.lanes_at(8 + 3).items():
+        np.testing.assert_array_equal(value, shown[name])
+    assert windows_of_scenes(tmp_path, scene).seen.lanes == {}
 
 
 def test_folds_are_whole_scenes(tmp_path: Path) -> None:
