@@ -18,7 +18,7 @@ def class_hint(name: str, known: Iterable[str]) -> str:
     A vehicle of another kind is similar, but not the same: a truck that is called a car may be a mistake.
     """
     names, word = tuple(known), name.lower().rsplit(".", maxsplit=1)[-1]  # of "vehicle.car"
-    other, spelt = _of_kind(word, names), _spelt_alike(word, names)
+    other, spelt = of_kind(word, names), _spelt_alike(word, names)
     if other is not None and spelt is None and word in _ALIKE[0]:
         return f"similar is {other!r}"
     meant = spelt or other
@@ -33,13 +33,13 @@ def similar_class(name: str, known: Iterable[str]) -> str | None:
     names = tuple(known)
     if name in names:
         return name
-    same = _of_kind(name, names)
+    same = of_kind(name, names)
     if same is not None:
         return same
     return None if not names or _spelt_alike(name, names) else names[0]
 
 
-def _of_kind(name: str, names: Collection[str]) -> str | None:
+def of_kind(name: str, names: Collection[str]) -> str | None:
     """The first class of the kind of ``name`` (vehicles, two wheels, people) that is among ``names``."""
     kind = next((row for row in _ALIKE if name.lower() in row), ())
     return next((other for other in kind if other in names), None)

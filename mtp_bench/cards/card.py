@@ -177,8 +177,9 @@ class Card(Section):
     @property
     def velocity(self) -> bool:
         """True if detections carry a measured velocity."""
-        if self.detector is None:
-            return self.source.traits.measured_velocity
+        traits = self.source.traits
+        if self.detector is None or (traits.mixed_detections and traits.stored_detector):
+            return traits.measured_velocity
         noise = self.detector.resolved
         return all(noise.noise(name).velocity is not None for name in self.task.classes)
 

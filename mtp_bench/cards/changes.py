@@ -85,15 +85,15 @@ def with_detector(card: Card, name: str) -> Card:
 def with_detections(card: Card, file: str | Path) -> Card:
     """The card with stored detections of one's own.
 
-    On nuScenes ``file`` is a file in the official submission form, on KITTI a folder of text files, one per sequence.
-    It stands in for the card's detector, by whose name agents choose their settings: "megvii" becomes
+    On nuScenes and Argoverse 2 ``file`` is a file in the official submission form, on KITTI a folder of text files,
+    one per sequence. It stands in for the card's detector, by whose name agents choose their settings: "megvii" becomes
     "megvii-<file>". The digest covers the content of the file, not its path. Raises CardError if the card's source has
     no such files, and DataError if the file cannot be read.
     """
     traits = card.source.traits
-    if not traits.detection_file or card.detector is not None:
+    if not traits.detection_file or not (card.detector is None or traits.mixed_detections):
         simulated = bool(traits.detection_file)
-        why = "its detector is simulated" if simulated else "only those of KITTI and nuScenes can be replaced"
+        why = "its detector is simulated" if simulated else "only stored ones of a dataset's own form can be replaced"
         raise CardError(f"{card.id} takes no file of detections: {why}")
     path = Path(file).expanduser().absolute()
     try:
@@ -105,7 +105,7 @@ def with_detections(card: Card, file: str | Path) -> Card:
         "detections_sha256": digest,
         "detections_file": str(path),
     }
-    return card.model_copy(update={"source": card.source.model_copy(update=update)})
+    return card.model_copy(update={"source": card.source.model_copy(update=update), "detector": None})
 
 
 def with_files(card: Card, folder: str | Path) -> Card:

@@ -20,6 +20,7 @@ SOURCES = {
     "wildtrack": "mtp_bench.sources.wildtrack:WildtrackSource",
     "mot3d": "mtp_bench.sources.mot3d:Mot3dSource",
     "people": "mtp_bench.sources.people:PeopleSource",
+    "argoverse2": "mtp_bench.sources.argoverse2:Argoverse2Source",
     "highway": "mtp_bench.sources.highway.world:HighwaySource",
     "files": "mtp_bench.cards.source:FilesSource",
 }

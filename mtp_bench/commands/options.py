@@ -159,7 +159,9 @@ class EnvScenes:
     ] = None
     detections: Annotated[
         Path | None,
-        Option(help="Stored detections: a file as submitted to nuScenes; for KITTI a folder of text files."),
+        Option(
+            help="Stored detections: a file as submitted to nuScenes or Argoverse 2; for KITTI a folder of text files."
+        ),
     ] = None
     files: Annotated[Path | None, Option(help="Folder of own scenes, in place of the environment's.")] = None
 

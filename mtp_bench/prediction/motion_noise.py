@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import UnknownNameError
-from ..similar import similar_class
+from ..similar import of_kind, similar_class
 from ..tracking.parameters import family_of
 from ..types import Task
 from .kalman import NoiseTable
@@ -23,16 +23,17 @@ Noise = Mapping[str, Any]  # field of `NoiseTable` -> value(s) of one class
 def stored_noise(task: Task) -> NoiseTable:
     """The noise table for the task's condition: its own fit, else the most similar one of those that know most classes.
 
-    A condition is a domain, as the task's card names it, what is observed and in which frame. Most similar: the same
-    domain and another variant of the detector; the same domain and another detector; another domain. Among equals, and
-    if a card names no domain, the detector decides. True boxes and detections, moving and still frames never stand in
-    for each other. Raises UnknownNameError if no stored condition is left.
+    A class of the same kind (vehicles, two wheels, people) counts as known. A condition is a domain, as the task's card
+    names it, what is observed and in which frame. Most similar: the same domain and another variant of the detector;
+    the same domain and another detector; another domain. Among equals, and if a card names no domain, the detector
+    decides. True boxes and detections, moving and still frames never stand in for each other. Raises UnknownNameError
+    if no stored condition is left.
     """
     stored = _read_folder(FOLDER)
     similar = [name for name in stored if _similarity(name, task) > 0]
     if not similar:
         raise UnknownNameError("motion noise", condition(task), stored, "fit it with `mtp-bench train`")
-    known = {name: sum(class_name in stored[name] for class_name in task.classes) for name in similar}
+    known = {name: sum(_knows(stored[name], class_name) for class_name in task.classes) for name in similar}
     best = max(similar, key=lambda name: (known[name], _similarity(name, task)))
     rows = []
     for class_name in task.classes:
@@ -41,6 +42,10 @@ def stored_noise(task: Task) -> NoiseTable:
             raise UnknownNameError(f"class of motion noise {best!r}", class_name, stored[best])
         rows.append(stored[best][like])
     return noise_table(rows)
+
+
+def _knows(noise: Mapping[str, Noise], class_name: str) -> bool:
+    return class_name in noise or of_kind(class_name, noise) is not None
 
 
 def noise_table(rows: Sequence[Noise]) -> NoiseTable:

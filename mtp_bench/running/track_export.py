@@ -11,6 +11,8 @@ from ..cards import Card
 from ..errors import CardError
 from ..files import new_folder, whole_file
 from ..parallel import NO_PROGRESS, Progress
+from ..sources.argoverse2 import Argoverse2Source
+from ..sources.argoverse2.submission import tracking_submission
 from ..sources.files.columns import BOX
 from ..sources.files.table import write_table
 from ..sources.kitti import KittiSource
@@ -23,7 +25,7 @@ from ..sources.stored_tracks import table_path
 from ..types import Floats, Ints, Rollout, Scene, starts_of_sorted
 from .stored import OpenedRun
 
-_FILES = (".json", ".csv", ".txt")  # suffixes of files: a folder of such a name is a mistake
+_FILES = (".json", ".csv", ".txt", ".feather")  # suffixes of files: a folder of such a name is a mistake
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ def _scores(rows: TrackRows, scene: Scene, gate: Floats) -> Floats:
 def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False, progress: Progress = NO_PROGRESS) -> int:
     """Write the tracks of a stored run to ``path`` and return the number of boxes; ``progress`` counts scenes.
 
-    nuScenes: a .json file in the submission form of the tracking task. KITTI: a folder of the benchmark's results. With
+    nuScenes: a .json file in the submission form of the tracking task; Argoverse 2: a .feather file in its form. KITTI: a folder of the benchmark's results. With
     ``table``, and for every other source: a folder of tables (`sources.stored_tracks`). Raises CardError for a path
     that does not fit the format, and MtpBenchError for a folder that is not empty.
     """
@@ -91,10 +93,13 @@ def write_tracks(
     rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path, table: bool = False
 ) -> int:
     """Write the tracks of scenes of ``card``; see `export_tracks`."""
-    if isinstance(card.source, NuScenesSource) and not table:
-        if path.suffix != ".json":
-            raise CardError(f"{path}: the task of nuScenes takes a .json file; for a folder of tables pass --table")
-        return _write_submission(rows, card, data, path)
+    for source, name, suffix, write_file in _SUBMISSIONS:
+        if isinstance(card.source, source) and not table:
+            if path.suffix != suffix:
+                raise CardError(
+                    f"{path}: the task of {name} takes a {suffix} file; for a folder of tables pass --table"
+                )
+            return write_file(rows, card, data, path)
     of_kitti = isinstance(card.source, KittiSource) and not table
     if path.suffix in _FILES:
         form = "KITTI's results" if of_kitti else "tables"
@@ -141,6 +146,19 @@ def _write_submission(rows: Iterable[tuple[Scene, TrackRows]], card: Card, data:
     return count
 
 
+def _write_feather(rows: Iterable[tuple[Scene, TrackRows]], card: Card, data: str | None, path: Path) -> int:
+    from pyarrow import concat_tables, feather, table
+
+    classes = np.array(card.task.classes)
+    parts = [
+        table(tracking_submission(card, data, scene, r.frame, r.track_id, classes[r.class_id], r.box, r.score))
+        for scene, r in rows
+    ]
+    with whole_file(path) as part:
+        feather.write_feather(concat_tables(parts), part)
+    return sum(len(part) for part in parts)
+
+
 def _samples(
     scene: Scene, rows: TrackRows, card: Card, tokens: list[str]
 ) -> Iterator[tuple[str, list[dict[str, object]]]]:
@@ -158,3 +176,9 @@ def _samples(
             name = card.task.classes[rows.class_id[row]]
             boxes.append(submission_box(token, box, velocity, name, str(identity), float(rows.score[row])))
         yield token, boxes
+
+
+_SUBMISSIONS = (
+    (NuScenesSource, "nuScenes", ".json", _write_submission),
+    (Argoverse2Source, "Argoverse 2", ".feather", _write_feather),
+)

@@ -43,7 +43,7 @@ def read_table(path: Path, name: str) -> RowTable:
     table = RowTable(str(path), "row" if is_parquet else "line", line, {}, {})
     for column in COLUMNS[name]:
         if column.name in content.column_names:
-            _add_column(table, column, content.column(column.name))
+            add_column(table, column, content.column(column.name))
     return table
 
 
@@ -103,7 +103,7 @@ def _read_csv(path: Path, stream: Any, name: str) -> Any:
         raise
 
 
-def _add_column(table: RowTable, column: TableColumn, values: Any) -> None:
+def add_column(table: RowTable, column: TableColumn, values: Any) -> None:
     """Add a column of an Arrow table to ``table``."""
     from pyarrow import types
 

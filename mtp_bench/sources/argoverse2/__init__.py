@@ -1,0 +1,16 @@
+"""Argoverse 2 sensor dataset: the official Feather files and maps, read into scenes."""
+
+from ..base import SourcePackage
+from .layout import DATASET, LOGS
+from .layout import Argoverse2Source as Argoverse2Source
+from .road import scene_lanes
+from .source import Argoverse2
+from .submission import FORM
+
+PACKAGE = SourcePackage(
+    open=Argoverse2,
+    dataset=DATASET,
+    locate=lambda card, data: DATASET.status(data, LOGS),
+    tracks=FORM,
+    lanes=scene_lanes,
+)

@@ -1,0 +1,86 @@
+"""Argoverse 2 sensor logs as scenes: truth within reach, and the boxes of detection files that have the log."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ...cards import Card
+from ...errors import DataError
+from ...types import Detections, Scene, Truth, starts_of_sorted
+from ..base import DataRoot, names_by_number, no_detections, require_classes, require_rate, section_of
+from ..motion import looking_back
+from ..stored_tracks import FEWER
+from ..text import repeated
+from .feather import ANNOTATIONS, BOX, RATE, Sweeps, read_feather
+from .layout import CLASSES, DATASET, LOGS, NEUTRAL_OF, Argoverse2Source, detection_files, log_folders
+from .submission import classes_of, read_detections, within_reach
+
+
+class Argoverse2:
+    """Logs of one split, named by their ids, in the frame of their city less an origin in whole metres.
+
+    Frames are every ``stride``-th sweep at their real times, from 0. The truth of an object begins where it first comes
+    within reach; where it is beyond later, or has no lidar point, it is neutral.
+    """
+
+    def __init__(self, card: Card, data: DataRoot = None) -> None:
+        self.card = card
+        self.section = section_of(card, Argoverse2Source)
+        require_classes(card, DATASET.name, CLASSES)
+        require_rate(card, DATASET.name, RATE, self.section.stride)
+        root = DATASET.find(data, LOGS)
+        self.folders = log_folders(root, self.section.split)
+        self.names = tuple(self.folders)
+        self._files = detection_files(root, card)
+
+    def load(self, name: str) -> Scene:
+        """Read one log; if it has no stored detections, ``detector`` is empty."""
+        sweeps = Sweeps.read(self.folders[name], self.section.stride)
+        truth, names = scene_truth(sweeps, self.card)
+        none = no_detections(len(sweeps.time))
+        scene = Scene(name, sweeps.time, sweeps.ego, truth, none, object_names=names)
+        return self._detected(scene, sweeps)
+
+    def _detected(self, scene: Scene, sweeps: Sweeps) -> Scene:
+        """The scene with the stored detections of its log, if any.
+
+        A file of ``detections/`` with boxes in less than half of the frames has another rate and is passed over.
+        """
+        own, having = self.section.detections_sha256 is not None, dict[str, Detections]()
+        for path in self._files:
+            seen = read_detections(path, sweeps, self.card)
+            frames = int((seen.counts > 0).sum())
+            if 2 * frames >= scene.frames:
+                having[str(path)] = seen if own else seen.select(seen.score >= self.section.min_detection_score)
+            elif own:
+                few = f"{path} has detections in {frames} of the {scene.frames} frames of log {scene.name}"
+                raise DataError(f"{few}, expected most; {FEWER}")
+        if len(having) > 1:
+            both = " and ".join(having)
+            raise DataError(f"{both} both have detections of log {scene.name}; name one of them with --detections")
+        for file, seen in having.items():
+            return replace(scene, detections=seen, detector=f"{Path(file).stem}, stored detections")
+        return scene
+
+
+def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
+    """Truth of a log, and the names of its objects; raises DataError for annotations that are wrong."""
+    table, stamp = read_feather(sweeps.folder / ANNOTATIONS, f"{BOX} num_interior_pts", "track_uuid category")
+    second = repeated(stamp, table.words["track_uuid"])
+    table.refuse(second, "a second box of this object in its sweep, expected one", "track_uuid")
+    frame, class_id = sweeps.frame_of(table, stamp), classes_of(table, card)
+    used = (frame >= 0) & (class_id >= 0)
+    table, frame, class_id = table.select(used), frame[used], class_id[used]
+    uuid, number = np.unique(table.words["track_uuid"], return_inverse=True)
+    box = sweeps.boxes(table, frame)
+    near = within_reach(box, frame, sweeps, card)
+    first = np.full(len(uuid), len(sweeps.stamp))
+    np.minimum.at(first, number[near], frame[near])
+    neutral = ~near | (table["num_interior_pts"] == 0) | np.isin(table.words["category"], tuple(NEUTRAL_OF))
+    order = np.argsort(frame, kind="stable")
+    row = order[(frame >= first[number])[order]]
+    start, unknown = starts_of_sorted(frame[row], len(sweeps.time)), np.full((len(row), 2), np.nan)
+    eligible = np.ones(len(row), dtype=bool)
+    truth = Truth(start, box[row], unknown, class_id[row], number[row], eligible, neutral[row])
+    return looking_back(truth, sweeps.time, sweeps.stride / RATE), names_by_number(number[row], uuid[number[row]])
