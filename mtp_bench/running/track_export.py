@@ -74,9 +74,10 @@ def _scores(rows: TrackRows, scene: Scene, gate: Floats) -> Floats:
 def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False, progress: Progress = NO_PROGRESS) -> int:
     """Write the tracks of a stored run to ``path`` and return the number of boxes; ``progress`` counts scenes.
 
-    nuScenes: a .json file in the submission form of the tracking task; Argoverse 2: a .feather file in its form. KITTI: a folder of the benchmark's results. With
-    ``table``, and for every other source: a folder of tables (`sources.stored_tracks`). Raises CardError for a path
-    that does not fit the format, and MtpBenchError for a folder that is not empty.
+    nuScenes: a .json file in the submission form of the tracking task; Argoverse 2: a .feather file in its form.
+    KITTI: a folder of the benchmark's results. With ``table``, and for every other source: a folder of tables
+    (`sources.stored_tracks`). Raises CardError for a path that does not fit the format, and MtpBenchError for a folder
+    that is not empty.
     """
     card, scenes = opened.card, ((rollout, opened.recorded(rollout.scene)) for rollout in opened.run.rollouts)
 

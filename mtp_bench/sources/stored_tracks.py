@@ -1,8 +1,8 @@
 """Tracks stored by other programs, read as `mtp_bench.types.StoredTracks` of a scene.
 
-A ``.json`` file is a submission to nuScenes' tracking task, a ``.feather`` file one to that of Argoverse 2, a folder of ``.txt`` has KITTI's result form (as AB3DMOT
-writes). For every source: a folder with a ``.csv`` or ``.parquet`` for each scene, whose columns are
-`sources.files.columns.TRACKS`. A slash in the name of a scene is ``%2F`` in its file name.
+A ``.json`` file is a submission to nuScenes' tracking task, a ``.feather`` file one to that of Argoverse 2; a folder of
+``.txt`` has KITTI's result form (as AB3DMOT writes). For every source: a folder with a ``.csv`` or ``.parquet`` for
+each scene, whose columns are `sources.files.columns.TRACKS`. A slash in a scene's name is ``%2F`` in its file name.
 """
 
 from collections.abc import Callable, Sequence
