@@ -85,7 +85,7 @@ def test_a_log_by_hand(root: Path) -> None:
     for i, (name, (x, y, step)) in enumerate(PATHS.items()):
         own, first = truth.object_id == i, 13 if name == "truck" else 0
         assert (scene.name_of(i), frame[own].tolist()) == (name, list(range(first, FRAMES)))
-        expected = [[x, y + step * k, 1, np.pi / 2, 4, 2, 1.5] for k in range(first, FRAMES)]
+        expected = np.array([[x, y + step * k, 1, np.pi / 2, 4, 2, 1.5] for k in range(first, FRAMES)])
         np.testing.assert_allclose(truth.box[own], expected, atol=1e-9)
         assert np.isnan(truth.velocity[own][0]).all(), "it has no frame before"
         np.testing.assert_allclose(truth.velocity[own][1:] - [0, step / 0.1002], 0, atol=1e-9)
@@ -94,7 +94,7 @@ def test_a_log_by_hand(root: Path) -> None:
     assert frame[targets.row].tolist() == np.repeat(range(9, 14), 2).tolist()
     assert targets.object_id.tolist() == [0, 2] * 5
     slow = open_source(load_card("MTP-AV2-v0"), root).load(LOG)  # every fifth sweep
-    np.testing.assert_allclose(slow.truth.velocity[slow.truth.rows(1)], [[0, 15 / 0.501], [0, 0]], atol=1e-9)
+    np.testing.assert_allclose(slow.truth.velocity[slow.truth.rows(1)], np.array([[0, 15 / 0.501], [0, 0]]), atol=1e-9)
     wide, turn = PACKAGE.lanes(CARD, root, scene)  # one that widens, one about a point; neither bicycles nor loose ends
     assert (wide.following, turn.following, wide.junction, turn.junction) == ((1,), (), False, True)
     np.testing.assert_allclose(wide.center, np.linspace(0, 2, 10)[:, None] * [1, 0.5], atol=1e-9)
