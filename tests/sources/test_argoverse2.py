@@ -98,7 +98,7 @@ def test_a_log_by_hand(root: Path) -> None:
     wide, turn = PACKAGE.lanes(CARD, root, scene)  # one that widens, one about a point; neither bicycles nor loose ends
     assert (wide.following, turn.following, wide.junction, turn.junction) == ((1,), (), False, True)
     np.testing.assert_allclose(wide.center, np.linspace(0, 2, 10)[:, None] * [1, 0.5], atol=1e-9)
-    np.testing.assert_allclose(turn.center, [[0, 0], [0.5, 0], [1, 0]], atol=1e-9)
+    np.testing.assert_allclose(turn.center, np.array([[0, 0], [0.5, 0], [1, 0]]), atol=1e-9)
 
 
 def test_submissions_are_read_as_they_were_written(root: Path, tmp_path: Path) -> None:
