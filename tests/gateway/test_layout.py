@@ -56,14 +56,10 @@ def test_nothing_of_the_judge_is_shown(tmp_path: Path) -> None:
         assert not any(part.is_relative_to(place) for place in places), part
     for part in (library() / "envs", library() / "leaderboard", Path.home(), Path("/etc/passwd"), Path("/run")):
         assert not any(part.is_relative_to(place) for place in places), part
-
-
-def test_bytecode_is_that_of_shown_modules_alone(tmp_path: Path) -> None:
-    layout = layout_for(image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0"), None)
-    places = {here for here, _ in layout.shown}
-    compiled = [here for here in places if here.endswith(".pyc")]
+    shown = {here for here, _ in layout.shown}
+    compiled = [here for here in shown if here.endswith(".pyc")]
     assert sys.dont_write_bytecode or cache_from_source(str(library() / "mtp_bench" / "files.py")) in compiled
-    assert {source_from_cache(here) for here in compiled} <= places
+    assert {source_from_cache(here) for here in compiled} <= shown, "bytecode is that of shown modules alone"
 
 
 def test_kernels_in_the_users_cache_are_no_secret(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,33 +80,21 @@ def test_kernels_are_found_from_any_folder(tmp_path: Path, monkeypatch: pytest.M
     assert environment(isolated=False)["NUMBA_CACHE_DIR"] == str(tmp_path / "kernels")
 
 
-def test_data_behind_a_link_in_its_root_is_a_secret(tmp_path: Path) -> None:
+def test_data_inside_what_is_shown_is_refused(tmp_path: Path) -> None:
+    """Behind a link in the data root, and the user's own files and scenes."""
     folder, root = submission(tmp_path / "mine"), tmp_path / "root"
     (folder / "kitti").mkdir()
+    (tracks := folder / "tracks.json").write_text("{}")
     root.mkdir()
     (root / "kitti_tracking").symlink_to(folder / "kitti")
-    image = image_of(load_submission(folder), "MTP-X-v0")
+    image, log = image_of(load_submission(folder), "MTP-X-v0"), str(write_long_log(folder / "log", frames=20))
     with pytest.raises(SubmissionError, match="which agents see: move the data elsewhere"):
         layout_for(image, str(root))
-
-
-def test_own_files_inside_a_submission_are_a_secret(tmp_path: Path) -> None:
-    folder = submission(tmp_path / "mine")
-    tracks = folder / "tracks.json"
-    tracks.write_text("{}")
-    image = image_of(load_submission(folder), "MTP-X-v0")
     for own in (tracks, folder):
         with pytest.raises(SubmissionError, match=rf"{own} holds data inside .*, which agents see"):
             layout_for(image, None, own=[own])
     assert layout_for(image, None, own=[tmp_path / "elsewhere"])
-
-
-def test_scenes_inside_a_submission_are_no_scenes_for_it(tmp_path: Path) -> None:
-    folder = submission(tmp_path / "mine")
-    log = str(write_long_log(folder / "log", frames=20))
-    with pytest.raises(
-        SubmissionError, match=r"log holds data inside .*mine, which agents see: move the data elsewhere"
-    ):
+    with pytest.raises(SubmissionError, match=r"log holds data inside .*mine, which agents see"):
         run_isolated(folder, "MTP-nuScenes-v0", {"files": log}, "one")
 
 

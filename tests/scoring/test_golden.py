@@ -62,48 +62,27 @@ def frames(name: str) -> list[Any]:
     return [tuple(frame[:6]) for frame in SCENES[name]]
 
 
-def assert_counts(
-    got: dict[str, Any], peer: dict[str, float], names: str, other: dict[str, tuple[float, float]]
-) -> None:
-    for name in names.split():
-        want = other.get(name, (peer[name],) * 2)
-        assert got[name] == pytest.approx(want[0], abs=1e-9), name
-        assert peer[name] == pytest.approx(want[1], abs=1e-9), name
-
-
-def test_nineteen_scripted_cases_and_one_synthetic_scene() -> None:
-    assert len(SCENES) == 20
-    assert set(SCENES) == set(PEERS)
+PROGRAMS: dict[str, tuple[Any, str, str, Other]] = {  # our mode, the peer, its numbers, where they differ
+    "AB3DMOT by frame, the paper's protocol": ("frame", "ab3dmot", "TP FP FN MOTP", {}),
+    "AB3DMOT by trajectory": ("frame", "ab3dmot", "IDS FRAG", AB3DMOT_OTHER),
+    "motmetrics": ("sticky", "motmetrics", "TP FP FN IDS FRAG MOTA MOTP", {}),
+    "TrackEval": ("sticky", "trackeval", "TP FP FN IDS FRAG MOTA", TRACKEVAL_OTHER),
+    "nuScenes": ("sticky", "nusc", "TP FP FN IDS FRAG MOTA", NUSCENES_OTHER),
+}
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_frame_mode_is_the_protocol_of_the_paper(name: str) -> None:
-    got, peer = tracking_counts(frames(name)), PEERS[name]["ab3dmot"]
-    assert (got["ids"], got["lost"]) == (peer["mtp_IDS"], peer["mtp_FRAG"])
-    assert_counts(got, peer, "TP FP FN MOTP", {})
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_frame_mode_against_trajectory_counts_of_ab3dmot(name: str) -> None:
-    assert_counts(tracking_counts(frames(name)), PEERS[name]["ab3dmot"], "IDS FRAG", AB3DMOT_OTHER.get(name, {}))
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_sticky_mode_is_motmetrics(name: str) -> None:
-    got = tracking_counts(frames(name), mode="sticky")
-    assert_counts(got, PEERS[name]["motmetrics"], "TP FP FN IDS FRAG MOTA MOTP", {})
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_sticky_mode_against_trackeval(name: str) -> None:
-    got = tracking_counts(frames(name), mode="sticky")
-    assert_counts(got, PEERS[name]["trackeval"], "TP FP FN IDS FRAG MOTA", TRACKEVAL_OTHER.get(name, {}))
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_sticky_mode_against_nuscenes(name: str) -> None:
-    got = tracking_counts(frames(name), mode="sticky")
-    assert_counts(got, PEERS[name]["nusc"], "TP FP FN IDS FRAG MOTA", NUSCENES_OTHER.get(name, {}))
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_counts_are_those_of_other_programs(program: str, name: str) -> None:
+    assert len(SCENES) == 20, "nineteen scripted cases and one synthetic scene"
+    mode, key, numbers, other = PROGRAMS[program]
+    got, peer = tracking_counts(frames(name), mode=mode), PEERS[name][key]
+    for number in numbers.split():
+        want = other.get(name, {}).get(number, (peer[number],) * 2)
+        assert got[number] == pytest.approx(want[0], abs=1e-9), number
+        assert peer[number] == pytest.approx(want[1], abs=1e-9), number
+    if "mtp_IDS" in peer:
+        assert (got["ids"], got["lost"]) == (peer["mtp_IDS"], peer["mtp_FRAG"])
 
 
 def scene_of(name: str) -> tuple[Scene, Rollout]:

@@ -7,15 +7,12 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from mtp_bench.cards import load_card, with_split
-from mtp_bench.detector.visibility import Sensor
 from mtp_bench.scoring import find_targets
 from mtp_bench.sources.wildtrack.source import SCENES, SPLITS, STORED, Wildtrack
 from mtp_bench.types import Detections, Scene, Truth
 
 pytestmark = pytest.mark.data
 
-PEOPLE = ("pedestrian",)
-SENSOR = Sensor(reach=25.0, field_of_view=2 * np.pi)
 RADIUS = 0.5  # m
 
 
