@@ -44,5 +44,4 @@ def test_the_card_is_one(repository: Path, tmp_path: Path) -> None:
     (block,) = blocks(repository / PAGE, "toml")
     (tmp_path / "MTP-logs-v0.toml").write_text(block)
     card = load_card(tmp_path / "MTP-logs-v0.toml")
-    assert card.detector_name == "pointrcnn-ours"
-    assert card.stored()["source"]["folder"] == str(tmp_path / "logs")
+    assert (card.detector_name, card.stored()["source"]["folder"]) == ("pointrcnn-ours", str(tmp_path / "logs"))

@@ -61,8 +61,7 @@ def test_a_folder_behind_a_link_is_replaced_and_the_link_stays(tmp_path: Path) -
     link.symlink_to(target)
     fill(link, "new")
     assert link.is_symlink()
-    assert [path.name for path in target.iterdir()] == ["said"]
-    assert said(link) == "new"
+    assert ([path.name for path in target.iterdir()], said(link)) == (["said"], "new")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["disk", "out"]
     assert [path.name for path in target.parent.iterdir()] == ["runs"]
 
@@ -79,8 +78,7 @@ def test_a_failed_replacement_leaves_the_earlier_folder(tmp_path: Path) -> None:
     fill(path, "old")
     with pytest.raises(RuntimeError), whole_folder(path):
         raise RuntimeError
-    assert said(path) == "old"
-    assert [each.name for each in tmp_path.iterdir()] == ["a.rollouts"]
+    assert (said(path), [each.name for each in tmp_path.iterdir()]) == ("old", ["a.rollouts"])
 
 
 def test_leftovers_of_killed_writers_go(tmp_path: Path) -> None:

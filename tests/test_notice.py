@@ -35,8 +35,7 @@ def test_long_work_says_what_it_does_and_how_far_it_is(capsys: pytest.CaptureFix
         work_long("a table", seconds=300)
         time.sleep(0.15)
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == "mtp_bench: reading?[2J, 0 of 4"
-    assert lines[1] == "mtp_bench: reading?[2J, 0 of 4, 1 s so far"
+    assert (lines[0], lines[1]) == ("mtp_bench: reading?[2J, 0 of 4", "mtp_bench: reading?[2J, 0 of 4, 1 s so far")
     assert "mtp_bench: reading?[2J, 1 of 4, a, about 1 s left" in lines
     assert "mtp_bench: a table, about 5 min" in lines, "known to be long: at once"
     assert lines[-1].startswith("mtp_bench: reading?[2J, 2 of 4, b, about ")

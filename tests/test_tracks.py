@@ -71,8 +71,7 @@ def test_group(case: str) -> None:
     np.testing.assert_allclose(np.exp(objects.log_mass), mass)
     # The box is that in the heaviest hypothesis that holds the object; hypotheses come heaviest first.
     first = [next(i for i in row if i >= 0) for row in leaf]
-    assert objects.box[:, 0].tolist() == first
-    assert objects.class_id.tolist() == [i % 3 for i in first]
+    assert (objects.box[:, 0].tolist(), objects.class_id.tolist()) == (first, [i % 3 for i in first])
 
 
 def test_very_unlikely_objects_keep_a_finite_mass() -> None:

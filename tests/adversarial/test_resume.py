@@ -173,8 +173,7 @@ def test_a_kill_between_two_steps_of_the_end_is_finished(
     cli.ok(*command, "--scenes", 1)
     process = start([step, str(after), *command], "-c", EARLY + LIGHT)
     process.communicate()
-    assert process.returncode == 9
-    assert count_parts(target) == SCENES
+    assert (process.returncode, count_parts(target)) == (9, SCENES)
     cli.ok(*command, "--resume")
     assert load_record(target).digest == undisturbed
     assert [len(load_run(target.with_suffix(".rollouts") / f"seed-{seed}").rollouts) for seed in SEEDS] == [3, 3]
@@ -311,9 +310,7 @@ def test_only_what_is_left_is_run_and_broken_parts_are_left(
     part = begun.with_suffix(".part") / "seed-0" / "0001.npz"
     part.write_bytes(part.read_bytes()[:-40])
     cli.ok(*command, "--resume")
-    assert load_record(begun).digest == undisturbed
-    assert len(ran) == SCENES - found + 1
-    assert ran[0] == "0001"
+    assert (load_record(begun).digest, len(ran), ran[0]) == (undisturbed, SCENES - found + 1, "0001")
 
 
 def test_parts_of_another_version_rerun(cli: CommandLine, command: list[str], begun: Path, undisturbed: str) -> None:

@@ -207,8 +207,7 @@ def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
     assert "found: 3 scenes, 20 frames" in printed
     assert printed.count("licence: CC BY-NC-SA 3.0 (Geiger et al.)") == 1
     first = content["MTP-KITTI-v0"]
-    assert (first["usable"], first["missing"], first["problems"]) == (True, [], [])
-    assert first["counts"]["scenes"] == 3
+    assert (first["usable"], first["missing"], first["problems"], first["counts"]["scenes"]) == (True, [], [], 3)
 
 
 def test_the_root_comes_from_the_environment_unless_it_is_given(
@@ -237,19 +236,16 @@ def test_a_file_that_cannot_be_written_is_refused_before_the_work(
     monkeypatch.chdir(tmp_path)
     output = cli("compare", agent, "--env", card, "--data", kitti, "--json", path)
     assert message in output.error
-    assert output.out == ""
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder", "mine"]
+    assert (output.out, sorted(p.name for p in tmp_path.iterdir())) == ("", ["file", "folder", "mine"])
 
 
 def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: str, training: str) -> None:
     common = ("train", "motion-noise", "--env", card, "--data", training)
     printed = cli.ok(*common)
     fitted = tomllib.loads(printed)
-    assert list(fitted) == ["pointrcnn-world"]
-    assert list(fitted["pointrcnn-world"]) == ["car", "pedestrian"]
+    assert (list(fitted), list(fitted["pointrcnn-world"])) == (["pointrcnn-world"], ["car", "pedestrian"])
     fields = {"measurement", "jerkiness", "speed", "acceleration"}
-    assert set(fitted["pointrcnn-world"]["car"]) == fields
-    assert cli.ok(*common, "-o", tmp_path / "noise.toml") == ""
+    assert (set(fitted["pointrcnn-world"]["car"]), cli.ok(*common, "-o", tmp_path / "noise.toml")) == (fields, "")
     assert (tmp_path / "noise.toml").read_text() == printed
     assert list(tomllib.loads(cli.ok(*common, "--observe", "truth"))) == ["truth-world"]
 

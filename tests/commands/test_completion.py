@@ -39,14 +39,12 @@ def offered(cli: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_environments_and_cards(offered: Shell) -> None:
     assert offered("run stp --env MTP-KITTI") == [name for name in card_ids() if name.startswith("MTP-KITTI")]
     nuscenes = ["MTP-nuScenes-CenterPoint-v0", "MTP-nuScenes-mini-v0", "MTP-nuScenes-v0"]
-    assert offered("compare stp --env MTP-nu") == nuscenes
-    assert offered("data --env mi") == ["mine.toml"]
+    assert (offered("compare stp --env MTP-nu"), offered("data --env mi")) == (nuscenes, ["mine.toml"])
 
 
 def test_submissions(offered: Shell) -> None:
     assert offered("run stp_s") == [name for name in baseline_names() if name.startswith("stp_s")]
-    assert offered("compare stp o") == ["own"]
-    assert offered("submit ./o") == ["./own"]
+    assert (offered("compare stp o"), offered("submit ./o")) == (["own"], ["./own"])
 
 
 WORDS = {
@@ -63,5 +61,4 @@ def test_words_that_an_option_takes(asked: str, offered: Shell) -> None:
 
 
 def test_commands_and_options(offered: Shell) -> None:
-    assert offered("ver") == ["verify"]
-    assert sorted(offered("run --sc")) == ["--scenes", "--scheduler"]
+    assert (offered("ver"), sorted(offered("run --sc"))) == (["verify"], ["--scenes", "--scheduler"])

@@ -66,8 +66,7 @@ def test_networks_learn_from_the_pasts_that_their_baselines_take(
 
     monkeypatch.setattr("mtp_bench.training.predictors.training_windows", learnable)
     known = ("train", "predictor", network, "--env", card, "--data", root)
-    assert cli(*known).error == "enough"
-    assert asked == [on]
+    assert (cli(*known).error, asked) == ("enough", [on])
     assert "unknown environment" in cli(*known, "--also", "MTP-Merg-v0").error
     assert len(asked) == 1
 

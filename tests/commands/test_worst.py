@@ -104,8 +104,7 @@ def test_ids_that_look_like_others() -> None:
     assert len({*shown}) == len(names)
     for number, short in enumerate(shown):
         assert found(run, f"{short}@6").object_id == found(run, f"car {short}@6").object_id == number, short
-    assert found(run, "x@y@7").object_id == 3
-    assert found(run, "lost-0").object_id == 4
+    assert (found(run, "x@y@7").object_id, found(run, "lost-0").object_id) == (3, 4)
 
 
 def test_the_list_and_its_file(cli: CommandLine, run: Path, tmp_path: Path) -> None:
@@ -155,5 +154,4 @@ def test_parts_as_text() -> None:
     )
     many = {"predictor": 3.0, "history": 1.0, "rest": 0.5, "localisation": 0.2, "below threshold": 4.0}
     assert parts_text(many, most=2) == "predictor 3.0 m, history 1.0, others 0.7, below threshold 4.0"
-    assert parts_text({}) == "nothing"
-    assert parts_text({"predictor": 0.034, "rest": 0.01}) == "predictor 0.03 m"
+    assert (parts_text({}), parts_text({"predictor": 0.034, "rest": 0.01})) == ("nothing", "predictor 0.03 m")

@@ -71,8 +71,7 @@ def test_a_neutral_box_absorbs_its_detections_and_counts_nowhere() -> None:
 
 def test_a_second_detection_of_an_object_is_a_duplicate() -> None:
     matches = match_boxes(truth([(10, 0)]), detections([(10.1, 0), (10.3, 0), (11.5, 0)]), CLASSES)
-    assert matches.false.tolist() == [False, True, True]
-    assert matches.duplicate.tolist() == [False, True, False]
+    assert (matches.false.tolist(), matches.duplicate.tolist()) == ([False, True, True], [False, True, False])
 
 
 def test_only_what_the_sensor_covers_counts() -> None:

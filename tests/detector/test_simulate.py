@@ -91,5 +91,4 @@ def test_a_scene_without_objects_can_be_simulated(frames: int) -> None:
     scene = no_objects(frames), np.zeros((frames, 4))
     assert simulated(MEGVII, 0, scene).frames == frames
     clean = simulated(load_profile("clean"), 0, scene)
-    assert clean.start.tolist() == [0] * (frames + 1)
-    assert clean.box.shape == (0, 7)
+    assert (clean.start.tolist(), clean.box.shape) == ([0] * (frames + 1), (0, 7))

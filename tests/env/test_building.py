@@ -46,8 +46,7 @@ def test_objects_alone_say_nothing_of_tracks() -> None:
     np.testing.assert_array_equal(got.object_box, BOX)
     assert got.object_class.tolist() == [0, 1]
     np.testing.assert_array_equal(got.forecast[:, 0], 100 * FUTURE)
-    assert got.forecast_log_weight.tolist() == [[0, -np.inf, -np.inf, -np.inf]] * 2
-    assert len(got.track_id) == 0
+    assert (got.forecast_log_weight.tolist(), len(got.track_id)) == ([[0, -np.inf, -np.inf, -np.inf]] * 2, 0)
     assert np.isneginf(got.hypothesis_log_weight).all()
     assert not got.invalid.any()
     nothing: list[Any] = [np.zeros((0, 7)), []]
@@ -80,8 +79,7 @@ def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
     )  # fmt: skip
     small = task(tracks=3, hypotheses=2, objects=1)
     action = make_action(small, BOX, CLASS, FUTURE, tracks=tracks)
-    assert action["track_id"].tolist() == [10, 12, 13]
-    assert action["track_class"].tolist() == [0, 1, 0]
+    assert (action["track_id"].tolist(), action["track_class"].tolist()) == ([10, 12, 13], [0, 1, 0])
     assert action["hypothesis_member"].tolist() == [[1, 0, 1], [0, 1, 1]]
     np.testing.assert_allclose(np.exp(action["hypothesis_log_weight"]), [0.5, 0.3])
     np.testing.assert_array_equal(action["object_box"], BOX[:1])

@@ -62,8 +62,7 @@ def test_another_detector_sees_the_same_world() -> None:
     for env in (usual, clean):
         env.reset()
     np.testing.assert_array_equal(usual.scene.truth.box, clean.scene.truth.box)
-    assert clean.task.detector == "clean"
-    assert len(clean.scene.detections.box) == len(clean.scene.truth.box)
+    assert (clean.task.detector, len(clean.scene.detections.box)) == ("clean", len(clean.scene.truth.box))
     order = np.lexsort(clean.scene.detections.box.T), np.lexsort(clean.scene.truth.box.T)
     np.testing.assert_allclose(clean.scene.detections.box[order[0]], clean.scene.truth.box[order[1]], atol=1e-6)
     assert len(usual.scene.detections.box) != len(usual.scene.truth.box)

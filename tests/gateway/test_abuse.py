@@ -77,8 +77,7 @@ SILENT = {
 @pytest.mark.parametrize(("trick", "limits"), SILENT.values(), ids=SILENT)
 def test_an_agent_that_hangs_is_ended(court: Court, trick: str, limits: object) -> None:
     run = court.run(trick, limits)  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
-    assert run.status == "hung"
-    assert np.diff(run.rollout.object_start)[2:].sum() == 0
+    assert (run.status, np.diff(run.rollout.object_start)[2:].sum()) == ("hung", 0)
 
 
 REACHES = {"its group": "os.kill(0, 9)", "everybody": "os.kill(-1 if os.getpid() == 1 else 0, 9)"}
@@ -237,8 +236,6 @@ def act(self, observation):
         folder, court.card, {"data": court.data}, limits=QUICK, scenes=["0006", "0008", "0001"], workers=Workers(2),
         progress=Progress(done=done.append),
     )  # fmt: skip
-    assert [run.rollout.scene for run in runs] == ["0006", "0008", "0001"]
-    assert sorted(done) == ["0001", "0006", "0008"]
-    assert [run.rollout.frames for run in runs] == [7, 4, 9]
-    assert {run.status for run in runs} == {"crashed"}
+    assert ([run.rollout.scene for run in runs], sorted(done)) == (["0006", "0008", "0001"], ["0001", "0006", "0008"])
+    assert ([run.rollout.frames for run in runs], {run.status for run in runs}) == ([7, 4, 9], {"crashed"})
     assert np.diff(runs[0].rollout.object_start).tolist() == [3, 3, 3, 0, 0, 0, 0]

@@ -200,8 +200,7 @@ def test_an_interruption_discards_the_server(court: Court, monkeypatch: pytest.M
     assert open_files() == before - 1, "all but the socket of the server"
     monkeypatch.setattr(ForkServer, "_read_pid", read_pid)
     made = forks_made(monkeypatch)
-    assert court.again().status == "finished"
-    assert len(made) == 1
+    assert (court.again().status, len(made)) == ("finished", 1)
 
 
 SLOW_AGENT = """
@@ -325,6 +324,5 @@ def test_a_library_below_tmp_is_shown_there(tmp_path: Path) -> None:
     image = image_of(load_submission(submission(tmp_path / "mine")), "MTP-X-v0")
     assert ("agent-scratch", "/tmp") in layout_for(image, None).links or str(library()).startswith("/tmp/")
     shown = [("/elsewhere", "/tmp/library")]
-    assert _with_tmp([], shown) == ()
-    assert _with_tmp([], []) == (("agent-scratch", "/tmp"),)
+    assert (_with_tmp([], shown), _with_tmp([], [])) == ((), (("agent-scratch", "/tmp"),))
     assert Path(TEMPORARY).name != "scratch", "clusters keep libraries below /scratch, which it would hide"

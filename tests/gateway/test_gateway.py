@@ -56,8 +56,7 @@ def test_settings_of_the_env_are_kept(card: str, kitti: str, name: str, keywords
 def test_parameters_stand_in_place_of_the_manifests(card: str, kitti: str) -> None:
     runs = [run_isolated("mtp", card, {"data": kitti}, "0006", parameters=given) for given in (None, {"hypotheses": 1})]
     most = [int(np.isfinite(run.rollout.hypothesis_log_weight).sum(axis=1).max()) for run in runs]
-    assert [run.status for run in runs] == ["finished", "finished"]
-    assert most[1] == 1
+    assert ([run.status for run in runs], most[1]) == (["finished", "finished"], 1)
 
 
 def test_several_processes_give_what_one_gives(card: str, kitti: str) -> None:

@@ -148,8 +148,7 @@ def test_each_hypothesis_draws_for_itself() -> None:
     predictor.reset(replace(TASK, k=4))
     forecasts = predictor.predict(Frame(0, tracks, ()))
     row = forecasts.rows_of(tracks)
-    assert (row[0, 0], row[1, 0], row[1, 1]) == (0, 1, 2)
-    assert forecasts.samples.shape == (3, 8, 10, 2)
+    assert (row[0, 0], row[1, 0], row[1, 1], forecasts.samples.shape) == (0, 1, 2, (3, 8, 10, 2))
     expected = predictor.futures(Frame(0, tracks, ()), np.zeros(4, dtype=np.int64), np.arange(4), 4)
     np.testing.assert_array_equal(forecasts.samples[:2].reshape(expected.shape), expected)
     np.testing.assert_array_equal(forecasts.samples[1], forecasts.samples[2])
@@ -168,8 +167,7 @@ def test_hedged_samples_are_shared_by_the_pasts(samples: int, shares: list[int])
     futures = hedged(samples)
     assert len(futures) == samples
     still = (futures == arc(3.0, 1.0)[-1, :2]).all(axis=(1, 2))
-    assert still.tolist() == [False] * (samples - 1) + [samples > 1]
-    assert sum(shares) == samples - (samples > 1)
+    assert (still.tolist(), sum(shares)) == ([False] * (samples - 1) + [samples > 1], samples - (samples > 1))
     assert len(np.unique(futures[:, -1], axis=0)) == samples, "each past draws numbers of its own"
 
 

@@ -105,8 +105,7 @@ def test_the_models_that_ship(detector: str) -> None:
 def test_every_env_has_a_model_but_unknown_detectors_go_by_the_default(repository: Path) -> None:
     for path in (repository / "envs").glob("*.toml"):
         assert file_of(load_card(path.stem).detector_name).stem != "default"
-    assert file_of("megvii-my_file").stem == "megvii"
-    assert file_of("yolo").stem == "default"
+    assert (file_of("megvii-my_file").stem, file_of("yolo").stem) == ("megvii", "default")
 
 
 def test_a_file_of_ones_own(tmp_path: Path) -> None:

@@ -37,8 +37,7 @@ def reasons(*records: Record, subset: Subset = "all") -> list[str]:
 
 def test_a_record_comes_back_as_it_was(tmp_path: Path) -> None:
     record = save_record(write_record(1.0, 2.0), tmp_path / "new" / "a.json")
-    assert load_record(tmp_path / "new" / "a.json") == record
-    assert len(record.digest) == 64
+    assert (load_record(tmp_path / "new" / "a.json"), len(record.digest)) == (record, 64)
 
 
 def test_the_digest_is_over_the_content_alone(tmp_path: Path) -> None:
@@ -160,8 +159,7 @@ def test_places_follow_the_error() -> None:
     assert [found[record.digest].places["all"].span for record in (far, close, best)] == [(3, 3), (1, 2), (1, 2)]
     for subset in ("ids", "lost", "paper_ids"):
         assert ranks(far, close, best, subset=subset) == [None] * 3
-    assert reasons(far, subset="ids") == ["0.0 objects, fewer than 20"]
-    assert reasons(far, subset="lost") == ["shown only"]
+    assert (reasons(far, subset="ids"), reasons(far, subset="lost")) == (["0.0 objects, fewer than 20"], ["shown only"])
 
 
 def test_units_rank_not_scenes() -> None:
@@ -205,16 +203,13 @@ def test_other_data_weights_or_samples_are_not_compared(other: dict[str, Any]) -
 ])  # fmt: skip
 def test_some_are_shown_never_ranked(changes: dict[str, Any], reason: str) -> None:
     odd, sound = write_record(*times(0.1), name="odd", **changes), write_record(*EIGHT)
-    assert why_unranked(odd) == reason
-    assert ranks(odd, sound) == [None, 1]
-    assert reasons(odd, sound) == [reason, ""]
+    assert (why_unranked(odd), ranks(odd, sound), reasons(odd, sound)) == (reason, [None, 1], [reason, ""])
 
 
 def test_who_dies_in_a_scene_is_not_ranked() -> None:
     lost = {"late": 0, "malformed": 0, "crashed_scenes": 1, "reasons": {"0001|0": "crashed: it fell"}}
     sound, cut = write_record(*times(9.0), name="sound"), write_record(*EIGHT, name="cut", missed=lost)
-    assert why_unranked(cut) == f"1 of {cut.runs} scenes and seeds were not finished"
-    assert ranks(sound, cut) == [1, None]
+    assert (why_unranked(cut), ranks(sound, cut)) == (f"1 of {cut.runs} scenes and seeds were not finished", [1, None])
 
 
 @pytest.mark.parametrize(("error", "worse"), [(1.0, False), (1.15, False), (1.17, True), (2.0, True), (None, False)])

@@ -116,8 +116,7 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     ranks = made.model_copy(update={"reference": frozen, "seeds": [0, 1, 2]})
     assert why_unranked(ranks, signed, ships_of(made, simulated=True)) == TOO_FEW
     weights = tmp_path / "s.weights.json"  # made once per seal
-    assert stat.S_IMODE(weights.stat().st_mode) == 0o600
-    assert read_reference(weights).digest == hidden.weights
+    assert (stat.S_IMODE(weights.stat().st_mode), read_reference(weights).digest) == (0o600, hidden.weights)
     kept = HighwayTraffic(load_card(short)).store
     assert kept.read(10000) is not None
     assert not kept.path(sealed.seeds.first).exists(), "a hidden scene can be read in the cache"
@@ -134,8 +133,7 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     assert signed.seal is not None
     assert signed.seal.retired
     published = json.loads((leaderboard / "seals" / "s.retired.json").read_text())
-    assert published["secret"]["first"] == sealed.seeds.first
-    assert published["weights"] == hidden.weights
+    assert (published["secret"]["first"], published["weights"]) == (sealed.seeds.first, hidden.weights)
     assert read_reference(leaderboard / "seals" / "s.weights.json").digest == hidden.weights
     assert "this seal is retired" in cli(*arguments).error
 

@@ -66,12 +66,9 @@ def resign(path: Path, change: Callable[[Content], Any]) -> None:
 
 def test_what_a_record_says(made: Path, submission: Path, card: str) -> None:
     record = load_record(made)
-    assert (record.submission.name, record.submission.parameters) == ("echo", {"noise": 0.1})
-    assert record.status == "finished"
-    assert (record.seeds, record.samples, record.env.scenes) == ([0, 1], 4, 3)
-    assert record.training_data == ["drives"]
-    assert [row.subset for row in record.rows] == list(SUBSETS)
-    assert record.runs == 6
+    assert (record.submission.name, record.submission.parameters, record.status) == ("echo", {"noise": 0.1}, "finished")
+    assert (record.seeds, record.samples, record.env.scenes, record.training_data) == ([0, 1], 4, 3, ["drives"])
+    assert ([row.subset for row in record.rows], record.runs) == (list(SUBSETS), 6)
     assert record.measured.latency.p50_ms is not None
     assert record.measured.peak_memory_mib > 1
     assert record.missed.model_dump() == {"late": 0, "malformed": 0, "crashed_scenes": 0, "reasons": {}}
@@ -260,8 +257,7 @@ def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: st
     assert output.error.startswith(f"{CARD_ID}: crashed: no scene was finished: ")
     assert "tired" in output.error
     record = load_record(tmp_path / "out" / f"{CARD_ID}.json")
-    assert (record.status, record.missed.crashed_scenes) == ("crashed", 3)
-    assert record.row.coverage == 0
+    assert (record.status, record.missed.crashed_scenes, record.row.coverage) == ("crashed", 3, 0)
     assert verify(tmp_path / "out" / f"{CARD_ID}.json", RunOptions(kitti), card).holds
 
 

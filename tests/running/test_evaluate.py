@@ -54,8 +54,7 @@ def test_objects_functions_classes_and_folders_score_alike_in_processes(card: st
 
 def test_an_object_that_cannot_be_copied_runs_in_this_process_alone(card: str, kitti: str) -> None:
     agent = Counting(held=iter(n for n in range(3)))
-    assert mtp_bench.evaluate(agent, card, data=kitti).rows[0].targets == 24
-    assert agent.scenes == 3
+    assert (mtp_bench.evaluate(agent, card, data=kitti).rows[0].targets, agent.scenes) == (24, 3)
     with pytest.raises(MtpBenchError, match=r"'Counting' cannot be sent to other processes .*: take jobs=1, or pass"):
         mtp_bench.evaluate(agent, card, data=kitti, jobs=2)
 

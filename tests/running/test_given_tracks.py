@@ -52,8 +52,7 @@ def test_stored_boxes_come_as_detections_with_ids(card: str, kitti: str, tracks:
     observation, _ = env.reset(options={"scene": "0001"})
     assert env.observation_space.contains(observation)
     valid = observation["detection_valid"] == 1
-    assert valid.sum() == 3
-    assert len(set(observation["detection_id"][valid].tolist())) == 3
+    assert (valid.sum(), len(set(observation["detection_id"][valid].tolist()))) == (3, 3)
     assert (observation["detection_id"][~valid] == -1).all()
     found = np.sort(observation["detection_score"][valid])
     np.testing.assert_allclose(found, [-2.0, 1.0, 3.0])  # of the detections that the tracks took

@@ -50,8 +50,7 @@ def test_what_is_frozen_is_found_again(cli: CommandLine, shipped: str, kitti: st
     path = frozen_path(shipped)
     assert said.startswith(f"{path}: {made.totals['targets']} targets, sum of weights ids ")
     assert made.digest in said
-    assert path.stat().st_mode & 0o777 == 0o644
-    assert [p.name for p in path.parent.iterdir()] == [path.name]
+    assert (path.stat().st_mode & 0o777, [p.name for p in path.parent.iterdir()]) == (0o644, [path.name])
     read = reference_for(card, scenes[:1], RunOptions("nowhere"))  # nothing is run
     assert (read.frozen, read.digest) == (True, made.digest)
     assert (read.env, read.agent, read.card, read.runs) == (shipped, "stp", card.digest, RUNS)

@@ -45,8 +45,7 @@ def assert_equal(one: Rollout, other: Rollout) -> None:
 
 def test_rows_are_divided_into_frames() -> None:
     rollout = make_rollout()
-    assert rollout.track_start.tolist() == [0, 4, 4, 8]
-    assert rollout.object_start.tolist() == [0, 2, 2, 4]
+    assert (rollout.track_start.tolist(), rollout.object_start.tolist()) == ([0, 4, 4, 8], [0, 2, 2, 4])
     assert rollout.track_id.tolist() == [10, 11, 12, 12] * 2
     assert rollout.forecast[0, 0].tolist() == [[100, 0], [200, 0], [300, 0]]
     assert np.isneginf(rollout.hypothesis_log_weight[1]).all()
@@ -56,8 +55,7 @@ def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
     rollouts = [make_rollout("one"), make_rollout("two/part 1", frames=1), make_rollout("..", frames=2)]
     save_run(tmp_path / "runs" / "echo", INFO, rollouts)
     run = load_run(tmp_path / "runs" / "echo")
-    assert run.info == INFO
-    assert [rollout.scene for rollout in run.rollouts] == ["one", "two/part 1", ".."]
+    assert (run.info, [rollout.scene for rollout in run.rollouts]) == (INFO, ["one", "two/part 1", ".."])
     for got, want in zip(run.rollouts, rollouts, strict=True):
         assert_equal(got, want)
     assert [path.name for path in (tmp_path / "runs").iterdir()] == ["echo"]

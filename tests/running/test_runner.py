@@ -20,9 +20,7 @@ NAMES = ["0006", "0001", "0008"]
 def test_a_scene_is_run_from_the_first_to_the_last_frame(card: str, kitti: str) -> None:
     env = MTPEnv(card, kitti, evaluation=True)
     rollout = run_scene(EchoAgent(), env, "0006", seed=0)
-    assert rollout.scene == "0006"
-    assert rollout.frames == 7
-    assert np.diff(rollout.track_start).tolist() == [3, 3, 3, 0, 0, 3, 3]
+    assert (rollout.scene, rollout.frames, np.diff(rollout.track_start).tolist()) == ("0006", 7, [3, 3, 3, 0, 0, 3, 3])
     np.testing.assert_allclose(rollout.track_box, env.scene.detections.box, atol=1e-4)
     assert (rollout.seconds > 0).all()
     assert rollout.seconds.sum() < 60
@@ -47,8 +45,7 @@ def test_run_info_says_where_a_run_comes_from(card: str, kitti: str, tmp_path: P
     submission = load_submission(write_submission(tmp_path / "echo", tables=tables))
     info = run_info(env, setting_of(submission, env.card), 3, {"rigid_motion": True, "samples": 7})
     assert (info.env_id, info.observe, info.samples, info.split) == ("MTP-Small-v0", "truth", 7, "val")
-    assert info.card_digest == env.card.digest
-    assert info.keywords == {"rigid_motion": True}
+    assert (info.card_digest, info.keywords) == (env.card.digest, {"rigid_motion": True})
     assert (info.agent, info.seed, info.hypotheses, info.submission_digest) == ("echo", 3, 5, submission.digest)
     assert {"python", "mtp-bench", "numpy"} <= info.versions.keys()
     assert kitti not in info.model_dump_json()

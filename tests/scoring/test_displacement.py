@@ -53,8 +53,7 @@ def test_broken_output_is_never_better(value: float, weights: list[float], valid
     samples[0, 0, 0, 0] = value
     got = displacement(samples, truth, [weights])
     want = 0.0 if valid else np.inf
-    assert got.valid.tolist() == [valid]
-    assert got.miss.tolist() == [not valid]
+    assert (got.valid.tolist(), got.miss.tolist()) == ([valid], [not valid])
     assert (got.min_ade[0], got.min_fde[0], got.energy_score[0]) == (want, want, want)
 
 

@@ -49,8 +49,7 @@ def test_objects(truth: list[Thing], objects: list[Thing], want: list[int], fals
     scene, rollout = make_scene([truth]), make_rollout([[]], [objects])
     frame = np.zeros(len(objects), dtype=int)
     found = match_objects(scene.truth, frame, rollout.object_box, rollout.object_class, CARD)
-    assert found.object_of_truth.tolist() == want
-    assert found.unmatched.tolist() == false
+    assert (found.object_of_truth.tolist(), found.unmatched.tolist()) == (want, false)
 
 
 # ---- error at the fixed operating point, of a frame: a car at rest and a walker at rest are targets in frame 1

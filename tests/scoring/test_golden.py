@@ -207,9 +207,7 @@ def test_the_whole_scorer_on_the_twelve_agents() -> None:
     seen += [at(20 + i, GIVEN["fp_det"][i], forecast=GIVEN["fp_pred"][i]) for i in range(4)]
     rollout = make_rollout([[]] * 14, [[], seen], samples=10, future=12)
     score = score_scene(scene, rollout, card)
-    assert len(score) == 12
-    assert sorted(score.object_id[~score.covered]) == [3, 8]
-    assert score.false_forecasts == 4
+    assert (len(score), sorted(score.object_id[~score.covered]), score.false_forecasts) == (12, [3, 8], 4)
     report = summarise([AgentScores("agent", 1, 10, "equal", ((score,),))], card)
     row, detail = report.rows[0], report.details[0]
     assert row.minADE is not None

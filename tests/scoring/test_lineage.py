@@ -85,8 +85,7 @@ def test_parents(tracks: list[list[Thing]], weight: Any, want: list[int]) -> Non
 def test_best_is_the_heaviest_then_the_first() -> None:
     weight = [[-2, -1, -3], [-1, -1, -3], [NEVER, NEVER, -1], [NEVER, NEVER, NEVER]]
     found = hypotheses(make_rollout([[held(1, 0, 0, 1, 2)]] * 4, log_weight=weight, hypotheses=3), CARD)
-    assert found.best.tolist() == [1, 0, 2, 0]
-    assert found.alive.sum(axis=1).tolist() == [3, 3, 1, 1]
+    assert (found.best.tolist(), found.alive.sum(axis=1).tolist()) == ([1, 0, 2, 0], [3, 3, 1, 1])
     assert not found.member[3].any()  # a frame without hypotheses is one without tracks
 
 
@@ -116,8 +115,7 @@ def test_a_fragment_is_remembered_along_the_lineage() -> None:
         [held(1, 0, 1), held(8, 50, 1), held(7, 0, 0), held(9, 50, 0)],  # ranks change, 0 has found it again
     ]
     got, found = events(tracks, [[-1, -1]] * 3, 2)
-    assert found.parent[2].tolist() == [1, 0]
-    assert got.lost.tolist() == [[False, False], [False, True], [False, False]]
+    assert (found.parent[2].tolist(), got.lost.tolist()) == ([1, 0], [[False, False], [False, True], [False, False]])
     assert got.reacquired.tolist() == [[False, False], [False, False], [True, False]]
     assert not got.ids.any()
 
@@ -127,8 +125,7 @@ def test_who_says_nothing_goes_on_from_the_best_hypothesis() -> None:
     tracks = [[held(1, 0, 0)], [held(1, 0, 0)], [], [], [held(1, 0, 0)]]
     weight = [[-0.1, -3], [-0.1, -3], [NEVER, NEVER], [NEVER, NEVER], [-0.1, -3]]
     got, found = events(tracks, weight, 2)
-    assert found.parent[2:].tolist() == [[0, 0]] * 3
-    assert np.flatnonzero(got.lost[:, 0]).tolist() == [2]
+    assert (found.parent[2:].tolist(), np.flatnonzero(got.lost[:, 0]).tolist()) == ([[0, 0]] * 3, [2])
     assert np.flatnonzero(got.reacquired[:, 0]).tolist() == [4]
 
 
@@ -172,6 +169,5 @@ def test_what_the_best_hypothesis_of_a_frame_descends_from() -> None:
         alive=everywhere, member=np.zeros((0, 2), dtype=bool), best=np.array([0, 1, 0, 1]),
         parent=np.array([[0, 0], [1, 0], [0, 1], [0, 1]]), stated=everywhere,
     )  # fmt: skip
-    assert found.seen_from(2).tolist() == [1, 0, 0, 1]
-    assert found.seen_from(0).tolist() == [0, 1, 0, 1]
+    assert (found.seen_from(2).tolist(), found.seen_from(0).tolist()) == ([1, 0, 0, 1], [0, 1, 0, 1])
     assert found.best.tolist() == [0, 1, 0, 1]

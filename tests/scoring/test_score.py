@@ -256,8 +256,7 @@ def test_events_in_every_hypothesis() -> None:
     for tracks, everywhere in ((both, True), (one, False)):
         weight = [[-1.0, -2.0]] * 5
         score = scored(truth, tracks, weight, 2)
-        assert score.own_ids.tolist() == [False, True, False]
-        assert score.all_h_ids.tolist() == [False, everywhere, False]
+        assert (score.own_ids.tolist(), score.all_h_ids.tolist()) == ([False, True, False], [False, everywhere, False])
         assert score.own_frag.tolist() == score.all_h_frag.tolist() == [False, False, True]
 
 

@@ -63,9 +63,7 @@ def test_shape_of_a_world(name: str, world: World) -> None:
     frames = round(traffic.seconds * RATE)
     truth = world.truth
     np.testing.assert_allclose(world.time, np.arange(frames) / RATE)
-    assert world.ego.shape == (frames, 4)
-    assert truth.start.shape == (frames + 1,)
-    assert truth.start[0] == 0
+    assert (world.ego.shape, truth.start.shape, truth.start[0]) == ((frames, 4), (frames + 1,), 0)
     assert truth.start[-1] == len(truth.box) == len(truth.velocity) == len(truth.class_id) == len(truth.object_id)
     assert truth.eligible.all()
     assert not truth.neutral.any()
@@ -90,8 +88,7 @@ def test_ids_belong_to_one_object_without_a_gap(world: World) -> None:
     for number in np.unique(truth.object_id):
         own = truth.object_id == number
         assert (np.diff(frame[own]) == 1).all()
-        assert len(np.unique(truth.class_id[own])) == 1
-        assert np.ptp(truth.box[own][:, 4:], axis=0).max() == 0
+        assert (len(np.unique(truth.class_id[own])), np.ptp(truth.box[own][:, 4:], axis=0).max()) == (1, 0)
 
 
 def check_vehicle(box: Floats, velocity: Floats) -> None:

@@ -201,8 +201,7 @@ def test_classes_neighbours_and_other_types(root: Path) -> None:
     np.testing.assert_array_equal(truth.start, [0, 0, 0, 6, 6, 6, 6])
 
     only = open_source(kitti_card(classes=("cyclist", "car")), root).load("0000").truth
-    assert only.object_id.tolist() == [0, 1, 6]
-    assert only.class_id.tolist() == [1, 1, 0]
+    assert (only.object_id.tolist(), only.class_id.tolist()) == ([0, 1, 6], [1, 1, 0])
 
     labels = read_labels(root / "training/label_02/0000.txt")  # all of it, for KITTI's own ignore rules
     assert labels.type.tolist() == [*kinds, "DontCare"]
@@ -281,8 +280,7 @@ def test_detections_that_cannot_be_used_are_skipped_and_counted(root: Path, size
     good, bad = detection(1, 2, 0, 1, 10, 0), detection(1, 2, 0, 1, z, 0, size=size)
     write(root / "detections/pointrcnn/Car/0000.txt", good, bad, bad)
     scene = load(root)
-    assert scene.skipped == {reason: 2}
-    assert len(scene.detections.box) == 1
+    assert (scene.skipped, len(scene.detections.box)) == ({reason: 2}, 1)
 
 
 LABELS, OXTS, CALIB = "training/label_02/0000.txt", "training/oxts/0000.txt", "training/calib/0000.txt"

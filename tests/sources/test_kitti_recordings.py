@@ -29,16 +29,13 @@ def scenes(data_root: Path) -> dict[str, Scene]:
 
 
 def test_counts_of_the_benchmark(data_root: Path, scenes: dict[str, Scene]) -> None:
-    assert tuple(scenes) == VALIDATION
-    assert sum(scene.frames for scene in scenes.values()) == 3908
+    assert (tuple(scenes), sum(scene.frames for scene in scenes.values())) == (VALIDATION, 3908)
     for class_id, (boxes, tracks) in enumerate([(9550, 190), (10124, 142), (1409, 28)]):
         own = [s.truth.object_id[(s.truth.class_id == class_id) & s.truth.eligible] for s in scenes.values()]
-        assert sum(len(ids) for ids in own) == boxes
-        assert sum(len(np.unique(ids)) for ids in own) == tracks
+        assert (sum(len(ids) for ids in own), sum(len(np.unique(ids)) for ids in own)) == (boxes, tracks)
     assert all(scene.skipped == {} for scene in scenes.values())
     train = open_source(with_split(CARD, "train"), data_root)
-    assert len(train.names) == 10
-    assert sum(train.load(name).frames for name in train.names) == 8008 - 3908
+    assert (len(train.names), sum(train.load(name).frames for name in train.names)) == (10, 8008 - 3908)
 
 
 def medians(folder: Path, names: Iterable[str]) -> dict[str, list[float]]:

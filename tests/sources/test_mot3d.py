@@ -86,8 +86,7 @@ def test_the_reference_point_is_the_same_in_all_scenes(root: Path) -> None:
 def test_rows_that_are_not_to_be_evaluated_are_neutral(root: Path) -> None:
     write(root / GT, row(5, 7, 0, 0), row(5, 8, 1, 0, confidence=0), row(6, 7, 0, 0, confidence=0))
     truth = load(root, "0005").truth
-    assert truth.neutral.tolist() == [False, True, True]
-    assert truth.eligible.tolist() == [True, False, False]
+    assert (truth.neutral.tolist(), truth.eligible.tolist()) == ([False, True, True], [True, False, False])
 
 
 @pytest.mark.parametrize(("source", "train", "val"), [

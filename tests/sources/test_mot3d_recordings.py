@@ -41,8 +41,7 @@ def scenes(data_root: Path) -> dict[str, Scene]:
 def test_counts(scenes: dict[str, Scene], name: str, counts: tuple[int, int, int, int]) -> None:
     scene = scenes[name]
     ids = len(np.unique(scene.truth.object_id))
-    assert (scene.frames, ids, len(scene.truth.box), len(scene.detections.box)) == counts
-    assert scene.skipped == {}
+    assert ((scene.frames, ids, len(scene.truth.box), len(scene.detections.box)), scene.skipped) == (counts, {})
 
 
 def test_scenes_of_the_card(data_root: Path, scenes: dict[str, Scene]) -> None:

@@ -103,8 +103,7 @@ def test_kitti_tracks_without_a_score_have_1_and_are_counted(kitti: str, card: s
     one, folder = load_card(card), kitti_folder(tmp_path, [line(0, 1, more=""), line(1, 1, more="")])
     scene = with_tracks(open_source(one, kitti), one, kitti, folder).load("0001")
     assert scene.tracks is not None
-    assert scene.tracks.score.tolist() == [1.0, 1.0]
-    assert scene.skipped == {"track without a score, taken as 1": 2}
+    assert (scene.tracks.score.tolist(), scene.skipped) == ([1.0, 1.0], {"track without a score, taken as 1": 2})
 
 
 @pytest.mark.parametrize("form", ["txt", "csv", "json"])

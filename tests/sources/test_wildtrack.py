@@ -84,8 +84,7 @@ def test_only_the_last_scene_has_stored_detections(root: Path) -> None:
     assert stored.detections.score.tolist() == [1.0]
     assert np.isnan(stored.detections.velocity).all()
     for scene in (load(root, "wildtrack-1600"), load(root, detector=None)):
-        assert (scene.detector, scene.simulated) == ("", False)
-        assert len(scene.detections.box) == 0
+        assert (scene.detector, scene.simulated, len(scene.detections.box)) == ("", False, 0)
         assert len(scene.detections.start) == 41
 
 

@@ -33,14 +33,12 @@ def hits(truth: Truth, detections: Detections) -> int:
 
 
 def test_counts_of_the_dataset(data_root: Path, scenes: dict[str, Scene]) -> None:
-    assert tuple(scenes) == tuple(SCENES)
-    assert sum(scene.frames for scene in scenes.values()) == 400
+    assert (tuple(scenes), sum(scene.frames for scene in scenes.values())) == (tuple(SCENES), 400)
     assert sum(len(scene.truth.box) for scene in scenes.values()) == 9518
     frame = np.concatenate([40 * i + scene.truth.frame_of_rows for i, scene in enumerate(scenes.values())])
     ids = np.concatenate([scene.truth.object_id for scene in scenes.values()])
     tracks = [np.sort(frame[ids == i]) for i in np.unique(ids)]
-    assert len(tracks) == 313
-    assert sum(bool((np.diff(track) > 1).any()) for track in tracks) == 27
+    assert (len(tracks), sum(bool((np.diff(track) > 1).any()) for track in tracks)) == (313, 27)
 
 
 def test_people_keep_their_ids_across_scenes(scenes: dict[str, Scene]) -> None:

@@ -83,8 +83,7 @@ def test_a_world_is_made_once(made: list[int]) -> None:
     first = store.get(5)
     assert store.read(5) is not None
     assert same(WorldStore(TRAFFIC).get(5), first)
-    assert made == [5]
-    assert first.visible.shape == (3 * FRAMES,)
+    assert (made, first.visible.shape) == ([5], (3 * FRAMES,))
 
 
 def bytes_in_the_middle(path: Path) -> None:
@@ -159,14 +158,11 @@ def test_a_scene_is_cut_to_rate_reach_and_classes() -> None:
     assert scene.frames == 16  # 2 Hz
     np.testing.assert_allclose(np.diff(scene.time), 0.5)
     # The truck is out of reach, pedestrians are no class of this card.
-    assert scene.truth.object_id.tolist() == [4] * 16
-    assert scene.truth.class_id.tolist() == [1] * 16
+    assert (scene.truth.object_id.tolist(), scene.truth.class_id.tolist()) == ([4] * 16, [1] * 16)
     np.testing.assert_allclose(scene.truth.box[:, 0], 10.0 + 0.5 * np.arange(16))
-    assert scene.truth.box[0, 1] == 0.06
-    assert scene.detector == "nuscenes_megvii, simulated detections"
+    assert (scene.truth.box[0, 1], scene.detector) == (0.06, "nuscenes_megvii, simulated detections")
     assert scene.truth_complete
-    assert len(scene.lanes) == 2
-    assert len(scene.detections.start) == 17
+    assert (len(scene.lanes), len(scene.detections.start)) == (2, 17)
 
 
 def test_what_is_hidden_stays_hidden_after_the_cut() -> None:

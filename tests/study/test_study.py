@@ -196,8 +196,7 @@ def test_settings_of_an_agent(name: str) -> None:
     subject = subject_of(load_submission(name), load_card("MTP-Intersection-v0"), (1, 5, 20), (20,))
     assert (subject.single.label, subject.reference.label, list(subject.equal), list(subject.free)) == SUBJECTS[name]
     own = subject.truth.submission.name == name
-    assert own == ("modes" in name)
-    assert subject.truth.observe == "truth"
+    assert (own, subject.truth.observe) == ("modes" in name, "truth")
     if name == "stp_cut":  # its gap begins at a control
         assert subject.equal[1].label == "stp_cut"
     else:

@@ -69,16 +69,13 @@ def test_a_submission_is_read(folder: Path) -> None:
     with pytest.raises(SubmissionError, match="the submission is 3, expected its folder or the name of a baseline"):
         load_submission(3)  # type: ignore[arg-type]
     assert (submission.name, submission.authors, submission.agent) == ("silent", ("A. Author",), "agent:build")
-    assert submission.parameters == {"gate": 1.5}
-    assert submission.path == folder
-    assert submission.compare.sweep == {}
+    assert (submission.parameters, submission.path, submission.compare.sweep) == ({"gate": 1.5}, folder, {})
     assert submission.compare.samples == ("equal",)
 
 
 def test_parameters_reach_the_agent_and_overrides_win(folder: Path) -> None:
     agent = built(folder, hypotheses=20)
-    assert (agent.task, agent.gate, agent.hypotheses) == (TASK, 1.5, 20)
-    assert built(folder, gate=3.0).gate == 3.0
+    assert (agent.task, agent.gate, agent.hypotheses, built(folder, gate=3.0).gate) == (TASK, 1.5, 20, 3.0)
 
 
 def test_modules_of_a_folder_import_each_other(tmp_path: Path) -> None:
@@ -115,8 +112,7 @@ def test_the_digest_does_not_depend_on_place_or_use(tmp_path: Path, folder: Path
     built(folder)
     (folder / "__pycache__").mkdir(exist_ok=True)
     (folder / "__pycache__" / "left.pyc").write_bytes(b"behind")
-    assert load_submission(folder).digest == before
-    assert load_submission(write(tmp_path / "copy")).digest == before
+    assert (load_submission(folder).digest, load_submission(write(tmp_path / "copy")).digest) == (before, before)
 
 
 def test_compiled_code_beside_the_sources_is_neither_run_nor_written(folder: Path, tmp_path: Path) -> None:

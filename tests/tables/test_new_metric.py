@@ -66,5 +66,4 @@ def test_a_stored_row_without_the_metric_loads() -> None:
     assert FurtherRow.model_validate(stored).jerk is None
     optional = [column.key for column in columns_of(Row) if column.optional]
     older = Row.model_validate({key: value for key, value in stored.items() if key not in optional})
-    assert {getattr(older, key) for key in optional} == {None}
-    assert Record.model_fields["rows"].annotation == list[Row]
+    assert ({getattr(older, key) for key in optional}, Record.model_fields["rows"].annotation) == ({None}, list[Row])

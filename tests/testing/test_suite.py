@@ -153,9 +153,7 @@ def test_an_agent_that_raises_shows_its_own_lines(card: str, kitti: str) -> None
     findings = check(lambda task: Raising(), card, kitti)
     assert [finding.check for finding in findings][-1] == "contract", "the other checks would say the same"
     error = only(findings)
-    assert error.got == "ValueError: no more"
-    assert error.where == "scene 0006, frame 3"
-    assert len(error.traceback) == 1
+    assert (error.got, error.where, len(error.traceback)) == ("ValueError: no more", "scene 0006, frame 3", 1)
     assert error.traceback[0].startswith("test_suite.py, line ")
     assert error.traceback[0].endswith('in act: raise ValueError("no more")')
 

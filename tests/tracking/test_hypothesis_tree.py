@@ -33,8 +33,7 @@ def test_the_second_hypothesis_of_a_meeting_holds_the_swap() -> None:
         {int(i): int(d) for i, d in zip(meeting.track_id[m], meeting.detection[m], strict=True)}
         for m in meeting.member[:2]
     )
-    assert first == {0: 0, 1: 1}
-    assert second == {0: 1, 1: 0}
+    assert (first, second) == ({0: 0, 1: 1}, {0: 1, 1: 0})
     assert meeting.log_weight[1] - meeting.log_weight[0] == pytest.approx(0, abs=0.01)
     # A frame later crossing is the likelier story, turning back is still there.
     stories = [dict(zip(after.track_id[m].tolist(), after.detection[m].tolist(), strict=True)) for m in after.member]

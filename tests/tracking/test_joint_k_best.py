@@ -213,10 +213,8 @@ def test_empty(case: str) -> None:
     rows, columns, parents, k, count = EMPTY[case]
     problem = np.full((rows, columns), INF), np.ones((parents, rows), dtype=bool), np.full(parents, 2.5), k
     costs, row_to_column, parent = solved(problem)
-    assert costs.tolist() == [2.5] * count
-    assert row_to_column.tolist() == [[-1] * rows] * count
-    assert row_to_column.shape == (count, rows)
-    assert parent.tolist() == [0] * count
+    assert (costs.tolist(), row_to_column.tolist()) == ([2.5] * count, [[-1] * rows] * count)
+    assert (row_to_column.shape, parent.tolist()) == ((count, rows), [0] * count)
 
 
 def test_enumeration_gives_up_where_everything_is_tied() -> None:

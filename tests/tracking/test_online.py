@@ -42,8 +42,7 @@ def test_what_is_remembered_of_a_track() -> None:
     frames = [frame((0, 0, CAR)), frame((1, 0, CAR)), frame(), frame((3, 0, CAR))]
     said = scripted(*([("a", box(x + 0.2), 0.9)] for x in (0, 1, 2, 3)))
     *_, missed, last = played(said, frames)
-    assert (missed.detection.tolist(), last.detection.tolist()) == ([-1], [0])
-    assert last.track_id.tolist() == [0]
+    assert (missed.detection.tolist(), last.detection.tolist(), last.track_id.tolist()) == ([-1], [0], [0])
     assert last.hits is not None
     assert last.age is not None
     assert last.past_detection is not None
@@ -133,10 +132,8 @@ def test_a_tracker_for_each_class() -> None:
     tracker.reset(kitti_task())
     seen = frame((0, 0, PEDESTRIAN), (9, 0, CAR), (30, 0, PEDESTRIAN))
     tracks = tracker.step({**observation(seen), "time": np.array(0.0), "dt": np.array(0.1)})
-    assert made == [0, 1, 2]
-    assert tracks.class_id.tolist() == [CAR, PEDESTRIAN, PEDESTRIAN]
-    assert tracks.detection.tolist() == [1, 0, 2]
-    assert len(set(tracks.track_id.tolist())) == 3
+    assert (made, tracks.class_id.tolist()) == ([0, 1, 2], [CAR, PEDESTRIAN, PEDESTRIAN])
+    assert (tracks.detection.tolist(), len(set(tracks.track_id.tolist()))) == ([1, 0, 2], 3)
 
 
 class OurOwn:

@@ -65,8 +65,7 @@ def test_life_of_a_track(case: str) -> None:
 @pytest.mark.parametrize("hypotheses", [1, 20])
 def test_without_any_detection_there_is_one_empty_hypothesis(hypotheses: int) -> None:
     for tracks in run(HypothesisTracker(hypotheses), [NOTHING] * 4):
-        assert tracks.member.shape == (1, 0)
-        assert tracks.past.shape == (0, 10, 7)
+        assert (tracks.member.shape, tracks.past.shape) == ((1, 0), (0, 10, 7))
         np.testing.assert_array_equal(tracks.log_weight, [0.0])
 
 
@@ -110,8 +109,7 @@ def test_the_truth_tracker_follows_true_ids() -> None:
     for x, ids in ((0.0, [4]), (1.0, [9, 4]), (2.0, [9]), (3.0, [9, 4])):
         seen = observation(frame(*((x + i, float(i), CAR) for i in ids)))
         tracks = tracker.step({**seen, "detection_id": np.array(ids)})
-    assert tracks.track_id.tolist() == [9, 4]
-    assert tracks.past_valid.tolist() == [[True, True, True], [True, False, True]]
+    assert (tracks.track_id.tolist(), tracks.past_valid.tolist()) == ([9, 4], [[True, True, True], [True, False, True]])
     assert tracks.past[:, :, 0].tolist() == [[10.0, 11.0, 12.0], [5.0, 0.0, 7.0]]
 
 
@@ -156,9 +154,7 @@ def test_weak_detections_are_ignored() -> None:
         return [int(row) for row in tracker.step(seen).detection]
 
     assert rows(None) == rows(-np.inf) == [0, 1, 2]
-    assert rows(2.0) == [1, 2]
-    assert rows({"cyclist": 2.5}) == [0, 2]
-    assert rows({"car": 9.0, "cyclist": 9.0}) == []
+    assert (rows(2.0), rows({"cyclist": 2.5}), rows({"car": 9.0, "cyclist": 9.0})) == ([1, 2], [0, 2], [])
     assert rows(np.float32(2.0)) == [1, 2]  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="unknown class in min_detection_score 'cars'"):
         rows({"cars": 1.0})
@@ -189,5 +185,4 @@ def test_a_fast_car_at_2_hz_keeps_its_identity_only_by_its_velocity() -> None:
         tracker.reset(replace(URBAN, velocity=known))
         tracks = [tracker.step(at(speed * DT * t, speed)) for t in range(4)]
         ids[known] = {int(track_id) for frame_tracks in tracks for track_id in frame_tracks.track_id}
-    assert len(ids[True]) == 1
-    assert len(ids[False]) == 4
+    assert (len(ids[True]), len(ids[False])) == (1, 4)

@@ -42,8 +42,7 @@ def test_growth(seed: int) -> None:
     for run in (grow, grow.function):
         leaf, detection, member, name = run(*case)
         leaves = list(zip(leaf.tolist(), detection.tolist(), strict=True))
-        assert leaves == every
-        assert [{leaves[e] for e in np.flatnonzero(row)} for row in member] == held
+        assert (leaves, [{leaves[e] for e in np.flatnonzero(row)} for row in member]) == (every, held)
         for a, first in zip(held, name, strict=True):
             assert all(first == second for b, second in zip(held, name, strict=True) if a == b)
 

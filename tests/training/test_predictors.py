@@ -142,8 +142,7 @@ def test_the_distance_of_a_mode_counts_known_frames_alone() -> None:
 def test_folds() -> None:
     names = [f"s{number}" for number in range(10)]
     parts = [held_out(names, (number, 3)) for number in (1, 2, 3)]
-    assert sorted(name for part in parts for name in part) == names
-    assert held_out(names[::-1], (1, 3))[::-1] == parts[0]
+    assert (sorted(name for part in parts for name in part), held_out(names[::-1], (1, 3))[::-1]) == (names, parts[0])
     assert fold_of("2/3") == (2, 3)
     for wrong in ("0/3", "4/3", "1", "1/1", "a/b", "\u0661/\u0664"):
         with pytest.raises(MtpBenchError, match=r"such as 1/4"):
@@ -209,8 +208,7 @@ def test_weights_lie_where_agents_look_whatever_the_card_is_called(
     path, card = train_predictor(
         found, TrainingRequest("modes", str(tmp_path / "MTP-Small-v0.toml"), plan=replace(QUICK, epochs=1))
     )
-    assert path == tmp_path / "weights" / "modes-truth-MTP-Small-v0.safetensors"
-    assert card["env"] == "MTP-Small-v0"
+    assert (path, card["env"]) == (tmp_path / "weights" / "modes-truth-MTP-Small-v0.safetensors", "MTP-Small-v0")
     assert find_weights("modes", "truth", found.task) == path
 
 

@@ -93,8 +93,7 @@ def test_the_same_rows_give_the_same_file() -> None:
         rows, _ = made_up()
         model, said = presence.fit(rows, FULL)
         texts.append(presence.model_text("mine", FULL, model, [], {"presence": quality(said, rows.present)}))
-    assert texts[0] == texts[1]
-    assert json.loads(texts[0])["terms"] == "of nobody"
+    assert (texts[0], json.loads(texts[0])["terms"]) == (texts[1], "of nobody")
 
 
 def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:

@@ -69,8 +69,7 @@ def test_a_swap_shows_the_other_object_by_its_name() -> None:
     tracks = [[Thing(1 if t < EVENT else 2, t, 0.0), Thing(2 if t < EVENT else 1, t, 3.0)] for t in range(8)]
     run = replay(make_scene(truth), make_rollout(tracks), CARD)
     shown = frame_of(Focus(run, run.incident("ids-0")), EVENT)
-    assert shown.other_names == ("car 6",)
-    assert shown.others[:, 1].tolist() == [3.0]
+    assert (shown.other_names, shown.others[:, 1].tolist()) == (("car 6",), [3.0])
     assert "track 2 (of car 6 until then). Track 1 takes the detection of car 6 (ids-1), 3.0 m from where" in told(
         truth, tracks, "ids-0"
     )
@@ -86,8 +85,7 @@ def test_a_track_and_a_detection_at_the_object_are_said_to_be_of_another_one() -
     shown = frame_of(focus, EVENT)
     assert (focus.rival(EVENT), focus.rival(EVENT - 1)) == (2, -1)
     assert {track.track_id: track.frame for track in shown.named} == {1: EVENT - 1, 2: EVENT, 3: 8}
-    assert [text.partition(", ")[2] for text in shown.detection_text] == ["of car 6"]
-    assert shown.other_names == ("car 6",)
+    assert ([text.partition(", ")[2] for text in shown.detection_text], shown.other_names) == (["of car 6"], ("car 6",))
     _, marks = draw_focus(focus, EVENT, (900, 450), window_of(focus, EVENT))
     assert "track 2, which follows car 6" in [mark.text for mark in marks]
 
@@ -101,8 +99,7 @@ def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:
     rollout.hypothesis_parent[1:] = [[0, 1]] * 3
     run = replay(make_scene(truth), rollout, CARD)
     focus = Focus(run, run.incident("lost-0"))
-    assert focus.hypothesis.tolist() == [0, 0, 0, 0]
-    assert [track.track_id for track in frame_of(focus, 1).tracks] == [1]
+    assert (focus.hypothesis.tolist(), [track.track_id for track in frame_of(focus, 1).tracks]) == ([0, 0, 0, 0], [1])
     assert focus.follower(1) == 1
 
 
@@ -215,8 +212,7 @@ def test_the_detection_that_a_track_took_lies_beyond_its_box(detected: float, to
     focus = Focus(run, run.incident("lost-0"))
     place = expected(focus, 1, 4)
     assert place is not None
-    assert place.tolist() == [4.0, 0.0]
-    assert taken(focus, 1, 4) == (4 if detected < 9.0 else -1)
+    assert (place.tolist(), taken(focus, 1, 4)) == ([4.0, 0.0], (4 if detected < 9.0 else -1))
     assert f"for 0.1 s, until it has it again (reacquired-0). Track 1 {told_of_it}" in sentence(focus)
     rule = replay(run.scene, run.rollout, make_card(measure="iou_3d"))
     assert re.search(r"has an IoU of 0\.\d\d with it, below 0\.5", sentence(Focus(rule, rule.incident("lost-0"))))
@@ -232,8 +228,7 @@ def test_what_follows_in_the_hypothesis_that_becomes_the_best() -> None:
     rollout = replace(rollout, hypothesis_parent=np.tile([0, 1], (8, 1)))
     run = replay(make_scene(line([5] * 8)), rollout, CARD)
     focus = Focus(run, run.incident("reacquired-0"))
-    assert focus.at.frame == 4
-    assert [focus.follower(t) for t in range(5)] == [1, 1, -1, -1, 1]
+    assert (focus.at.frame, [focus.follower(t) for t in range(5)]) == (4, [1, 1, -1, -1, 1])
     assert "car 5 is found again after 0.2 s by its old track 1. " in sentence(focus)
 
 
@@ -309,5 +304,4 @@ def test_false_forecasts(first: Replay) -> None:
         none = counterpart(other, at)
         assert (none.kind, none.new_id) == (MOMENT, -1)
         focus = Focus(other, none)
-        assert sentence(focus) == "no event: at 0.2 s there is no false forecast of a car"
-        assert report(focus).size == SIZE
+        assert (sentence(focus), report(focus).size) == ("no event: at 0.2 s there is no false forecast of a car", SIZE)

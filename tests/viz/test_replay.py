@@ -76,8 +76,7 @@ def test_incidents_are_those_of_the_best_hypothesis_along_its_lineage() -> None:
     late = make_rollout(tracks, log_weight=np.log([[0.6, 0.4]] * 3 + [[0.4, 0.6]]), hypotheses=2)
     played = replay(scene, late, CARD)
     assert played.incidents == (), "no track of either lineage changed then, and a change of rank is no switch"
-    assert played.answers.hypotheses.best.tolist() == [0, 0, 0, 1]
-    assert played.truth_track.tolist() == [0, 2, 4, 7]
+    assert (played.answers.hypotheses.best.tolist(), played.truth_track.tolist()) == ([0, 0, 0, 1], [0, 2, 4, 7])
 
 
 def spoken(things: list[list[Thing]], off: float = 0.0) -> list[list[Thing]]:
@@ -122,8 +121,7 @@ def test_false_forecasts_are_listed_as_runs_of_their_track() -> None:
         ("spurious-2", 4, 4, 8, CAR, 0.25),
         ("spurious-3", 5, 5, 9, CAR, 0.25),
     ]
-    assert played.forecast_false.sum() == 5
-    assert (played.answers.object_track >= 0).sum() == 13
+    assert (played.forecast_false.sum(), (played.answers.object_track >= 0).sum()) == (5, 13)
     assert played.counts["FP"].tolist() == [1, 1, 1, 0, 1, 1, 1, 0, 0]
     unknown = replay(replace(scene, truth_complete=False), make_rollout(tracks, said), CARD)
     assert {incident.kind for incident in unknown.incidents} == {"lost"}
@@ -136,8 +134,7 @@ def test_what_is_tracked_false_or_neither() -> None:
     truth = together(line([5] * 2), line([6] * 2, y=9.0, neutral=True))
     things = together(line([1] * 2), line([2] * 2, y=9.5), line([3] * 2, y=30.0))
     played = replay(with_detections(make_scene(truth), things), make_rollout(things), CARD)
-    assert played.truth_track.tolist() == [0, 1, 3, 4]
-    assert played.track_false.tolist() == [False, False, True] * 2
+    assert (played.truth_track.tolist(), played.track_false.tolist()) == ([0, 1, 3, 4], [False, False, True] * 2)
     assert played.detection_false.tolist() == [False, False, True] * 2
     assert {name: count.tolist() for name, count in played.counts.items()} == {"TP": [1, 1], "FN": [0, 0], "FP": [1, 1]}
 

@@ -203,8 +203,7 @@ def test_curves_show_error_distance_and_speed_of_the_object(tmp_path: Path) -> N
     assert curves["curves/0", "error"] == curves["curves/0", "rest"], "without references one part is all"
     assert curves["curves/0", "error"][9] == [], "no target, and no value"
     assert [curves["curves/1", f"track {i}"][EVENT][0] for i in (1, 2)] == pytest.approx([1.5, 0.0])
-    assert curves["curves/1", "track 2"][EVENT - 1] == []
-    assert curves["curves/1", "event gate"][0] == [2.0]
+    assert (curves["curves/1", "track 2"][EVENT - 1], curves["curves/1", "event gate"][0]) == ([], [2.0])
     assert curves["curves/2", "car 5"][EVENT] == pytest.approx([5.0])
     assert found["identity/car-5-events"][EVENT]["state"] == ["ids-0"]
 

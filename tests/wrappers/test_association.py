@@ -69,8 +69,7 @@ def test_of_two_that_continue_a_track_the_nearer_one_does(make_env: MakeEnv) -> 
 def test_columns_of_the_observation(env: AssociationOnly) -> None:
     observation, _ = env.reset(seed=0)
     table = env.table(observation)
-    assert table.shape == (4, 4 + 2 + 2 * 4)
-    assert table[:, 0].tolist() == [1, 1, 1, 0]
+    assert (table.shape, table[:, 0].tolist()) == ((4, 4 + 2 + 2 * 4), [1, 1, 1, 0])
     np.testing.assert_allclose(table[:3, 1], [3 / 4, 1 / 2, -2 / 3], rtol=1e-6)  # scores 3, 1, -2
     # The car is 0.1 m along the scene's x axis, 0.5 rad to the right of the platform's heading.
     np.testing.assert_allclose(table[0, 2:4], 0.001 * np.array([np.cos(0.5), -np.sin(0.5)]), atol=1e-6)
