@@ -82,8 +82,6 @@ def honest(tmp_path: Path) -> tuple[Path, Record]:
 
 
 # --- H4: levels that nobody gave
-
-
 @pytest.mark.parametrize("key_of_record", ["verification", "hidden"])
 def test_a_record_that_states_its_own_level_is_refused(honest: tuple[Path, Record], key_of_record: str) -> None:
     path, _ = honest
@@ -140,8 +138,6 @@ def test_seals_are_verified_by_another_run(echo: tuple[Path, Path], card: str, k
 
 
 # --- H5: one record that un-ranks its environment
-
-
 def broken_counts(content: Content) -> None:
     for row in content["rows"]:
         row.update(objects=0, effective_objects=0.0)
@@ -191,8 +187,6 @@ def test_one_broken_record_stops_no_board(honest: tuple[Path, Record], cli: Comm
 
 
 # --- H6: a level where nothing was held
-
-
 def test_what_nothing_held_is_re_scored_at_most(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     folder, genuine = echo
     loose: Change = lambda content: content["isolation"].update(mechanism="none")  # noqa: E731
@@ -219,8 +213,6 @@ def test_a_run_that_nothing_held_proves_no_record() -> None:
 
 
 # --- Medium: what ranked and must not
-
-
 def test_an_agent_that_knows_the_public_scenes_ranks_by_hidden_ones() -> None:
     """36 % worse on hidden scenes was within the intervals once."""
     knows, honest = write_record(*[0.5] * 8, name="knows"), write_record(*[1.0] * 8, name="honest")
@@ -411,8 +403,6 @@ def test_one_name_has_one_owner() -> None:
 
 
 # --- levels that are forged, copied, or of somebody else
-
-
 def sign(path: Path, record: Record, key: Path, level: Level = "re-run", **changed: Any) -> Path:
     digests = {"record": record.digest, "measured": record.measured.digest}
     content = {"level": level, "isolation": "bubblewrap", "date": "2030-01-01", **digests, **changed}
@@ -617,8 +607,6 @@ def test_public_scenes_are_not_hidden(on_seal: tuple[Path, Record, Commitment], 
 
 
 # --- what a pull request brings
-
-
 @pytest.fixture
 def proposal(leaderboard: Path, tmp_path: Path) -> Path:
     """A copy of the leaderboard with a record of a new submission, and its owner."""

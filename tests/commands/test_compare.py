@@ -49,7 +49,6 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
     errors = [float(words[2]) for words in agent_lines]
     assert errors == sorted(errors)  # agents are listed by bADE
     assert "\nOver all targets " in table
-
     text = " ".join(further[0].split())
     assert text.startswith("- Over all targets detection and tracking together cost ")
     assert "- mine (H = 2) against stp over all targets: " in text
@@ -58,7 +57,6 @@ def test_a_comparison(mine: Path, cli: CommandLine, known: list[str], tmp_path: 
     assert "mtp (H" not in text
     assert "event weights of 48 runs of 'stp' on these scenes" in text
     assert [part.split()[0] for part in further[1:6]] == ["All", "minADE/minFDE", "Subsets", "Error", "minADE/minFDE"]
-
     content = read_json(file)
     assert list(content) == [
         "env", "definitions", "rows", "condition", "paired", "details", "failures", "skipped",

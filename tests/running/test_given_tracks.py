@@ -142,8 +142,6 @@ def test_stored_tracks_have_no_record(card: str, kitti: str, tracks: str, tmp_pa
 
 
 # ---- STP's own tracks, there and back
-
-
 class Reported:
     """STP's tracks as files of tracks hold them: the detections that its tracks took, with their scores."""
 

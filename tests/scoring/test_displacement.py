@@ -65,8 +65,6 @@ def test_without_targets_and_without_samples() -> None:
 
 
 # ---- what must not matter, and what must not help
-
-
 @steady
 @given(seeds, st.floats(-3, 3))
 def test_order_scale_of_weights_and_place_do_not_matter(seed: int, yaw: float) -> None:
@@ -103,8 +101,6 @@ def test_a_sample_of_next_to_no_weight_is_absent(weight: list[float], want: floa
 
 
 # ---- the curve over k
-
-
 @steady
 @given(seeds, st.integers(1, 7))
 def test_the_curve_is_the_mean_over_all_subsets(seed: int, k: int) -> None:
@@ -123,8 +119,6 @@ def test_the_curve_of_a_target_without_samples_is_infinite() -> None:
 
 
 # ---- energy score
-
-
 def by_sums(samples: NDArray[Any], truth: NDArray[Any], weight: NDArray[Any]) -> float:
     """The definition, one pair at a time; of one target."""
     first = sum(w * np.linalg.norm(x - truth) for x, w in zip(samples, weight, strict=True))
@@ -143,8 +137,6 @@ def test_energy_score_of_many_samples_in_blocks() -> None:
 
 
 # ---- weights from log-weights
-
-
 def test_weights_of_log_weights() -> None:
     got = sample_weights(np.array([[0.0, -np.inf, -1e31, np.log(0.5)], [-5000.0, -np.inf, 0.0, -np.inf]]))
     assert got[0].tolist() == [1.0, 0.0, 0.0, 0.5]

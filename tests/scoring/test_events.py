@@ -110,8 +110,6 @@ def test_clear_counts_of_one_object(stream: str, want: tuple[int, int]) -> None:
 
 
 # ---- frames as they come
-
-
 def random_frames(rng: np.random.Generator) -> list[Any]:
     frames = []
     for scene in ("s", "t"):

@@ -131,7 +131,6 @@ def test_frames_add_up_to_the_scene(seed: int, complete: bool) -> None:
 
 # ---- EPA and AP_f
 
-
 AP: dict[str, tuple[list[bool], list[float], int, float]] = {
     # correct, score, targets, AP: recalls .11 to 1 count, precision less .1
     "all right": ([True, True], [0.9, 0.1], 2, 1.0),

@@ -107,8 +107,6 @@ def test_no_rows_and_no_columns() -> None:
 
 
 # ---- sticky mode: one object and one or two tracks per frame, rows and columns numbered through
-
-
 def sticky(costs_of_frames: list[list[list[float]]]) -> list[int]:
     """Track (0, 1, ...) of each object in each frame; object i and track j are the same in every frame."""
     n, m = np.array(costs_of_frames[0]).shape
@@ -162,8 +160,6 @@ def test_sticky_equals_a_frame_by_frame_dictionary(seed: int) -> None:
 
 
 # ---- candidate pairs
-
-
 @steady
 @given(st.integers(0, 10_000), st.sampled_from([1.0, 1e5, 1e9]))
 def test_near_pairs_are_all_pairs_inside_the_gate(seed: int, offset: float) -> None:

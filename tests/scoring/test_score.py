@@ -85,8 +85,6 @@ def joined(*rollouts: Rollout) -> Rollout:
 
 
 # ---- what must not matter
-
-
 @steady
 @given(seeds)
 def test_order_of_rows_and_samples_and_names_of_tracks_do_not_matter(seed: int) -> None:
@@ -113,8 +111,6 @@ def test_any_heading_up_to_the_rounding_of_forecasts(yaw: float) -> None:
 
 
 # ---- cuts
-
-
 def test_the_score_of_the_nearest_detection() -> None:
     scene = make_scene([[Thing(1, 0, 0)]] * 5)
     scene = with_detections(scene, [[Thing(0, 0, 0), Thing(0, 50, 0), Thing(0, 0, 0, class_id=1)]] * 5)
@@ -128,8 +124,6 @@ def test_the_score_of_the_nearest_detection() -> None:
 
 
 # ---- what must never help
-
-
 @steady
 @given(seeds)
 def test_silence_costs_the_miss_error_at_every_budget(seed: int) -> None:
@@ -192,8 +186,6 @@ def test_fewer_samples_never_help(seed: int) -> None:
 
 
 # ---- by hand
-
-
 def scored(truth: list[Any], tracks: list[Any], log_weight: Any = None, hypotheses: int = 1) -> SceneScore:
     """The score of tracks, where one future frame makes a target."""
     rollout = make_rollout(tracks, log_weight=log_weight, hypotheses=hypotheses, future=1)

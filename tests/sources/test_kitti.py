@@ -116,7 +116,6 @@ def test_driving_straight_leaves_a_parked_car_in_its_place(root: Path) -> None:
     np.testing.assert_allclose(scene.truth.box, np.tile([20, -2, -0.9, 0, 4, 2, 1.5], (SIX, 1)), atol=1e-9)
     np.testing.assert_allclose(scene.truth.velocity[1:-1], 0, atol=1e-9)
     assert np.isnan(scene.truth.velocity[[0, -1]]).all()
-
     relative = load(root, ego_motion=False)
     np.testing.assert_array_equal(relative.ego, 0)
     np.testing.assert_allclose(relative.truth.box[:, 0], 20 - travelled, atol=1e-9)
@@ -199,10 +198,8 @@ def test_classes_neighbours_and_other_types(root: Path) -> None:
     assert got == expected
     np.testing.assert_array_equal(truth.eligible, ~truth.neutral)
     np.testing.assert_array_equal(truth.start, [0, 0, 0, 6, 6, 6, 6])
-
     only = open_source(kitti_card(classes=("cyclist", "car")), root).load("0000").truth
     assert (only.object_id.tolist(), only.class_id.tolist()) == ([0, 1, 6], [1, 1, 0])
-
     labels = read_labels(root / "training/label_02/0000.txt")  # all of it, for KITTI's own ignore rules
     assert labels.type.tolist() == [*kinds, "DontCare"]
     assert np.isnan(labels.box[-1]).all()

@@ -27,7 +27,6 @@ def test_a_moving_frame_of_reference_changes_nothing_that_is_detected() -> None:
     box = transform_boxes(truth.box, -pose[:, 3], -rotate(pose[:, :3], -pose[:, 3]))
     own = replace(truth, box=box, velocity=rotate(truth.velocity, -pose[:, 3]))
     moving = replace(still, ego=np.zeros((40, 4)), truth=own, world=world)
-
     expected, found = detected(still, CARD, seed=0).detections, detected(moving, CARD, seed=0).detections
     assert len(found.box) > len(truth.box) / 4
     np.testing.assert_array_equal(found.start, expected.start)
@@ -90,7 +89,6 @@ def test_what_stands_moves_against_a_frame_that_drives_true_or_not() -> None:
     own = looking_back(replace(standing, box=box, class_id=np.zeros(len(box), dtype=int)), time, 1 / CARD.task.rate)
     card = with_detector(load_card("MTP-KITTI-noego-v0"), "nuscenes_megvii_raw")
     seen = detected(Scene("a", time, np.zeros((40, 4)), own, no_detections(40), world=world), card, seed=0).detections
-
     frame = seen.frame_of_rows
     seen_with = [(own.rows(t), at) for t, at in zip(frame, seen.box[:, :2], strict=True)]
     near = np.array([np.abs(box[rows, :2] - at).sum(1).min(initial=99.0) for rows, at in seen_with])

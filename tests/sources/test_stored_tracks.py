@@ -134,8 +134,6 @@ def test_camera_fields_are_the_inverse_of_sensor_boxes(tmp_path: Path) -> None:
 
 
 # ---- wrong files
-
-
 def line(frame: float, identity: int, kind: str = "Car", size: str = "1.5 1.8 4", more: str = "0.9") -> str:
     """A line of a KITTI result."""
     return f"{frame} {identity} {kind} -1 -1 -10 0 0 50 50 {size} 1 1.5 20 0 {more}"

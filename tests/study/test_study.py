@@ -179,7 +179,6 @@ def test_a_study_overwrites_studies_alone(name: str, card: str, kitti: str, tmp_
 
 # ---- plans
 
-
 SUBJECTS = {  # agent -> labels of one hypothesis and of the start of its gap, hypotheses with k samples and with all
     "mtp": ("stp", "stp", [1, 5, 20], [20]),
     "stp_cut": ("stp", "stp", [1], []),
@@ -206,8 +205,6 @@ def test_settings_of_an_agent(name: str) -> None:
 
 
 # ---- the page in a browser, stored tracks, events
-
-
 @pytest.mark.skipif(not (CHROMIUM and DRIVER), reason=MISSING)
 def test_in_a_browser_no_request_is_made_and_nothing_is_cut_off(made: Study, tmp_path: Path) -> None:
     with chromium(tmp_path) as browser:
@@ -254,7 +251,6 @@ def test_the_worst_moments_can_be_opened(made: Study, cli: CommandLine, tmp_path
 
 
 # ---- relations
-
 
 VERDICTS = {  # interval, limit, sign of the paper, units -> verdict
     "all below": ((-2.0, -1.0), 0.0, -1, 9, "holds"),

@@ -40,8 +40,6 @@ def switch(**options: Any) -> Focus:
 
 
 # ---- what is bright
-
-
 def test_only_what_belongs_to_the_event_is_bright() -> None:
     shown = frame_of(switch(), EVENT)
     assert shown.object_box[:, :2].tolist() == [[2.0, 0.0]]
@@ -127,8 +125,6 @@ def assert_in_the_middle(focus: Focus) -> None:
 
 
 # ---- where the picture looks
-
-
 @pytest.mark.parametrize("ahead", [0.0, 5.0, 40.0, 200.0])
 def test_the_window_holds_the_future_and_the_forecasts_as_far_as_it_may(ahead: float) -> None:
     focus = switch(ahead=ahead)
@@ -155,8 +151,6 @@ def test_the_way_of_the_object_points_to_the_right_wherever_it_goes(yaw: float) 
 
 
 # ---- the sentence
-
-
 def test_a_switch_in_one_sentence() -> None:
     assert sentence(switch(old_y=1.5, ahead=12.0)) == (
         "ids-0: at 0.4 s car 5 changes from track 1 to the new track 2. "
@@ -245,8 +239,6 @@ def test_the_nearest_sample_is_the_one_that_the_score_counts() -> None:
 
 
 # ---- another run
-
-
 def steady(first: Replay, track: int = 7, until: int = FRAMES) -> Replay:
     """A run of the same scene whose track follows the car without a switch, to frame ``until``."""
     tracks, said = [], []

@@ -65,8 +65,6 @@ def focus_of(run: Replay, kind: str = "ids") -> Focus:
 
 
 # ---- small scenes
-
-
 def test_the_event_is_bright_and_the_crowd_is_not() -> None:
     run = crowd(ahead=12.0)
     focus = focus_of(run)
@@ -114,8 +112,6 @@ def test_the_file_says_what_it_shows(tmp_path: Path) -> None:
 
 
 # ---- the command
-
-
 def test_a_picture_needs_neither_rerun_nor_a_screen(
     cli: CommandLine, events_run: Path, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -57,8 +57,6 @@ def near(image: Image.Image, color: Color, tolerance: int = 30) -> int:
 
 
 # ---- boxes in an image
-
-
 def test_a_box_ahead_is_twelve_edges() -> None:
     edges = projected(looking(), BOX)
     assert edges.shape == (12, 2, 2)
@@ -80,8 +78,6 @@ def test_what_is_behind_the_camera_is_cut_off(x: float, count: int) -> None:
 
 
 # ---- which camera
-
-
 def test_the_camera_that_sees_most_of_it_is_chosen(seen: Replay) -> None:
     photo = photo_of(event(seen))
     assert photo is not None
@@ -93,8 +89,6 @@ def test_the_camera_that_sees_most_of_it_is_chosen(seen: Replay) -> None:
 
 
 # ---- drawings
-
-
 def test_the_row_shows_the_image_and_the_boxes(seen: Replay) -> None:
     row = report(event(seen)).crop((0, SIZE[1], SIZE[0], SIZE[1] + HEIGHT))
     assert near(row, GREY, 4) > 0.7 * SIZE[0] * HEIGHT
