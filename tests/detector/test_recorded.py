@@ -41,12 +41,9 @@ def real_and_simulated(data_root: Path) -> tuple[dict[str, ClassStatistics], dic
     [("car", 0.02, 0.15, 0.2), ("pedestrian", 0.03, 0.35, 0.4), ("cyclist", 0.06, 0.35, 0.25)],
 )
 def test_the_shipped_profile_behaves_as_the_detector(
-    name: str,
-    recall: float,
-    odds: float,
-    gap: float,
+    name: str, recall: float, odds: float, gap: float,
     real_and_simulated: tuple[dict[str, ClassStatistics], dict[str, ClassStatistics]],
-) -> None:
+) -> None:  # fmt: skip
     true, made = (statistics[name] for statistics in real_and_simulated)
     assert made.recall == pytest.approx(true.recall, abs=recall)
     assert made.undetected_odds_ratio == pytest.approx(true.undetected_odds_ratio, rel=odds)

@@ -64,16 +64,8 @@ def test_several_processes_give_what_one_gives(card: str, kitti: str) -> None:
     for workers in (1, 2):
         done = list[str]()
         scenes = ["0006", "0001"]
-        runs.append(
-            run_isolated_scenes(
-                "stp",
-                card,
-                {"data": kitti},
-                scenes=scenes,
-                workers=Workers(workers),
-                progress=Progress(done=done.append),
-            )
-        )
+        how: Any = {"workers": Workers(workers), "progress": Progress(done=done.append)}
+        runs.append(run_isolated_scenes("stp", card, {"data": kitti}, scenes=scenes, **how))
         assert sorted(done) == sorted(scenes)
     assert [run.seal for run in runs[0]] == [run.seal for run in runs[1]]
     assert [digest(run.rollout) for run in runs[0]] == [digest(run.rollout) for run in runs[1]]

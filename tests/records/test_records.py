@@ -169,15 +169,12 @@ def test_units_rank_not_scenes() -> None:
 
 def on_events(record: Record) -> Record:
     """The record with as much weight on ids and reacquired as on all targets."""
-    scenes = [
-        part.model_copy(
-            update={
-                n: {**getattr(part, n), **dict.fromkeys(("ids", "reacquired"), getattr(part, n)["all"])}
-                for n in ("weight", "error")
-            }
-        )
-        for part in record.per_scene
-    ]
+
+    def also(sums: dict[Any, Any]) -> dict[Any, Any]:
+        return {**sums, **dict.fromkeys(("ids", "reacquired"), sums["all"])}
+
+    scenes = [part.model_copy(update={n: also(getattr(part, n)) for n in ("weight", "error")})
+              for part in record.per_scene]  # fmt: skip
     rows = [row.model_copy(update={"effective_objects": 40.0}) for row in record.rows]
     return record.model_copy(update={"per_scene": scenes, "rows": rows})
 
@@ -251,16 +248,13 @@ def scene_run(scene: str, status: str = "finished", reason: str = "") -> SceneRu
 FELL, BROKE = "crashed: it fell", "rejected: it answered before it was asked"
 
 
-@pytest.mark.parametrize(
-    ("scenes", "reasons", "status"),
-    [
-        (3, [], ("finished", "")),
-        (3, [FELL] * 8, ("finished", "")),  # what is cut short is missing, and that costs
-        (2, [], ("partial", "2 of 3 scenes")),
-        (2, [FELL] * 9, ("crashed", f"no scene was finished: {FELL}")),
-        (3, [FELL, BROKE], ("rejected", "1|0: it answered before it was asked")),
-    ],
-)
+@pytest.mark.parametrize(("scenes", "reasons", "status"), [
+    (3, [], ("finished", "")),
+    (3, [FELL] * 8, ("finished", "")),  # what is cut short is missing, and that costs
+    (2, [], ("partial", "2 of 3 scenes")),
+    (2, [FELL] * 9, ("crashed", f"no scene was finished: {FELL}")),
+    (3, [FELL, BROKE], ("rejected", "1|0: it answered before it was asked")),
+])  # fmt: skip
 def test_status_of_a_record(scenes: int, reasons: list[str], status: tuple[str, str]) -> None:
     by_run = {f"{i}|0": reason for i, reason in enumerate(reasons)}
     missed = MissedPart(malformed=0, crashed_scenes=len(reasons), reasons=by_run)

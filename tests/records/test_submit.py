@@ -89,11 +89,6 @@ def test_a_record_holds(made: Path, card: str, kitti: str) -> None:
     assert (checked.level, checked.differences, checked.notes) == ("re-scored", (), ())
 
 
-def test_a_submission_runs_again(cli: CommandLine, path: Path, submission: Path, card: str, kitti: str) -> None:
-    said = cli.ok("verify", path, "--env", card, "--data", kitti, "--rerun", "--submission", submission, "--jobs", 1)
-    assert f"{path}: echo on {CARD_ID}: holds, re-run" in said
-
-
 RERUN: dict[str, tuple[Callable[[Content], Any], list[str]]] = {  # a change of the record, differences that a run finds
     "unanswered frames": (lambda c: c["missed"].update(malformed=1), ["missed.malformed"]),
     "other references of its gap": (lambda c: c["submission"].update(ends="controls"), ["submission.ends"]),
@@ -240,15 +235,6 @@ def test_a_record_of_earlier_definitions_is_checked_in_itself(path: Path, card: 
     path.write_text(json.dumps(content))
     with pytest.raises(RecordError, match="its content has the digest"):
         verify(path, RunOptions(kitti), card)
-
-
-def test_a_partial_record(cli: CommandLine, submission: Path, card: str, kitti: str, tmp_path: Path) -> None:
-    arguments = ("submit", submission, "--env", card, "--data", kitti, "--jobs", 1, "--seeds", 1)
-    said = cli.ok(*arguments, "--scenes", 1, "-o", tmp_path / "out")
-    assert f"{tmp_path / 'out' / CARD_ID}.json: partial (1 of 3 scenes); " in said
-    record = load_record(tmp_path / "out" / f"{CARD_ID}.json")
-    assert (record.status, record.training_data) == ("partial", ["drives"])
-    assert verify(tmp_path / "out" / f"{CARD_ID}.json", RunOptions(kitti), card).holds
 
 
 def test_a_crash_is_a_record_and_an_error(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:

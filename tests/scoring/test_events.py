@@ -111,20 +111,15 @@ def test_clear_counts_of_one_object(stream: str, want: tuple[int, int]) -> None:
 
 # ---- frames as they come
 def random_frames(rng: np.random.Generator) -> list[Any]:
+    def places(count: int) -> Any:
+        return rng.uniform(0, 6, (count, 2))
+
     frames = []
     for scene in ("s", "t"):
         for t in range(6):
             n, m = rng.integers(0, 5, 2)
-            frames.append(
-                (
-                    scene,
-                    t,
-                    rng.permutation(9)[:n],
-                    rng.uniform(0, 6, (n, 2)),
-                    rng.permutation(9)[:m],
-                    rng.uniform(0, 6, (m, 2)),
-                )
-            )
+            true, mine = (rng.permutation(9)[:n], places(n)), (rng.permutation(9)[:m], places(m))
+            frames.append((scene, t, *true, *mine))
     return frames
 
 

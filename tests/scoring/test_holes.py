@@ -54,17 +54,8 @@ def summed(scores: list[SceneScore]) -> dict[str, Any]:
     total: dict[str, Any] = {}
     for name in ("live", "fixed_error", "forecasts", "false_forecasts"):
         total[name] = sum(getattr(score, name) for score in scores)
-    for name in (
-        "object_id",
-        "min_ade",
-        "covered",
-        "distance",
-        "absent_cause",
-        "own_ids",
-        "own_frag",
-        "all_h_ids",
-        "all_h_frag",
-    ):
+    names = "object_id min_ade covered distance absent_cause own_ids own_frag all_h_ids all_h_frag"
+    for name in names.split():
         total[name] = np.concatenate([getattr(score, name) for score in scores])
     counts = [vars(score.counts) | vars(score.counts.identity) for score in scores]
     total |= {name: sum(count[name] for count in counts) for name in counts[0] if name != "identity"}

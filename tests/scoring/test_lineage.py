@@ -7,14 +7,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.scoring.lineage import Hypotheses, hypotheses, lineage_events, match_hypotheses
-from tests.support.scoring_scenes import (
-    CAR,
-    WALKER,
-    Thing,
-    make_card,
-    make_rollout,
-    make_scene,
-)
+from tests.support.scoring_scenes import CAR, WALKER, Thing, make_card, make_rollout, make_scene
 
 CARD = make_card()
 NEVER = -np.inf
@@ -24,56 +17,36 @@ def held(id: int, x: float, *by: int, class_id: int = CAR) -> Thing:
     return Thing(id, x, 0.0, class_id=class_id, hypotheses=by)
 
 
+def three(by: int, *x: float) -> list[Thing]:
+    """Tracks 1, 2 and 3 of a hypothesis at these places."""
+    return [held(1 + i, place, by) for i, place in enumerate(x)]
+
+
+SHARED = [held(id, 0, 0, 1) for id in (1, 2, 3)]
 PARENTS: dict[str, tuple[list[list[Thing]], Any, list[int]]] = {
     # tracks of two frames, log-weights of the first frame, parents of hypotheses 0 and 1 in the second
     "by ids": ([[held(1, 0, 0), held(2, 0, 1)], [held(2, 0.1, 0), held(1, 0.1, 1)]], [-1, -2], [1, 0]),
     "by distance of equal ids": (
-        [[held(1, 0, 0), held(1, 3, 1)], [held(1, 2.9, 0), held(1, 0.1, 1)]],
-        [-1, -2],
-        [1, 0],
-    ),
+        [[held(1, 0, 0), held(1, 3, 1)], [held(1, 2.9, 0), held(1, 0.1, 1)]], [-1, -2], [1, 0]),
     "most ids in common": (
         [[held(1, 0, 0, 1), held(2, 9, 0), held(3, 9, 1)], [held(1, 0, 0, 1), held(3, 9.1, 0), held(2, 9.1, 1)]],
-        [-1, -2],
-        [1, 0],
-    ),
+        [-1, -2], [1, 0]),
     "fewest tracks that ended": ([[held(1, 0, 0, 1), held(2, 9, 0)], [held(1, 0, 0, 1)]], [-1, -2], [1, 1]),
     "both from one": ([[held(1, 0, 0), held(2, 0, 1)], [held(2, 0, 0, 1), held(3, 5, 1)]], [-1, -2], [1, 1]),
     "tie: the heavier": ([[held(1, 0, 0, 1)], [held(1, 0, 0, 1)]], [-2, -1], [1, 1]),
     "tie of weights: the lower index": ([[held(1, 0, 0, 1)], [held(1, 0, 0, 1)]], [-1, -1], [0, 0]),
     "an absent hypothesis is nobody's parent": (
-        [[held(1, 0, 0), held(2, 0, 1)], [held(2, 0, 0, 1)]],
-        [0, NEVER],
-        [0, 0],
-    ),
+        [[held(1, 0, 0), held(2, 0, 1)], [held(2, 0, 0, 1)]], [0, NEVER], [0, 0]),
     "an id of another class is another track": (
         [[held(1, 0, 0), held(1, 0.5, 1, class_id=WALKER)], [held(1, 0.5, 0), held(1, 0.0, 1, class_id=WALKER)]],
-        [-2, -1],
-        [0, 1],
-    ),
+        [-2, -1], [0, 1]),
     "a far jump of a shared id beats a stranger": (
-        [[held(1, 0, 0), held(2, 90, 1)], [held(1, 90, 0, 1)]],
-        [-2, -1],
-        [0, 0],
-    ),
-    "tie up to rounding": (
-        [
-            [held(1, 0.1, 0), held(2, 0.2, 0), held(3, 0.3, 0), held(1, 0.3, 1), held(2, 0.2, 1), held(3, 0.1, 1)],
-            [held(1, 0, 0, 1), held(2, 0, 0, 1), held(3, 0, 0, 1)],
-        ],
-        [-2, -1],
-        [1, 1],
-    ),
+        [[held(1, 0, 0), held(2, 90, 1)], [held(1, 90, 0, 1)]], [-2, -1], [0, 0]),
+    "tie up to rounding": ([three(0, 0.1, 0.2, 0.3) + three(1, 0.3, 0.2, 0.1), SHARED], [-2, -1], [1, 1]),
     "tie up to rounding, the other way": (
-        [
-            [held(1, 0.3, 0), held(2, 0.2, 0), held(3, 0.1, 0), held(1, 0.1, 1), held(2, 0.2, 1), held(3, 0.3, 1)],
-            [held(1, 0, 0, 1), held(2, 0, 0, 1), held(3, 0, 0, 1)],
-        ],
-        [-2, -1],
-        [1, 1],
-    ),
+        [three(0, 0.3, 0.2, 0.1) + three(1, 0.1, 0.2, 0.3), SHARED], [-2, -1], [1, 1]),
     "no track at all": ([[], []], [-2, -1], [1, 1]),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("tracks", "weight", "want"), PARENTS.values(), ids=PARENTS.keys())

@@ -33,14 +33,9 @@ _KNOWN = Path(__file__).parents[2] / "leaderboard" / "records" / "stp"
 
 
 def made_up(
-    name: str,
-    error: float | None = 1.0,
-    env_id: str = MAIN,
-    spread: float = 0.1,
-    hypotheses: int = 1,
-    scenes: int | None = None,
-    **changed: Any,
-) -> Record:
+    name: str, error: float | None = 1.0, env_id: str = MAIN, spread: float = 0.1, hypotheses: int = 1,
+    scenes: int | None = None, **changed: Any,
+) -> Record:  # fmt: skip
     """A record; ``changed`` replaces fields, those of a nested section one by one.
 
     The units differ by the same factors in all records, by ``spread``, and by 5 % more in a pattern of their own: equal

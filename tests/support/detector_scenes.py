@@ -45,13 +45,9 @@ def profile_of(**sections: Any) -> Profile:
 
 
 def detect(
-    truth: Truth,
-    profile: Profile,
-    seed: int = 0,
-    visibility: Visibility | None = None,
-    sensor: Sensor = EVERYWHERE,
+    truth: Truth, profile: Profile, seed: int = 0, visibility: Visibility | None = None, sensor: Sensor = EVERYWHERE,
     dt: float = DT,
-) -> Detections:
+) -> Detections:  # fmt: skip
     """Detections by a sensor at the origin; without ``visibility`` all objects are equally visible, at 20 m."""
     ego = np.zeros((truth.frames, 4))
     seen = seen_at(truth, 20.0) if visibility is None else visibility

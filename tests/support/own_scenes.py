@@ -36,26 +36,18 @@ def whole_scene() -> Scene:
     """A scene with every field that a scene of one's own can have: all but stored tracks."""
     scene = make_scene(frames=6, empty=(2,))
     rows = len(scene.truth.box)
+    image = ImageField(
+        projection=np.arange(72.0).reshape(6, 3, 4), height=np.arange(6.0), heading=np.linspace(-1, 1, 6),
+        size=(1242, 375), region=np.arange(8.0).reshape(2, 4), region_start=np.array([0, 0, 1, 1, 1, 2, 2]),
+        box_size=np.arange(6.0).reshape(2, 3),
+    )  # fmt: skip
+    truth = replace(scene.truth, eligible=np.arange(rows) % 2 == 0, neutral=np.arange(rows) % 3 == 0)
+    lanes = (_lane(3, (1,)), _lane(2, (), junction=True), _lane(4, (0, 1)))
     return replace(
-        scene,
-        truth=replace(scene.truth, eligible=np.arange(rows) % 2 == 0, neutral=np.arange(rows) % 3 == 0),
-        detector="pointrcnn, stored detections",
-        truth_complete=True,
-        visible=np.linspace(0, 1, rows),
-        skipped={"detection not finite": 2},
-        recording="a long drive",
-        world=np.arange(24.0).reshape(6, 4),
-        image=ImageField(
-            projection=np.arange(72.0).reshape(6, 3, 4),
-            height=np.arange(6.0),
-            heading=np.linspace(-1, 1, 6),
-            size=(1242, 375),
-            region=np.arange(8.0).reshape(2, 4),
-            region_start=np.array([0, 0, 1, 1, 1, 2, 2]),
-            box_size=np.arange(6.0).reshape(2, 3),
-        ),
-        lanes=(_lane(3, (1,)), _lane(2, (), junction=True), _lane(4, (0, 1))),
-    )
+        scene, truth=truth, detector="pointrcnn, stored detections", truth_complete=True,
+        visible=np.linspace(0, 1, rows), skipped={"detection not finite": 2}, recording="a long drive",
+        world=np.arange(24.0).reshape(6, 4), image=image, lanes=lanes,
+    )  # fmt: skip
 
 
 def _lane(points: int, following: tuple[int, ...], junction: bool = False) -> Lane:

@@ -46,12 +46,9 @@ def pairwise(measure: Callable[[Floats, Floats], Floats], a: Floats, b: Floats) 
 
 
 def gains(
-    tracks: Floats,
-    track_class: Ints,
-    detections: Floats,
-    detection_class: Ints,
+    tracks: Floats, track_class: Ints, detections: Floats, detection_class: Ints,
     parameters: tuple[ClassParameters, ...],
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Gain [N, D] of each track box [N, 7] with each detected box [D, 7]; at least 0 where a match is allowed."""
     result = np.full((len(tracks), len(detections)), -np.inf)
     for class_id, rule in enumerate(parameters):

@@ -133,12 +133,10 @@ class PlainTracker:
             box=np.reshape([leaf.box for leaf in out], (-1, 7)),
             class_id=np.array([leaf.class_id for leaf in out], dtype=int),
             score=np.array([leaf.score / leaf.hits for leaf in out]),
-            detection=np.array([leaf.detection for leaf in out], dtype=int),
-            past=past,
-            past_valid=valid,
+            detection=np.array([leaf.detection for leaf in out], dtype=int), past=past, past_valid=valid,
             member=np.array([[i in held for i in shown] for held in self._held], dtype=bool),
             log_weight=-self._cost - np.logaddexp.reduce(-self._cost),
-        )
+        )  # fmt: skip
 
 
 def predicted(state: State) -> State:

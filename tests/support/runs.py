@@ -29,14 +29,9 @@ def remembered_reference(card: Card, scenes: Sequence[str], options: RunOptions 
 
 
 def run_scenes(
-    make_agent: MakeAgent,
-    env_id: str,
-    keywords: dict[str, Any],
-    names: Sequence[str],
-    seed: int = 0,
-    workers: int = 1,
+    make_agent: MakeAgent, env_id: str, keywords: dict[str, Any], names: Sequence[str], seed: int = 0, workers: int = 1,
     finish: Finish | None = None,
-) -> list[Any]:
+) -> list[Any]:  # fmt: skip
     """Results of ``finish`` on each scene in the order of ``names``; if None, the rollouts."""
     jobs = [Job(make_agent, env_id, {**keywords, "evaluation": True}, scene, seed, "mine") for scene in names]
     return run_jobs(jobs, RunOptions(workers=Workers(workers)), finish)

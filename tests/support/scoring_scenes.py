@@ -18,24 +18,13 @@ Array = NDArray[Any]
 def make_card(past: int = 2, future: int = 3, samples: int = 4, measure: str = "center_distance") -> Card:
     """Two classes; gates 2 m and 1 m (or IoU .5), miss errors 10 m and 4 m; 10 Hz."""
     gate = {"car": 2.0, "pedestrian": 1.0} if measure == "center_distance" else 0.5
-    return parse_card(
-        {
-            "id": "MTP-Test-v0",
-            "summary": "test",
-            "source": {"name": "kitti"},
-            "task": {
-                "rate": 10.0,
-                "past": past,
-                "future": future,
-                "samples": samples,
-                "classes": ["car", "pedestrian"],
-                "miss_error": {"car": 10.0, "pedestrian": 4.0},
-                "forecast_gate": {"car": 2.0, "pedestrian": 1.0},
-                "event_gate": {"measure": measure, "threshold": gate},
-            },
-            "size": {"detections": 9, "tracks": 9, "objects": 9, "hypotheses": 3},
-        }
-    )
+    task = {
+        "rate": 10.0, "past": past, "future": future, "samples": samples, "classes": ["car", "pedestrian"],
+        "miss_error": {"car": 10.0, "pedestrian": 4.0}, "forecast_gate": {"car": 2.0, "pedestrian": 1.0},
+        "event_gate": {"measure": measure, "threshold": gate},
+    }  # fmt: skip
+    size = {"detections": 9, "tracks": 9, "objects": 9, "hypotheses": 3}
+    return parse_card({"id": "MTP-Test-v0", "summary": "test", "source": {"name": "kitti"}, "task": task, "size": size})
 
 
 @dataclass(frozen=True)
@@ -65,22 +54,15 @@ def make_scene(frames: Sequence[Sequence[Thing]], name: str = "s", truth_complet
     count = len(frames)
     start = _starts(frames)
     nothing = np.zeros((0, 7))
-    return Scene(
-        name=name,
-        time=0.1 * np.arange(count),
-        ego=np.zeros((count, 4)),
-        truth=Truth(
-            start=start,
-            box=_boxes(rows),
-            velocity=np.full((len(rows), 2), np.nan),
-            class_id=np.array([r.class_id for r in rows], dtype=np.int64),
-            object_id=np.array([r.id for r in rows], dtype=np.int64),
-            eligible=np.array([r.eligible for r in rows], dtype=bool),
-            neutral=np.array([r.neutral for r in rows], dtype=bool),
-        ),
-        detections=Detections(np.zeros(count + 1, dtype=int), nothing, nothing[:, :2], np.zeros(0, int), np.zeros(0)),
-        truth_complete=truth_complete,
-    )
+    truth = Truth(
+        start=start, box=_boxes(rows), velocity=np.full((len(rows), 2), np.nan),
+        class_id=np.array([r.class_id for r in rows], dtype=np.int64),
+        object_id=np.array([r.id for r in rows], dtype=np.int64),
+        eligible=np.array([r.eligible for r in rows], dtype=bool),
+        neutral=np.array([r.neutral for r in rows], dtype=bool),
+    )  # fmt: skip
+    detections = Detections(np.zeros(count + 1, dtype=int), nothing, nothing[:, :2], np.zeros(0, int), np.zeros(0))
+    return Scene(name, 0.1 * np.arange(count), np.zeros((count, 4)), truth, detections, truth_complete=truth_complete)
 
 
 def with_detections(scene: Scene, frames: Sequence[Sequence[Thing]]) -> Scene:
@@ -91,14 +73,9 @@ def with_detections(scene: Scene, frames: Sequence[Sequence[Thing]]) -> Scene:
 
 
 def make_rollout(
-    tracks: Sequence[Sequence[Thing]],
-    objects: Sequence[Sequence[Thing]] = (),
-    log_weight: Any = None,
-    name: str = "s",
-    samples: int = 1,
-    future: int = 3,
-    hypotheses: int = 1,
-) -> Rollout:
+    tracks: Sequence[Sequence[Thing]], objects: Sequence[Sequence[Thing]] = (), log_weight: Any = None, name: str = "s",
+    samples: int = 1, future: int = 3, hypotheses: int = 1,
+) -> Rollout:  # fmt: skip
     """A rollout; ``log_weight`` [F, H], all hypotheses alike by default."""
     frames = max(len(tracks), len(objects))
     tracks, objects = _padded(tracks, frames), _padded(objects, frames)

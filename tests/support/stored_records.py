@@ -166,12 +166,9 @@ def hidden_part(*errors: float, name: str = "echo", seal: str = "first", **chang
 
 
 def signed_level(
-    record: Record,
-    level: Level = "re-run",
-    hidden: HiddenPart | None = None,
-    made: str = "2030-01-01",
+    record: Record, level: Level = "re-run", hidden: HiddenPart | None = None, made: str = "2030-01-01",
     retired: str = "",
-) -> SignedLevel:
+) -> SignedLevel:  # fmt: skip
     """A level of a record, as it is once its signature was checked."""
     digests = {"record": record.digest, "measured": record.measured.digest}
     content = {"level": level, "isolation": "bubblewrap", "date": "2030-02-02", "hidden": hidden, **digests}

@@ -71,14 +71,9 @@ def runs(data_root: Path) -> Callable[[str, str], list[Run]]:
         card = load_card(card_id)
         source = open_source(card, data_root)
         scenes = [source.load(name) for name in source.names]
-        return [
-            Run(
-                scene,
-                read_annotations(root, scene, card.ego_motion),
-                track(scene, assignment, detection_image_boxes(root, scene, CLASSES)),
-            )
-            for scene in scenes
-        ]
+        boxes = (detection_image_boxes(root, scene, CLASSES) for scene in scenes)
+        return [Run(scene, read_annotations(root, scene, card.ego_motion), track(scene, assignment, box))
+                for scene, box in zip(scenes, boxes, strict=True)]  # fmt: skip
 
     return make
 
