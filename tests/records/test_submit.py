@@ -89,13 +89,13 @@ def test_a_record_holds(made: Path, card: str, kitti: str) -> None:
     assert (checked.level, checked.differences, checked.notes) == ("re-scored", (), ())
 
 
-RERUN: dict[str, tuple[Callable[[Content], Any], list[str]]] = {  # a change of the record, differences that a run finds
-    "unanswered frames": (lambda c: c["missed"].update(malformed=1), ["missed.malformed"]),
-    "other references of its gap": (lambda c: c["submission"].update(ends="controls"), ["submission.ends"]),
-    "other training data": (lambda c: c.update(training_data=["KITTI"]), ["training_data[0]"]),
-    "another limit": (lambda c: c["limits"].update(frame=3600.0), ["limits.frame"]),
-    "more memory": (lambda c: c["limits"].update(memory=1 << 36), ["limits.memory"]),
-    "another H": (lambda c: with_hypotheses(c, 20), ["submission.hypotheses"]),
+RERUN: dict[str, tuple[Callable[[Content], Any], str]] = {  # a change of the record, the difference that a run finds
+    "unanswered frames": (lambda c: c["missed"].update(malformed=1), "missed.malformed"),
+    "other references of its gap": (lambda c: c["submission"].update(ends="controls"), "submission.ends"),
+    "other training data": (lambda c: c.update(training_data=["KITTI"]), "training_data[0]"),
+    "another limit": (lambda c: c["limits"].update(frame=3600.0), "limits.frame"),
+    "more memory": (lambda c: c["limits"].update(memory=1 << 36), "limits.memory"),
+    "another H": (lambda c: with_hypotheses(c, 20), "submission.hypotheses"),
 }
 
 
@@ -105,12 +105,10 @@ def with_hypotheses(content: Content, count: int) -> None:
         part["hypotheses"] = count
 
 
-@pytest.mark.parametrize("what", RERUN)
-def test_a_run_again_finds_what_differs(what: str, path: Path, submission: Path, card: str, kitti: str) -> None:
-    change, differs = RERUN[what]
-    resign(path, change)
+def test_a_run_again_finds_what_differs(path: Path, submission: Path, card: str, kitti: str) -> None:
+    resign(path, lambda content: [change(content) for change, _ in RERUN.values()])
     checked = verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
-    assert [difference.what for difference in checked.differences] == differs
+    assert sorted(difference.what for difference in checked.differences) == sorted(what for _, what in RERUN.values())
 
 
 def test_the_commit_of_a_submission(submission: Path, card: str, kitti: str, tmp_path: Path, cli: CommandLine) -> None:
