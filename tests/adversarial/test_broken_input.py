@@ -126,12 +126,10 @@ TOML: dict[str, tuple[Change, str]] = {
     "900 deep": (text("a = " + "[" * 900 + "]" * 900), DEEP),
     "100 000 deep": (text("a = " + "[" * 100_000), DEEP),
     "a key 1 000 deep": (
-        text("a" + ".a" * 1000 + " = 1"),
-        "line 1 has 1000 dots outside of numbers, expected at most 64",
-    ),
+        text("a" + ".a" * 1000 + " = 1"), "line 1 has 1000 dots outside of numbers, expected at most 64"),
     "a date": (text("a = 2026-01-01"), "a date (2026-01-01), expected texts, numbers, lists and tables"),
     "an escape of half a letter": (text('a = "\\ud800"'), "not valid TOML"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("change", "said"), JSON.values(), ids=JSON)
@@ -194,11 +192,9 @@ MANIFESTS: dict[str, tuple[str, str, str]] = {  # what is replaced, by what, wha
     "a licence of markup": ('"echo"', '"echo"\nlicense = "<b>"', "license: got '<b>'"),
     "a key of 100 kB": ('"echo"', f'"echo"\n{LONG[:100_000]} = 1', "unknown key 'aaa"),
     "a sweep of millions": (
-        '"agent:build"',
-        '"agent:build"\n[compare.sweep]\n' + "\n".join(f"a{i} = {list(range(10))}" for i in range(7)),
-        "compare.sweep makes 10000000 settings, expected at most 1000",
-    ),
-}
+        '"agent:build"', '"agent:build"\n[compare.sweep]\n' + "\n".join(f"a{i} = {list(range(10))}" for i in range(7)),
+        "compare.sweep makes 10000000 settings, expected at most 1000"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("what", "by", "said"), MANIFESTS.values(), ids=MANIFESTS)

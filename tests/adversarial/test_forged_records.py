@@ -296,11 +296,9 @@ def test_other_targets_than_the_frozen_ones_do_not_rank() -> None:
 
 IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "negative errors": (
-        lambda c: c["per_scene"][0]["error"]["all"].__setitem__(0, -50.0), "got -50.0: Input should be greater than",
-    ),
+        lambda c: c["per_scene"][0]["error"]["all"].__setitem__(0, -50.0), "got -50.0: Input should be greater than"),
     "more than a miss costs": (
-        lambda c: c["per_scene"][0]["error"]["lost"].__setitem__(0, 1e4), "has error 10000, expected 0 to 4 x weight",
-    ),
+        lambda c: c["per_scene"][0]["error"]["lost"].__setitem__(0, 1e4), "has error 10000, expected 0 to 4 x weight"),
     "a better row": (lambda c: c["rows"][0].update(error=0.01), "error is 0.01, the sums of its units give"),
     "a narrow interval": (lambda c: c["rows"][0].update(interval=[0.9, 0.9]), "interval from is 0.9"),
     "parts that do not add up": (lambda c: c["rows"][0].update(localisation=0.0), r"localisation \+ missed"),

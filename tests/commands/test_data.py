@@ -83,11 +83,9 @@ def test_skipped_rows_are_counted_for_the_user(cli: CommandLine, tmp_path: Path,
     for name in ("clean", "spoilt"):
         file, run = tmp_path / f"{name}.json", tmp_path / name
         said = [
-            cli.ok("data", *common),
-            cli.ok("run", "stp", *common, "-o", run, "--jobs", 1),
-            cli.ok("score", run, *common),
-            cli.ok(*compared, file),
-        ]
+            cli.ok("data", *common), cli.ok("run", "stp", *common, "-o", run, "--jobs", 1),
+            cli.ok("score", run, *common), cli.ok(*compared, file),
+        ]  # fmt: skip
         assert [" ".join(text.split()).count(SKIPPED) for text in said] == [name == "spoilt"] * 4
         assert [text.count("skipped ") for text in said] == [name == "spoilt"] * 4
         spoil(kitti)

@@ -15,10 +15,8 @@ EVERYTHING = {
     "quality": {**LASTING, "shared": 0.7, "lapses": LAPSES},
     "radial": {**LASTING, "s0": 0.2, "s1": 0.1, "shared": 0.5, "quality": 0.3},
     "heading": {"scale": 0.1, "flip": 0.1, "flip_again": 0.5},
-    "size": {"mean": (0.1, 0, 0), "deviation": (0.2, 0.1, 0.1)},
-    "velocity": 0.3,
-    "near": NEAR,
-}
+    "size": {"mean": (0.1, 0, 0), "deviation": (0.2, 0.1, 0.1)}, "velocity": 0.3, "near": NEAR,
+}  # fmt: skip
 
 
 def everything() -> Profile:
@@ -60,11 +58,9 @@ def test_numbers_are_uniform_and_independent() -> None:
     others = [
         Draws(8).uniform(NoiseKind.QUALITY, 0, keys_of(ids, frames)),
         Draws(7).uniform(NoiseKind.RADIAL, 0, keys_of(ids, frames)),
-        Draws(7).uniform(NoiseKind.QUALITY, 1, keys_of(ids, frames)),
-        one[:, np.roll(np.arange(400), 1)],
-        one[np.roll(np.arange(300), 1)],
-        Draws(7).uniform(NoiseKind.QUALITY, 0, keys_of(frames, ids)),
-    ]
+        Draws(7).uniform(NoiseKind.QUALITY, 1, keys_of(ids, frames)), one[:, np.roll(np.arange(400), 1)],
+        one[np.roll(np.arange(300), 1)], Draws(7).uniform(NoiseKind.QUALITY, 0, keys_of(frames, ids)),
+    ]  # fmt: skip
     for other in others:
         assert abs(np.corrcoef(one.ravel(), other.ravel())[0, 1]) < 0.012
     assert len(np.unique(one)) == one.size

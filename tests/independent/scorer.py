@@ -72,13 +72,9 @@ class Scored:
 
 
 def score(
-    card: Card,
-    scenes: Sequence[Scene],
-    seeds: Sequence[Sequence[Rollout]],
-    reference: float,
-    weights: Mapping[str, Floats] | None = None,
-    known: tuple[Scored, Scored] | None = None,
-) -> Scored:
+    card: Card, scenes: Sequence[Scene], seeds: Sequence[Sequence[Rollout]], reference: float,
+    weights: Mapping[str, Floats] | None = None, known: tuple[Scored, Scored] | None = None,
+) -> Scored:  # fmt: skip
     """Score the rollouts of each seed; ``weights``: of each event subset per target, in the order of `find_targets`.
 
     ``known``: perfect association and ground-truth tracks with the predictor of the agent, for the parts of its error.
@@ -111,11 +107,9 @@ def score(
 
 
 def compare(
-    scored: Mapping[str, Scored],
-    own: Mapping[str, Own] | None = None,
-    free: Collection[str] = (),
+    scored: Mapping[str, Scored], own: Mapping[str, Own] | None = None, free: Collection[str] = (),
     draws: Draws = OWN_DRAWS,
-) -> dict[str, dict[str, Row]]:
+) -> dict[str, dict[str, Row]]:  # fmt: skip
     """Place, range of ranks, differences, gaps closed and their intervals, by subset and agent.
 
     ``own``: of an agent, the references with its own predictor. ``free``: agents of more than k samples, which share no

@@ -36,14 +36,10 @@ def image_field(frames: int, back: float) -> ImageField:
     focus = np.array([[700.0, 0.0, 600.0], [0.0, 700.0, 180.0], [0.0, 0.0, 1.0]])
     matrix = focus @ np.column_stack([turn, turn @ [back, 0.0, -1.65]])
     return ImageField(
-        projection=np.tile(matrix, (frames, 1, 1)),
-        height=np.full(frames, 1.65),
-        heading=np.full(frames, 0.1),
-        size=(1242, 375),
-        region=np.tile([580.0, 100.0, 640.0, 300.0], (frames, 1)),
-        region_start=np.arange(frames + 1),
+        projection=np.tile(matrix, (frames, 1, 1)), height=np.full(frames, 1.65), heading=np.full(frames, 0.1),
+        size=(1242, 375), region=np.tile([580.0, 100.0, 640.0, 300.0], (frames, 1)), region_start=np.arange(frames + 1),
         box_size=np.array([[4.0, 1.6, 1.5], [0.8, 0.6, 1.4]]),
-    )
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=32)  # a case asks for its scenes again with each rollout
@@ -96,16 +92,12 @@ def said(kind: str, seed: int, place: int, draw: int) -> Rollout:
     silent = rng.random(scene.frames) < 0.1  # frames in which no hypothesis is stated
     rollout = take_tracks(rollout, np.flatnonzero(~silent[rollout.tracks.frame_of_rows]))
     return replace(
-        rollout,
-        hypothesis_log_weight=np.where(silent[:, None], -np.inf, rollout.hypothesis_log_weight),
-        hypothesis_parent=np.where(silent[:, None], -1, parent),
-        object_box=box,
+        rollout, hypothesis_log_weight=np.where(silent[:, None], -np.inf, rollout.hypothesis_log_weight),
+        hypothesis_parent=np.where(silent[:, None], -1, parent), object_box=box,
         object_class=np.ones_like(rollout.object_class) if kind == "WILDTRACK" else rollout.object_class,
-        object_confidence=confidence,
-        malformed=malformed,
-        forecast=forecast[:, :samples],
+        object_confidence=confidence, malformed=malformed, forecast=forecast[:, :samples],
         forecast_log_weight=np.zeros((len(box), 1)) if samples == 1 else weight,
-    )
+    )  # fmt: skip
 
 
 def reference_of(card: Card, scenes: list[Scene], seed: int) -> Reference:

@@ -40,8 +40,7 @@ def three_forecasts() -> Run:
 
 def test_targets_and_live_frames() -> None:
     run = three_forecasts()
-    assert [(g.object, g.t) for g in run.targets] == [(1, 1), (2, 1)]
-    assert live_frames(run.scenes[0], CARD) == [1]
+    assert ([(g.object, g.t) for g in run.targets], live_frames(run.scenes[0], CARD)) == ([(1, 1), (2, 1)], [1])
     listed = replace(run.scenes[0], listed_targets=True)
     assert [(g.object, g.t) for g in find_targets([listed], CARD)] == [(1, 0), (2, 0), (1, 1), (2, 1)]
     frames = [[at(1, (0, 0))] for t in range(9)]
@@ -83,8 +82,7 @@ def test_parts_of_the_error() -> None:
     known = Known(np.array([3.0, *own[1:]]), np.array([2.5, *moved[1:]]), np.array([1.0] + 6 * [np.nan]))
     parts = parts_at(run, list(cuts(run)), [0.5, 1.0], known)  # the first budget ends before the forecast of object 2
     assert np.array([parts[name] for name in ABSENT[1:]]).tolist() == (10 * np.eye(7)[2:]).tolist()
-    assert parts["below_threshold"].tolist() == [0, 5, 0, 0, 0, 0, 0]
-    assert parts["rest"].tolist() == [0, 2, 0, 0, 0, 0, 0]
+    assert (parts["below_threshold"].tolist(), parts["rest"].tolist()) == ([0, 5, 0, 0, 0, 0, 0], [0, 2, 0, 0, 0, 0, 0])
     assert [parts[name][0] for name in COVERED[:4]] == pytest.approx([1, 0.5, 1.5, math.sqrt(10) - 3])
 
 
@@ -119,8 +117,7 @@ def test_events_of_one_object() -> None:
     truth = [[] if t == 5 else [at(1, (0, 0))] for t in range(10)]
     tracks = [[at(i, (0, 0))] if i else [] for i in ids]
     found = own_events([make_scene(truth)], [make_rollout(tracks)], CARD)
-    assert found["ids"] == [(0, 1, 2, 7, 8)]
-    assert found["lost"] == [(0, 1, 3, 8, None), (0, 1, 8, 9, None)]
+    assert (found["ids"], found["lost"]) == ([(0, 1, 2, 7, 8)], [(0, 1, 3, 8, None), (0, 1, 8, 9, None)])
     assert found["reacquired"] == [(0, 1, 4, 8, 8), (0, 1, 9, 9, 7)]  # not at 7: before 6 the truth has a gap
     hole = replace(make_scene(truth), time=np.arange(10.0) / 10 + (np.arange(10) > 1) + (np.arange(10) > 3))
     assert own_events([hole], [make_rollout(tracks)], CARD) == {

@@ -40,12 +40,9 @@ class Check:
 
 
 def check(
-    what: str,
-    official: Mapping[str, Floats],
-    ours: Mapping[str, Floats],
-    columns: slice = slice(None),
+    what: str, official: Mapping[str, Floats], ours: Mapping[str, Floats], columns: slice = slice(None),
     yaw: int | None = None,
-) -> Check:
+) -> Check:  # fmt: skip
     """Check some columns of all rows; column ``yaw`` is an angle."""
     keys = [key for key in official if key in ours]
     one, other = (np.array([rows[key][columns] for key in keys]) for rows in (official, ours))

@@ -17,11 +17,9 @@ from tests.support.tracking_scenes import SIZE, kitti_task, tracks_with_past
 DT = 0.1
 TASK = kitti_task(dt=DT, seed=5)
 NOISE = NoiseTable(
-    measurement=np.array([0.1, 0.05, 0.2]),
-    jerkiness=np.array([[0.5, 0.2], [0.3, 0.4], [1.0, 0.1]]),
-    speed=np.array([[5.0, 0.5], [1.0, 1.0], [3.0, 0.2]]),
-    acceleration=np.array([[0.4, 0.1], [0.2, 0.2], [0.5, 0.3]]),
-)
+    measurement=np.array([0.1, 0.05, 0.2]), jerkiness=np.array([[0.5, 0.2], [0.3, 0.4], [1.0, 0.1]]),
+    speed=np.array([[5.0, 0.5], [1.0, 1.0], [3.0, 0.2]]), acceleration=np.array([[0.4, 0.1], [0.2, 0.2], [0.5, 0.3]]),
+)  # fmt: skip
 
 
 def arc(speed: float, rate: float, heading: float = 0.3, frames: int = 10, first: int = -9) -> Floats:

@@ -49,11 +49,9 @@ AB3DMOT_OTHER: Other = {
 # TrackEval counts the absence of the truth as a fragment, skips frames without tracker output, and prefers near
 # partners to many ones (its assignment maximises the similarity, so three pairs at 1.9 m lose to two at 0).
 TRACKEVAL_OTHER: Other = {
-    "gt_absent_same": {"FRAG": (0, 1)},
-    "gt_absent_switch": {"FRAG": (0, 1)},
-    "gap2_same_alone": {"FRAG": (1, 0)},
+    "gt_absent_same": {"FRAG": (0, 1)}, "gt_absent_switch": {"FRAG": (0, 1)}, "gap2_same_alone": {"FRAG": (1, 0)},
     "chain": {"TP": (9, 6), "FP": (0, 3), "FN": (0, 3), "MOTA": (1.0, 1 / 3)},
-}
+}  # fmt: skip
 # nuScenes has a strict gate: pairs at exactly 2 m do not match.
 NUSCENES_OTHER: Other = {"at_threshold": {"TP": (3, 0), "FP": (0, 3), "FN": (0, 3), "MOTA": (1.0, 0.0)}}
 

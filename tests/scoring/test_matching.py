@@ -126,12 +126,10 @@ STICKY: dict[str, tuple[list[list[list[float]]], list[int]]] = {
     "given up outside the gate": ([[[0.1, INF]], [[INF, 0.1]], [[0.1, 0.2]]], [0, 1, 1]),
     "forgotten after a frame without a match": ([[[0.1, INF]], [[INF, INF]], [[1.5, 0.1]]], [0, -1, 1]),
     "kept pairs take precedence over cardinality": (
-        [[[0.1, INF], [INF, INF]], [[0.1, 0.2], [0.1, INF]]],
-        [0, -1, 0, -1],
-    ),
+        [[[0.1, INF], [INF, INF]], [[0.1, 0.2], [0.1, INF]]], [0, -1, 0, -1]),
     "the rest is matched anew": ([[[0.1, INF], [INF, INF]], [[1.0, 0.1], [0.1, 0.5]]], [0, -1, 0, 1]),
     "first frame has no memory": ([[[1.0, 0.5]]], [1]),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("cost", "want"), STICKY.values(), ids=STICKY.keys())

@@ -21,9 +21,7 @@ Lines = list[str] | None  # of a file; None: the file is removed
 
 TABLES: dict[str, tuple[str, str]] = {  # second line of a table, what the error says of it
     "cut off": (
-        "1,2",
-        r"line 3: 2 columns, expected 3 \(frame, x, yaw\); column 3 \(yaw\) is missing: is the file cut off\?$",
-    ),
+        "1,2", r"line 3: 2 columns, expected 3 \(frame, x, yaw\); column 3 \(yaw\) is missing: is the file cut off\?$"),
     "too short": ("1,2\n3,4,5", r"line 3: 2 columns, expected 3 .*; column 3 \(yaw\) is missing$"),
     "too long": ("1,2,3,word,5", r"line 3: 5 columns, expected 3 .*; column 4 is 'word': remove what is not listed"),
     "blanks for commas": ("1 2 3", "line 3: this file is separated by blanks, expected commas"),
@@ -37,7 +35,7 @@ TABLES: dict[str, tuple[str, str]] = {  # second line of a table, what the error
     "half a frame": ("1.5,2,3", "line 3, column 'frame': 1.5, expected a whole number"),
     "degrees": ("1,2,90", r"line 3, column 'yaw': 90, expected radians"),
     "no text": ("\udcff", "cannot be read as text"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("line", ["0,Car,1.5", "0, Car, 1.5", "0;Car;1.5;2"])

@@ -41,8 +41,7 @@ def test_boxes_by_frame_and_class(data: Path) -> None:
     assert found.class_id.tolist() == [1, 0] * 3
     np.testing.assert_allclose(found.box[0], [10, 1, 1, np.pi / 2, 4, 2, 1.5])  # size was width, length, height
     assert np.isnan(found.velocity).all()
-    assert found.score.tolist() == [0.5] * 6
-    assert (scene.detector, scene.simulated) == ("megvii, stored detections", False)
+    assert (found.score.tolist(), scene.detector, scene.simulated) == ([0.5] * 6, "megvii, stored detections", False)
     assert load(data, ("traffic_cone",)).class_id.tolist() == [0] * 3
 
 

@@ -176,14 +176,12 @@ TABLE: dict[str, tuple[str, str]] = {  # content, what the error says; the rest 
     "after the end": (csv("9,1,car,1,1,1,0,4,2,1,1"), "line 2, column 'frame': frame 9"),
     "a class in capitals": (
         csv("0,1,pedestrian,1,1,1,0,4,2,1,1\n0,2,Car,1,1,1,0,4,2,1,1"),
-        "line 3, column 'class': 'Car' is not a class of the task; did you mean 'car'",
-    ),
+        "line 3, column 'class': 'Car' is not a class of the task; did you mean 'car'"),
     "an id without end": (csv(f"0,{'a' * 201},car,1,1,1,0,4,2,1,1"), "line 2, column 'id'"),
     "a box twice": (
         csv("0,a,car,1,1,1,0,4,2,1,1\n0,a,car,2,1,1,0,4,2,1,1"),
-        "line 3, column 'id': a second box of this car in frame 0",
-    ),
-}
+        "line 3, column 'id': a second box of this car in frame 0"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", TABLE)

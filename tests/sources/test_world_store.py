@@ -113,14 +113,10 @@ def a_pipe_in_its_place(path: Path) -> None:
 
 DAMAGE: dict[str, Callable[[Path], object]] = {
     "cut off": lambda path: path.write_bytes(path.read_bytes()[:-200]),
-    "no archive": lambda path: path.write_text("not a zip file"),
-    "bytes in the middle": bytes_in_the_middle,
-    "another value": another_value,
-    "empty": lambda path: path.write_bytes(b""),
-    "a folder": a_folder_in_its_place,
-    "a pipe": a_pipe_in_its_place,
-    "unreadable": lambda path: path.chmod(0),
-}
+    "no archive": lambda path: path.write_text("not a zip file"), "bytes in the middle": bytes_in_the_middle,
+    "another value": another_value, "empty": lambda path: path.write_bytes(b""), "a folder": a_folder_in_its_place,
+    "a pipe": a_pipe_in_its_place, "unreadable": lambda path: path.chmod(0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)

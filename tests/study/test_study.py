@@ -184,9 +184,7 @@ SUBJECTS = {  # agent -> labels of one hypothesis and of the start of its gap, h
     "stp_cut": ("stp", "stp", [1], []),
     "stp_modes": ("stp_modes", "stp_modes", [1], []),
     "mtp_modes": ("mtp_modes, H = 1", "mtp_modes, H = 1", [1, 5, 20], [20]),
-    "mtp_modes_tracklets": (
-        "mtp_modes_tracklets, H = 1", "mtp_modes_tracklets, on = truth, H = 1", [1, 5, 20], [20],
-    ),
+    "mtp_modes_tracklets": ("mtp_modes_tracklets, H = 1", "mtp_modes_tracklets, on = truth, H = 1", [1, 5, 20], [20]),
 }  # fmt: skip
 
 

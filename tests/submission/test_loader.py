@@ -155,14 +155,12 @@ def hypotheses_of(factory: SubmissionFactory) -> int:
 WRONG_MANIFEST = {
     "typo": (MANIFEST.replace("authors", "author"), "unknown key 'author': did you mean 'authors'?"),
     "the name of a folder of rollouts": (
-        MANIFEST.replace('"silent"', '"mine.rollouts"'),
-        "no .part or .rollouts at the",
-    ),
+        MANIFEST.replace('"silent"', '"mine.rollouts"'), "no .part or .rollouts at the"),
     "an agent outside": (MANIFEST.replace("agent:build", "../agent:build"), "agent: got '../agent:build'"),
     "an agent that is not there": (MANIFEST.replace("agent:build", "agnet:build"), "there is no "),
     "a count that is no parameter": (MANIFEST + "[compare]\ndraws = 'gat'", "compare.draws: unknown parameter 'gat'"),
     "unknown budget": (MANIFEST + "[compare]\nsamples = ['fair']", "'equal' or 'free'"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("manifest", "text"), WRONG_MANIFEST.values(), ids=WRONG_MANIFEST)

@@ -28,11 +28,8 @@ LEFT = [0.7071, 0.0, 0.0, 0.7071]  # heading along y, as four digits give it
 AHEAD = [1.0, 0.0, 0.0, 0.0]
 MOUNT = {"translation": [0.0, 0.0, 0.0], "rotation": AHEAD, "camera_intrinsic": []}
 CATEGORIES = {
-    "car": "vehicle.car",
-    "walker": "human.pedestrian.adult",
-    "police": "vehicle.emergency.police",
-    "dog": "animal",
-}
+    "car": "vehicle.car", "walker": "human.pedestrian.adult", "police": "vehicle.emergency.police", "dog": "animal",
+}  # fmt: skip
 
 Record = dict[str, Any]
 Tables = dict[str, list[Record]]
@@ -66,11 +63,9 @@ def make_tables(scenes: tuple[str, ...] = SCENES) -> Tables:
     tables: Tables = {
         "sensor": [{"token": "lidar", "channel": "LIDAR_TOP"}, {"token": "cam", "channel": "CAM_FRONT"}],
         "calibrated_sensor": [
-            {"token": "lidar-1", "sensor_token": "lidar", **MOUNT},
-            {"token": "cam-1", "sensor_token": "cam", **MOUNT},
-        ],
+            {"token": "lidar-1", "sensor_token": "lidar", **MOUNT}, {"token": "cam-1", "sensor_token": "cam", **MOUNT}],
         "category": [{"token": key, "name": name} for key, name in CATEGORIES.items()],
-    }
+    }  # fmt: skip
     for name in ("scene", "sample", "sample_data", "ego_pose", "instance", "sample_annotation"):
         tables[name] = []
     for index, scene in enumerate(scenes):

@@ -54,11 +54,9 @@ def test_a_fit_finds_the_noise_that_made_the_windows() -> None:
 
 
 CONDITIONS: dict[str, dict[str, Any]] = {
-    "KITTI-pointrcnn-world": {},
-    "KITTI-pointrcnn-ego": {"ego_motion": False},
-    "KITTI-truth-world": {"observe": "truth"},
-    "KITTI-truth-ego": {"observe": "truth", "ego_motion": False},
-}
+    "KITTI-pointrcnn-world": {}, "KITTI-pointrcnn-ego": {"ego_motion": False},
+    "KITTI-truth-world": {"observe": "truth"}, "KITTI-truth-ego": {"observe": "truth", "ego_motion": False},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", CONDITIONS)
