@@ -1,7 +1,7 @@
 """Write the tables, targets and detections that the official nuScenes devkit reads, as plain arrays; see README.md.
 
-With `nuscenes-devkit`, without mtp_bench: ``python tests/parity/nuscenes_devkit.py DATA_ROOT OUT.npz``. Arrays come in
-pairs ``<name>/key`` [n], texts that name each row, and ``<name>/value`` [n, ...]:
+With `nuscenes-devkit`, without mtp_bench: ``python benchmarks/parity/nuscenes_devkit.py DATA_ROOT OUT.npz``. Arrays
+come in pairs ``<name>/key`` [n], texts that name each row, and ``<name>/value`` [n, ...]:
 
     versions                    packages; their versions
     scenes of <split>           scenes of a split of the prediction challenge; no values

@@ -1,4 +1,4 @@
-"""Compare the nuScenes source with what the devkit reads: `-m tests.parity.compare_nuscenes OUT.npz DATA_ROOT`."""
+"""Compare the nuScenes source with what the devkit reads: `-m benchmarks.parity.compare_nuscenes OUT.npz DATA_ROOT`."""
 
 import argparse
 import sys
