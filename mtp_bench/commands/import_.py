@@ -1,23 +1,28 @@
-"""``mtp-bench import``."""
+"""``mtp-bench import``: recordings and tracks of other programs as tables."""
 
 from pathlib import Path
 from typing import Annotated
 
-from typer import Argument, Option
+from typer import Argument, Option, Typer
 
 from ..parallel import reported
 from ..running.options import RunOptions
 from ..sources import open_source, with_tracks
+from ..sources.d123 import import_logs
 from ..sources.stored_tracks import import_tracks
 from ..viz.terminal.output import command_line, counted, show, show_command
 from .options import DataOption, EnvOption, ScenesOption, SplitOption
 from .output import prepare
 
+import_ = Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None, help="Tables from other programs.")
+OutputOption = Annotated[Path, Option("-o", "--output", help="New folder for the tables.")]
 
-def import_(
+
+@import_.command()
+def tracks(
     file: Annotated[Path, Argument(help="A tracking submission of nuScenes, or KITTI's result files.")],
     env: EnvOption,
-    output: Annotated[Path, Option("-o", "--output", help="New folder for the tables.")],
+    output: OutputOption,
     root: DataOption = None,
     scenes: ScenesOption = None,
     split: SplitOption = None,
@@ -34,3 +39,19 @@ def import_(
     show(f"{counted(boxes, 'tracked position')} of {counted(number, 'scene')} in {output}; next:")
     run = command_line("run", "given_tracks", env=env, data=root, scenes=scenes, split=split, tracks=output)
     show_command(f"{run} -o runs/given_tracks")
+
+
+@import_.command("123d")
+def logs(
+    folder: Annotated[Path, Argument(help="A log in the Arrow form of 123D, or a folder of logs.")],
+    output: OutputOption,
+    rate: Annotated[float, Option(min=0.1, max=100, help="Frames per second, such as 2 or 10.")] = 2.0,
+    reach: Annotated[float, Option(min=1, max=1000, help="m from the ego: as far as the detector sees.")] = 60.0,
+) -> None:
+    """Write driving logs of 123D as own scenes, which --files plays: true boxes, the ego and lanes."""
+    with reported("importing logs") as progress:
+        found = import_logs(folder, output, rate, reach, progress.done)
+    content = f"{counted(found['truth'], 'box', 'es')} in {counted(found['ego'], 'frame')}"
+    show(f"{counted(found['logs'], 'log')} with {content} and {counted(found['lanes'], 'lane')} in {output}; next:")
+    env = "MTP-AV2-10Hz-v0" if rate > 5 else "MTP-AV2-v0"
+    show_command(f"{command_line('study', env=env, files=output)} --quick -o study")

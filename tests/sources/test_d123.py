@@ -1,0 +1,164 @@
+"""Logs of 123D as own scenes: what is read and what is not, mistakes, and AV2 logs equal to the native ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from mtp_bench.cards import with_detector, with_files
+from mtp_bench.errors import DataError
+from mtp_bench.sources import load_scenes
+from mtp_bench.sources.d123 import import_logs
+from mtp_bench.types import Scene
+from tests.support.command_line import CommandLine
+from tests.support.own_scenes import small_card
+
+START, FRAMES = 1_700_000_000_000_000, 10
+LABELS = "py123d.parser.registry.WODPerceptionBoxDetectionLabel"
+TRACKS = ["car", "man", "far", "sign"]
+Tables = dict[str, tuple[dict[str, Any], dict[str, Any]]]  # columns and metadata by name of the file
+
+
+def log_tables() -> Tables:
+    """The ego drives along x with 5 m/s at (5000, 300), its poses 4 ms before and 6 ms after each frame."""
+    places = [[[5010.0 + t, 303.0], [5004.0, 290.0], [5072.0 - 2 * t, 300.0], [5001.0, 301.0]] for t in range(FRAMES)]
+    times = [START + 100_000 * t + late for t in range(FRAMES) for late in (-4000, 6000)]
+    line = {b"__ndarray__": True, b"dtype": "<f8", b"shape": [3, 3]}
+
+    def lane(x: float, kind: int, after: list[int]) -> bytes:
+        xyz = {y: {**line, b"data": np.array([[x + s, y, 9.0] for s in (0, 4, 8)]).tobytes()} for y in (300, 302, 298)}
+        lines = dict(zip(("centerline", "left_boundary", "right_boundary"), xyz.values(), strict=True))
+        return msgspec.msgpack.encode({"lane_type": kind, "lane_group_id": 7, "successor_ids": after, **lines})
+
+    return {
+        "sync": ({"uuid": ["a"]}, {"split": "made_up", "dataset": "made", "location": "up"}),
+        "box_detections_se3": (
+            {
+                "timestamp_us": [START + 100_000 * t for t in range(FRAMES)],
+                "bounding_box_se3": [[[*xy, 1.0, 1.0, 0.0, 0.0, 0.0, 4.0, 2.0, 1.5] for xy in row] for row in places],
+                "track_token": [TRACKS] * FRAMES,
+                "label": [[1, 2, 1, 3]] * FRAMES,
+                "velocity_3d": [[[9.0, 9.0, 9.0]] * 4] * FRAMES,
+                "num_lidar_points": [[5, 0, None, 5]] * FRAMES,
+            },
+            {"box_detection_label_class": LABELS},
+        ),
+        "ego_state_se3": (
+            {
+                "timestamp_us": times,
+                "imu_se3": [[5000.2 + 5e-6 * (t - START), 300.0, 0.4, 1.0, 0.0, 0.0, 0.0] for t in times],
+            },
+            {},
+        ),
+        "route_position": ({"remaining_m": [9.0]}, {"polyline_x": [1.0]}),
+        "map": (
+            {
+                "object_id": [40, 41, 42, 43, 7],
+                "map_layer": [0, 0, 0, 0, 1],
+                "features": [
+                    lane(5000, 2, [42, 41, 99]), lane(5008, 3, []), lane(5008, 2, []), lane(9000, 2, []),
+                    msgspec.msgpack.encode({"intersection_id": 1}),
+                ],
+            },
+            {},
+        ),
+    }  # fmt: skip
+
+
+def write_log(folder: Path, tables: Tables) -> Path:
+    folder.mkdir(parents=True)
+    for name, (columns, metadata) in tables.items():
+        prefix = "" if name == "map" else f"{name}."
+        kinds = {"bounding_box_se3": pa.list_(pa.list_(pa.float64(), 10)), "imu_se3": pa.list_(pa.float64(), 7)}
+        table = pa.table({prefix + key: pa.array(column, kinds.get(key)) for key, column in columns.items() if column})
+        table = table.replace_schema_metadata({"metadata": msgspec.msgpack.encode(metadata)})
+        with pa.ipc.new_file(folder / f"{name}.arrow", table.schema) as file:
+            file.write(table)
+    return folder
+
+
+def imported(tmp_path: Path, tables: Tables) -> Scene:
+    import_logs(write_log(tmp_path / "split/one", tables).parent, tmp_path / "own", 10, 60)
+    (scene,) = load_scenes(with_detector(with_files(small_card(tmp_path), tmp_path / "own"), "kitti_pointrcnn"))
+    return scene
+
+
+def test_a_log_is_a_scene(tmp_path: Path) -> None:
+    scene = imported(tmp_path, log_tables())
+    truth, names = scene.truth, [scene.name_of(i) for i in scene.truth.object_id.tolist()]
+    np.testing.assert_allclose(scene.time, np.arange(FRAMES) / 10)
+    np.testing.assert_allclose(scene.ego[1:, 0], 0.2 + 0.5 * np.arange(1, FRAMES), atol=1e-6)
+    np.testing.assert_allclose(scene.ego[0, 0], 0.18, atol=1e-6, err_msg="a single pose before it: no motion")
+    assert names == ["car", "man"] * 5 + ["car", "man", "far"] * 5, "far is within 60 m from frame 5 on"
+    car = np.array(names) == "car"
+    np.testing.assert_allclose(truth.box[car][3], [13, 3, 1, 0, 4, 2, 1.5])
+    np.testing.assert_allclose(truth.velocity[car], [[np.nan] * 2, *[[10.0, 0.0]] * (FRAMES - 1)], atol=1e-6)
+    assert [truth.neutral[np.array(names) == one].any() for one in TRACKS[:3]] == [False, True, False]
+    first, second = scene.lanes
+    assert (first.following, second.following, first.junction) == ((1,), (), True), "without that of bicycles"
+    np.testing.assert_allclose([first.center[2], first.left[2], first.right[2]], [[4, 0], [4, 2], [4, -2]])
+
+
+def content(folder: Path) -> list[bytes]:
+    return [path.read_bytes() for path in sorted(folder.rglob("*.parquet"))]
+
+
+def test_what_leaks_changes_nothing(tmp_path: Path) -> None:
+    imported(tmp_path / "a", log_tables())
+    changed = log_tables()
+    changed["box_detections_se3"][0]["velocity_3d"] = [[[-1.0, 7.0, np.nan]] * 4] * FRAMES
+    changed["route_position"] = ({"remaining_m": [1.0]}, {"polyline_x": [7.0]})
+    changed["ego_state_se3"][0]["imu_se3"][-1][1] += 1.0  # 6 ms after the last frame
+    imported(tmp_path / "b", changed)
+    del changed["route_position"]
+    imported(tmp_path / "c", changed)
+    assert content(tmp_path / "a/own") == content(tmp_path / "b/own") == content(tmp_path / "c/own")
+
+
+BOXES, EGO = "box_detections_se3", "ego_state_se3"
+LINE = msgspec.msgpack.encode({"centerline": {b"shape": [1]}})
+BROKEN: list[tuple[str, int, dict[str, Any], str]] = [  # file, its columns (0) or metadata (1), change, message
+    (BOXES, 1, {"box_detection_label_class": "my.Labels"}, "unknown labels 'Labels', expected one of AV2Sensor"),
+    (BOXES, 0, {"label": [[1, 2, 9, 3]] * FRAMES}, "WODPerceptionBoxDetectionLabel has no label 9"),
+    (BOXES, 0, {"label": [[1, 2, 1]] * FRAMES}, f"{BOXES}.label has other lengths of its lists than the columns bef"),
+    (BOXES, 0, {"label": [1] * FRAMES}, "one cannot be read as a file of 123D: "),
+    (BOXES, 0, {"timestamp_us": [START + 140_000 * t for t in range(FRAMES)]}, "one has 7.14 frames per second: exp"),
+    (EGO, 0, {"imu_se3": None}, f"{EGO}.arrow cannot be read as a file of 123D: no column '{EGO}.imu_se3', found: "),
+    (EGO, 0, {"imu_se3": [[2.0] * 7] * 20}, f"{EGO}.arrow, pose 1: rotation is [2.0, 2.0, 2.0, 2.0], expected a unit"),
+    (EGO, 0, {"timestamp_us": [5] * 20}, f"{EGO}.arrow: no frame of the boxes has a pose of the 0.1 s before it"),
+    ("sync", 1, {"split": "nuscenes-interpolated_val"}, "boxes between keyframes show the next keyframe"),
+    ("map", 0, {"features": [LINE] * 5}, "map.arrow cannot be read as a file of 123D: a lane lacks one of its lines"),
+]
+
+
+@pytest.mark.parametrize(("name", "part", "change", "message"), BROKEN)
+def test_a_mistake_is_one_sentence(name: str, part: int, change: dict[str, Any], message: str, tmp_path: Path) -> None:
+    tables = log_tables()
+    tables[name][part].update(change)
+    with pytest.raises(DataError) as caught:
+        import_logs(write_log(tmp_path / "one", tables), tmp_path / "own", 10, 60)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "own").exists()
+
+
+@pytest.mark.parametrize("name", ["sync", "box_detections_se3", "ego_state_se3", "map"])
+@pytest.mark.parametrize("size", [None, 0, 500, -300])
+def test_a_broken_file_is_one_sentence(name: str, size: int | None, tmp_path: Path) -> None:
+    path = write_log(tmp_path / "one", log_tables()) / f"{name}.arrow"
+    path.write_bytes(b"no arrow" * 100 if size is None else path.read_bytes()[:size])
+    with pytest.raises(DataError, match=rf"{name}\.arrow cannot be read as a file of 123D: \S"):
+        import_logs(tmp_path / "one", tmp_path / "own", 10, 60)
+
+
+def test_the_command_says_what_is_next(tmp_path: Path, cli: CommandLine) -> None:
+    write_log(tmp_path / "split/one", log_tables())
+    out = cli("import", "123d", tmp_path / "split", "-o", tmp_path / "own", "--rate", "5").out
+    assert out.startswith("1 log with 12 boxes in 5 frames and 2 lanes in ")
+    assert "mtp-bench study --env MTP-AV2-v0 --files" in out
+    assert "has no box_detections_se3.arrow" in cli("import", "123d", tmp_path, "-o", tmp_path / "b").error
