@@ -49,7 +49,7 @@ SUMMARIES = {
     "submit": "Make a leaderboard record of a submission.",
     "verify": "Check records, and run their submissions again.",
     "board": "Show the leaderboard.",
-    "import": "Turn tracks of other programs into tables.",
+    "import": "Turn tracks of other programs, or driving logs of 123D, into tables.",
     "export": "Write the tracks of a stored run in the formats of other benchmarks.",
     "maintain": "Commands of the maintainers.",
 }
