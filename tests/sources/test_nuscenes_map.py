@@ -1,8 +1,9 @@
-"""The road of the map expansion: what is read of it, when, and that a run never depends on it."""
+"""The road of the map expansion: what is read of it and when, and that runs without lanes never depend on it."""
 
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.errors import DataError
-from mtp_bench.sources import with_map
+from mtp_bench.cards.card import LaneSection
+from mtp_bench.env import MTPEnv
+from mtp_bench.errors import DataError, MissingDataError
+from mtp_bench.sources import describe, with_map
 from mtp_bench.sources.base import HALF_LANE
 from mtp_bench.sources.nuscenes import road
 from mtp_bench.sources.nuscenes.road import read_lanes
@@ -45,7 +48,8 @@ def drawn(data: Path, notes: list[str] | None = None) -> tuple[Lane, ...]:
 
 
 def test_lanes_are_where_they_were_drawn(mapped: Path) -> None:
-    own, other, bend = drawn(mapped)  # "far" is left out
+    own, other, bend = drawn(mapped)  # "far" is left out, as bicycles' lanes are everywhere
+    assert [lane.following for lane in (own, other, bend)] == [(2,), (), ()]
     np.testing.assert_allclose(own.center[[0, -1]], [[0.0, -40.0], [0.0, 20.0]], atol=1e-9)
     np.testing.assert_allclose(own.left[:, 0], -HALF_LANE, atol=1e-9)  # the ego heads along y: left is -x
     np.testing.assert_allclose(own.right[:, 0], HALF_LANE, atol=1e-9)
@@ -63,6 +67,27 @@ def test_without_the_expansion_nothing_is_read(data: Path) -> None:
     notes: list[str] = []
     assert drawn(data, notes) == ()  # there is no log.json either
     assert not notes
+
+
+def test_agents_see_the_lanes_and_what_continues_them(mapped: Path) -> None:
+    card = nuscenes_card().model_copy(update={"lanes": LaneSection()})
+    env = MTPEnv(card, mapped)
+    seen, _ = env.reset()
+    pieces = int((seen["lane_valid"].sum(axis=1) > 0).sum())
+    assert pieces == 5  # two of 60 m in pieces of 38 m, and the bend
+    ends = {i: seen["lane_point"][i][seen["lane_valid"][i] == 1][[0, -1]] for i in range(pieces)}
+    links = [(i, int(j)) for i in range(pieces) for j in seen["lane_next"][i] if j >= 0]
+    assert len(links) == 3  # from the first piece of either lane, and from "own" to the bend
+    for i, j in links:
+        np.testing.assert_allclose(ends[i][1], ends[j][0], atol=1e-4)
+    whole = read_lanes(mapped / "nuscenes/maps/expansion" / f"{LOCATION}.json")
+    assert [lane.following for lane in whole] == [(3,), (), (), (2,)]
+    shutil.rmtree(mapped / "nuscenes/maps/expansion")
+    with pytest.raises(
+        MissingDataError, match=r"shows lanes, which come with the map expansion pack \(v1\.3\) of https"
+    ):
+        MTPEnv(card, mapped)
+    assert any("shows lanes" in line for line in describe(card, mapped).missing)
 
 
 def changed(key: str, value: Any) -> Callable[[Record], Record]:

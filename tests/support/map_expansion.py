@@ -1,7 +1,8 @@
 """A map expansion in the official layout: two lanes and a bend through a junction, beside the way of an ego.
 
 Along the heading of the ego, from 40 m behind it to 20 m ahead, run two lanes: ``own`` around the ego,
-``other`` to its left, towards it. At the end of ``own`` ``bend`` turns left, radius 10 m. ``far`` lies 1 km away.
+``other`` to its left, towards it. At the end of ``own`` ``bend`` turns left, radius 10 m. ``far``, which
+follows it, lies 1 km away. To the right of ``own`` runs a ``cycleway``.
 """
 
 import json
@@ -25,9 +26,11 @@ def make_map(pose: Sequence[float]) -> Record:
     _add_lane(content, "own", pose, (-40.0, 0.0), 0.0, 60.0)
     _add_lane(content, "other", pose, (20.0, 4.0), np.pi, 60.0)
     _add_lane(content, "far", pose, (1000.0, 0.0), 0.0, 60.0)
+    _add_lane(content, "cycleway", pose, (-40.0, -4.0), 0.0, 60.0, "BIKE")
     content["lane_connector"].append({"token": "bend"})
     content["arcline_path_3"]["bend"] = [_path(pose, (20.0, 0.0), 0.0, "SLS", [2.0, 5 * np.pi, 3.0], 10.0)]
     content["connectivity"]["own"] = {"incoming": [], "outgoing": ["bend"]}
+    content["connectivity"]["bend"] = {"incoming": ["own"], "outgoing": ["nowhere", "far", "cycleway"]}
     return content
 
 
@@ -40,10 +43,16 @@ def write_map(root: Path, location: str, content: Record) -> Path:
 
 
 def _add_lane(
-    content: Record, token: str, pose: Sequence[float], place: tuple[float, float], turn: float, length: float
+    content: Record,
+    token: str,
+    pose: Sequence[float],
+    place: tuple[float, float],
+    turn: float,
+    length: float,
+    kind: str = "CAR",
 ) -> None:
     cos, sin = np.cos(turn), np.sin(turn)
-    edges = {"from_edge_line_token": "", "to_edge_line_token": "", "lane_type": "CAR"}
+    edges = {"from_edge_line_token": "", "to_edge_line_token": "", "lane_type": kind}
     content["lane"].append({"token": token, "polygon_token": f"{token}-ring", **edges})
     half = length / 2
     content["arcline_path_3"][token] = [

@@ -95,13 +95,14 @@ def prediction_path(root: Path) -> Path | None:
     return path if path.is_file() else None
 
 
-def require_prediction(root: Path, card: Card) -> None:
-    """Raise DataError if the card needs the list of prediction targets and it is missing."""
+def require_maps(root: Path, card: Card) -> None:
+    """Raise DataError if the card needs the list of prediction targets, or lanes, and they are missing."""
+    pack = "the map expansion pack (v1.3) of https://www.nuscenes.org/nuscenes#download, to be unpacked into maps/"
     if section_of(card, NuScenesSource).truth == "targets" and prediction_path(root) is None:
-        raise MissingDataError(
-            f"no file {root / PREDICTION}: {card.id} needs the targets of the prediction challenge, which come with "
-            "the map expansion pack of https://www.nuscenes.org/nuscenes#download"
-        )
+        targets = "the targets of the prediction challenge, which come with"
+        raise MissingDataError(f"no file {root / PREDICTION}: {card.id} needs {targets} {pack}")
+    if card.lanes is not None and not any((root / EXPANSION).glob("*.json")):
+        raise MissingDataError(f"no file {root / EXPANSION}/*.json: {card.id} shows lanes, which come with {pack}")
 
 
 def detection_paths(root: Path, card: Card) -> tuple[Path, ...]:

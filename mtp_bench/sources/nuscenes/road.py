@@ -1,10 +1,11 @@
-"""The road around a scene, of the nuScenes map expansion (v1.3): lanes with their middle lines, for pictures alone.
+"""The road around a scene, of the nuScenes map expansion (v1.3): lanes with their middle lines and successors.
 
-Of a map the layers ``lane`` and ``lane_connector`` (a way through a junction) are read, and ``arcline_path_3``: the
-middle line of each by its token, in parts of three arcs or straights.
+Of a map the layers ``lane`` and ``lane_connector`` (a way through a junction) are read, and by the tokens of both
+``arcline_path_3``, the middle line in parts of three arcs or straights, and ``connectivity``, what continues it.
 """
 
 import math
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +21,7 @@ from ..text import read_json
 from .layout import DATASET, EXPANSION, VERSIONS, NuScenesSource
 from .tables import SceneRecord, TableRecord, Vector, by_token, find, read_records
 
-REACH = 100.0  # m from the way of the ego, within which the road is drawn
+REACH = 100.0  # m from the way of the ego, within which the road is read
 STEP = 2.0  # m, between points of a middle line, at most
 _TURN = {"L": 1.0, "S": 0.0, "R": -1.0}  # sign of the curvature
 _Length = Annotated[float, msgspec.Meta(ge=0, le=5e3)]  # m
@@ -43,10 +44,19 @@ class _Path(msgspec.Struct):
     radius: Annotated[float, msgspec.Meta(ge=0)]
 
 
+class _Lane(TableRecord):
+    lane_type: str = "CAR"
+
+
+class _Links(msgspec.Struct):
+    outgoing: list[str] = []  # tokens
+
+
 class _Map(msgspec.Struct):
-    lane: list[TableRecord] = []
+    lane: list[_Lane] = []
     lane_connector: list[TableRecord] = []
     arcline_path_3: dict[str, list[_Path]] = {}
+    connectivity: dict[str, _Links] = {}
 
 
 def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
@@ -62,7 +72,10 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
         return ()
     ego = scene.ego[:, None, :2]
     lanes = read_lanes(path, path.stat().st_mtime_ns)
-    return tuple(lane for lane in lanes if (np.linalg.norm(lane.center - ego, axis=2) <= REACH).any())
+    near = (i for i, lane in enumerate(lanes) if (np.linalg.norm(lane.center - ego, axis=2) <= REACH).any())
+    number = {i: place for place, i in enumerate(near)}
+    after = (tuple(number[each] for each in lanes[i].following if each in number) for i in number)
+    return tuple(replace(lanes[i], following=following) for i, following in zip(number, after, strict=True))
 
 
 def location_of(version: Path, scene: str) -> str:
@@ -76,17 +89,23 @@ def location_of(version: Path, scene: str) -> str:
 
 @lru_cache(maxsize=1)
 def read_lanes(path: Path, changed: int = 0) -> tuple[Lane, ...]:
-    """The lanes of a location, in the global frame, with borders at `base.HALF_LANE`; the last map is kept.
+    """The lanes of a location, but for bike lanes, in the global frame, with borders at `base.HALF_LANE`.
 
-    ``changed``: state of the file, for the memory. DataError names the file and the place that is wrong.
+    Successors without a middle line are left out. The last map is kept; ``changed``: state of the file, for that
+    memory. DataError names the file and the place that is wrong.
     """
     layers = read_json(path, _Map)
-    ways = [*((lane, False) for lane in layers.lane), *((lane, True) for lane in layers.lane_connector)]
-    lines = [(_center(layers.arcline_path_3.get(way.token, [])), junction) for way, junction in ways]
-    lanes = tuple(lane_around(center, junction) for center, junction in lines if len(center) > 1)
-    if not lanes:
+    junction = {lane.token: False for lane in layers.lane if lane.lane_type != "BIKE"}
+    junction |= {lane.token: True for lane in layers.lane_connector}
+    centers = ((token, _center(layers.arcline_path_3.get(token, []))) for token in junction)
+    lines = {token: center for token, center in centers if len(center) > 1}
+    if not lines:
         raise DataError(f"{path} has no lane with a middle line, expected a file of the map expansion")
-    return lanes
+    number = {token: i for i, token in enumerate(lines)}
+    outgoing = (layers.connectivity.get(token, _Links()).outgoing for token in lines)
+    after = (tuple(number[token] for token in tokens if token in number) for tokens in outgoing)
+    lanes = (lane_around(center, junction[token]) for token, center in lines.items())
+    return tuple(replace(lane, following=following) for lane, following in zip(lanes, after, strict=True))
 
 
 def _center(parts: list[_Path]) -> Floats:

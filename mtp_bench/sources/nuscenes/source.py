@@ -12,7 +12,7 @@ from ..base import DataRoot, Work, class_ids, names_by_number, no_detections, re
 from ..cache import Arrays
 from ..motion import looking_back
 from .detections import open_detections, scene_detections
-from .layout import CLASSES, DATASET, VERSIONS, NuScenesSource, detection_paths, require_prediction, scenes_by_split
+from .layout import CLASSES, DATASET, VERSIONS, NuScenesSource, detection_paths, require_maps, scenes_by_split
 from .store import TableStore, open_tables
 from .tables import SECOND
 
@@ -32,7 +32,7 @@ class NuScenes:
         require_classes(card, DATASET.name, CLASSES)
         require_rate(card, DATASET.name, RATE)
         self.root = DATASET.find(data, VERSIONS)
-        require_prediction(self.root, card)
+        require_maps(self.root, card)
         paths = detection_paths(self.root, card)
         self.tables = open_tables(self.root, self.section.version)
         splits = available_splits(self.tables, self.section.truth == "targets")
