@@ -9,6 +9,7 @@ import numpy as np
 
 from mtp_bench import Card, Task, card_ids, load_card
 from mtp_bench.cards import TaskSection
+from mtp_bench.cards.card import LaneSection
 from mtp_bench.env.action import FIELDS
 from mtp_bench.env.spaces import action_numbers, observation_space
 from mtp_bench.scoring import DEFINITIONS
@@ -90,7 +91,8 @@ def rules(card: Card) -> Task:
     return Task(
         env_id=card.id, classes=task.classes, dt=1 / task.rate, past=task.past, future=task.future, k=task.samples,
         samples=task.samples, detections=size.detections, tracks=size.tracks, objects=size.objects,
-        hypotheses=size.hypotheses, detector=card.detector_name,
+        hypotheses=size.hypotheses, detector=card.detector_name, lanes=card.lanes.pieces if card.lanes else 0,
+        lane_points=card.lanes.points if card.lanes else 0,
     )  # fmt: skip
 
 
@@ -124,12 +126,18 @@ def _properties(card: Card) -> str:
         "Samples": f"k = {task.samples} per object",
         "Classes": ", ".join(task.classes),
         "Detections": f"{card.detector_name}, {detections}",
+        **({"Lanes": lanes_of(card.lanes)} if card.lanes else {}),
         "A track follows an object": f"{measure}: {per_class(task.event_gate.threshold)}",
         "A forecast belongs to it": f"distance of centres, m, at most: {per_class(task.forecast_gate)}",
         "Miss error c": f"{per_class(task.miss_error)} (m)",
         "An action has": f"{action_numbers(rules(card)):,} numbers".replace(",", " "),
     }
     return "\n".join(["| rule | here |", "|---|---|", *(f"| {name} | {text} |" for name, text in rows.items())])
+
+
+def lanes_of(lanes: LaneSection) -> str:
+    """Sizes of the lanes that a card shows."""
+    return f"{lanes.pieces} pieces of {lanes.points} points within {lanes.reach:g} m"
 
 
 def per_class(values: dict[str, float]) -> str:

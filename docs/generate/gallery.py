@@ -9,7 +9,7 @@ from mtp_bench import Card, load_card
 from mtp_bench.env.spaces import action_numbers, observation_space
 
 from . import recordings
-from .environments import ROOT, history, ordered, rules
+from .environments import ROOT, history, lanes_of, ordered, rules
 from .pictures import speed
 
 PAGE = "environment/gallery.md"
@@ -52,7 +52,8 @@ def _facts(card: Card) -> dict[str, str]:
         f"{task.future} frames ({task.future / task.rate:.3g} s)",
         "Samples": f"k = {task.samples} per object",
         "Classes": ", ".join(task.classes),
-        "Observation": f"{_spaced(numbers)} numbers: at most {size.detections} detections",
+        "Observation": f"{_spaced(numbers)} numbers: at most {size.detections} detections"
+        + (f"; lanes: {lanes_of(card.lanes)}" if card.lanes else ""),
         "Action": f"{_spaced(action_numbers(rules(card)))} numbers: at most {size.hypotheses} hypotheses, "
         f"{_spaced(size.tracks)} tracks, {size.objects} objects",
         "History": history(card).split("; digest")[0].removeprefix("- "),

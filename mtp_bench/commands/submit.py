@@ -120,6 +120,9 @@ def _one(
     submission: Submission, env_id: str, options: RunOptions, output: Path | None, arguments: Mapping[str, Any]
 ) -> Record:
     """Make the record of one env with a progress bar."""
+    card = load_card(env_id)
+    if card.lanes is not None and not card.simulated:
+        say(f"{card.id} shows lanes, which tell the place of a recorded scene: no random motion of the scene hides it.")
     prepare(env_id, options)
     with working(f"running {submission.name} on {env_id}", options) as watched:
         return make_record(submission.path, env_id, watched, output, **arguments)

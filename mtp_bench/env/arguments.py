@@ -28,7 +28,7 @@ class EnvKeywords(TypedDict, total=False):
     scenes: Sequence[str] | Sequence[Scene] | None  # names to choose from, or scenes of one's own (`cards.with_scenes`)
     evaluation: bool  # the reward is 0 and no returned value derives from the truth
     strict: bool | None  # an action outside the action space is an ActionError; None: unless ``evaluation``
-    rigid_motion: bool  # the local frame of every episode is turned and shifted at random
+    rigid_motion: bool  # the local frame of every episode is turned and shifted at random, with the lanes that it shows
     split: str | None  # another split of the card's source
     detector: str | None  # another detector, simulated on the true boxes or stored (`cards.with_detector`)
     detection_file: str | None  # stored detections of one's own (`cards.with_detections`)
