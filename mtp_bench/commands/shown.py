@@ -6,7 +6,8 @@ from typing import Annotated, Any
 
 from typer import Option
 
-from ..scoring import SUBSETS, Report
+from ..scoring import Report
+from ..scoring.definitions import KNOWN_SUBSETS
 from ..scoring.main_table import main_table
 from ..tables import Table
 from ..viz.terminal.tables import chosen_table, column_keys, data_table
@@ -38,7 +39,7 @@ class Shown:
     ] = None
     subsets: Annotated[
         str | None,
-        words("--subsets", known=lambda: SUBSETS, text="Subsets of the table, such as all,ids; with --columns."),
+        words("--subsets", known=lambda: KNOWN_SUBSETS, text="Subsets of the table, such as all,ids; with --columns."),
     ] = None
 
     @property
@@ -51,7 +52,7 @@ class Shown:
         if self.columns is None and self.subsets is None:
             return main_table(report)
         columns = (self.columns or "error,interval,minADE,minFDE").split(",")
-        subsets = [subset for subset in SUBSETS if subset in (self.subsets or "all,ids").split(",")]
+        subsets = [subset for subset in KNOWN_SUBSETS if subset in (self.subsets or "all,ids").split(",")]
         return chosen_table(report, columns, subsets, self.full)
 
     def data(self, report: Report) -> Table:

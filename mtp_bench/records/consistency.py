@@ -69,7 +69,7 @@ def inconsistencies(record: Record) -> Iterator[str]:
         "seeds": len(record.seeds),
     }  # fmt: skip
     for row in record.rows:
-        scenes = sum(sum(scene.weight[row.subset]) > 0 for scene in record.per_scene)
+        scenes = sum(sum(scene.weight.get(row.subset, ())) > 0 for scene in record.per_scene)
         for name, expected in {**stated, "scenes": scenes}.items():
             if getattr(row, name) != expected:
                 yield f"row {row.subset!r}: {name} is {getattr(row, name)!r}, the record has {expected!r}"
@@ -83,7 +83,8 @@ def inconsistencies(record: Record) -> Iterator[str]:
 
 def inconsistent_sums(sums: Record | HiddenPart, most: float) -> Iterator[str]:
     """Sentences on rows that do not follow from the sums of their units, and on sums beyond ``most`` metres."""
-    units = {len(of_units(subset)) for subset in SUBSETS for of_units in (sums.unit_weight, sums.unit_error)}
+    subsets = {*SUBSETS, *(row.subset for row in sums.rows)}
+    units = {len(of_units(subset)) for subset in subsets for of_units in (sums.unit_weight, sums.unit_error)}
     if len(units) != 1 or units == {0}:
         yield "the sums of units are not one per subset and unit"
         return

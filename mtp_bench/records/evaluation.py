@@ -1,7 +1,7 @@
 """Numbers of a record from rollouts: the same when it is made and when it is verified."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,8 +10,8 @@ import numpy as np
 from ..cards import Card
 from ..parallel import Workers, parallel_map
 from ..running.options import RunOptions
-from ..scoring import SUBSETS, AgentScores, Reference, SceneScore, score_scene, stated_hypotheses, summarise
-from ..scoring.definitions import DEFINITIONS, GOLDEN
+from ..scoring import AgentScores, Reference, SceneScore, score_scene, stated_hypotheses, summarise
+from ..scoring.definitions import DEFINITIONS, GOLDEN, KNOWN_SUBSETS, SUBSETS, Subset
 from ..scoring.rows import Row
 from ..scoring.table import AgentTable
 from ..sources import open_source
@@ -67,12 +67,14 @@ def evaluate(
     reference: Reference,
     hypotheses: int | None,
     observe: str,
+    subsets: Collection[Subset] = KNOWN_SUBSETS,
 ) -> Evaluation:
     """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
 
     ``agent`` is its name, ``card`` the environment, ``reference`` the event weights of these scenes; ``options`` give
     data, number of processes and progress. ``hypotheses`` as declared; None: as the answers state. ``observe``: the
-    mode of the env. Raises RolloutError if the rollouts do not fit the scenes, DataError if data is missing.
+    mode of the env; ``subsets``: others get no numbers, as in older records. Raises RolloutError if the rollouts do not
+    fit the scenes, DataError if data is missing.
     """
     calls = [(card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)]
     workers = Workers(options.workers.count)
@@ -91,11 +93,12 @@ def evaluate(
     )
     report = summarise([setting], card, reference)
     (table,) = report.tables
+    rows = [_stored(row) for row in report.rows if row.subset in subsets]
     return Evaluation(
-        rows=[_stored(row) for row in report.rows],
+        rows=rows,
         silence=report.details[0].silence,
         details=rounded(report.details[0].model_dump(mode="json")),
-        per_scene=per_scene_of(table),
+        per_scene=per_scene_of(table, [row.subset for row in rows]),
         reference=ReferencePart(
             name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
         ),
@@ -126,17 +129,17 @@ def scorer_digest() -> str:
     return hashlib.sha256(f"{DEFINITIONS}\n{GOLDEN}".encode()).hexdigest()
 
 
-def per_scene_of(table: AgentTable) -> list[ScenePart]:
-    """Sums of each unit; the units of a scene are consecutive."""
+def per_scene_of(table: AgentTable, subsets: Sequence[Subset] = SUBSETS) -> list[ScenePart]:
+    """Sums of each unit on ``subsets``; the units of a scene are consecutive."""
     scores = table.setting.seeds[0]
     ends = np.cumsum([score.units for score in scores])[:-1]
-    weight = {name: np.split(table.unit_weight(table.weight[name]), ends) for name in SUBSETS}
-    error = {name: np.split(table.errors(name), ends) for name in SUBSETS}
+    weight = {name: np.split(table.unit_weight(table.weight[name]), ends) for name in subsets}
+    error = {name: np.split(table.errors(name), ends) for name in subsets}
     return [
         ScenePart(
             scene=score.scene,
-            weight={name: rounded(weight[name][i].tolist()) for name in SUBSETS},
-            error={name: rounded(error[name][i].tolist()) for name in SUBSETS},
+            weight={name: rounded(weight[name][i].tolist()) for name in subsets},
+            error={name: rounded(error[name][i].tolist()) for name in subsets},
         )
         for i, score in enumerate(scores)
     ]

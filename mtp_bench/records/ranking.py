@@ -98,7 +98,7 @@ def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
         of: tuple[object, ...] = (sums.commitment, sums.weights)
     else:
         of = (sums.env.split, sums.env.data_manifest, *(scene.scene for scene in sums.per_scene))
-    rows = tuple((row.targets, row.objects, round(row.effective_objects, 6)) for row in sums.rows)
+    rows = tuple((row.targets, row.objects, round(row.effective_objects, 6)) for row in sums.rows[: len(SUBSETS)])
     return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
 
 

@@ -10,7 +10,7 @@ from typing_extensions import TypeAliasType  # pydantic brings it
 from ..files import unseen
 from ..gateway.limits import SandboxBackend
 from ..running.options import MOST_SEED
-from ..scoring.definitions import DEFINITIONS, SUBSETS, Subset
+from ..scoring.definitions import DEFINITIONS, KNOWN_SUBSETS, SUBSETS, Subset
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
 from ..strict import Section
@@ -66,13 +66,13 @@ def _without_rank(rows: Any) -> Any:
 
 def _each_subset(rows: list[Row]) -> list[Row]:
     subsets = tuple(row.subset for row in rows)
-    if subsets != SUBSETS:
+    if subsets not in (SUBSETS, KNOWN_SUBSETS):
         raise ValueError(f"holds rows of {', '.join(subsets) or 'no subset'}, expected {', '.join(SUBSETS)}")
     return rows
 
 
 def _equally_long(sums: UnitSums) -> UnitSums:
-    if len({len(sums.get(subset, ())) for subset in SUBSETS} | {max(1, len(sums.get("all", ())))}) > 1:
+    if len({len(sums.get(subset, ())) for subset in {*SUBSETS, *sums}} | {max(1, len(sums.get("all", ())))}) > 1:
         raise ValueError("expected one sum or more of every subset, equally many of each")
     return sums
 
@@ -274,11 +274,11 @@ class Record(Section):
 
     def unit_weight(self, subset: Subset) -> list[float]:
         """Weight of the targets of each unit, over all scenes."""
-        return [value for scene in self.per_scene for value in scene.weight[subset]]
+        return [value for scene in self.per_scene for value in scene.weight.get(subset, ())]
 
     def unit_error(self, subset: Subset) -> list[float]:
         """Weighted bADE per unit [U], metres."""
-        return [value for scene in self.per_scene for value in scene.error[subset]]
+        return [value for scene in self.per_scene for value in scene.error.get(subset, ())]
 
 
 class HiddenPart(Section):

@@ -191,7 +191,8 @@ def _score_again(
     if changed:
         return Verification(path, record, "scored", changed)
     name, hypotheses, observe = record.submission.name, record.submission.hypotheses, record.env.observe
-    evaluation = evaluate(name, card, options, runs, reference, hypotheses, observe)
+    subsets = [row.subset for row in record.rows]
+    evaluation = evaluate(name, card, options, runs, reference, hypotheses, observe, subsets)
     every = [rollout for rollouts in runs.values() for rollout in rollouts]
     scenes_of_split = len(open_source(card, options.data).names)
     env = {

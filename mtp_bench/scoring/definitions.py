@@ -8,6 +8,7 @@ GOLDEN = "7582bb7e64a89c7d46df3548b2265a6fa98ad17adbc3209cad7c00d1d83fb750"  # t
 
 MISS_RATE_GATE = 2.0  # m, a sample whose final point is farther away misses (MR, EPA)
 MOVING_SPEED = 0.5  # m/s, straight displacement over the future by its time; slower targets are "static"
+TURNING = 0.5  # rad, change of the true heading over the future; the subset "turning" has targets above
 PLANNING_SIGMA = 3.0  # m, PI-ADE weighs a target by exp(-approach^2 / (2 sigma^2))
 BUDGETS = 10  # equal steps up to min(targets, false forecasts of STP): their mean ranks "all"
 FORECASTS_PER_FRAME = (20.0, 40.0)  # budgets where false forecasts cannot be known, beside STP's own number
@@ -33,6 +34,8 @@ LEAST_IMAGE_HEIGHT = 25.0  # pixels; labels confirm nothing that is seen this sm
 MOST_IN_REGION = 0.5  # share in one region where labels do not care; nothing of which more lies there is confirmed
 BLOCK_SECONDS = 20.0  # units of uncertainty are blocks of recordings, at most this long
 
-# Weights from 0 to 1 over one array of targets (docs/definitions, "Subsets").
-Subset = Literal["all", "ids", "lost", "reacquired", "frag", "paper_ids", "paper_frag"]
-SUBSETS: tuple[Subset, ...] = get_args(Subset)
+# Weights from 0 to 1 over one array of targets (docs/definitions, "Subsets"). Reports and records have "turning" only
+# where a target turns, older records never; it is shown, not ranked.
+Subset = Literal["all", "ids", "lost", "reacquired", "frag", "paper_ids", "paper_frag", "turning"]
+KNOWN_SUBSETS: tuple[Subset, ...] = get_args(Subset)
+SUBSETS = KNOWN_SUBSETS[:-1]  # of every report and record

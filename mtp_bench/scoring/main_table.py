@@ -8,7 +8,7 @@ from typing import Annotated
 from .._bundle import card_ids
 from ..cards import load_card
 from ..tables import Column, Table, columns_of, counted
-from .definitions import SUBSETS, Subset
+from .definitions import Subset
 from .rank import span_text
 from .report import Report
 from .rows import Budget, Row
@@ -21,6 +21,7 @@ MEANING = (
 NAMES: dict[Subset, str] = {
     "all": "all targets", "ids": "identity switch", "lost": "lost", "reacquired": "reacquired",
     "frag": "lost or reacquired", "paper_ids": "IDS as in the paper", "paper_frag": "FRAG as in the paper",
+    "turning": "turning",
 }  # fmt: skip
 _ALL, _IDS = NAMES["all"], NAMES["ids"]
 
@@ -39,6 +40,9 @@ class MainRow:
     ids_error: Annotated[float | None, Column("bADE", "m", "lower", ".3f", group=_IDS)] = None
     ids_interval: Annotated[str | None, Column("95 %", "m", group=_IDS)] = None
     ids_ranks: Annotated[str | None, Column("#", group=_IDS)] = None
+    turning_error: Annotated[
+        float | str | None, Column("bADE", "m", "lower", ".3f", group=NAMES["turning"], optional=True)
+    ] = None
 
 
 def main_table(report: Report) -> Table:
@@ -82,8 +86,9 @@ def unchanged(env_id: str, digest: str | None) -> str:
 
 def blocks_of(report: Report) -> Iterator[Mapping[Subset, Row]]:
     """The rows of each agent and setting, by subset."""
-    for start in range(0, len(report.rows), len(SUBSETS)):
-        yield {row.subset: row for row in report.rows[start : start + len(SUBSETS)]}
+    size = max(1, len({row.subset for row in report.rows}))
+    for start in range(0, len(report.rows), size):
+        yield {row.subset: row for row in report.rows[start : start + size]}
 
 
 def main_settings(report: Report) -> dict[str, Mapping[Subset, Row]]:
@@ -112,7 +117,7 @@ def _by_error(row: Row) -> float:
 
 
 def _main_row(rows: Mapping[Subset, Row]) -> MainRow:
-    row, ids = rows["all"], rows["ids"]
+    row, ids, turning = rows["all"], rows["ids"], rows.get("turning")
     missing = row.minADE is None or row.minFDE is None
     return MainRow(
         agent=row.agent,
@@ -125,6 +130,7 @@ def _main_row(rows: Mapping[Subset, Row]) -> MainRow:
         ids_error=ids.error,
         ids_interval=_ends(ids),
         ids_ranks=span_text(ids.rank_range),
+        turning_error=None if turning is None else turning.error,
     )
 
 

@@ -13,7 +13,7 @@ from ..cards import Card
 from ..cards.source import FilesSource
 from ..errors import MtpBenchError
 from ..tables import Table, counted, to_html, to_text
-from .definitions import DEFINITIONS, SUBSETS, Subset
+from .definitions import DEFINITIONS, Subset
 from .details import details
 from .gaps import GapPairs, Pair, References, gap_columns, pairs_of
 from .parts import ReferenceErrors, mean_costs, reference_errors
@@ -104,7 +104,8 @@ def summarise(
 ) -> Report:
     """Report of ``agents`` on the same scenes of ``card``.
 
-    ``reference``: event weights, and the false forecasts of STP that set budgets; without it only "all" has targets.
+    ``reference``: event weights, and the false forecasts of STP that set budgets; without it events
+    have no targets.
     ``stp`` and ``truth`` name the agents between which gap_closed measures, ``controls`` those to which differences are
     given; all of them with equal k, and left out if absent. ``references``: by agent, the runs with its own
     predictor and presence model; None if its manifest does not state them, missing if they were not run.
@@ -130,7 +131,7 @@ def summarise(
         # the truth has no detections to associate
         associated = None if table.setting.observe == "truth" else runs.associated
         split = reference_errors(associated, runs.tracks, table.setting.samples)
-        rows += [_row(table, subset, shared, gaps, split) for subset in SUBSETS]
+        rows += [_row(table, subset, shared, gaps, split) for subset in table.subsets]
     return Report(
         env=card.id,
         definitions=DEFINITIONS,
@@ -140,7 +141,7 @@ def summarise(
             for other in others
             for table in tables
             if table is not other and table.setting.samples == other.setting.samples
-            for subset in SUBSETS
+            for subset in table.subsets
         ],
         details=[details(table, card) for table in tables],
         condition=_condition(tables, card, reference),
@@ -252,9 +253,10 @@ def _effective_objects(table: AgentTable, subset: Subset) -> float:
 def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pairs: Sequence[GapPairs]) -> list[Row]:
     """The rows, by agent and then by subset, with their ranks or the reason why they have none."""
     done = list(rows)
-    for at, subset in enumerate(SUBSETS):
+    subsets = tables[0].subsets if tables else ()  # all have the same targets
+    for at, subset in enumerate(subsets):
         why: list[str | None] = []
-        weight = tables[0].unit_weight(tables[0].weight[subset]) if tables else np.zeros(0)
+        weight = tables[0].unit_weight(tables[0].weight[subset])
         for table, gaps in zip(tables, pairs, strict=True):
             setting = table.setting
             reason = why_unranked(setting.budget, setting.samples, setting.observe)
@@ -267,7 +269,7 @@ def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pai
             why.append(ALONE if reason is None and len(tables) == 1 else reason)
         ranks = ranks_among([table.errors(subset) for table in tables], weight, why)
         for i, (rank, because) in enumerate(zip(ranks, why, strict=True)):
-            row = i * len(SUBSETS) + at
+            row = i * len(subsets) + at
             place, span = rank or (None, None)
             update = {"place": place, "rank_range": span, "unranked_because": because}
             done[row] = rows[row].model_copy(update=update)

@@ -25,7 +25,7 @@ Difference = Annotated[float | None, Column(unit="m", better="lower", format="+.
 Cost = Annotated[float | None, Column(unit="m", better="lower", optional=True)]
 IntervalColumn = Annotated[Interval | None, Column(interval=True, help="95 % interval of the number before.")]
 Score = Annotated[float | None, Column(better="higher")]
-_SUBSET = Column(help="Subset of the targets: all, or weighted by how often an event happens there.")
+_SUBSET = Column(help="Subset of the targets: all, those that turn, or weighted by how often an event happens there.")
 _SEEDS = "Runs with different random draws, of which numbers are means."
 _TARGETS = Annotated[Count, Column(help="Targets with a weight above 0.")]
 _SCENES = Annotated[Count, Column(help="Scenes that have these targets.")]

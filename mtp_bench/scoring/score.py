@@ -62,6 +62,7 @@ class SceneScore(ForecastErrors):
     distance: Floats  # [n] m to the ego
     approach: Floats  # [n] m, nearest to the ego in the future
     moving: Bools  # [n]
+    turning: Bools  # [n]
     miss_error: Floats  # [n] m, c
     capped: Floats  # [n] m, min(min_ade, c), c where not covered; every forecast is kept
     absent_cause: Ints  # [n] values of `AbsentCause`, whether it has a forecast or not
@@ -146,6 +147,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         distance=targets.distance,
         approach=targets.approach,
         moving=targets.moving,
+        turning=targets.turning,
         miss_error=of_targets,
         **vars(errors),
         capped=capped_error(errors.min_ade, of_targets),

@@ -12,7 +12,7 @@ from ..errors import RolloutError
 from ..files import cache_root
 from ..types import Bools, Floats, Ints
 from .bade import BudgetErrors, Budgets, budgets_of, errors_at
-from .definitions import SUBSETS
+from .definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from .rows import AgentSetting, Budget
 from .score import SceneScore
 from .weights import Reference
@@ -77,8 +77,13 @@ class AgentTable:
     events: dict[str, float | None]  # per subset: expected number in a run of the reference
 
     def bade(self, subset: str) -> Bade:
-        """BADE on a subset."""
-        return self.of_all if subset == "all" else self.of_subsets
+        """BADE on a subset; turning targets have the budgets of all."""
+        return self.of_all if subset in ("all", "turning") else self.of_subsets
+
+    @property
+    def subsets(self) -> tuple[Subset, ...]:
+        """Subsets of a report: without "turning" where no target turns."""
+        return KNOWN_SUBSETS if self.weight["turning"].any() else SUBSETS
 
     @property
     def scores(self) -> list[SceneScore]:
@@ -114,7 +119,7 @@ def stated_hypotheses(seeds: Sequence[Sequence[SceneScore]]) -> int:
 
 
 def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable:
-    """Table of one agent; without ``reference`` only the subset "all" has weight, and STP does not limit budgets.
+    """Table of one agent; without ``reference`` only "all" and "turning" have weight, and STP does not limit budgets.
 
     Raises RolloutError without a scene, for scenes with another number of samples, and for seeds that differ in scenes
     or targets; DataError for a scene without event weights.
@@ -222,6 +227,7 @@ def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str
     """Weight [n] of the targets on each subset; raises RolloutError for a scene with another number of targets."""
     count = sum(len(score) for score in run)
     weights: dict[str, Floats] = {name: np.full(count, float(name == "all")) for name in SUBSETS}
+    weights["turning"] = _join(run, "turning").astype(np.float64)
     if reference is None:
         return weights
     for score in run:
@@ -239,9 +245,9 @@ def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str
 def _events(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, float | None]:
     """Expected events of a reference run on targets; for the paper's subsets those of plain STP, on all boxes."""
     if reference is None:
-        return dict.fromkeys(SUBSETS)
+        return dict.fromkeys(KNOWN_SUBSETS)
     counts: dict[str, float | None] = {
         name: float(sum(reference.weight(score.scene, name).sum() for score in run)) for name in SUBSETS[1:5]
     }
     ids, lost, back = np.sum([reference.of(score.scene).stp_events for score in run], axis=0).tolist()
-    return {"all": None, **counts, "paper_ids": float(ids), "paper_frag": float(lost + back)}
+    return {"all": None, "turning": None, **counts, "paper_ids": float(ids), "paper_frag": float(lost + back)}

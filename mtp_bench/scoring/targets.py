@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from ..cards import Card
 from ..errors import DataError, ShapeError
-from ..geometry import rotate
+from ..geometry import rotate, wrap_angle
 from ..types import Bools, Floats, Ints, Ragged, Scene
-from .definitions import BLOCK_SECONDS, MOVING_SPEED
+from .definitions import BLOCK_SECONDS, MOVING_SPEED, TURNING
 from .events import history
 from .holes import HOLES, LOST_TARGETS, pieces, separated
 from .neutral import evaluated
@@ -29,6 +29,7 @@ class Targets(Ragged):
     distance: Floats  # [n] m to the ego now (BEV)
     approach: Floats  # [n] m, nearest BEV distance to the ego over the future
     moving: Bools  # [n] straight displacement over the future, by its time, above MOVING_SPEED
+    turning: Bools  # [n] heading changes by more than TURNING from now to the last future frame
 
     def __len__(self) -> int:
         return len(self.row)
@@ -40,7 +41,8 @@ def find_targets(scene: Scene, card: Card) -> Targets:
     Objects that no label of an image could confirm are neutral. The P + T frames are consecutive, without a hole in
     time, and the object may be neutral in all but the current one. Targets of an official list need the T future
     frames only.
-    ``moving`` is measured in the world also where every frame has its own frame of reference.
+    ``moving`` and ``turning`` are measured in the world also where every frame has its own frame of reference; where
+    headings are nominal, no target turns.
     Raises DataError where an object occurs twice in a frame.
     """
     truth, future = evaluated(scene).truth, card.task.future
@@ -74,6 +76,7 @@ def find_targets(scene: Scene, card: Card) -> Targets:
         distance=np.linalg.norm(xy[now] - ego[frame[now]], axis=-1),
         approach=np.linalg.norm(xy[ahead] - ego[steps], axis=-1).min(axis=1, initial=np.inf),
         moving=travelled > MOVING_SPEED * seconds,
+        turning=_turned(scene, end, now, card.source.traits.places_only),
     )
 
 
@@ -100,6 +103,14 @@ def left_out(scene: Scene, card: Card) -> dict[str, int]:
 def _in_world(scene: Scene, xy: Floats, frame: Ints) -> Floats:
     """Places [n, 2] m of ``frame`` [n] in a frame of reference that all frames of the scene share."""
     return xy if scene.world is None else rotate(xy, scene.world[frame, 3]) + scene.world[frame, :2]
+
+
+def _turned(scene: Scene, end: Ints, now: Ints, nominal: bool) -> Bools:
+    """True [n] where the heading in the world differs between two rows of the truth [n], unless it is ``nominal``."""
+    truth, world = scene.truth, scene.world
+    heading, frame = np.asarray(truth.box[:, 3], dtype=np.float64), truth.frame_of_rows
+    heading = heading if world is None else heading + world[frame, 3]
+    return (np.abs(wrap_angle(heading[end] - heading[now])) > TURNING) & (not nominal)
 
 
 def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:

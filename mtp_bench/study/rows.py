@@ -20,7 +20,7 @@ from .runs import KINDS
 
 TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 PAPER = "the paper's"  # group of the columns with figures of the paper
-SUBSETS: tuple[Subset, ...] = ("all", "paper_ids", "paper_frag", "ids", "reacquired")
+SUBSETS: tuple[Subset, ...] = ("all", "paper_ids", "paper_frag", "ids", "reacquired", "turning")
 _SUBSET_NAMES = {"ids": "identity switch", "paper_ids": "IDS", "paper_frag": "FRAG"}
 _UNIT_OF = {key: unit for unit, keys in TEXTS["units"].items() for key in keys.split()}
 
@@ -79,9 +79,15 @@ def settings_of_rows(findings: Findings) -> Iterator[tuple[StudiedAgent, Setting
             yield subject, setting
 
 
+def _subsets(findings: Findings, but: str = "-") -> list[Subset]:
+    """Subsets of the tables; "turning" where a target turns, and none that begins with ``but``."""
+    there = {row.subset for row in findings.report.rows}
+    return [subset for subset in SUBSETS if subset in there and not subset.startswith(but)]
+
+
 def error_rows(findings: Findings) -> Iterator[Row]:
     """Tables I to III of the paper: errors of each setting on all targets, and on those with events."""
-    for subset in SUBSETS:
+    for subset in _subsets(findings):
         for subject, setting in settings_of_rows(findings):
             yield _error_row(findings, subject, setting, subset)
 
@@ -171,7 +177,7 @@ def sample_rows(findings: Findings) -> Iterator[Row]:
 def part_rows(findings: Findings) -> Iterator[Row]:
     """The parts of bADE, which add up to it."""
     rows: list[Row] = []
-    for subset in SUBSETS[:1] + SUBSETS[3:]:
+    for subset in _subsets(findings, but="paper"):
         for _, setting in settings_of_rows(findings):
             row = findings.row(setting, subset)
             if setting.budget != "equal" or row.error is None:

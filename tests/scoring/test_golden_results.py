@@ -65,6 +65,8 @@ def results(measure: str, truth_complete: bool) -> list[Any]:
         )
         agents.append(AgentScores(name, 2, 8, "equal", runs, "truth" if name == "truth_past" else "detections"))
     report = summarise(agents, card, reference(card)).to_json("paired", "details")
+    for rows in (report["rows"], report["paired"]):  # a subset that is newer than the golden results, shown only
+        rows[:] = [row for row in rows if row["subset"] != "turning"]
     scenes = [score for agent in agents for run in agent.seeds for score in run]
     return [report, [(score.own_events, score.fixed_error, mean_plain_error([score])) for score in scenes]]
 

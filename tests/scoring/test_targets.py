@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mtp_bench.cards.source import FilesSource
 from mtp_bench.geometry import rotate
 from mtp_bench.scoring import find_targets
 from tests.support.scoring_scenes import Thing, make_card, make_scene
@@ -86,3 +87,27 @@ def test_moving_is_measured_in_the_world_where_every_frame_has_its_own_frame_of_
     assert find_targets(replace(scene, world=pose), CARD).moving.tolist() == [False, True]
     assert find_targets(scene, CARD).moving.tolist() == [True, True]
     assert find_targets(replace(scene, world=pose), CARD).future.tolist() == find_targets(scene, CARD).future.tolist()
+
+
+TURNS = {
+    # heading in frames 0 to 4, the target is at frame 1: turning
+    "the past does not count": ((0.0, 1.0, 1.2, 1.4, 1.5), False),
+    "just above": ((0.0, 1.0, 1.2, 1.4, 1.501), True),
+    "to the right": ((0.0, 0.0, -0.3, -0.4, -0.6), True),
+    "through pi": ((3.0, 3.1, 3.2 - 2 * np.pi, 3.3 - 2 * np.pi, 3.5 - 2 * np.pi), False),
+    "there and back": ((0.0, 0.0, 1.0, 1.0, 0.0), False),
+}
+
+
+@pytest.mark.parametrize(("yaw", "turning"), TURNS.values(), ids=TURNS.keys())
+def test_turning_is_the_change_of_heading_in_the_world_at_the_end_of_the_future(
+    yaw: tuple[float, ...], turning: bool
+) -> None:
+    scene = make_scene(line("xxxxx"))
+    scene.truth.box[:, 3] = yaw
+    assert find_targets(scene, CARD).turning.tolist() == [turning]
+    world = np.array([[0.0, 0.0, 0.0, 0.5 * t] for t in range(5)])  # of the platform, which turns by itself
+    scene.truth.box[:, 3] -= world[:, 3]
+    assert find_targets(replace(scene, world=world), CARD).turning.tolist() == [turning]
+    people = CARD.model_copy(update={"source": FilesSource(name="files", places_only=True)})
+    assert find_targets(scene, people).turning.tolist() == [False]

@@ -11,8 +11,7 @@ import numpy as np
 from mtp_bench.records import Record
 from mtp_bench.records.attestation import Level
 from mtp_bench.records.shipped import shipped
-from mtp_bench.scoring import SUBSETS
-from mtp_bench.scoring.definitions import Subset
+from mtp_bench.scoring.definitions import KNOWN_SUBSETS, SUBSETS, Subset
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.viz.board.entries import Entry, Found, entries_of
 from tests.support.stored_records import SIMULATED, hex_of, make_record, make_row, merged, signed_level
@@ -21,9 +20,9 @@ Table = dict[str, Any]
 
 MAIN, FEW = "MTP-WILDTRACK-k10-v0", "MTP-WILDTRACK-v0"  # with enough units to rank, and not
 # of a scene of an env that does not ship
-TARGETS: dict[Subset, float] = dict(zip(SUBSETS, (580, 8, 18, 15, 34, 13, 23), strict=True))
-OBJECTS = {"all": 312, "ids": 41, "lost": 96, "reacquired": 17, "frag": 102, "paper_ids": 30, "paper_frag": 90}
-HARDER = {"all": 1.0, "ids": 1.55, "lost": 2.1, "reacquired": 1.8, "frag": 2.0, "paper_ids": 1.5, "paper_frag": 2.0}
+TARGETS: dict[Subset, float] = dict(zip(KNOWN_SUBSETS, (580, 8, 18, 15, 34, 13, 23, 60), strict=True))
+OBJECTS = dict(zip(KNOWN_SUBSETS, (312, 41, 96, 17, 102, 30, 90, 44), strict=True))
+HARDER = dict(zip(KNOWN_SUBSETS, (1.0, 1.55, 2.1, 1.8, 2.0, 1.5, 2.0, 1.4), strict=True))
 SCENES = 10
 UNITS = {FEW: 1}  # of a scene
 MOST_UNITS = 4
@@ -34,21 +33,22 @@ _KNOWN = Path(__file__).parents[2] / "leaderboard" / "records" / "stp"
 
 def made_up(
     name: str, error: float | None = 1.0, env_id: str = MAIN, spread: float = 0.1, hypotheses: int = 1,
-    scenes: int | None = None, **changed: Any,
+    scenes: int | None = None, subsets: Sequence[Subset] = SUBSETS, **changed: Any,
 ) -> Record:  # fmt: skip
     """A record; ``changed`` replaces fields, those of a nested section one by one.
 
     The units differ by the same factors in all records, by ``spread``, and by 5 % more in a pattern of their own: equal
     errors share a rank. ``scenes``: only the first of them.
+    ``subsets``: those of old records, or with targets that turn.
     """
     known, every = shipped(env_id), _weights(env_id)
     weights = dict(list(every.items())[:scenes])
-    parts = [] if error is None else _scenes(name, error, weights, spread, UNITS.get(env_id, MOST_UNITS))
+    parts = [] if error is None else _scenes(name, error, weights, spread, UNITS.get(env_id, MOST_UNITS), subsets)
     rows = [
         make_row(
             name, subset, parts, hypotheses=hypotheses, samples=known.samples if known else 20, objects=OBJECTS[subset]
         )
-        for subset in SUBSETS
+        for subset in subsets
     ]
     content: Table = {
         "submission": {"authors": ["Ada Fiction", "Ben Example"], "description": "Made up for a picture."},
@@ -79,7 +79,12 @@ def _weights(env_id: str) -> Mapping[str, Mapping[Subset, float]]:
 
 
 def _scenes(
-    name: str, error: float, weights: Mapping[str, Mapping[Subset, float]], spread: float, units: int
+    name: str,
+    error: float,
+    weights: Mapping[str, Mapping[Subset, float]],
+    spread: float,
+    units: int,
+    subsets: Sequence[Subset],
 ) -> list[Table]:
     """Scenes of equal units; the mean over all targets is the error."""
     count = units * len(weights)
@@ -89,8 +94,8 @@ def _scenes(
     errors = error * (factor / np.average(factor, weights=each) + noise - np.average(noise, weights=each))
     found = []
     for (scene, targets), here in zip(weights.items(), errors.reshape(-1, units).tolist(), strict=True):
-        weight = {subset: [targets[subset] / units] * units for subset in SUBSETS}
-        sums = {subset: [each * HARDER[subset] * weight[subset][0] for each in here] for subset in SUBSETS}
+        weight = {subset: [targets.get(subset, 1.0) / units] * units for subset in subsets}
+        sums = {subset: [each * HARDER[subset] * weight[subset][0] for each in here] for subset in subsets}
         found.append({"scene": scene, "weight": weight, "error": sums})
     return found
 

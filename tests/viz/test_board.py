@@ -13,7 +13,9 @@ import pytest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.records import Record
 from mtp_bench.records.attestation import Level
+from mtp_bench.records.consistency import inconsistencies
 from mtp_bench.scoring import SUBSETS
+from mtp_bench.scoring.definitions import KNOWN_SUBSETS
 from mtp_bench.scoring.statistics import PairedDifference
 from mtp_bench.submission.loader import ON_SCORED
 from mtp_bench.viz.board.columns import board_json
@@ -239,6 +241,31 @@ def test_the_overview_has_the_papers_environments_first_and_marks_simulated_ones
     html = board_files(entries).page
     assert html.index(f'href="#{MAIN}/stp"') < html.index('href="#MTP-Merge-v0/stp"')
     assert html.count('<span class="tag">simulated</span>') == 1
+
+
+def test_environments_with_a_map_are_in_no_order_with_the_others() -> None:
+    lanes = "MTP-Intersection-Lanes-v0"
+    records = [made_up(name, error, env_id=env) for name, error, env in (("a", 1.0, lanes), ("b", 0.9, lanes))]
+    entries = board_of(made_up("a", 0.5), *records)
+    files = board_files(entries)
+    overviews = (re.findall(r'class="name"><bdi>(\w)</bdi>', part) for part in files.page.split("<h2 id="))
+    assert [names for names in overviews if names] == [["a"], ["b", "a"]]
+    assert files.page.count("these ranks compare with no others") == files.page.count(">road map</span>") == 1
+    notes = [notes for table, notes in board_tables(entries) if table.name == lanes]
+    assert any("see lanes" in note for note in notes[0])
+
+
+def test_turning_targets_are_a_column_that_older_records_leave_blank() -> None:
+    old, new = made_up("old", 1.0), made_up("new", 1.1, subsets=KNOWN_SUBSETS)
+    assert not list(inconsistencies(new))
+    files = board_files(board_of(old, new))
+    rows = {row["submission"]: row for row in json.loads(files.parts[f"{MAIN}.json"])["rows"]}
+    assert rows["new"]["turning"] == pytest.approx(1.54, rel=0.01)
+    assert rows["old"]["turning"] is None
+    assert rows["old"]["place"] == 1  # their rows of other subsets compare
+    assert rows["new"]["place"] == 2
+    assert "turning" in pieces_of(files)[f"{MAIN}/new"]
+    assert "turning" not in board_files(board_of(old)).parts[f"{MAIN}.csv"]
 
 
 def test_a_curve_is_drawn_and_nonsense_is_not() -> None:

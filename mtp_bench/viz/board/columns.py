@@ -15,7 +15,7 @@ _ROW = {column.key: column for column in columns_of(Row)}
 # Columns of the page, each with the class of its cells there: narrower screens leave out "widest", "wide" and "mid".
 PAGE = {
     "error": "error", "difference": "difference", "public": "wide", "ids": "mid", "reacquired": "mid",
-    "minADE": "wide", "minFDE": "wide", "paper_ids_minADE": "wide", "paper_ids_minFDE": "wide",
+    "turning": "wide", "minADE": "wide", "minFDE": "wide", "paper_ids_minADE": "wide", "paper_ids_minFDE": "wide",
     "paper_frag_minADE": "widest", "paper_frag_minFDE": "widest", "same_gap": "mid", "coverage": "mid", "ms": "wide",
     "weights": "weights",
 }  # fmt: skip
@@ -60,6 +60,7 @@ _ERROR = (
     "Mean over all targets of min(minADE, c), c without a forecast, averaged over budgets of false forecasts. On "
     "nuScenes false ones are not known: budgets are forecasts per frame. Metres. It decides the rank."
 )
+_TURNING = "Error over targets whose heading changes by more than 0.5 rad over the future, metres: shown, not ranked."
 _DIFFERENCE = (
     "bADE minus that of the single-hypothesis pipeline (stp) on the same targets, metres, with the 95 % interval of "
     "the paired difference over units of at most 20 s. Left of the line: better than stp."
@@ -87,6 +88,8 @@ _NUMBERS: Sequence[Column] = (
         help="bADE on the public scenes, where hidden ones rank, metres."),
     _event("ids", "change identity"),
     _event("reacquired", "are lost and found again"),
+    _of("turning", NAMES["turning"], lambda e: next((r.error for r in e.sums.rows if r.subset == "turning"), None),
+        unit="m", better="lower", format=".2f", group="bADE (m)", optional=True, help=_TURNING),
     *_paper("all", "all targets"),
     *_paper("paper_ids", "targets with an identity switch of stp, the paper's subset,"),
     *_paper("paper_frag", "targets with a fragmentation of stp, the paper's subset,"),
@@ -146,9 +149,8 @@ def data_table(entries: Sequence[Entry], name: str) -> Table:
     A further number that no entry has is left out: records are older than a new metric.
     """
     env = _text("env", lambda e: e.env)
-    further = [_of_row(column) for column in further_columns(entries)]
-    further = [column for column in further if any(column.value(entry) is not None for entry in entries)]
-    columns = [env, *_FIRST, *_NUMBERS, *further, *_LAST]
+    columns = [env, *_FIRST, *_NUMBERS, *map(_of_row, further_columns(entries)), *_LAST]
+    columns = [c for c in columns if not c.optional or any(c.value(entry) is not None for entry in entries)]
     return Table(name, "Leaderboard", "", entries, [replace(c, read=_rounded(c)) for c in columns])
 
 

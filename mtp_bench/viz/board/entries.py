@@ -206,10 +206,16 @@ def _order(entry: Entry) -> tuple[object, ...]:
 
 
 @cache
-def _env_place(env_id: str) -> tuple[int, str]:
-    """Sort key of environments: the place that the card states, then recorded ones, then simulated ones."""
+def _env_place(env_id: str) -> tuple[bool, int, str]:
+    """Sort key of environments: those without a map; of each the place that the card states, recorded, simulated."""
     place = load_card(env_id).board if env_id in card_ids() else None
-    return _LAST + simulated(env_id) if place is None else place, env_id
+    return has_map(env_id), _LAST + simulated(env_id) if place is None else place, env_id
+
+
+@cache
+def has_map(env_id: str) -> bool:
+    """Return True if agents see lanes in an environment; False for one that does not ship."""
+    return env_id in card_ids() and load_card(env_id).lanes is not None
 
 
 @cache

@@ -21,7 +21,7 @@ from ..terminal.notes import parts_text
 from .answer import answer_of, p_value, short_name
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
 from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
-from .entries import Entry, empty_error, simulated
+from .entries import Entry, empty_error, has_map, simulated
 
 _SHORT = 120  # letters of a text in a row: all of it is in the details
 _LATER = re.compile(r"^(.{28}.*?)(?:; |: |, [a-z]| \().*")  # the clauses of a description after the first
@@ -46,6 +46,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "about": _about(env_id),
         "complete": first.record.env.truth_complete,
         "simulated": simulated(env_id),
+        "map": has_map(env_id),
         "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
         "split": first.record.env.split,
         "total": len(entries),
@@ -53,7 +54,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "size": first.row,
         "empty_error": empty_error(entries),
         "answer": answer_of(entries, ids),
-        "few": {name for name in SUBSETS[1:] if all(each.standing.places[name].place is None for each in entries)},
+        "few": {n for n in SUBSETS[1:] if all(each.standing.places[n].place is None for each in entries)} | {"turning"},
         "columns": columns,
         "groups": [(group, list(each)) for (group, _), each in groupby(columns, lambda c: (c.group, PAGE[c.key]))],
         "scale": scale,
@@ -84,6 +85,7 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
 def subset_table(entry: Entry) -> Table:
     """The numbers of an entry on each subset."""
     standing, row = entry.standing, {column.key: column for column in columns_of(Row)}
+    places = standing.places
 
     def paired(column: Column, name: str) -> Column:
         values = {subset: getattr(each, name) for subset, each in standing.differences.items()}
@@ -95,7 +97,7 @@ def subset_table(entry: Entry) -> Table:
 
     columns = [
         replace(row["subset"], read=lambda row: NAMES[row.subset]),
-        Column("rank", key="rank", read=lambda row: standing.places[row.subset].rank),
+        Column("rank", key="rank", read=lambda row: places[row.subset].rank if row.subset in places else None),
         row["error"],
         row["interval"],
         replace(paired(COLUMN["difference"], "mean"), heading="to stp"),
@@ -107,8 +109,7 @@ def subset_table(entry: Entry) -> Table:
         Column("events / objects / scenes", "-", key="sizes", read=_sizes),
         *(column for column in further_columns([entry]) if not column.key.startswith("cost_")),
     ]
-    rows = [entry.row_of(row.subset) for row in entry.record.rows]
-    return Table("subsets", "Errors in metres", "", rows, columns)
+    return Table("subsets", "Errors in metres", "", entry.sums.rows, columns)
 
 
 def _sizes(row: Row) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .answer import short_name
-from .entries import Entry, by_board, simulated
+from .entries import Entry, by_board, has_map, simulated
 
 
 @dataclass(frozen=True)
@@ -13,6 +13,7 @@ class Overview:
     """Agents by environments, of one version of the definitions."""
 
     earlier: str  # that version, where it is not today's
+    map: bool  # agents see lanes in all of the environments; else in none
     heads: list[tuple[str, str, bool]]  # id of the table, name, whether it is simulated
     rows: list[tuple[str, list[Entry | None]]]  # name of an agent, its entry per environment
 
@@ -25,7 +26,10 @@ class Overview:
 
 
 def overview_of(entries: Sequence[Entry]) -> Overview:
-    """The overview of ``entries`` (`entries_of`) of one version of the definitions, the best of the first env first."""
+    """The overview of ``entries`` (`entries_of`), the best of the first env first.
+
+    They are of one version of the definitions, and all of environments with a map or all of others.
+    """
     boards = by_board(entries)
     agents: dict[str, dict[str, Entry]] = {}
     for entry in entries:
@@ -35,7 +39,8 @@ def overview_of(entries: Sequence[Entry]) -> Overview:
     rows = [(name, [agents[name].get(board) for board in boards]) for name in names]
     envs = {board: listed[0].env for board, listed in boards.items()}
     heads = [(board, short_name(env), simulated(env)) for board, env in envs.items()]
-    return Overview(entries[0].record.earlier if entries else "", heads, rows)
+    first = next(iter(entries), None)
+    return Overview(first.record.earlier if first else "", first is not None and has_map(first.env), heads, rows)
 
 
 def _place(entry: Entry | None) -> tuple[float, ...]:

@@ -19,7 +19,7 @@ from ...tables import BLANK, Column, to_csv, to_json
 from ..pages import source_of, templates_of, text_of
 from .columns import COLUMN, PAGE, data_table
 from .drawings import WIDTH
-from .entries import LEVEL_TEXT, Entry, by_board
+from .entries import LEVEL_TEXT, Entry, by_board, has_map
 from .lines import Ids, address_of, board_of, details_of
 from .overview import overview_of
 
@@ -53,16 +53,17 @@ class BoardFiles:
 
 
 def board_files(entries: Sequence[Entry], folder: str = "index.parts", pages: Pages | None = None) -> BoardFiles:
-    """The page of ``entries`` (from `entries_of`): an overview, then a table per environment; earlier definitions last.
+    """The page of ``entries`` (from `entries_of`): an overview, then a table per environment.
 
+    Environments with a map follow with an overview of their own, and so do earlier definitions.
     ``folder``: name of the parts' folder beside the page. ``pages``: addresses of others. No date, path or random id.
     """
     ids = _ids(entries)
     boards = [board_of(listed, ids) for listed in by_board(entries).values()]
-    versions = [
-        (overview_of([entry for entry in entries if entry.record.earlier == version]),
-         [board for board in boards if board["earlier"] == version])
-        for version in dict.fromkeys(entry.record.earlier for entry in entries)
+    versions = [  # environments with a map have an overview of their own: they are in no order with the others
+        (overview_of([entry for entry in entries if (entry.record.earlier, has_map(entry.env)) == (version, lanes)]),
+         [board for board in boards if (board["earlier"], board["map"]) == (version, lanes)])
+        for version, lanes in dict.fromkeys((entry.record.earlier, has_map(entry.env)) for entry in entries)
     ]  # fmt: skip
     known = {"parts": quote(folder), "boards": boards, "versions": versions, "ids": ids, "levels": LEVELS}
     parts = _table_files(entries, "leaderboard")

@@ -9,7 +9,7 @@ from ...scoring.definitions import SIGNIFICANT
 from ...scoring.rank import span_text
 from ...tables import Column, Table, short
 from .columns import COLUMN
-from .entries import LEVEL_TEXT, Entry, by_board, empty_error
+from .entries import LEVEL_TEXT, Entry, by_board, empty_error, has_map
 
 _SURE = "*"  # after a significant difference to STP
 _SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
@@ -66,6 +66,7 @@ def _notes(entries: Sequence[Entry]) -> list[str]:
         if entry.trained_on_scored:
             names.setdefault(_printable(entry.trained_on_scored), []).append(_printable(entry.name))
     notes = [f"{text}: {', '.join(dict.fromkeys(listed))}" for text, listed in names.items()]
+    notes += ["agents see lanes: these ranks compare with no others"] if has_map(entries[0].env) else []
     seals = sorted({entry.seal for entry in entries if entry.seal})
     for level in LEVELS:
         listed = [_printable(entry.name) for entry in entries if entry.level == level]

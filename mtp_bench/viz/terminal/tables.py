@@ -8,7 +8,7 @@ from textwrap import wrap
 from typing import Any
 
 from ...scoring import Report
-from ...scoring.definitions import RANKED_SUBSETS, SUBSETS, Subset
+from ...scoring.definitions import KNOWN_SUBSETS, RANKED_SUBSETS, Subset
 from ...scoring.main_table import NAMES, blocks_of, heading, main_settings, shipped_env
 from ...scoring.parts import PARTS
 from ...scoring.rows import AgentSetting, Bin, Clear, Details, PairedRow, Row
@@ -114,10 +114,13 @@ def full_tables(report: Report) -> Iterator[Table]:
     counts = [known[name] for name in ("subset", "events", *_COUNTS)]
     yield Table("subsets", "Subsets (units: blocks of at most 20 s)", "", subsets, counts)
     yield table("Error on events (m; below: 95 % interval)", ("error", "interval"), "all", *_EVENTS)
+    if "turning" in {row.subset for row in report.rows}:
+        yield table("Turning targets (m; below: 95 % interval)", (*_PAIRED[4:6], "minADE", "minFDE"), "all", "turning")
     yield table("minADE/minFDE on events (m, of targets with a forecast)", ("minADE", "minFDE"), *_EVENTS)
     if report.paired:
-        shown = [row for row in report.paired if row.error is not None and row.subset in ("all", *RANKED_SUBSETS)]
-        shown.sort(key=lambda row: (row.other, SUBSETS.index(row.subset)))
+        subsets_shown = ("all", *RANKED_SUBSETS, "turning")
+        shown = [row for row in report.paired if row.error is not None and row.subset in subsets_shown]
+        shown.sort(key=lambda row: (row.other, KNOWN_SUBSETS.index(row.subset)))
         columns = [column for column in columns_of(PairedRow) if column.key in _PAIRED]
         yield Table("paired", "Differences to the controls (m; below: 95 % interval)", "", shown, columns)
     yield table("Shares of gaps closed (below: 95 % interval)", _GAPS, "all", "ids")
@@ -145,13 +148,13 @@ def _row_columns(report: Report) -> tuple[Column, ...]:
 
 def _of(column: Column, part_of: Callable[[Any], Any], **changes: Any) -> Column:
     """A column of a part of a line as a column of lines; ``part_of`` gets the part."""
-    return replace(column, read=lambda line: column.value(part_of(line)), **changes)
+    return replace(column, read=lambda line: (part := part_of(line)) and column.value(part), **changes)
 
 
 def _on(column: Column, subset: Subset, heading: str = "") -> Column:
     """A column of report rows as a column of lines, which reads their row of ``subset``."""
     key = column.key if subset == "all" else f"{subset}_{column.key}"
-    return _of(column, lambda line: line.rows[subset], key=key, heading=heading or column.heading, optional=False)
+    return _of(column, lambda line: line.rows.get(subset), key=key, heading=heading or column.heading, optional=False)
 
 
 def _bin(part: Bin) -> Column:
