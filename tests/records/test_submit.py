@@ -15,11 +15,13 @@ from mtp_bench.errors import MtpBenchError, RecordError, RolloutError, Submissio
 from mtp_bench.gateway import SceneRun
 from mtp_bench.parallel import Workers
 from mtp_bench.records import Record, load_record, rerun, submit, verify
+from mtp_bench.records.ranking import conditions
 from mtp_bench.records.running import Plan
 from mtp_bench.records.submitting import require_target
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
-from mtp_bench.scoring import SUBSETS
+from mtp_bench.scoring import SUBSETS, targets
+from mtp_bench.scoring.definitions import KNOWN_SUBSETS
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 from tests.support.small_scenes import CARD, CARD_ID
@@ -314,3 +316,19 @@ def test_a_ranked_record_is_not_lost(seeds: Sequence[int], kept: bool, submissio
     require_target(*asked, resume=False, replace=True)
     with nullcontext() if kept else pytest.raises(RecordError, match="would overwrite a finished record"):
         require_target(*asked, resume=False, replace=False)
+
+
+def test_turning_targets_are_in_new_records_and_older_ones_hold_without_them(
+    path: Path, submission: Path, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = load_record(path)
+    assert [row.subset for row in old.rows] == list(SUBSETS)  # nobody turns there
+    monkeypatch.setattr(targets, "TURNING", -1.0)  # everybody does
+    assert verify(path, RunOptions(kitti), card).holds
+    new = submit(submission, card, RunOptions(kitti, seeds=(0, 1)), tmp_path / "new")
+    assert [row.subset for row in new.rows] == list(KNOWN_SUBSETS)
+    assert new.row_of("turning").error == pytest.approx(new.row.error)
+    assert verify(
+        tmp_path / "new" / f"{CARD_ID}.json", RunOptions(kitti), card, submission=submission, rerun=True
+    ).holds
+    assert conditions(new) == conditions(old)
