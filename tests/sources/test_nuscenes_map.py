@@ -71,7 +71,7 @@ def test_without_the_expansion_nothing_is_read(data: Path) -> None:
 
 def test_agents_see_the_lanes_and_what_continues_them(mapped: Path) -> None:
     card = nuscenes_card().model_copy(update={"lanes": LaneSection()})
-    env = MTPEnv(card, mapped)
+    env = MTPEnv(card, str(mapped))
     seen, _ = env.reset()
     pieces = int((seen["lane_valid"].sum(axis=1) > 0).sum())
     assert pieces == 5  # two of 60 m in pieces of 38 m, and the bend
@@ -86,7 +86,7 @@ def test_agents_see_the_lanes_and_what_continues_them(mapped: Path) -> None:
     with pytest.raises(
         MissingDataError, match=r"shows lanes, which come with the map expansion pack \(v1\.3\) of https"
     ):
-        MTPEnv(card, mapped)
+        MTPEnv(card, str(mapped))
     assert any("shows lanes" in line for line in describe(card, mapped).missing)
 
 
