@@ -8,6 +8,7 @@ from pathlib import Path
 VARIABLE = "MTP_BENCH_WEIGHTS"
 SHIPPED = Path(__file__).parent / "prediction" / "learned" / "weights"
 PACKED = ".xz"  # suffix of the files that ship
+READS_LANES = "modes_lanes-"  # learns from the env itself: the one whose weights it shares may show no lanes
 MINUTES = {  # to train one, measured for MTP-nuScenes-v0 on two cores
     "modes-truth": 1, "modes-tracklets": 2, "tracking_free-tracklets": 4, "affinity-tracklets": 5, "ptp-truth": 54,
 }  # fmt: skip
@@ -50,7 +51,7 @@ def states_of(networks: Iterable[str], env_id: str, weights_of: str | None = Non
     return [
         NetworkState(
             network,
-            weights_of or env_id,
+            env_id if not weights_of or network.startswith(READS_LANES) else weights_of,
             trained=bool(network_files([network], env_id, weights_of)),
             ships=any((SHIPPED / f"{network}-{env}.safetensors{PACKED}").is_file() for env in envs),
         )

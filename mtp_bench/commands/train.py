@@ -126,7 +126,7 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     learnt_from = RunOptions(options.data, scenes, split="train", workers=options.workers)
     for state in missing:
         network, on = state.network.rsplit("-", 1)
-        source = env if card.weights_of is None else card.weights_of
+        source = env if state.env_id == card.id else state.env_id
         prepare(source, learnt_from)
         path, _ = _trained(TrainingRequest(network, source, on), learnt_from, minutes=state.minutes)
         say(f"{state.network}: {path}")

@@ -21,7 +21,7 @@ def vary_tracks(batch: Tensors, generator: torch.Generator) -> Tensors:
         draw = draw[torch.unique(batch["moment"].cpu(), return_inverse=True)[1]]
     mirror, angle, turn = (part.to(device) for part in _mirrors_and_turns(draw, generator))
     varied = dict(batch)
-    for name in ("position", "velocity", "future", "present"):
+    for name in ("position", "velocity", "future", "present", *(["path"] if "path" in batch else [])):
         varied[name] = torch.einsum("n...i,nji->n...j", batch[name], turn)
     varied["yaw"] = batch["yaw"] * mirror[:, None]
     if "place" in batch:

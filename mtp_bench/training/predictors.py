@@ -12,7 +12,7 @@ from ..files import WriteError, make_folder
 from ..networks import VARIABLE as WEIGHTS_VARIABLE
 from ..networks import file_name, weights_folder
 from ..prediction.learned.local import local_future
-from ..prediction.learned.network import Network, Sizes, network_of
+from ..prediction.learned.network import Network, Sizes, network_of, require_lanes
 from ..prediction.learned.weights import StoredWeights, write_weights
 from ..running.options import DEFAULTS, Fold, RunOptions, held_out
 from ..types import Bools, Task
@@ -58,7 +58,10 @@ def training_windows(request: TrainingRequest, options: RunOptions = DEFAULTS) -
     """
     if request.also and options.files is not None:
         raise MtpBenchError(f"--also {request.also[0]} cannot go with --files: its scenes would be learnt once per env")
-    env_ids = [options.card(env_id).id for env_id in (request.env_id, *request.also)]
+    cards = [options.card(env_id) for env_id in (request.env_id, *request.also)]
+    for card in cards:
+        require_lanes(network_of(request.network), card.id, card.lanes is not None)
+    env_ids = [card.id for card in cards]
     twice = next((env_id for place, env_id in enumerate(env_ids) if env_id in env_ids[:place]), None)
     if twice is not None:  # its scenes would count twice
         raise MtpBenchError(

@@ -201,7 +201,7 @@ def test_an_unknown_parameter_or_function_names_the_nearest(folder: Path, tmp_pa
 def test_every_baseline_is_a_submission(name: str) -> None:
     submission = load_submission(name)
     assert submission.name == name
-    task = replace(TASK, detector="pointrcnn", observe=submission.compare.observe)
+    task = replace(TASK, detector="pointrcnn", observe=submission.compare.observe, lanes=9)
     agent = submission.build(task)
     try:
         agent.reset(task)

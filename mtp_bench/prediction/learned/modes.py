@@ -14,6 +14,7 @@ from .network import Recipe, Sizes
 
 HIDDEN = 256
 LAYERS = 3
+PER_STATIC = 4  # features of a window beside its past; they come twice, the second time 0 unless the track coasts
 LEAST_SPREAD = 1e-3  # of a feature that is standardised
 
 
@@ -30,14 +31,14 @@ class Modes:
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
         """A perceptron from the past to all modes, and statistics of inputs and outputs."""
-        inputs = sizes.past * PER_FRAME + 2 * PER_STATIC + len(sizes.classes)
+        inputs = self.features(sizes)
         outputs = sizes.modes * (2 * sizes.future + 1) + 2
         trained = linear_shapes("net", inputs, *[HIDDEN] * (LAYERS - 1), outputs)
         return {**trained, "input.mean": (inputs,), "input.spread": (inputs,), "output.spread": (sizes.future, 1)}
 
     def start(self, inputs: Arrays, future: np.ndarray, known: np.ndarray, sizes: Sizes, seed: int) -> Arrays:
         """Random layers; inputs are standardised, and outputs are in units of the error of constant velocity."""
-        seen = encoded(inputs, sizes)
+        seen = self.encoded(inputs, sizes)
         error = np.linalg.norm(future - straight(inputs, sizes), axis=-1)
         trained = {name: shape for name, shape in self.shapes(sizes).items() if name.startswith("net.")}
         weights = initial(trained, np.random.default_rng(seed))
@@ -47,31 +48,35 @@ class Modes:
     def forward(self, weights: Weights, inputs: dict[str, Array], sizes: Sizes) -> dict[str, Array]:
         """Modes, their log-weights (not normalised) and the present position."""
         xp = namespace(inputs["position"])
-        x = (encoded(inputs, sizes) - weights["input.mean"]) / weights["input.spread"]
+        x = (self.encoded(inputs, sizes) - weights["input.mean"]) / weights["input.spread"]
         out = mlp(weights, "net", xp.clip(x, -10, 10), LAYERS)
         split = sizes.modes * 2 * sizes.future
         residual = out[:, :split].reshape(-1, sizes.modes, sizes.future, 2) * weights["output.spread"]
         return {
-            "modes": straight(inputs, sizes)[:, None] + residual,
+            "modes": self.moved(inputs, residual, sizes),
             "log_weight": out[:, split : split + sizes.modes],
             "present": out[:, split + sizes.modes :] * weights["output.spread"][0],
         }
 
+    def features(self, sizes: Sizes) -> int:
+        """Number of features of `encoded`."""
+        return sizes.past * PER_FRAME + 2 * PER_STATIC + len(sizes.classes)
+
+    def encoded(self, inputs: dict[str, Array], sizes: Sizes) -> Array:
+        """Features of n windows, one row each."""
+        xp = namespace(inputs["position"])
+        past = history(inputs).reshape(len(inputs["position"]), -1)
+        static = xp.concatenate([inputs["size"][:, :2], inputs["counts"]], 1)
+        coasting = 1 - inputs["taken"][:, -1:]
+        classes = one_hot(inputs["class_id"], len(sizes.classes), inputs["size"])
+        return xp.concatenate([past, static, static * coasting, classes], 1)
+
+    def moved(self, inputs: dict[str, Array], residual: Array, sizes: Sizes) -> Array:
+        """Futures [n, S, T, 2] m of corrections ``residual`` of constant velocity."""
+        return straight(inputs, sizes)[:, None] + residual
+
 
 NETWORK = Modes()
-
-
-PER_STATIC = 4  # features of a window beside its past; they come twice, the second time 0 unless the track coasts
-
-
-def encoded(inputs: dict[str, Array], sizes: Sizes) -> Array:
-    """Features of n windows, one row each."""
-    xp = namespace(inputs["position"])
-    past = history(inputs).reshape(len(inputs["position"]), -1)
-    static = xp.concatenate([inputs["size"][:, :2], inputs["counts"]], 1)
-    coasting = 1 - inputs["taken"][:, -1:]
-    classes = one_hot(inputs["class_id"], len(sizes.classes), inputs["size"])
-    return xp.concatenate([past, static, static * coasting, classes], 1)
 
 
 def straight(inputs: dict[str, Array], sizes: Sizes) -> Array:

@@ -9,7 +9,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from ...errors import require_known
+from ...errors import SubmissionError, require_known
 from ...types import Ints, Task
 from ..windows import Surroundings, TrackWindows
 from .layers import Array, Weights
@@ -49,6 +49,7 @@ class Recipe:
     epochs: int = 60  # of all stages
     on: str = "truth"  # pasts to learn from: "truth" or "tracklets"
     by_frame: bool = False  # batches hold whole frames, for networks whose inputs state the ``moment``
+    lanes: bool = False  # only for envs whose observations show lanes
 
 
 class Network(Protocol):
@@ -87,3 +88,12 @@ def network_of(name: str) -> Network:
     """The network of this name; raises UnknownNameError."""
     require_known("network", name, networks())
     return networks()[name]
+
+
+def require_lanes(network: Network, env_id: str, shown: bool) -> None:
+    """Raise SubmissionError if a network reads lanes and the observations of the env show none."""
+    if network.recipe.lanes and not shown:
+        raise SubmissionError(
+            f"{env_id} shows no lanes, which network {network.name!r} reads; choose an env that shows them, such as "
+            "MTP-Intersection-Lanes-v0"
+        )

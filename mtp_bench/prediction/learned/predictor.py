@@ -12,7 +12,7 @@ from ...types import Task
 from ..windows import shown_as_truth, surroundings_of, windows_of
 from .around import detections_of_tracks
 from .local import to_absolute
-from .network import network_of
+from .network import network_of, require_lanes
 from .weights import StoredWeights, find_weights, read_weights, require_fit
 
 ASSOCIATIONS = ("network", "track")
@@ -29,7 +29,8 @@ class LearnedPredictor:
     A network that was trained on ground-truth tracks gets all tracks in that form, with score 1 and no count of frames
     before the window: it has never seen another score, and its answer to one is arbitrary.
 
-    Raises SubmissionError for an ``association`` that the network lacks, and at ``reset`` if no file fits the task.
+    Raises SubmissionError for an ``association`` that the network lacks, and at ``reset`` if no file fits the task, or
+    if the network reads lanes and the task shows none.
     """
 
     def __init__(
@@ -46,6 +47,7 @@ class LearnedPredictor:
 
     def reset(self, task: Task) -> None:
         """Begin a new scene."""
+        require_lanes(self._network, task.env_id, task.lanes > 0)
         path = self._given or find_weights(self._network.name, self._on, task)
         stored = _read(path, path.stat().st_mtime_ns if path.is_file() else 0, self._network.name)
         require_fit(stored.sizes, task, path)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from mtp_bench.errors import SubmissionError
 from mtp_bench.prediction.kalman import rotation
 from mtp_bench.prediction.learned.affinity import AffinityNetwork, soft_past
 from mtp_bench.prediction.learned.around import (
@@ -20,12 +21,15 @@ from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
 from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
 from mtp_bench.prediction.learned.modes import LEAST_SPREAD, spread_of
 from mtp_bench.prediction.learned.network import Network, networks
+from mtp_bench.prediction.learned.predictor import LearnedPredictor
 from mtp_bench.prediction.learned.tracking_free import support
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth
 from mtp_bench.training.augmentation import vary_detections, vary_tracks
 from mtp_bench.training.losses import LOSSES
+from mtp_bench.training.predictors import TrainingRequest, training_windows
 from mtp_bench.types import Floats, Ints, starts_of
 from tests.support.random_windows import NOTHING_SEEN, SIZES, random_windows
+from tests.support.tracking_scenes import kitti_task
 
 OBJECTS, SCENES = 6, 2
 NETWORKS = networks()
@@ -33,6 +37,12 @@ AROUND = [name for name, network in NETWORKS.items() if network.around]
 EVERY = pytest.mark.parametrize("network", NETWORKS.values(), ids=NETWORKS)
 OF_DETECTIONS = pytest.mark.parametrize("network", [NETWORKS[name] for name in AROUND], ids=AROUND)
 OF_TRACKS = pytest.mark.parametrize("name", [name for name in NETWORKS if name not in AROUND])
+
+CORNER = {  # a lane of 10 m along x, and one to its left that follows
+    "lane_point": np.stack([np.arange(21)[:, None] * [2.0, 0.0], [10.0, 0.0] + np.arange(21)[:, None] * [0.0, 2.0]]),
+    "lane_valid": np.array([np.arange(21) < 6, np.arange(21) < 21]),
+    "lane_next": np.array([[1, -1, -1, -1], [-1, -1, -1, -1]]),
+}
 
 
 def table(box: Floats, class_id: Ints, counts: Ints, before: Ints, seed: int = 0) -> Surroundings:
@@ -55,6 +65,7 @@ def crowd() -> tuple[TrackWindows, Ints, Surroundings]:
     class_id = np.tile(np.arange(OBJECTS) % 2, (SCENES, past, 1))
     counts = np.full(SCENES * past, OBJECTS)
     seen = table(box.reshape(-1, 7), class_id.ravel(), counts, np.tile(np.arange(past), SCENES))
+    seen = replace(seen, lanes={name: np.tile(value, (8, *[1] * value.ndim)) for name, value in CORNER.items()})
     windows = windows_with(np.swapaxes(box, 1, 2).reshape(-1, past, 7), class_id[:, 0].ravel())
     return windows, np.repeat([past - 1, 2 * past - 1], OBJECTS), seen
 
@@ -125,16 +136,18 @@ def test_forecasts_turn_with_the_world(network: Network) -> None:
     windows, moment, seen = crowd()
     turn = rotation(np.array([0.7]))[0].T
 
-    def turned(box: Floats) -> Floats:
-        return np.concatenate(
-            [box[..., :2] @ turn + [30.0, -20.0], box[..., 2:3], box[..., 3:4] + 0.7, box[..., 4:]], -1
-        )
+    def placed(xy: Floats) -> Floats:
+        return np.asarray(xy @ turn + [30.0, -20.0])
 
-    there = replace(seen, box=turned(seen.box), velocity=seen.velocity @ turn)
+    def turned(box: Floats) -> Floats:
+        return np.concatenate([placed(box[..., :2]), box[..., 2:3], box[..., 3:4] + 0.7, box[..., 4:]], -1)
+
+    lanes = {**seen.lanes, "lane_point": placed(seen.lanes["lane_point"])}
+    there = replace(seen, box=turned(seen.box), velocity=seen.velocity @ turn, lanes=lanes)
     away = replace(windows, box=turned(windows.box), velocity=windows.velocity @ turn)
     got, expected = output(network, away, moment, there), output(network, windows, moment, seen)
     np.testing.assert_allclose(got["modes"], expected["modes"], rtol=0, atol=2e-3)
-    absolute = to_absolute(windows, expected["modes"]) @ turn + [30.0, -20.0]
+    absolute = placed(to_absolute(windows, expected["modes"]))
     np.testing.assert_allclose(to_absolute(away, got["modes"]), absolute, rtol=0, atol=4e-3)
 
 
@@ -151,6 +164,34 @@ def test_gradients_are_finite(network: Network, away: float) -> None:
         loss = LOSSES[stage.loss](network, weights, vary(batch, random), SIZES, 0.1, random)
         loss.backward()  # type: ignore[no-untyped-call]
     assert all(bool(torch.isfinite(value.grad).all()) for value in weights.values() if value.grad is not None)
+
+
+@pytest.mark.parametrize("yaw", [0.0, np.pi], ids=["ahead", "box turned round"])
+def test_a_network_of_lanes_goes_round_the_corner_before_training(yaw: float) -> None:
+    """At 8 m/s, half a metre left of a lane; mirrored and turned, the forecasts are too."""
+    network, box = NETWORKS["modes_lanes"], np.zeros((1, SIZES.past, 7))
+    box[0, :, 0], box[0, :, 1], box[..., 3], box[..., 4:] = [-8, -4, 0, 4], 0.5, yaw, 2
+    lanes = {name: value[None] for name, value in CORNER.items()}
+    seen, moment = replace(table(box[0, -1:], np.array([0]), np.array([1]), np.array([0])), lanes=lanes), np.array([0])
+    windows = replace(windows_with(box, np.array([0])), alive=np.ones((1, SIZES.past), dtype=bool))
+    inputs, weights = network.inputs(windows, moment, seen, SIZES), weights_of(network)
+    weights = {name: 0 * value if name.startswith("net.") else value for name, value in weights.items()}
+    modes = network.forward(weights, inputs, SIZES)["modes"]
+    for mode, last in zip(to_absolute(windows, modes)[0], [[9.5, 6]] * 3 + [[16, 0.5]] * 2, strict=True):
+        np.testing.assert_allclose(mode[[0, -1]], [[8, 0.5], last], atol=1e-4)
+    batch = tensors(inputs) | {"future": torch.from_numpy(modes[:, 0]), "present": torch.zeros(1, 2)}
+    for seed in range(9):
+        varied = vary_tracks(batch, torch.Generator().manual_seed(seed))
+        if varied["alive"].all():
+            got = network.forward(tensors(weights), varied, SIZES)["modes"][:, 0]
+            np.testing.assert_allclose(got.numpy(), varied["future"].numpy(), atol=1e-3)
+
+
+def test_lanes_are_needed() -> None:
+    with pytest.raises(SubmissionError, match=r"MTP-Merge-v0 shows no lanes, .* 'modes_lanes' reads"):
+        LearnedPredictor("modes_lanes").reset(kitti_task(env_id="MTP-Merge-v0"))
+    with pytest.raises(SubmissionError, match="MTP-Merge-v0 shows no lanes"):
+        training_windows(TrainingRequest("modes_lanes", "MTP-Merge-v0"))
 
 
 @OF_TRACKS
