@@ -10,13 +10,14 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from mtp_bench.cards import with_detector, with_files
+from mtp_bench.cards import load_card, with_detector, with_files
 from mtp_bench.errors import DataError
 from mtp_bench.sources import load_scenes
+from mtp_bench.sources.argoverse2.road import scene_lanes
 from mtp_bench.sources.d123 import import_logs
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine
-from tests.support.own_scenes import small_card
+from tests.support.own_scenes import assert_same, small_card
 
 START, FRAMES = 1_700_000_000_000_000, 10
 LABELS = "py123d.parser.registry.WODPerceptionBoxDetectionLabel"
@@ -162,3 +163,25 @@ def test_the_command_says_what_is_next(tmp_path: Path, cli: CommandLine) -> None
     assert out.startswith("1 log with 12 boxes in 5 frames and 2 lanes in ")
     assert "mtp-bench study --env MTP-AV2-v0 --files" in out
     assert "has no box_detections_se3.arrow" in cli("import", "123d", tmp_path, "-o", tmp_path / "b").error
+
+
+def ordered(scene: Scene) -> list[Any]:
+    """Names of the objects, and all numbers of their boxes, by frame and name."""
+    truth, names = scene.truth, np.array([scene.name_of(number) for number in scene.truth.object_id.tolist()])
+    order = np.lexsort([names, truth.frame_of_rows])
+    columns = truth.frame_of_rows, truth.box, truth.velocity, truth.class_id, truth.neutral, truth.eligible
+    return [names[order], np.column_stack([scene.time, scene.ego]), *(column[order] for column in columns)]
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("env", "rate"), [("MTP-AV2-v0", 2), ("MTP-AV2-10Hz-v0", 10)])
+def test_logs_are_equal_to_the_native_ones(env: str, rate: int, data_root: Path, tmp_path: Path) -> None:
+    import_logs(data_root / "123d/logs/av2-sensor_val", tmp_path / "own", rate, 60)
+    card = load_card(env)
+    for scene in load_scenes(with_files(card, tmp_path / "own"), data_root):
+        (native,) = load_scenes(card, data_root, [scene.name])
+        (names, *numbers), (same, *others) = ordered(scene), ordered(native)
+        assert names.tolist() == same.tolist()
+        for number, other in zip(numbers, others, strict=True):
+            np.testing.assert_allclose(number, other, rtol=0, atol=1e-9)
+        assert_same(scene.lanes, scene_lanes(card, data_root, native))

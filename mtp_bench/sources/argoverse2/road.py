@@ -4,6 +4,7 @@ The middle line is made as the official reader makes it: ten points of each bord
 three dimensions, and the middles of the pairs. Lanes of bicycles are left out.
 """
 
+from dataclasses import replace
 from typing import Annotated
 
 import msgspec
@@ -58,19 +59,24 @@ def scene_lanes(card: Card, data: DataRoot, scene: Scene) -> tuple[Lane, ...]:
 
 
 def _lane(lane: _Lane, index: dict[int, int], origin: Floats) -> Lane:
-    borders = [
+    left, right = (
         np.array([(point.x, point.y, point.z) for point in border]) - origin
         for border in (lane.left_lane_boundary, lane.right_lane_boundary)
-    ]
-    if min(map(len, borders)) > 1:  # else the lane turns about one point
-        borders = [_even(border) for border in borders]
-    left, right = np.broadcast_arrays(*(border[:, :2] for border in borders))
+    )
     following = tuple(index[after] for after in lane.successors if after in index)  # others leave the map
-    return Lane((left + right) / 2, left, right, following, lane.is_intersection)
+    return replace(lane_between(left, right), following=following, junction=lane.is_intersection)
 
 
-def _even(line: Floats) -> Floats:
-    """Points [POINTS, 3] of a polyline [n, 3], evenly spaced along it."""
+def lane_between(*borders: Floats) -> Lane:
+    """The lane between a left and a right border [n, 3]."""
+    if min(map(len, borders)) > 1:  # else the lane turns about one point
+        borders = tuple(even(border, POINTS) for border in borders)
+    left, right = np.broadcast_arrays(*(border[:, :2] for border in borders))
+    return Lane((left + right) / 2, left, right)
+
+
+def even(line: Floats, count: int) -> Floats:
+    """Points [count, 3] of a polyline [n, 3], evenly spaced along it."""
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    stations = np.linspace(0.0, along[-1], POINTS)
+    stations = np.linspace(0.0, along[-1], count)
     return np.stack([np.interp(stations, along, axis) for axis in line.T], axis=1)

@@ -82,7 +82,7 @@ def log_tables(log: Path, rate: float, reach: float) -> dict[str, Columns]:
     data, place = about.get("dataset"), about.get("location")
     maps = log / "map.arrow", log.parents[2] / "maps" / str(data) / f"{data}_{place}.arrow"  # of the log, or a city
     road = next((path for path in maps if path.exists()), None)
-    lanes = read_lanes(road, ego[:, :2], origin[:2]) if road else ()
+    lanes = read_lanes(road, ego[:, :2], origin) if road else ()
     return tables | ({"lanes": lane_columns(lanes)} if lanes else {})
 
 
