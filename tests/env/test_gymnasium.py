@@ -142,8 +142,12 @@ def test_wrappers_of_gymnasium(name: str, card: str, kitti: str) -> None:
     env.close()
 
 
-@pytest.mark.parametrize("mode", AutoresetMode)
-@pytest.mark.parametrize("kind", ["sync", "async", "async, no shared memory"])
+KINDS = ("async", "async", "async, no shared memory")  # processes start for each: one mode of resetting will do
+
+
+@pytest.mark.parametrize(
+    ("kind", "mode"), [*(("sync", mode) for mode in AutoresetMode), *zip(KINDS, AutoresetMode, strict=True)]
+)
 def test_vector_envs(kind: str, mode: AutoresetMode, card: str, kitti: str) -> None:
     def make() -> gym.Env[Any, Any]:
         return make_small(card, kitti)

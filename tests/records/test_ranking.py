@@ -50,9 +50,12 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     mine, other = record("mine", 3.5, ["modes-tracklets"], "own"), record("other", 3.5, ["affinity-tracklets"], "own")
     perfect = record("perfect_association_modes_tracklets", 3.3, observe="associated")
     records = [record("stp", 5.0, ends="controls"), record("truth_past", 1.0, observe="truth"), *ends, mine, other]
-    records += [record("stp_modes_tracklets", 3.7), perfect]
+    ships, none = record("mtp_modes", 3.5, ends="own"), record("none", 3.5, ends="own")
+    records += [record("stp_modes_tracklets", 3.7), perfect, ships, none]
     found = standings(records, ships=ships_of(*records))
     assert found[mine.digest].own_gaps["all"] == pytest.approx(0.25)
+    assert found[ships.digest].own_gaps["all"] == pytest.approx(0.25), "weights that ship are in no list of a record"
+    assert found[none.digest].own_gaps == {}, "what says nothing of networks is no baseline"
     assert (found[mine.digest].gaps, found[mine.digest].gap_blank) == ({}, "its predictor is not that of stp")
     assert found[mine.digest].association_gaps["all"] == pytest.approx(0.5)
     assert found[perfect.digest].places["all"].why == "saw which detections are of one object"
@@ -61,16 +64,6 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     assert (found[records[1].digest].association_gap_blank, found[other.digest].own_gaps) == ("saw the truth", {})
     assert found[records[0].digest].own_gaps == found[records[0].digest].gaps
     assert found[ends[0].digest].own_gaps["all"] == 0
-
-
-def test_a_baseline_with_a_network_that_ships_has_the_gap_of_its_manifest() -> None:
-    """Weights that ship are in no list of a record, and what says nothing of networks is no baseline."""
-    ends = [record("stp_modes", 4.0, ends="own"), record("truth_modes", 2.0, observe="truth")]
-    mine, other = record("mtp_modes", 3.5, ends="own"), record("other", 3.5, ends="own")
-    records = [record("stp", 5.0, ends="controls"), record("truth_past", 1.0, observe="truth"), *ends, mine, other]
-    found = standings(records, ships=ships_of(*records))
-    assert found[mine.digest].own_gaps["all"] == pytest.approx(0.25)
-    assert found[other.digest].own_gaps == {}
 
 
 def two_subsets(name: str, error: float, on_events: float, **changed: Any) -> Record:

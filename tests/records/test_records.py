@@ -135,9 +135,6 @@ def test_rollouts_are_no_records(tmp_path: Path) -> None:
     assert record_paths(tmp_path) == [tmp_path / "echo" / "a.json"]
     (tmp_path / "echo").rename(tmp_path / ".mine")
     assert record_paths(tmp_path / ".mine") == [tmp_path / ".mine" / "a.json"], "asked for by its name"
-
-
-def test_records_of_one_env_are_found_by_their_names(tmp_path: Path) -> None:
     for name in ("MTP-A-v0", "MTP-A-v01", "MTP-B-v0"):
         (tmp_path / f"{name}.json").touch()
     assert [path.stem for path in record_paths(tmp_path, "MTP-A-v0")] == ["MTP-A-v0"]

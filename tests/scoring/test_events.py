@@ -90,16 +90,9 @@ def test_an_identity_twice_in_a_frame_is_an_error() -> None:
         history(np.array([0, 1, 1]), np.array([4, 4, 4]))
 
 
-CLEAR = {
-    # stream: IDS, FRAG
-    "aa-b": (1, 1),
-    "aa.b": (1, 0),
-    "aa.a": (0, 0),
-    "a-b-a": (2, 2),
-    "--a": (0, 0),
-    "a--": (0, 0),
-    "abab": (3, 0),
-}
+CLEAR = {  # stream: IDS, FRAG
+    "aa-b": (1, 1), "aa.b": (1, 0), "aa.a": (0, 0), "a-b-a": (2, 2), "--a": (0, 0), "a--": (0, 0), "abab": (3, 0),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("stream", "want"), CLEAR.items(), ids=CLEAR.keys())

@@ -14,9 +14,10 @@ from mtp_bench.errors import DataError
 from mtp_bench.geometry import bev_corners, wrap_angle
 from mtp_bench.sources.cache import content_hash
 from mtp_bench.sources.highway import library, simulate
+from mtp_bench.sources.highway.networks import build_map
 from mtp_bench.sources.highway.simulate import overlapping, simulate_world
 from mtp_bench.sources.highway.store import pack
-from mtp_bench.sources.highway.world import CLASSES, RATE, Traffic, World
+from mtp_bench.sources.highway.world import CLASSES, RATE, ScenarioName, Traffic, World
 from mtp_bench.types import Floats
 
 CASES = {
@@ -207,3 +208,30 @@ def test_giving_up_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulate, "ATTEMPTS", 2)
     with pytest.raises(DataError, match=r"all 2 attempts were rejected \(2 x no_ego\)"):
         simulate_world(Traffic("intersection", "ego", 40.0, 1, 0), 0)
+
+
+# ---- beside other programs: lanes beside highway_env, overlap beside shapely
+SCENARIOS: tuple[ScenarioName, ...] = ("intersection", "roundabout", "merge", "highway")
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_lane_coordinates_are_those_of_highway_env(scenario: ScenarioName) -> None:
+    geometry = build_map(scenario, 5.0).geometry
+    points = np.random.default_rng(0).uniform(-60.0, 60.0, (20, 2))
+    s, d = geometry.coordinates(points)
+    for k, lane in enumerate(geometry.lanes):
+        expected = np.array([lane.local_coordinates(point) for point in points])
+        np.testing.assert_allclose(np.stack([s[k], d[k]], axis=1), expected, atol=1e-9)
+        heading = geometry.heading(np.full(20, k), s[k])
+        np.testing.assert_allclose(heading, [lane.heading_at(a) for a in s[k]], atol=1e-9)
+
+
+def test_overlap_against_polygons() -> None:
+    rng = np.random.default_rng(1)
+    box = np.zeros((40, 7))
+    box[:, :2] = rng.uniform(-10.0, 10.0, (40, 2))
+    box[:, 3] = rng.uniform(-4.0, 4.0, 40)
+    box[:, 4:] = rng.uniform(0.4, 5.0, (40, 3))
+    shapes = [Polygon(corners) for corners in bev_corners(box)]
+    expected = [(i, j) for i in range(40) for j in range(i + 1, 40) if shapes[i].intersects(shapes[j])]
+    assert ([tuple(pair) for pair in overlapping(box).tolist()], len(overlapping(box[:1]))) == (expected, 0)

@@ -28,11 +28,12 @@ from mtp_bench.study.page import summary
 from mtp_bench.study.plan import subject_of
 from mtp_bench.study.relations import relation_rows, verdict
 from mtp_bench.study.rows import TEXTS, make_tables
-from mtp_bench.study.runs import Bench, library_files, open_bench
+from mtp_bench.study.runs import Bench, EventCounts, count_events, library_files, open_bench
 from mtp_bench.submission import load_submission
 from mtp_bench.tables import to_json
 from tests.support.browser import CHROMIUM, DRIVER, MISSING, chromium
 from tests.support.command_line import CommandLine, write_submission
+from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_scene
 from tests.test_readme import blocks
 
 TABLES = set(TEXTS["tables"])
@@ -280,3 +281,12 @@ def test_the_papers_numbers_stand_beside_ours(made: Study, monkeypatch: pytest.M
     assert papers["Most switches are absent from at least one hypothesis"] == "33 to 9, 72.7% fewer"
     figure = make_figures(findings, {"errors": tables["errors"]})["cost"]
     assert "the paper's" in " ".join(ElementTree.fromstring(figure.svg).itertext())
+
+
+def test_events_of_one_hypothesis_are_shared_by_all() -> None:
+    # a car whose track changes its name in frame 3, and is gone in frame 5
+    ids = [7, 7, 7, 8, 8, None, 8, 8, 8, 8]
+    tracks = [[] if i is None else [Thing(i, 0, 0)] for i in ids]
+    found = count_events(make_scene([[Thing(1, 0, 0)]] * 10), make_rollout(tracks), make_card(samples=1))
+    counts = {"ids": 1, "lost": 1, "reacquired": 1, "frag": 2}
+    assert found == EventCounts(own=counts, shared=counts, objects=1, frames=10)

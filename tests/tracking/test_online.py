@@ -83,23 +83,23 @@ def test_any_hashable_is_an_id(ids: tuple[Any, Any]) -> None:
     assert (first.track_id.tolist(), second.track_id.tolist()) == ([0, 1], [1, 0])
 
 
-def test_tracks_take_the_nearest_detections_one_to_one() -> None:
-    # Two tracks near detection 0; the second is nearer to it, so the first takes detection 1.
-    (tracks,) = played(scripted([("a", box(0.9), 1), ("b", box(0.1), 1)]), [frame((0, 0, CAR), (1.8, 0, CAR))])
-    assert tracks.detection.tolist() == [1, 0]
+FAR, STAYS = [frame((0, 0, CAR)), frame((3, 0, CAR))], [[("a", box(0), 1)]] * 2
+TAKEN: dict[str, tuple[list[Frame], list[list[Any]], float, list[int]]] = {
+    # frames, what the tracker says, gate, the detections that its tracks take in the last frame
+    "the nearest, one to one": (
+        [frame((0, 0, CAR), (1.8, 0, CAR))], [[("a", box(0.9), 1), ("b", box(0.1), 1)]], 2, [1, 0]),
+    "of its class": (
+        [FAR[0], frame((0.1, 0, PEDESTRIAN), (1.0, 0, CAR))], [[("a", box(0), 1)], [("a", box(0.2), 1)]], 2, [1]),
+    "none beyond the gate": (FAR, STAYS, 2, [-1]),
+    "one inside of it": (FAR, STAYS, 4, [0]),
+}  # fmt: skip
 
 
-def test_a_track_prefers_detections_of_its_class() -> None:
-    frames = [frame((0, 0, CAR)), frame((0.1, 0, PEDESTRIAN), (1.0, 0, CAR))]
-    *_, tracks = played(scripted([("a", box(0), 1)], [("a", box(0.2), 1)]), frames)
-    assert (tracks.detection.tolist(), tracks.class_id.tolist()) == ([1], [CAR])
-
-
-def test_what_is_farther_than_the_gate_coasts() -> None:
-    frames = [frame((0, 0, CAR)), frame((3, 0, CAR))]
-    for gate, taken in ((2.0, -1), (4.0, 0)):
-        *_, tracks = played(scripted([("a", box(0), 1)], [("a", box(0), 1)]), frames, gate=gate)
-        assert tracks.detection.tolist() == [taken]
+@pytest.mark.parametrize("case", TAKEN)
+def test_detections_that_tracks_take(case: str) -> None:
+    frames, said, gate, taken = TAKEN[case]
+    *_, tracks = played(scripted(*said), frames, gate=gate)
+    assert (tracks.detection.tolist(), tracks.class_id.tolist()) == (taken, [CAR] * len(taken))
 
 
 def test_what_never_took_a_detection_has_no_class_and_is_left_out() -> None:
