@@ -21,6 +21,7 @@ BAR_SECONDS = 0.25  # between two states of the bar
 _KEPT_SECONDS = 0.005  # an item that takes less was finished before: it tells nothing of the others
 
 _jobs: list[Notice] = []  # unfinished ones of this process, the innermost last
+_told: set[str] = set()
 _lock = threading.RLock()  # of the jobs and of the error stream
 
 
@@ -91,16 +92,27 @@ class Notice:
         return False
 
 
+def say(text: str) -> None:
+    """Tell the user once per process."""
+    if text not in _told and not _silent():
+        _told.add(text)
+        _write(f"mtp_bench: {text}\n")
+
+
+def _silent() -> bool:
+    from multiprocessing import parent_process
+
+    return os.environ.get(QUIET, "0") not in ("", "0") or parent_process() is not None
+
+
 @contextmanager
 def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice]:
     """Tell the user of work while it lasts; one without ``text`` is silent, such as waiting for the user.
 
     ``seconds``: about how long it takes; 0: not known yet. ``around``: other work inside it speaks for it.
     """
-    from multiprocessing import parent_process
-
     job = Notice(text, seconds, around)
-    if os.environ.get(QUIET, "0") not in ("", "0") or parent_process() is not None:
+    if _silent():
         yield job
         return
     with _lock:

@@ -22,6 +22,7 @@ SOURCES = {
     "people": "mtp_bench.sources.people:PeopleSource",
     "argoverse2": "mtp_bench.sources.argoverse2:Argoverse2Source",
     "highway": "mtp_bench.sources.highway.world:HighwaySource",
+    "gym": "mtp_bench.sources.gym:GymSource",
     "files": "mtp_bench.cards.source:FilesSource",
 }
 

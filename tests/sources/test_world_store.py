@@ -192,7 +192,7 @@ def test_an_object_is_a_target_once_it_has_been_in_view() -> None:
 def test_unknown_names_and_classes_are_errors() -> None:
     with pytest.raises(UnknownNameError, match="unknown scene 'intersection-000000'"):
         open_source(card()).load("intersection-000000")
-    with pytest.raises(CardError, match=r"task\.rate is 3\.0 Hz, expected 10 Hz or a whole part of it"):
+    with pytest.raises(CardError, match=r"task\.rate is 3 Hz, expected 10 Hz or a whole part of it"):
         open_source(card(rate=3.0))
 
 

@@ -85,15 +85,20 @@ class LaneGeometry:
         return self.turn[lane] / self.radius[lane]
 
 
-def lane_map(geometry: LaneGeometry) -> tuple[Lane, ...]:
-    """All lanes, right-handed with z up: centres and borders at most every 2 m, and the lanes that continue each."""
-    lanes, index = geometry.lanes, geometry.index
+def lane_map(network: dict[LaneIndex, Any], loose: float = JOINT) -> tuple[Lane, ...]:
+    """All lanes, right-handed with z up: centres and borders at most every 2 m, and the lanes that continue each.
+
+    ``loose``: metres to the nearest lane of the next road, which continues one that no lane joins.
+    """
+    index, lanes = tuple(network), tuple(network.values())
     centers = [_polyline(lane, 0.0) for lane in lanes]
     result = []
     for k, lane in enumerate(lanes):
         half = float(lane.width_at(0.0)) / 2
         after = [j for j in range(len(lanes)) if index[j][0] == index[k][1]]
-        following = tuple(j for j in after if np.linalg.norm(centers[j][0] - centers[k][-1]) < JOINT)
+        gap = {j: float(np.linalg.norm(centers[j][0] - centers[k][-1])) for j in after}
+        following = tuple(j for j in after if gap[j] < JOINT)
+        following = following or tuple(sorted((j for j in after if gap[j] < loose), key=lambda j: gap[j])[:1])
         result.append(Lane(centers[k], _polyline(lane, -half), _polyline(lane, half), following))
     return tuple(result)
 

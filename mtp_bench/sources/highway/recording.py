@@ -1,6 +1,7 @@
 """Recording of the frames of a run as a world: right-handed with z up, while highway-env's y points down."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -33,27 +34,18 @@ class Recording:
         classes = [v.traits.class_id for v in vehicles] + [CLASSES.index("pedestrian")] * len(people)
         numbers = [v.number for v in vehicles] + [_PEOPLE_FROM + p.number for p in crowd.people]
         frame = np.full(len(box), len(self._rows))
-        self._rows.append(np.column_stack([box, _velocity(vehicles, crowd), classes, numbers, frame]))
+        velocity = np.concatenate([course_velocity(vehicles), crowd.xy()[1]])
+        self._rows.append(np.column_stack([box, velocity, classes, numbers, frame]))
 
     def world(
         self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rng: np.random.Generator
     ) -> World | str:
         """The world; ``sensor``: x y z of a fixed one, None: on a vehicle. "no_ego" if no vehicle can carry it."""
-        rows = np.concatenate([np.empty((0, _COLUMNS)), *self._rows, self._parked_rows()])
-        rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
-        rows[:, [1, 3, 8]] *= -1.0
-        rows[:, 3] = np.clip(wrap_angle(rows[:, 3]), -_LARGEST_ANGLE, _LARGEST_ANGLE)
-        rows[:, :9] = np.round(rows[:, :9], 6) + 0.0  # no negative zeros
+        rows = right_handed([*self._rows, self._parked_rows()])
         if sensor is None:
             number = self._ego(rows, rng)
-            if number is None:
-                return "no_ego"
-            own = rows[:, 10] == number
-            ego = rows[own][:, [0, 1, 2, 3]]
-            ego[:, 2] = _EGO_HEIGHT
-            rows = rows[~own]
-        else:
-            ego = np.tile([sensor[0], -sensor[1], sensor[2], 0.0], (self._frames, 1))
+            return "no_ego" if number is None else seen_from(number, rows, self._frames, RATE, lanes)
+        ego = np.tile([sensor[0], -sensor[1], sensor[2], 0.0], (self._frames, 1))
         return World(np.arange(self._frames) / RATE, ego, _truth(rows, self._frames), lanes)
 
     def _parked_rows(self) -> Floats:
@@ -77,13 +69,30 @@ class Recording:
         return int(numbers[count == self._frames][int(best[int(rng.integers(len(best)))])])
 
 
-def _velocity(vehicles: Sequence[Driver], crowd: Crowd) -> Floats:
-    """Velocities of the boxes' centres ``[N + M, 2]``; of vehicles along heading and slip angle of the last step."""
+def right_handed(frames: Sequence[Floats]) -> Floats:
+    """Rows ``[R, 12]`` of all frames (`_COLUMNS`), sorted by frame and number, from those of highway-env's frame."""
+    rows = np.concatenate([np.empty((0, _COLUMNS)), *frames])
+    rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
+    rows[:, [1, 3, 8]] *= -1.0
+    rows[:, 3] = np.clip(wrap_angle(rows[:, 3]), -_LARGEST_ANGLE, _LARGEST_ANGLE)
+    rows[:, :9] = np.round(rows[:, :9], 6) + 0.0  # no negative zeros
+    return rows
+
+
+def seen_from(number: int, rows: Floats, frames: int, rate: float, lanes: tuple[Lane, ...]) -> World:
+    """The world of right-handed rows ``[R, 12]``; the vehicle ``number`` carries the sensor and is not in the truth."""
+    own = rows[:, 10] == number
+    ego = rows[own][:, [0, 1, 2, 3]]
+    ego[:, 2] = _EGO_HEIGHT
+    return World(np.arange(frames) / rate, ego, _truth(rows[~own], frames), lanes)
+
+
+def course_velocity(vehicles: Sequence[Any]) -> Floats:
+    """Velocities ``[N, 2]`` of the centres of vehicles, along heading and slip angle of the last step."""
     motion = [(v.heading, v.speed, v.action["steering"]) for v in vehicles]
     heading, speed, steering = np.array(motion, dtype=np.float64).reshape(-1, 3).T
     course = heading + np.arctan(0.5 * np.tan(steering))
-    velocity = np.stack([np.cos(course), np.sin(course)], axis=1) * speed[:, None]
-    return np.concatenate([velocity, crowd.xy()[1]])
+    return np.asarray(np.stack([np.cos(course), np.sin(course)], axis=1) * speed[:, None])
 
 
 def _truth(rows: Floats, frames: int) -> Truth:

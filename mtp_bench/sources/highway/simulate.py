@@ -80,7 +80,7 @@ class _Attempt:
                 recording.add(road.vehicles, vehicles, self._crowd, people)
             self._entries.admit(road, self._drivers.step(step, np.concatenate([vehicles, self._parked])))
         sensor = None if self._traffic.sensor == "ego" else self._map.sensor
-        return recording.world(sensor, lane_map(self._map.geometry), self._rng)
+        return recording.world(sensor, lane_map(self._map.network.lanes_dict()), self._rng)
 
 
 class _Drivers:

@@ -10,7 +10,7 @@ from ...types import Bools, Floats, Scene, Truth, starts_of
 from ..base import Work, class_ids, no_detections, require_classes, section_of
 from ..dataset import Dataset, DataStatus
 from .store import WorldStore
-from .world import CLASSES, RATE, HighwaySource, Traffic
+from .world import CLASSES, RATE, HighwaySource, Traffic, World
 
 IN_VIEW = 0.05  # least visible share of a box in view
 DATASET = Dataset.of(__file__)
@@ -27,10 +27,7 @@ class HighwayTraffic:
         """``data``: not needed. Raises CardError for a rate or class that the simulation does not have."""
         self.card = card
         self.section = section_of(card, HighwaySource)
-        self.stride = round(RATE / card.task.rate)
-        if self.stride < 1 or not np.isclose(card.task.rate * self.stride, RATE):
-            rate = f"task.rate is {card.task.rate} Hz, expected {RATE:g} Hz or a whole part of it"
-            raise CardError(f"{card.id}: {rate}")
+        stride_of(card, RATE)
         require_classes(card, "simulated traffic", CLASSES)
         first, end = getattr(self.section.seeds, self.section.split)
         self.names = tuple(scene_name(self.section.scenario, seed) for seed in range(first, end))
@@ -38,26 +35,40 @@ class HighwayTraffic:
 
     def load(self, name: str) -> Scene:
         """One scene, from the cache or simulated now (one or two seconds)."""
-        from ...detector.visibility import Sensor, covered
-
-        detector = self.card.detector
-        if detector is None:
-            raise CardError(f"{self.card.id}: simulated traffic needs a [detector]")
-        world = self.store.get(seed_of(name))
-        sensor = Sensor(detector.reach, float(np.deg2rad(detector.field_of_view)))
-        frames = np.arange(0, len(world.time), self.stride)
-        class_id = class_ids(CLASSES, self.card.task.classes)[world.truth.class_id]
-        keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
-        keep &= world.truth.frame_of_rows % self.stride == 0
-        truth = replace(world.truth, eligible=ever_seen(world.truth, world.visible), class_id=class_id).select(keep)
-        truth = replace(truth, start=truth.start[np.append(frames, world.truth.frames)])  # no rows between the frames
-        time, ego, none = world.time[frames], world.ego[frames], no_detections(len(frames))
-        return Scene(name, time, ego, truth, none, visible=world.visible[keep], lanes=world.lanes)
+        return scene_of(name, self.store.get(seed_of(name)), self.card)
 
     def discard(self) -> None:
         """Remove all scenes of the split from the cache."""
         for name in self.names:
             self.store.path(seed_of(name)).unlink(missing_ok=True)
+
+
+def scene_of(name: str, world: World, card: Card) -> Scene:
+    """The frames, classes and objects within reach of ``world`` that the card has."""
+    from ...detector.visibility import Sensor, covered
+
+    detector = card.detector
+    if detector is None:
+        raise CardError(f"{card.id}: simulated traffic needs a [detector]")
+    sensor = Sensor(detector.reach, float(np.deg2rad(detector.field_of_view)))
+    stride = stride_of(card, 1.0 / float(world.time[1]))
+    frames = np.arange(0, len(world.time), stride)
+    class_id = class_ids(CLASSES, card.task.classes)[world.truth.class_id]
+    keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)
+    keep &= world.truth.frame_of_rows % stride == 0
+    truth = replace(world.truth, eligible=ever_seen(world.truth, world.visible), class_id=class_id).select(keep)
+    truth = replace(truth, start=truth.start[np.append(frames, world.truth.frames)])  # no rows between the frames
+    time, ego, none = world.time[frames], world.ego[frames], no_detections(len(frames))
+    return Scene(name, time, ego, truth, none, visible=world.visible[keep], lanes=world.lanes)
+
+
+def stride_of(card: Card, rate: float, advice: str = "") -> int:
+    """Steps of a simulation at ``rate`` Hz per frame of the task; CardError, with ``advice``, if it is not whole."""
+    stride = round(rate / card.task.rate)
+    if stride < 1 or not np.isclose(card.task.rate * stride, rate):
+        expected = f"expected {rate:g} Hz or a whole part of it{advice}"
+        raise CardError(f"{card.id}: task.rate is {card.task.rate:g} Hz, {expected}")
+    return stride
 
 
 def generate(card: Card, data: object, scenes: int | None, workers: int) -> Work:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,23 +16,37 @@ from ...files import CACHE, cache_root, remove_damaged
 from ...parallel import Workers, unordered_map
 from ...types import Lane, Truth, starts_of
 from ..cache import Arrays, read_arrays, write_arrays
-from .world import GENERATOR, SECRET_SEEDS, Traffic, World
+from .world import GENERATOR, SECRET_SEEDS, World
 
 _TRUTH = tuple(field.name for field in fields(Truth))
+
+
+class AnyTraffic(Protocol):
+    """A dataclass of everything that the content of worlds depends on."""
+
+    @property
+    def scenario(self) -> str:
+        """Begins the names of folders and scenes."""
+        ...
+
+    def simulate(self, seed: int) -> World:
+        """The world of a seed, without ``visible``."""
+        ...
 
 
 @dataclass(frozen=True)
 class WorldStore:
     """Worlds of one kind of traffic, by seed, in the cache folder."""
 
-    traffic: Traffic
+    traffic: AnyTraffic
 
     @cached_property
     def folder(self) -> Path:
         """Folder of the worlds of this traffic; its name has a digest of everything that their content depends on."""
         from importlib.metadata import version
 
-        described = {**asdict(self.traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
+        traffic: Any = self.traffic
+        described = {**asdict(traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
         digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 
@@ -55,14 +70,13 @@ class WorldStore:
     def get(self, seed: int) -> World:
         """The stored world, or a new one, which is then stored. Raises DataError if that is impossible."""
         from ...detector.visibility import visible_fractions
-        from .simulate import simulate_world
 
         if (stored := self.read(seed)) is not None:
             return stored
         path = self.path(seed)
         with _stored_in(path.parent):
             remove_damaged(path)
-            world = simulate_world(self.traffic, seed)
+            world = self.traffic.simulate(seed)
             world = replace(world, visible=visible_fractions(world.truth, world.ego))
             write_arrays(path, pack(world))
         return world

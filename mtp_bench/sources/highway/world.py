@@ -43,6 +43,12 @@ class Traffic:
     pedestrians: int  # number to keep on the map
     parked: int = 0  # parked cars along the kerbs
 
+    def simulate(self, seed: int) -> "World":
+        """The world of a seed, see `simulate.simulate_world`."""
+        from .simulate import simulate_world
+
+        return simulate_world(self, seed)
+
 
 @dataclass(frozen=True, eq=False)
 class World:

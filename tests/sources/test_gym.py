@@ -1,0 +1,127 @@
+"""Environments of highway-env as scenes: recording, policies, crashes, classes that stay as they were, wrong cards."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mtp_bench.cards import Card, load_card, parse_card
+from mtp_bench.errors import CardError, DataError
+from mtp_bench.files import CACHE
+from mtp_bench.notice import QUIET
+from mtp_bench.sources import open_source, prepare
+from mtp_bench.sources.gym.traffic import GymTraffic, traffic_of
+from mtp_bench.sources.highway.store import pack
+from mtp_bench.sources.highway.world import World
+from mtp_bench.types import Floats
+
+
+@pytest.fixture(autouse=True)
+def cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
+
+
+def gym_card(**source: Any) -> Card:
+    content = load_card("MTP-Roundabout-v0").stored()
+    seeds = {"train": [0, 1], "val": [5, 7], "test": [8, 9]}
+    own = {"name": "gym", "id": "merge-v0", "config": {"simulation_frequency": 10}, "seconds": 8.0, "seeds": seeds}
+    return parse_card({**content, "id": "MTP-Own-v0", "source": own | source, "lanes": True})
+
+
+def simulated(env_id: str, seconds: float = 4.0, policy: str = "idm") -> World:
+    return traffic_of(env_id, None, {"simulation_frequency": 10}, policy, seconds).simulate(5)
+
+
+def faster(observation: Floats) -> int:
+    """The action that raises the speed, in the numbers of highway-env."""
+    return 3
+
+
+def test_a_scene_is_right_handed_and_lies_on_its_lanes() -> None:
+    """The ramp of merge-v0 comes from the right: it is at y -14.5 m and turns to the left."""
+    scene = open_source(gym_card()).load("merge-v0-000005")
+    assert (scene.frames, scene.detector, scene.recording) == (16, "nuscenes_megvii, simulated detections", "")
+    center = np.concatenate([lane.center for lane in scene.lanes])
+    assert (center[:, 1].min(), center[:, 1].max()) == (-14.5, 0.0)
+    assert [len(lane.following) for lane in scene.lanes].count(0) == 2, (
+        "the ramp's end is continued, the two exits are not"
+    )
+    truth, t = scene.truth, scene.truth.frame_of_rows
+    assert set(truth.class_id.tolist()) == {0}
+    np.testing.assert_array_equal(truth.box[0, 4:], (5.0, 2.0, 1.6))
+    off = np.hypot(*(truth.box[:, None, :2] - center).transpose(2, 0, 1)).min(axis=1)
+    assert off.max() < 2.5
+    for number in np.unique(truth.object_id):
+        own = truth.object_id == number
+        moved = np.diff(truth.box[own, :2], axis=0)
+        np.testing.assert_allclose(moved[np.diff(t[own]) == 1] * 2.0, truth.velocity[own][1:], atol=2.5)
+    ego = scene.ego[:, 0]
+    assert (np.diff(ego) > 5).all()
+
+
+def test_the_same_seed_gives_the_same_scene_after_others_changed_classes() -> None:
+    from highway_env.vehicle.behavior import IDMVehicle
+
+    first, wanted = pack(simulated("roundabout-v0")), IDMVehicle.DISTANCE_WANTED
+    simulated("intersection-v1", 0.2)  # sets attributes of IDMVehicle
+    assert wanted == IDMVehicle.DISTANCE_WANTED
+    for name, array in pack(simulated("roundabout-v0")).items():
+        np.testing.assert_array_equal(array, first[name], err_msg=name)
+
+
+def test_policies() -> None:
+    """The ego of merge-v0 starts with 30 m/s behind slower vehicles."""
+    way = {policy: simulated("merge-v0", 3.0, policy).ego[-1, 0] for policy in ("idm", "idle", f"{__name__}:faster")}
+    idm, idle, fast = way.values()
+    assert idm < idle - 1.0 <= fast - 1.0
+
+
+@pytest.mark.parametrize(
+    ("crash", "names"), [([5], ("merge-v0-000006",)), ([], ("merge-v0-000005", "merge-v0-000006"))]
+)
+def test_scenes_with_a_crash_are_left_out_and_counted(
+    crash: list[int], names: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sound = simulated("merge-v0", 8.0)
+    made: list[int] = []
+
+    def simulate(traffic: GymTraffic, seed: int) -> World:
+        made.append(seed)
+        rows = np.zeros(len(sound.truth.box), dtype=bool)
+        empty = replace(sound.truth.select(rows), start=np.zeros(1, dtype=np.int64))
+        return replace(sound, time=sound.time[:0], ego=sound.ego[:0], truth=empty) if seed in crash else sound
+
+    monkeypatch.setattr(GymTraffic, "simulate", simulate)
+    monkeypatch.delenv(QUIET, raising=False)
+    prepare(gym_card())
+    assert [open_source(gym_card()).names for _ in range(2)] == [names, names]
+    assert made == [5, 6], "once per seed"
+    said = "MTP-Own-v0: vehicles crash in 1 of 2 scenes, which are left out"
+    assert (said in capsys.readouterr().err) == bool(crash)
+    crash += [7, 8]
+    with pytest.raises(DataError, match="crash in 2 of 2 scenes, expected one without"):
+        open_source(gym_card(seeds={"train": [0, 1], "val": [7, 9], "test": [11, 12]})).load("merge-v0-000007")
+
+
+def test_a_crash_ends_the_simulation() -> None:
+    env = traffic_of("highway-v0", None, {"simulation_frequency": 5, "vehicles_density": 6}, f"{__name__}:faster", 20.0)
+    assert len(env.simulate(1).time) == 0
+
+
+@pytest.mark.parametrize(
+    ("source", "text"),
+    [
+        ({"config": {}}, "task.rate is 2 Hz, expected 15 Hz or a whole part of it; or set config"),
+        ({"id": "nowhere-v0"}, "source.id: .*nowhere"),
+        ({"id": "CartPole-v1", "config": {}}, "CartPole-v1 is not an environment of highway-env"),
+        ({"id": "no_such_module:A-v0"}, "no module 'no_such_module'; install it"),
+        ({"module": "no_such.module"}, "no module 'no_such.module'; install it"),
+        ({"policy": "fast"}, "policy: got 'fast': expected 'idm', 'idle' or"),
+    ],
+    ids=["rate", "id", "other", "module of the id", "module", "policy"],
+)
+def test_wrong_cards(source: dict[str, Any], text: str) -> None:
+    with pytest.raises(CardError, match=text):
+        prepare(gym_card(**source))
