@@ -55,10 +55,11 @@ if "Bend-v0" not in gymnasium.registry:
 # --8<-- [end:environment]
 # --8<-- [start:run]
 if __name__ == "__main__":
-    content = load_card("MTP-Roundabout-v0").stored()  # 2 Hz, detector, task and sizes
+    shipped = load_card("MTP-Roundabout-v0").stored()  # 2 Hz, detector, task and sizes
     seeds = {"train": [0, 20], "val": [100, 106], "test": [200, 206]}
     source = {"name": "gym", "id": "own_highway_env:Bend-v0", "policy": "idm", "seconds": 20.0, "seeds": seeds}
-    card = parse_card({**content, "id": "MTP-Bend-v0", "summary": "a road with a bend", "source": source, "lanes": True})
+    own = {"id": "MTP-Bend-v0", "summary": "a road with a bend", "source": source, "lanes": True}
+    card = parse_card({**shipped, **own})
     mtp_bench.run("stp", card, "runs/bend", replace=True)
     print(mtp_bench.score("runs/bend").report)
 # --8<-- [end:run]
