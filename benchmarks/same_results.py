@@ -36,6 +36,8 @@ SCENES = {
     "MTP-KITTI-5Hz-v0": 2,
     "MTP-KITTI-noego-v0": 2,
     "MTP-WILDTRACK-k10-v0": None,
+    "MTP-AV2-v0": None,
+    "MTP-AV2-10Hz-v0": 2,
     "MTP-nuScenes-v0": 2,
     "MTP-nuScenes-CenterPoint-v0": 2,  # with --env alone: it needs the validation scenes
 }

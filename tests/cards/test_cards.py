@@ -72,6 +72,7 @@ def put(content: Content, key: str, value: object = None) -> Content:
 
 KITTI, VEHICLES = ("car", "pedestrian", "cyclist"), ("car", "truck", "bus", "trailer", "construction_vehicle")
 PEOPLE, TRAFFIC = ("pedestrian",), ("car", "truck", "bus", "motorcycle")
+DRIVING = ("car", "truck", "bus", "trailer", "motorcycle", "bicycle", "pedestrian")
 FAR, NEAR, IOU = (2.0, 10.0), (1.0, 4.0), (2.0, 2.0)
 # rate, past, future, k, classes; forecast gate and miss error of the first and the last class; detector, ego, velocity
 PROTOCOL: dict[str, tuple[Any, ...]] = {
@@ -83,6 +84,9 @@ PROTOCOL: dict[str, tuple[Any, ...]] = {
     "MTP-nuScenes-mini-v0": (
         2.0, 4, 12, 10, (*VEHICLES, "motorcycle", "bicycle", "pedestrian"), FAR, NEAR, "megvii", True, False,
     ),
+    "MTP-AV2-v0": (2.0, 4, 12, 10, DRIVING, FAR, NEAR, "nuscenes_megvii", True, False),
+    "MTP-AV2-Lanes-v0": (2.0, 4, 12, 10, DRIVING, FAR, NEAR, "nuscenes_megvii", True, False),
+    "MTP-AV2-10Hz-v0": (10.0, 10, 10, 20, None, IOU, (1.0, 2.0), "kitti_pointrcnn", True, False),
     "MTP-WILDTRACK-v0": (2.0, 4, 12, 1, PEOPLE, NEAR, NEAR, "wildtrack_mvdet", False, False),
     "MTP-WILDTRACK-k10-v0": (2.0, 4, 12, 10, PEOPLE, NEAR, NEAR, "wildtrack_mvdet", False, False),
     "MTP-PETS-v0": (7.0, 7, 14, 10, PEOPLE, (1.0, 2.0), (1.0, 2.0), "acf", False, False),

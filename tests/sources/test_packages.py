@@ -13,6 +13,7 @@ from mtp_bench.cards.source import SOURCES, source_class
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import about, describe, open_source
 from mtp_bench.sources.base import SourcePackage
+from tests.sources import test_argoverse2 as argoverse2
 from tests.sources import test_kitti as kitti
 from tests.sources import test_mot3d as mot3d
 from tests.sources import test_people as people
@@ -26,6 +27,7 @@ ROOTS: dict[str, tuple[Card, Callable[[Path], Path], tuple[str, ...], str]] = { 
     "people": (people.people_card(), people.make_root, ("eth_ucy", "ETH_UCY"), "Trajectron-plus-plus"),
     "wildtrack": (
         wildtrack.wildtrack_card(split="test"), wildtrack.make_root, ("wildtrack", "Wildtrack_dataset"), "epfl.ch"),
+    "argoverse2": (argoverse2.CARD, argoverse2.make_root, ("argoverse2", "av2"), "argoverse.org"),
     "nuscenes": (nuscenes_card(), lambda data: write_root(data) / "nuscenes", ("nuscenes",), "nuscenes.org"),
 }  # fmt: skip
 

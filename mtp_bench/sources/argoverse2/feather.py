@@ -13,7 +13,6 @@ from ..files.columns import TableColumn
 from ..files.table import add_column
 from ..nuscenes.tables import require_rotations, yaw_of
 from ..text import RowTable
-from .layout import CATEGORIES
 
 ANNOTATIONS = "annotations.feather"
 TIME = "timestamp_ns"
@@ -58,17 +57,6 @@ def read_feather(path: Path, numbers: str, words: str = "", log: str = "") -> tu
         raise DataError(f"{path}: column {TIME!r} is {kind}, expected int64: a float does not hold each nanosecond")
     table.refuse(content[TIME].is_null().to_numpy(), "an empty cell, expected a number", TIME)
     return table, content[TIME].cast("int64").to_numpy()
-
-
-def require_categories(table: RowTable) -> None:
-    """Raise DataError for a word in the column ``category`` that is not an official one."""
-    category = table.words["category"]
-
-    def problem(row: int) -> str:
-        got = str(category[row])
-        return f"{got!r} is not a category of Argoverse 2{nearest(got.upper(), CATEGORIES)}"
-
-    table.refuse(~np.isin(category, CATEGORIES), problem, "category")
 
 
 def rotations(table: RowTable) -> Floats:

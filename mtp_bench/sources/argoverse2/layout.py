@@ -1,5 +1,7 @@
 """Argoverse 2 in a card and in a folder: the section ``[source]``, official categories, logs and detection files."""
 
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated
@@ -15,27 +17,10 @@ from ..dataset import Dataset
 LOGS = "sensor/*"  # folders of the splits
 DETECTIONS = "detections/*.feather"
 DATASET = Dataset.of(__file__)
-CLASSES = ("car", "truck", "bus", "trailer", "motorcycle", "bicycle", "pedestrian")
-
-# The first category of a class is the one that tracks are written with.
-CLASS_OF = MappingProxyType({
-    "REGULAR_VEHICLE": "car",
-    "TRUCK": "truck", "BOX_TRUCK": "truck", "TRUCK_CAB": "truck", "LARGE_VEHICLE": "truck",
-    "BUS": "bus", "SCHOOL_BUS": "bus", "ARTICULATED_BUS": "bus",
-    "VEHICULAR_TRAILER": "trailer", "MOTORCYCLE": "motorcycle", "BICYCLE": "bicycle",
-    "PEDESTRIAN": "pedestrian", "OFFICIAL_SIGNALER": "pedestrian",
-})  # fmt: skip
-# People that stand out from those on foot, and riders, whose vehicle has a box of its own: a detector reports them as
-# one of the classes, and a match is neither right nor wrong.
-NEUTRAL_OF = MappingProxyType({
-    "MOTORCYCLIST": "motorcycle", "BICYCLIST": "bicycle",
-    "STROLLER": "pedestrian", "WHEELCHAIR": "pedestrian", "WHEELED_DEVICE": "pedestrian", "WHEELED_RIDER": "pedestrian",
-})  # fmt: skip
-LEFT_OUT = (
-    "ANIMAL", "BOLLARD", "CONSTRUCTION_BARREL", "CONSTRUCTION_CONE", "DOG", "MESSAGE_BOARD_TRAILER",
-    "MOBILE_PEDESTRIAN_CROSSING_SIGN", "RAILED_VEHICLE", "SIGN", "STOP_SIGN", "TRAFFIC_LIGHT_TRAILER",
-)  # fmt: skip
-CATEGORIES = (*CLASS_OF, *NEUTRAL_OF, *LEFT_OUT)
+NEUTRAL = "neutral "  # before the class that a detector reports
+_TABLE = Path(__file__).with_name("categories.toml").read_text(encoding="utf-8")
+CATEGORIES: Mapping[str, str] = MappingProxyType(tomllib.loads(_TABLE))  # official -> class, neutral or skipped
+CLASSES = tuple(dict.fromkeys(word for word in CATEGORIES.values() if word != "skipped" and NEUTRAL not in word))
 
 
 class Argoverse2Source(DetectionsSection):

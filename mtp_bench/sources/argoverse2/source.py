@@ -13,7 +13,7 @@ from ..motion import looking_back
 from ..stored_tracks import FEWER
 from ..text import repeated
 from .feather import ANNOTATIONS, BOX, RATE, Sweeps, read_feather
-from .layout import CLASSES, DATASET, LOGS, NEUTRAL_OF, Argoverse2Source, detection_files, log_folders
+from .layout import CLASSES, DATASET, LOGS, Argoverse2Source, detection_files, log_folders
 from .submission import classes_of, read_detections, within_reach
 
 
@@ -69,15 +69,15 @@ def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
     table, stamp = read_feather(sweeps.folder / ANNOTATIONS, f"{BOX} num_interior_pts", "track_uuid category")
     second = repeated(stamp, table.words["track_uuid"])
     table.refuse(second, "a second box of this object in its sweep, expected one", "track_uuid")
-    frame, class_id = sweeps.frame_of(table, stamp), classes_of(table, card)
+    frame, (class_id, neutral) = sweeps.frame_of(table, stamp), classes_of(table, card)
     used = (frame >= 0) & (class_id >= 0)
-    table, frame, class_id = table.select(used), frame[used], class_id[used]
+    table, frame, class_id, neutral = table.select(used), frame[used], class_id[used], neutral[used]
     uuid, number = np.unique(table.words["track_uuid"], return_inverse=True)
     box = sweeps.boxes(table, frame)
     near = within_reach(box, frame, sweeps, card)
     first = np.full(len(uuid), len(sweeps.stamp))
     np.minimum.at(first, number[near], frame[near])
-    neutral = ~near | (table["num_interior_pts"] == 0) | np.isin(table.words["category"], tuple(NEUTRAL_OF))
+    neutral = neutral | ~near | (table["num_interior_pts"] == 0)
     order = np.argsort(frame, kind="stable")
     row = order[(frame >= first[number])[order]]
     start, unknown = starts_of_sorted(frame[row], len(sweeps.time)), np.full((len(row), 2), np.nan)

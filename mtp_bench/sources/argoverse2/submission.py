@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...cards import Card
-from ...errors import DataError
+from ...errors import DataError, nearest
 from ...types import Bools, Detections, Floats, Ints, Scene, starts_of_sorted
 from ..base import DataRoot, ReadTracks, TrackForm, class_ids, section_of
 from ..stored_tracks import FEWER, with_stored
 from ..text import RowTable, repeated
-from .feather import BOX, PLACE, ROTATION, SIZE, TIME, Sweeps, read_feather, require_categories
-from .layout import CLASS_OF, NEUTRAL_OF, Argoverse2Source, log_folder
+from .feather import BOX, PLACE, ROTATION, SIZE, TIME, Sweeps, read_feather
+from .layout import CATEGORIES, NEUTRAL, Argoverse2Source, log_folder
 
 
 def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
@@ -39,12 +39,23 @@ def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
     return with_stored(scene, frame, identity, class_id, box, table["score"], unknown)
 
 
-def classes_of(table: RowTable, card: Card) -> Ints:
-    """Index [R] of the class of each row in the task, -1 for others; DataError for a word that is not a category."""
-    require_categories(table)
-    names = {**CLASS_OF, **NEUTRAL_OF}
+def classes_of(table: RowTable, card: Card) -> tuple[Ints, Bools]:
+    """Class [R] of each row in the task, -1 for others, and True [R] where it is neutral.
+
+    Raises DataError for a word that is not an official category.
+    """
     category, place = np.unique(table.words["category"], return_inverse=True)
-    return class_ids([names.get(word, "") for word in category.tolist()], card.task.classes)[place]
+    words = category.tolist()
+    unknown = np.array([word not in CATEGORIES for word in words], dtype=bool)[place]
+
+    def problem(row: int) -> str:
+        got = words[place[row]]
+        return f"{got!r} is not a category of Argoverse 2{nearest(got.upper(), CATEGORIES)}"
+
+    table.refuse(unknown, problem, "category")
+    names = [CATEGORIES[word] for word in words]
+    class_id = class_ids([name.removeprefix(NEUTRAL) for name in names], card.task.classes)
+    return class_id[place], np.array([name.startswith(NEUTRAL) for name in names], dtype=bool)[place]
 
 
 def within_reach(box: Floats, frame: Ints, sweeps: Sweeps, card: Card) -> Bools:
@@ -59,7 +70,7 @@ def tracking_submission(
 ) -> dict[str, NDArray[Any]]:  # fmt: skip
     """Columns of a tracking submission for boxes [R, 7] of a scene; ``classes`` [R]: names of the task's classes."""
     sweeps = _sweeps(card, data, scene)
-    category = {name: word for word, name in reversed(list(CLASS_OF.items()))}
+    category = {name: word for word, name in reversed(list(CATEGORIES.items()))}
     place, rotation = sweeps.to_ego(frame, box)
     return {
         "log_id": np.full(len(box), scene.name),
@@ -74,7 +85,7 @@ def tracking_submission(
 def _read(path: Path, sweeps: Sweeps, card: Card, identity: str = "") -> tuple[RowTable, Ints, Ints, Floats]:
     """Rows of a log within reach in the frames and of the classes of the card, with frame, class and box of each."""
     table, stamp = read_feather(path, f"{BOX} score", f"category {identity}", sweeps.folder.name)
-    frame, class_id = sweeps.frame_of(table, stamp), classes_of(table, card)
+    frame, (class_id, _) = sweeps.frame_of(table, stamp), classes_of(table, card)
     used = (frame >= 0) & (class_id >= 0)
     table, frame, class_id = table.select(used), frame[used], class_id[used]
     box = sweeps.boxes(table, frame)
