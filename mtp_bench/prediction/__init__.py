@@ -5,6 +5,7 @@ from .k_means import KMeansSampler as KMeansSampler
 from .kalman import NoiseTable as NoiseTable
 from .kinematic import HedgedPredictor as HedgedPredictor
 from .kinematic import KinematicPredictor as KinematicPredictor
+from .lanes import LanePredictor as LanePredictor
 from .learned.local import local_future as local_future
 from .learned.local import local_inputs as local_inputs
 from .learned.local import to_absolute as to_absolute

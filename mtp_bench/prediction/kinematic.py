@@ -57,7 +57,7 @@ class KinematicPredictor:
         tau = task.dt * np.arange(1, task.future + 1)
         normal = self._normal(frame, int(draw.max(initial=-1)) + 1, samples)
         future = np.empty((len(track), samples, task.future, 2))
-        expand(self._states(frame.tracks), track.astype(np.int64), draw.astype(np.int64), normal, tau, future)
+        expand(self.states(frame.tracks), track.astype(np.int64), draw.astype(np.int64), normal, tau, future)
         return future
 
     def _normal(self, frame: Frame, draws: int, samples: int) -> Floats:
@@ -70,7 +70,7 @@ class KinematicPredictor:
         rng = np.random.default_rng([self._task.seed, frame.number + 1])
         return rng.standard_normal((draws, samples, _NUMBERS))
 
-    def _states(self, tracks: Tracks) -> Floats:
+    def states(self, tracks: Tracks) -> Floats:
         """Rows [N, 16] of tracks as `expand` reads them.
 
         For each of two axes position, velocity, the three numbers of the covariance's Cholesky factor and the deviation
@@ -85,6 +85,14 @@ class KinematicPredictor:
         axis[..., 5] = self._noise.acceleration[tracks.class_id]
         origin = np.stack([np.cos(heading), np.sin(heading), *past[:, -1, :2].T], axis=1)
         return np.concatenate([axis.reshape(-1, 12), origin], axis=1)
+
+
+def absolute(state: Floats) -> tuple[Floats, Floats]:
+    """Positions and velocities [N, 2] of the rows [N, 16] of `KinematicPredictor.states`, not turned with the track."""
+    (c, s), place, velocity = state[:, 12:14].T, state[:, [0, 6]], state[:, [1, 7]]
+    turn = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    place, velocity = (np.einsum("nij,nj->ni", turn, vector) for vector in (place, velocity))
+    return place + state[:, 14:], velocity
 
 
 PASTS = (2, 3, 5, 10)  # frames

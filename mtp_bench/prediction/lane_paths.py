@@ -13,7 +13,8 @@ _TURNED = 0.9  # rad, largest angle between an object and its lane
 _BEYOND = 0.5  # m, before the beginning or behind the end of a piece of a lane
 _SPREAD = (1.0, 0.3)  # m and rad, usual distance and angle between an object and its lane
 _STARTS = 8  # pieces of lanes that an object may be on
-_BRANCHES = 16  # paths from the beginning of a piece
+_BRANCHES = 16  # paths from the beginning of a piece, at most: each has a share of `_LEAST`
+_LEAST = 1 / _BRANCHES - 1e-9
 _DEPTH = 40  # pieces of a path
 _SAME = 1.0  # m, paths that stay as near are one
 
@@ -113,7 +114,7 @@ def _trace(first: int, point: Floats, count: Ints, length: Floats, follow: Ints,
     stack_row, stack_depth = np.zeros(4 * _DEPTH, np.int64), np.zeros(4 * _DEPTH, np.int64)
     chain, end, part_of = np.zeros(_DEPTH, np.int64), np.zeros(_DEPTH), np.ones(_DEPTH)
     stack_row[0] = first
-    while waiting and found < len(path):
+    while waiting:
         waiting -= 1
         row, depth = stack_row[waiting], stack_depth[waiting]
         chain[depth] = row
@@ -126,12 +127,13 @@ def _trace(first: int, point: Floats, count: Ints, length: Floats, follow: Ints,
             share[found] = part_of[depth]
             found += 1
             continue
+        if part_of[depth] < branches * _LEAST:  # far away after many branches: on along the first one alone
+            branches = 1
         part_of[depth + 1] = part_of[depth] / branches
-        for i in range(3, -1, -1):  # the first successor comes off the stack first
-            after = follow[row, i]
-            if after >= 0 and count[after] > 1:
+        for after in follow[row]:
+            if after >= 0 and count[after] > 1 and branches:
                 stack_row[waiting], stack_depth[waiting] = after, depth + 1
-                waiting += 1
+                waiting, branches = waiting + 1, branches - 1
     return found
 
 

@@ -1,0 +1,141 @@
+"""Predictor along lanes, without learning: speed profiles on the lanes of the observation, and free motion."""
+
+import numpy as np
+
+from ..agent import Forecasts, Frame
+from ..tracking.kernels.compile import kernel, part
+from ..types import Floats, Ints, Task
+from .kalman import NoiseTable
+from .kinematic import KinematicPredictor, absolute
+from .lane_paths import STEP, lane_paths
+
+ALONG = 0.6  # share of the samples that follow lanes
+_ON_FOOT = ("pedestrian",)  # classes that do not follow lanes
+_PATHS = 6  # per track
+_MOVING = 1.0  # m/s; slower tracks point where their box does
+_LONGEST = 200.0  # m, of a path
+_EVEN = (0.5698402909980532, 0.7548776662466927)  # steps of a sequence that fills the unit square evenly (Roberts)
+_FADING = 2.0  # s, of the distance to the middle of the lane
+_SWERVE = 1.8  # m/s2, usual lateral acceleration in bends
+_BRAKING = 1.5  # m/s2, before bends
+_PEDAL = (0.3, 0.08)  # m/s2 and 1/s: deviation of the acceleration of one who stands, and what each m/s adds
+_FASTEST = 2.5  # deviations of the fastest profile, at most
+_HARDEST = 3.0  # m/s2, braking in samples that come to a bend too fast
+
+
+class LanePredictor:
+    """Draw `ALONG` of the k samples along lanes and their successors; the others are `KinematicPredictor`'s.
+
+    Paths share the samples by their plausibility. On a path the samples are quantiles of the distance that the motion
+    noise allows, from braking to accelerating; they slow down before bends, and the distance to the lane's middle
+    fades. People on foot, and tracks without a lane near in their direction, have free samples alone, as all have where
+    the task shows no lanes. ``noise``, ``past`` and ``draws``: of `KinematicPredictor`; draws take other quantiles.
+    """
+
+    def __init__(self, noise: NoiseTable | None = None, past: int | None = None, draws: int = 1) -> None:
+        self._free = KinematicPredictor(noise, past, draws)
+        self._draws = draws
+
+    def reset(self, task: Task) -> None:
+        """Begin a new scene."""
+        self._task = task
+        self._free.reset(task)
+        self._follows = np.array([name not in _ON_FOOT for name in task.classes])
+
+    def predict(self, frame: Frame) -> Forecasts:
+        """A row of draws x k samples for each track in each hypothesis that holds it."""
+        forecasts, k = self._free.predict(frame), self._task.k
+        along = round(ALONG * k)
+        if self._task.lanes and along and len(forecasts.samples):
+            samples = forecasts.samples.reshape(-1, k, self._task.future, 2)
+            hypothesis, track = np.nonzero(frame.tracks.member)
+            draw = hypothesis[:, None] * self._draws + np.arange(self._draws)
+            self._follow(frame, np.repeat(track, self._draws), draw.ravel(), samples[:, :along])
+        return forecasts
+
+    def _follow(self, frame: Frame, track: Ints, draw: Ints, samples: Floats) -> None:
+        """Write samples [Q, A, T, 2] of tracks ``track`` [Q] that are on lanes; ``draw`` [Q] picks the quantiles."""
+        tracks, task = frame.tracks, self._task
+        state, tau = self._free.states(tracks), task.dt * np.arange(1, task.future + 1)
+        place, velocity = absolute(state)
+        speed = np.linalg.norm(velocity, axis=1)
+        heading = np.where(speed > _MOVING, np.arctan2(velocity[:, 1], velocity[:, 0]), tracks.box[:, 3])
+        spread = _spread(state, speed, tau)
+        metres = np.clip(speed * tau[-1] + _FASTEST * spread[:, -1], 2 * STEP, _LONGEST)
+        place[~self._follows[tracks.class_id]] = np.inf  # on no lane
+        found = lane_paths(frame.seen[-1], place, heading, _PATHS, metres)
+        limit = np.empty(found.points.shape[:3])
+        bend_limits(found.points, found.chance, limit)
+        drive(found.points, found.chance, found.offset, limit, speed, spread, track, draw, tau, samples)
+
+
+def _spread(state: Floats, speed: Floats, tau: Floats) -> Floats:
+    """Standard deviations [N, T] of the distance along the lane at the times ``tau`` [T]."""
+    place, cross, velocity = (state[:, i, None] for i in (2, 3, 4))  # Cholesky factor along the heading
+    pedal = np.maximum(state[:, 5], _PEDAL[0] + _PEDAL[1] * speed)[:, None]
+    return np.asarray(np.sqrt((place + tau * cross) ** 2 + (tau * velocity) ** 2 + (0.5 * tau**2 * pedal) ** 2))
+
+
+@kernel("void(f8[:, :, :, ::1], f8[:, ::1], f8[:, :, ::1])")
+def bend_limits(paths: Floats, chance: Floats, limit: Floats) -> None:
+    """Write the usual speeds [N, M, S], m/s, on paths [N, M, S, 2] of chance [N, M]: slow in bends and before them."""
+    for n in range(len(paths)):
+        for m in range(paths.shape[1]):
+            if chance[n, m] <= 0:
+                break
+            path, speed = paths[n, m], limit[n, m]
+            for s in range(len(path)):
+                a, b, c = path[max(s - 2, 0)], path[s], path[min(s + 2, len(path) - 1)]
+                ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - b[0], c[1] - b[1]
+                bend = abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy)) / (2 * STEP)
+                speed[s] = np.sqrt(_SWERVE / max(bend, 1e-4))
+            for s in range(len(path) - 2, -1, -1):
+                speed[s] = min(speed[s], np.sqrt(speed[s + 1] ** 2 + 2 * _BRAKING * STEP))
+
+
+@part
+def _follow(path: Floats, limit: Floats, offset: Floats, speed: float, ahead: Floats, tau: Floats, out: Floats) -> None:
+    """Write places [T, 2] on a path [S, 2] for distances ``ahead`` [T] on a straight road, slower where it bends."""
+    arc, before, last, now = 0.0, 0.0, 0.0, speed
+    for t in range(len(tau)):
+        period = tau[t] - last
+        g = min(int(arc / STEP), len(path) - 1)
+        wanted = max(ahead[t] - before, 0.0) / period
+        before, last = max(ahead[t], before), tau[t]
+        now = max(min(wanted, limit[g]), min(wanted, now - _HARDEST * period))
+        arc += now * period
+        g = min(int(arc / STEP), len(path) - 2)
+        ux, uy = (path[g + 1, 0] - path[g, 0]) / STEP, (path[g + 1, 1] - path[g, 1]) / STEP
+        aside = offset * np.exp(-tau[t] / _FADING)
+        out[t, 0] = path[g, 0] + (arc - STEP * g) * ux - aside * uy
+        out[t, 1] = path[g, 1] + (arc - STEP * g) * uy + aside * ux
+
+
+@kernel(
+    "void(f8[:, :, :, ::1], f8[:, ::1], f8[:, ::1], f8[:, :, ::1], f8[::1], f8[:, ::1], i8[::1], i8[::1], f8[::1], "
+    "f8[:, :, :, :])"
+)
+def drive(
+    paths: Floats, chance: Floats, offset: Floats, limit: Floats, speed: Floats, spread: Floats,
+    track: Ints, draw: Ints, tau: Floats, samples: Floats,
+) -> None:  # fmt: skip
+    """Write samples [Q, A, T, 2] of tracks ``track`` [Q] that have paths: shares of paths, quantiles of the distance.
+
+    ``paths`` [N, M, S, 2] with ``chance``, ``offset`` and ``limit``; ``speed`` [N], ``spread`` [N, T]: of the distance.
+    """
+    count, ahead = samples.shape[1], np.empty(len(tau))
+    for q in range(len(track)):
+        n, total, done = track[q], 0.0, 0
+        share, level = (0.5 + draw[q] * _EVEN[0]) % 1.0, (0.5 + draw[q] * _EVEN[1]) % 1.0
+        for m in range(paths.shape[1]):
+            if chance[n, m] <= 0:
+                break
+            total += chance[n, m]
+            upto = min(max(int(np.ceil(total * count - share - 1e-9)), done), count)
+            for j in range(upto - done):
+                quantile = (j + level) / (upto - done)
+                z = min(max(np.log(quantile / (1 - quantile)) / 1.702, -_FASTEST), _FASTEST)  # nearly normal
+                for t in range(len(tau)):
+                    ahead[t] = tau[t] * speed[n] + z * spread[n, t]
+                _follow(paths[n, m], limit[n, m], offset[n, m], speed[n], ahead, tau, samples[q, done + j])
+            done = upto
