@@ -15,10 +15,10 @@ _PATHS = 6  # per track
 _MOVING = 1.0  # m/s; slower tracks point where their box does
 _LONGEST = 200.0  # m, of a path
 _EVEN = (0.5698402909980532, 0.7548776662466927)  # steps of a sequence that fills the unit square evenly (Roberts)
-_FADING = 2.0  # s, of the distance to the middle of the lane
-_SWERVE = 1.8  # m/s2, usual lateral acceleration in bends
+_FADING = 12.0  # m of the lane, over which the distance to its middle fades
+_SWERVE = 2.0  # m/s2, usual lateral acceleration in bends
 _BRAKING = 1.5  # m/s2, before bends
-_PEDAL = (0.3, 0.08)  # m/s2 and 1/s: deviation of the acceleration of one who stands, and what each m/s adds
+_PEDAL = (0.5, 0.08)  # m/s2 and 1/s: deviation of the acceleration of one who stands, and what each m/s adds
 _FASTEST = 2.5  # deviations of the fastest profile, at most
 _HARDEST = 3.0  # m/s2, braking in samples that come to a bend too fast
 
@@ -106,7 +106,7 @@ def _follow(path: Floats, limit: Floats, offset: Floats, speed: float, ahead: Fl
         arc += now * period
         g = min(int(arc / STEP), len(path) - 2)
         ux, uy = (path[g + 1, 0] - path[g, 0]) / STEP, (path[g + 1, 1] - path[g, 1]) / STEP
-        aside = offset * np.exp(-tau[t] / _FADING)
+        aside = offset * np.exp(-arc / _FADING)
         out[t, 0] = path[g, 0] + (arc - STEP * g) * ux - aside * uy
         out[t, 1] = path[g, 1] + (arc - STEP * g) * uy + aside * ux
 
