@@ -21,6 +21,7 @@ from mtp_bench.scoring.weights import tracking_events as events_of
 from mtp_bench.sources import open_source, with_tracks
 from mtp_bench.sources.argoverse2 import PACKAGE
 from mtp_bench.sources.argoverse2.feather import ANNOTATIONS, BOX, Sweeps, read_feather
+from mtp_bench.sources.argoverse2.source import Argoverse2
 from mtp_bench.submission import load_submission
 
 LOG, FRAMES, CITY = "a-log", 24, np.array([1000.0, 2000.0, 50.0])
@@ -78,7 +79,7 @@ def root(tmp_path: Path) -> Path:
 
 
 def test_a_log_by_hand(root: Path) -> None:
-    scene = open_source(CARD, root).load(LOG)
+    scene = Argoverse2(CARD, root).load(LOG)
     truth, frame = scene.truth, scene.truth.frame_of_rows
     np.testing.assert_allclose(scene.time, 0.1002 * np.arange(FRAMES), atol=1e-12)
     np.testing.assert_allclose(scene.ego[:, :3], np.outer(np.arange(FRAMES), [0, 0.5, 0]), atol=1e-9)
@@ -93,7 +94,7 @@ def test_a_log_by_hand(root: Path) -> None:
     targets = find_targets(scene, CARD)  # the truck never has ten past and ten future frames
     assert frame[targets.row].tolist() == np.repeat(range(9, 14), 2).tolist()
     assert targets.object_id.tolist() == [0, 2] * 5
-    slow = open_source(load_card("MTP-AV2-v0"), root).load(LOG)  # every fifth sweep
+    slow = Argoverse2(load_card("MTP-AV2-v0"), root).load(LOG)  # every fifth sweep
     np.testing.assert_allclose(slow.truth.velocity[slow.truth.rows(1)], np.array([[0, 15 / 0.501], [0, 0]]), atol=1e-9)
     wide, turn = PACKAGE.lanes(CARD, root, scene)  # one that widens, one about a point; neither bicycles nor loose ends
     assert (wide.following, turn.following, wide.junction, turn.junction) == ((1,), (), False, True)
@@ -171,3 +172,30 @@ def test_real_boxes_on_two_logs_and_simulated_ones_on_the_others(data_root: Path
     source = open_source(load_card("MTP-AV2-v0"), data_root)
     scenes = [source.load(name) for name in source.names]
     assert [(scene.simulated, scene.frames) for scene in scenes] == [(False, 32)] * 2 + [(True, 32)] * 2
+
+
+@pytest.mark.data
+def test_velocities_and_pasts_of_three_objects_at_10_hz(data_root: Path) -> None:
+    """Worked out anew from the files: places turned by SciPy, steps back by the int64 times."""
+    source = Argoverse2(CARD, data_root)
+    scene = source.load(source.names[0])
+    folder = data_root / "argoverse2/sensor/val" / scene.name
+    boxes = feather.read_table(str(folder / ANNOTATIONS)).to_pylist()
+    poses = {
+        row["timestamp_ns"]: row for row in feather.read_table(str(folder / "city_SE3_egovehicle.feather")).to_pylist()
+    }
+    origin = np.round([poses[min(poses)][axis] for axis in POSE[4:]])
+    truth, targets = scene.truth, find_targets(scene, CARD)
+    for number in np.unique(targets.object_id)[[0, 20, 40]]:
+        own = sorted((r for r in boxes if r["track_uuid"] == scene.name_of(number)), key=lambda r: r["timestamp_ns"])
+        stamp, place = [row["timestamp_ns"] for row in own], np.array([[row[axis] for axis in POSE[4:]] for row in own])
+        ego = np.array([[poses[time][axis] for axis in POSE] for time in stamp])
+        place = Rotation.from_quat(ego[:, :4]).apply(place) + ego[:, 4:] - origin
+        row = np.flatnonzero(truth.object_id == number)
+        last = len(own) - len(row)  # before it came within reach
+        np.testing.assert_allclose(truth.box[row, :3], place[last:], atol=1e-9)
+        velocity = np.diff(place[:, :2], axis=0) / (np.diff(stamp) / 1e9)[:, None]
+        np.testing.assert_allclose(truth.velocity[row[1:]], velocity[last:], atol=1e-6)
+        now = np.searchsorted(row, targets.row[targets.object_id == number])  # ten frames of past, ten of future
+        assert now.min() >= 9
+        assert now.max() <= len(row) - 11
