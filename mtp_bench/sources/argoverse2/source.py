@@ -11,10 +11,10 @@ from ...types import Detections, Scene, Truth, starts_of_sorted
 from ..base import DataRoot, names_by_number, no_detections, require_classes, require_rate, section_of
 from ..motion import looking_back
 from ..stored_tracks import FEWER
-from ..text import repeated
-from .feather import ANNOTATIONS, BOX, RATE, Sweeps, read_feather
-from .layout import CLASSES, DATASET, LOGS, Argoverse2Source, detection_files, log_folders
-from .submission import classes_of, read_detections, within_reach
+from ..text import SMALLEST, repeated
+from .feather import ANNOTATIONS, RATE, Sweeps
+from .layout import CATEGORIES, CLASSES, DATASET, LOGS, NEUTRAL, Argoverse2Source, detection_files, log_folders
+from .submission import read_boxes, read_detections
 
 
 class Argoverse2:
@@ -66,21 +66,19 @@ class Argoverse2:
 
 def scene_truth(sweeps: Sweeps, card: Card) -> tuple[Truth, dict[int, str]]:
     """Truth of a log, and the names of its objects; raises DataError for annotations that are wrong."""
-    table, stamp = read_feather(sweeps.folder / ANNOTATIONS, f"{BOX} num_interior_pts", "track_uuid category")
-    second = repeated(stamp, table.words["track_uuid"])
-    table.refuse(second, "a second box of this object in its sweep, expected one", "track_uuid")
-    frame, (class_id, neutral) = sweeps.frame_of(table, stamp), classes_of(table, card)
-    used = (frame >= 0) & (class_id >= 0)
-    table, frame, class_id, neutral = table.select(used), frame[used], class_id[used], neutral[used]
-    uuid, number = np.unique(table.words["track_uuid"], return_inverse=True)
-    box = sweeps.boxes(table, frame)
-    near = within_reach(box, frame, sweeps, card)
+    path = sweeps.folder / ANNOTATIONS
+    table, frame, class_id, box, near = read_boxes(path, sweeps, card, "num_interior_pts", "track_uuid")
+    name = table.words["track_uuid"]
+    table.refuse(repeated(frame, name), "a second box of this object in its sweep, expected one", "track_uuid")
+    table.refuse(np.asarray((box[:, 4:] < SMALLEST).any(axis=1)), "a side of the box is not above 0 m")
+    uuid, number = np.unique(name, return_inverse=True)
     first = np.full(len(uuid), len(sweeps.stamp))
     np.minimum.at(first, number[near], frame[near])
-    neutral = neutral | ~near | (table["num_interior_pts"] == 0)
-    order = np.argsort(frame, kind="stable")
-    row = order[(frame >= first[number])[order]]
+    like = [word for word, meaning in CATEGORIES.items() if meaning.startswith(NEUTRAL)]
+    neutral = ~near | (table["num_interior_pts"] == 0) | np.isin(table.words["category"], like)
+    row = np.argsort(frame, kind="stable")
+    row = row[(frame >= first[number])[row]]
     start, unknown = starts_of_sorted(frame[row], len(sweeps.time)), np.full((len(row), 2), np.nan)
     eligible = np.ones(len(row), dtype=bool)
     truth = Truth(start, box[row], unknown, class_id[row], number[row], eligible, neutral[row])
-    return looking_back(truth, sweeps.time, sweeps.stride / RATE), names_by_number(number[row], uuid[number[row]])
+    return looking_back(truth, sweeps.time, sweeps.stride / RATE), names_by_number(number[row], name[row])

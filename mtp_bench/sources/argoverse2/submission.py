@@ -21,47 +21,48 @@ def read_detections(path: Path, sweeps: Sweeps, card: Card) -> Detections:
 
     Raises DataError for a cell that is wrong, and for a time at which the log has no sweep.
     """
-    table, frame, class_id, box = _read(path, sweeps, card)
-    order = np.argsort(frame, kind="stable")
-    start, unknown = starts_of_sorted(frame[order], len(sweeps.time)), np.full((len(order), 2), np.nan)
-    return Detections(start, box[order], unknown, class_id[order], table["score"][order])
+    table, frame, class_id, box, near = read_boxes(path, sweeps, card, "score", log=sweeps.folder.name)
+    row = np.argsort(frame, kind="stable")
+    row = row[near[row]]
+    start, unknown = starts_of_sorted(frame[row], len(sweeps.time)), np.full((len(row), 2), np.nan)
+    return Detections(start, box[row], unknown, class_id[row], table["score"][row])
 
 
 def read_tracks(path: Path, sweeps: Sweeps, card: Card, scene: Scene) -> Scene:
     """The scene with the tracks of its log within reach; raises DataError as `read_detections`, or without any."""
-    table, frame, class_id, box = _read(path, sweeps, card, "track_id")
-    if not len(table):
+    table, frame, class_id, box, near = read_boxes(path, sweeps, card, "score", "track_id", scene.name)
+    if not near.any():
         raise DataError(f"{path} has no tracks of log {scene.name}, expected those of each log that is run; {FEWER}")
-    identity = table.words["track_id"]
+    identity, unknown = table.words["track_id"], np.full((int(near.sum()), 2), np.nan)
     twice = repeated(frame, identity, class_id)
     table.refuse(twice, "a second box of this track in its sweep, expected one", "track_id")
-    unknown = np.full((len(box), 2), np.nan)
-    return with_stored(scene, frame, identity, class_id, box, table["score"], unknown)
+    return with_stored(scene, frame[near], identity[near], class_id[near], box[near], table["score"][near], unknown)
 
 
-def classes_of(table: RowTable, card: Card) -> tuple[Ints, Bools]:
-    """Class [R] of each row in the task, -1 for others, and True [R] where it is neutral.
+def read_boxes(
+    path: Path, sweeps: Sweeps, card: Card, numbers: str, words: str = "", log: str = ""
+) -> tuple[RowTable, Ints, Ints, Floats, Bools]:
+    """Boxes of a log in the frames and of the classes of ``card``, neutral ones too.
 
-    Raises DataError for a word that is not an official category.
+    Their rows in the file with the further columns ``numbers`` and ``words``, the frame [R] and the class [R] of each,
+    the box [R, 7] in the city less the origin, and True [R] for those with their centre within reach of the ego.
     """
-    category, place = np.unique(table.words["category"], return_inverse=True)
-    words = category.tolist()
-    unknown = np.array([word not in CATEGORIES for word in words], dtype=bool)[place]
+    table, stamp = read_feather(path, f"{BOX} {numbers}", f"category {words}", log)
+    category = table.words["category"]
 
     def problem(row: int) -> str:
-        got = words[place[row]]
+        got = str(category[row])
         return f"{got!r} is not a category of Argoverse 2{nearest(got.upper(), CATEGORIES)}"
 
-    table.refuse(unknown, problem, "category")
-    names = [CATEGORIES[word] for word in words]
-    class_id = class_ids([name.removeprefix(NEUTRAL) for name in names], card.task.classes)
-    return class_id[place], np.array([name.startswith(NEUTRAL) for name in names], dtype=bool)[place]
-
-
-def within_reach(box: Floats, frame: Ints, sweeps: Sweeps, card: Card) -> Bools:
-    """True [R] for boxes whose centre is within the card's reach of the ego."""
+    table.refuse(~np.isin(category, tuple(CATEGORIES)), problem, "category")
+    kind, place = np.unique(category, return_inverse=True)
+    names = [CATEGORIES[word].removeprefix(NEUTRAL) for word in kind.tolist()]
+    frame, class_id = sweeps.frame_of(table, stamp), class_ids(names, card.task.classes)[place]
+    used = (frame >= 0) & (class_id >= 0)
+    table, frame = table.select(used), frame[used]
+    box = sweeps.boxes(table, frame)
     away = np.linalg.norm(box[:, :2] - sweeps.ego[frame, :2], axis=1)
-    return np.asarray(away <= section_of(card, Argoverse2Source).reach)
+    return table, frame, class_id[used], box, np.asarray(away <= section_of(card, Argoverse2Source).reach)
 
 
 def tracking_submission(
@@ -80,17 +81,6 @@ def tracking_submission(
         "score": score,
         "track_id": track_id,
     }
-
-
-def _read(path: Path, sweeps: Sweeps, card: Card, identity: str = "") -> tuple[RowTable, Ints, Ints, Floats]:
-    """Rows of a log within reach in the frames and of the classes of the card, with frame, class and box of each."""
-    table, stamp = read_feather(path, f"{BOX} score", f"category {identity}", sweeps.folder.name)
-    frame, (class_id, _) = sweeps.frame_of(table, stamp), classes_of(table, card)
-    used = (frame >= 0) & (class_id >= 0)
-    table, frame, class_id = table.select(used), frame[used], class_id[used]
-    box = sweeps.boxes(table, frame)
-    near = within_reach(box, frame, sweeps, card)
-    return table.select(near), frame[near], class_id[near], box[near]
 
 
 def _sweeps(card: Card, data: DataRoot, scene: Scene) -> Sweeps:
