@@ -28,7 +28,7 @@ from benchmarks.tracking.scenes import KITTI, NUSCENES, Row
 from benchmarks.traffic_motion import HORIZONS, PERIOD, motion, samples
 from mtp_bench.cards import Card, load_card, with_split
 from mtp_bench.sources import open_source
-from mtp_bench.sources.highway.source import HighwayTraffic, scene_name
+from mtp_bench.sources.highway.source import HighwayTraffic
 from mtp_bench.types import Floats, Scene
 
 TARGETS = "MTP-nuScenes-v0"
@@ -104,7 +104,7 @@ def recorded(env_id: str, data: str | None, split: str | None = None) -> Figures
 def simulated(name: str, seeds: range) -> Figures:
     card = with_split(load_card(f"MTP-{name}-v0"), "train")
     source = HighwayTraffic(card)
-    return figures((source.load(scene_name(source.section.scenario, seed)) for seed in seeds), card)
+    return figures((source.load(source.name_of(seed)) for seed in seeds), card)
 
 
 def table(real: dict[str, Figures], made: dict[str, Figures], roads: bool) -> list[Row]:

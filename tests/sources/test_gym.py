@@ -12,7 +12,8 @@ from mtp_bench.errors import CardError, DataError
 from mtp_bench.files import CACHE
 from mtp_bench.notice import QUIET
 from mtp_bench.sources import open_source, prepare
-from mtp_bench.sources.gym.traffic import GymTraffic, traffic_of
+from mtp_bench.sources.base import section_of
+from mtp_bench.sources.gym.source import GymSource, GymTraffic, traffic_of
 from mtp_bench.sources.highway.store import pack
 from mtp_bench.sources.highway.world import World
 from mtp_bench.types import Floats
@@ -30,8 +31,13 @@ def gym_card(**source: Any) -> Card:
     return parse_card({**content, "id": "MTP-Own-v0", "source": own | source, "lanes": True})
 
 
+def traffic(env_id: str, seconds: float = 4.0, policy: str = "idm", **config: Any) -> GymTraffic:
+    card = gym_card(id=env_id, policy=policy, config={"simulation_frequency": 10} | config)
+    return replace(traffic_of(section_of(card, GymSource)), seconds=seconds)
+
+
 def simulated(env_id: str, seconds: float = 4.0, policy: str = "idm") -> World:
-    return traffic_of(env_id, None, {"simulation_frequency": 10}, policy, seconds).simulate(5)
+    return traffic(env_id, seconds, policy).simulate(5)
 
 
 def faster(observation: Floats) -> int:
@@ -106,8 +112,7 @@ def test_scenes_with_a_crash_are_left_out_and_counted(
 
 
 def test_a_crash_ends_the_simulation() -> None:
-    env = traffic_of("highway-v0", None, {"simulation_frequency": 5, "vehicles_density": 6}, f"{__name__}:faster", 20.0)
-    assert len(env.simulate(1).time) == 0
+    assert not len(traffic("highway-v0", 20.0, f"{__name__}:faster", vehicles_density=6).simulate(1).time)
 
 
 @pytest.mark.parametrize(
@@ -116,8 +121,8 @@ def test_a_crash_ends_the_simulation() -> None:
         ({"config": {}}, "task.rate is 2 Hz, expected 15 Hz or a whole part of it; or set config"),
         ({"id": "nowhere-v0"}, "source.id: .*nowhere"),
         ({"id": "CartPole-v1", "config": {}}, "CartPole-v1 is not an environment of highway-env"),
-        ({"id": "no_such_module:A-v0"}, "no module 'no_such_module'; install it"),
-        ({"module": "no_such.module"}, "no module 'no_such.module'; install it"),
+        ({"id": "no_such_module:A-v0"}, "no module 'no_such_module', which"),
+        ({"module": "no_such.module"}, "no module 'no_such.module', which"),
         ({"policy": "fast"}, "policy: got 'fast': expected 'idm', 'idle' or"),
     ],
     ids=["rate", "id", "other", "module of the id", "module", "policy"],

@@ -1,13 +1,7 @@
 """Gymnasium environments of highway-env, of the library or one's own, one scene per seed."""
 
-from ..base import SourcePackage
-from .source import DATASET, GymScenes, generate, gym_status
+from ..highway.source import package
+from .source import DATASET, GymScenes
 from .source import GymSource as GymSource
 
-PACKAGE = SourcePackage(
-    open=GymScenes,
-    dataset=DATASET,
-    locate=gym_status,
-    prepare=generate,
-    discard=lambda card: GymScenes(card).discard(),
-)
+PACKAGE = package(GymScenes, DATASET)

@@ -15,7 +15,7 @@ from ..highway.lanes import lane_map
 from ..highway.recording import course_velocity, right_handed, seen_from
 from ..highway.vehicles import round_states
 from ..highway.world import CLASSES, World
-from .traffic import GymTraffic
+from .source import GymTraffic
 
 _HEIGHT = {"motorcycle": 1.5, "car": 1.6, "truck": 3.2}  # m
 _LOOSE = 6.0  # m between lanes that follow each other, such as those into highway-env's roundabout
@@ -47,9 +47,8 @@ def _environment(traffic: GymTraffic) -> Any:
 @contextmanager
 def _classes_kept(traffic: GymTraffic) -> Iterator[None]:
     """Undo changes of the classes of vehicles, which some environments make: they would change other scenes."""
-    importlib.import_module("highway_env")  # registers its environments
-    if traffic.module:
-        importlib.import_module(traffic.module)
+    for module in ("highway_env", *traffic.modules):  # they register their environments
+        importlib.import_module(module)
     from highway_env.vehicle.objects import RoadObject
 
     kinds = [RoadObject]

@@ -1,6 +1,11 @@
 """Scenes of highway-env's Gymnasium environments: worlds from the cache, without those in which vehicles crash."""
 
+import hashlib
+import importlib.util
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field
@@ -8,15 +13,12 @@ from pydantic import Field
 from ... import notice
 from ...cards import Card
 from ...cards.source import SourceSection, Traits
-from ...errors import DataError
+from ...errors import CardError, DataError
 from ...strict import rule
-from ...types import Scene
-from ..base import Work, require_classes, section_of
-from ..dataset import Dataset, DataStatus
-from ..highway.source import scene_name, scene_of, seed_of, stride_of
-from ..highway.store import WorldStore
-from ..highway.world import CLASSES, SeedRanges
-from .traffic import traffic_of
+from ..base import section_of
+from ..dataset import Dataset
+from ..highway.source import TrafficScenes, stride_of
+from ..highway.world import SeedRanges, World
 
 DATASET = Dataset.of(__file__)
 _POLICY = rule(lambda name: name in ("idm", "idle") or ":" in name, "expected 'idm', 'idle' or 'module:function'")
@@ -42,68 +44,76 @@ class GymSource(SourceSection):
         return Traits(without_detections="an environment of highway-env", scene_seconds=self.seconds, lanes=True)
 
 
-class GymScenes:
-    """Scenes of one split, named by id and seed: of all seeds without a crash.
+class GymScenes(TrafficScenes):
+    """Scenes of all seeds without a crash; the first controlled vehicle carries the sensor."""
 
-    Frame of reference and targets are those of `sources.highway`. The first controlled vehicle carries the sensor.
-    """
-
-    def __init__(self, card: Card, data: object = None) -> None:
-        """``data``: not needed. Raises CardError for a class or module that there is not."""
-        self.card, section = card, section_of(card, GymSource)
-        require_classes(card, DATASET.name, CLASSES)
-        self.traffic = traffic_of(section.id, section.module, section.config, section.policy, section.seconds)
-        self.store = WorldStore(self.traffic)
-        self.seeds = range(*getattr(section.seeds, section.split))
+    def __init__(self, card: Card) -> None:
+        """Raises CardError for a class or module that there is not."""
+        section = section_of(card, GymSource)
+        super().__init__(card, traffic_of(section), section.seeds)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the scenes; simulates the seeds that are not in the cache. Raises DataError if none is left."""
         kept = []
-        with notice.work(f"simulating {self.traffic.id}") as work:
+        with notice.work(f"simulating {self.store.traffic.id}") as work:
             work.started(len(self.missing()))
             for seed in self.seeds:
-                kept += [self.name_of(seed)] if len(self.store.get(seed).time) else []
+                kept += [seed] if len(self.store.get(seed).time) else []
                 work.done(self.name_of(seed))
         crashed = f"{self.card.id}: vehicles crash in {len(self.seeds) - len(kept)} of {len(self.seeds)} scenes"
         if not kept:
             raise DataError(f"{crashed}, expected one without; ask for fewer seconds or vehicles, or other seeds")
         if len(kept) < len(self.seeds):
             notice.say(f"{crashed}, which are left out")
-        return tuple(kept)
+        return tuple(map(self.name_of, kept))
 
-    def load(self, name: str) -> Scene:
-        """One scene, from the cache or simulated now."""
-        return scene_of(name, self.store.get(seed_of(name)), self.card)
-
-    def name_of(self, seed: int) -> str:
-        """Name of the scene of one seed."""
-        return scene_name(self.traffic.scenario, seed)
-
-    def missing(self) -> list[int]:
-        """Seeds that are not in the cache; raises CardError if their simulation does not have the card's rate."""
-        seeds = [seed for seed in self.seeds if self.store.read(seed) is None]
+    def missing(self, scenes: int | None = None) -> list[int]:
+        """All seeds that are not in the cache; raises CardError if their simulation does not have the card's rate."""
+        seeds = super().missing()  # some of the first ones may crash
         if seeds:
             from .simulate import simulation_rate  # imports highway-env
 
-            advice = "; or set config = { simulation_frequency = ... }"
-            stride_of(self.card, simulation_rate(self.traffic), advice)
+            stride_of(
+                self.card, simulation_rate(self.store.traffic), "; or set config = { simulation_frequency = ... }"
+            )
         return seeds
 
-    def discard(self) -> None:
-        """Remove all scenes of the split from the cache."""
-        for seed in self.seeds:
-            self.store.path(seed).unlink(missing_ok=True)
+
+@dataclass(frozen=True)
+class GymTraffic:
+    """Everything that a simulation depends on."""
+
+    id: str
+    modules: tuple[str, ...]  # that register the id or hold the policy; empty: highway-env, or the running program
+    code: tuple[str, ...]  # sha256 of their files
+    config: dict[str, Any]
+    policy: str
+    seconds: float
+
+    @property
+    def scenario(self) -> str:
+        """The id without its module and namespace: begins the names of folders and scenes."""
+        return self.id.rpartition(":")[2].rpartition("/")[2]
+
+    def simulate(self, seed: int) -> World:
+        """The world of a seed, see `simulate.simulate`."""
+        from .simulate import simulate  # imports highway-env
+
+        return simulate(self, seed)
 
 
-def generate(card: Card, data: object, scenes: int | None, workers: int) -> Work:
-    """Simulate the seeds of the card that are not in the cache: all, since some of them crash."""
-    source = GymScenes(card)
-    seeds = source.missing()
-    return len(seeds), (source.name_of(seed) for seed in source.store.make(seeds, workers))
+def traffic_of(section: GymSource) -> GymTraffic:
+    """The traffic of a card's section; raises CardError for a module that there is not."""
+    named = [text.partition(":")[0] for text in (section.id, section.policy) if ":" in text]
+    modules = (*named, *filter(None, [section.module]))
+    code = tuple(hashlib.sha256(_file_of(module).read_bytes()).hexdigest() for module in modules)
+    return GymTraffic(section.id, modules, code, section.config, section.policy, section.seconds)
 
 
-def gym_status(card: Card, data: object = None) -> DataStatus:
-    """Status of the cache; scenes are never missing, as each is simulated when it is first used."""
-    source = GymScenes(card)
-    return DataStatus(DATASET, source.store.folder, (source.store.folder,))
+def _file_of(module: str) -> Path:
+    with suppress(ImportError):
+        found = importlib.util.find_spec(module)
+        if found is not None and found.origin:
+            return Path(found.origin)
+    raise CardError(f"no module {module!r}, which [source] names; install it, or name its folder in PYTHONPATH")

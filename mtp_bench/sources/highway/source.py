@@ -1,46 +1,92 @@
 """Scenes of simulated traffic: worlds from the cache, reduced to the card's frame rate, reach and classes."""
 
+from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from ...cards import Card
 from ...errors import CardError
 from ...types import Bools, Floats, Scene, Truth, starts_of
-from ..base import Work, class_ids, no_detections, require_classes, section_of
+from ..base import SourcePackage, Work, class_ids, no_detections, require_classes, section_of
 from ..dataset import Dataset, DataStatus
 from .store import WorldStore
-from .world import CLASSES, RATE, HighwaySource, Traffic, World
+from .world import CLASSES, RATE, HighwaySource, SeedRanges, Traffic, World
 
 IN_VIEW = 0.05  # least visible share of a box in view
 DATASET = Dataset.of(__file__)
 
 
-class HighwayTraffic:
-    """Scenes of one split, named ``<scenario>-<seed>``; a simulated detector adds the detections.
+class TrafficScenes:
+    """Scenes of the worlds of seeds, named ``<scenario>-<seed>``; a simulated detector adds the detections.
 
     Frame of reference: the road's, x and y in the plane, z up, the road at z = 0. Objects beyond the detector's reach
     or field of view are not in the truth. An object is a prediction target once it was visible, at any distance.
     """
 
-    def __init__(self, card: Card, data: object = None) -> None:
-        """``data``: not needed. Raises CardError for a rate or class that the simulation does not have."""
-        self.card = card
-        self.section = section_of(card, HighwaySource)
-        stride_of(card, RATE)
+    def __init__(self, card: Card, traffic: Any, seeds: SeedRanges) -> None:
+        """``traffic``: as in `WorldStore`. Raises CardError for a class that no simulation has."""
         require_classes(card, "simulated traffic", CLASSES)
-        first, end = getattr(self.section.seeds, self.section.split)
-        self.names = tuple(scene_name(self.section.scenario, seed) for seed in range(first, end))
-        self.store = WorldStore(traffic_of(self.section))
+        self.card, self.store = card, WorldStore(traffic)
+        self.seeds = range(*getattr(seeds, card.source.split))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the scenes, in the order of their seeds."""
+        return tuple(map(self.name_of, self.seeds))
+
+    def name_of(self, seed: int) -> str:
+        """Name of the scene of one seed."""
+        return f"{self.store.traffic.scenario}-{seed:06d}"
 
     def load(self, name: str) -> Scene:
         """One scene, from the cache or simulated now (one or two seconds)."""
         return scene_of(name, self.store.get(seed_of(name)), self.card)
 
+    def missing(self, scenes: int | None = None) -> list[int]:
+        """Those of the first seeds whose worlds are not in the cache."""
+        return [seed for seed in self.seeds[:scenes] if self.store.read(seed) is None]
+
+    def generate(self, scenes: int | None, workers: int) -> Work:
+        """Simulate those of the first scenes that are not in the cache."""
+        seeds = self.missing(scenes)
+        return len(seeds), map(self.name_of, self.store.make(seeds, workers))
+
     def discard(self) -> None:
         """Remove all scenes of the split from the cache."""
-        for name in self.names:
-            self.store.path(seed_of(name)).unlink(missing_ok=True)
+        for seed in self.seeds:
+            self.store.path(seed).unlink(missing_ok=True)
+
+
+class HighwayTraffic(TrafficScenes):
+    """Scenes of the library's own traffic."""
+
+    def __init__(self, card: Card, data: object = None) -> None:
+        """``data``: not needed. Raises CardError for a rate or class that the simulation does not have."""
+        section = section_of(card, HighwaySource)
+        stride_of(card, RATE)
+        super().__init__(card, traffic_of(section), section.seeds)
+
+
+def package(scenes: Callable[[Card], TrafficScenes], dataset: Dataset) -> SourcePackage:
+    """The package of a source of simulated ``scenes``: none is ever missing, as each is simulated when first used."""
+
+    def status(card: Card, data: object) -> DataStatus:
+        source = scenes(card)
+        stored, folder = len(source.seeds) - len(source.missing()), source.store.folder
+        note = f"{stored} of {len(source.seeds)} scenes are stored; each is simulated when it is first used"
+        return DataStatus(dataset, folder, (folder,), notes=[note])
+
+    return SourcePackage(
+        open=lambda card, data: scenes(card),
+        dataset=dataset,
+        locate=status,
+        prepare=lambda card, data, count, workers: scenes(card).generate(count, workers),
+        discard=lambda card: scenes(card).discard(),
+        keep_private=lambda card: scenes(card).store.keep_private(),
+    )
 
 
 def scene_of(name: str, world: World, card: Card) -> Scene:
@@ -71,31 +117,9 @@ def stride_of(card: Card, rate: float, advice: str = "") -> int:
     return stride
 
 
-def generate(card: Card, data: object, scenes: int | None, workers: int) -> Work:
-    """Simulate those of the first scenes of the card that are not in the cache."""
-    source = HighwayTraffic(card)
-    seeds = [seed for seed in map(seed_of, source.names[:scenes]) if source.store.read(seed) is None]
-    made = source.store.make(seeds, workers)
-    return len(seeds), (scene_name(source.section.scenario, seed) for seed in made)
-
-
-def highway_status(card: Card, data: object = None) -> DataStatus:
-    """Status of the cache; scenes are never missing, as each is simulated when it is first used."""
-    source = HighwayTraffic(card)
-    status = DataStatus(DATASET, source.store.folder, (source.store.folder,))
-    stored = sum(source.store.read(seed_of(name)) is not None for name in source.names)
-    status.notes.append(f"{stored} of {len(source.names)} scenes are stored; each is simulated when it is first used")
-    return status
-
-
 def traffic_of(section: HighwaySource) -> Traffic:
     """The part of the section that the simulation depends on."""
     return Traffic(**{field.name: getattr(section, field.name) for field in fields(Traffic)})
-
-
-def scene_name(scenario: str, seed: int) -> str:
-    """Name of the scene of one seed."""
-    return f"{scenario}-{seed:06d}"
 
 
 def seed_of(name: str) -> int:

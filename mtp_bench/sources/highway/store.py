@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -21,32 +21,18 @@ from .world import GENERATOR, SECRET_SEEDS, World
 _TRUTH = tuple(field.name for field in fields(Truth))
 
 
-class AnyTraffic(Protocol):
-    """A dataclass of everything that the content of worlds depends on."""
-
-    @property
-    def scenario(self) -> str:
-        """Begins the names of folders and scenes."""
-        ...
-
-    def simulate(self, seed: int) -> World:
-        """The world of a seed, without ``visible``."""
-        ...
-
-
 @dataclass(frozen=True)
 class WorldStore:
     """Worlds of one kind of traffic, by seed, in the cache folder."""
 
-    traffic: AnyTraffic
+    traffic: Any  # a dataclass of all that their content depends on, with ``scenario`` and ``simulate(seed)``
 
     @cached_property
     def folder(self) -> Path:
         """Folder of the worlds of this traffic; its name has a digest of everything that their content depends on."""
         from importlib.metadata import version
 
-        traffic: Any = self.traffic
-        described = {**asdict(traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
+        described = {**asdict(self.traffic), "generator": GENERATOR, "highway-env": version("highway-env")}
         digest = hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest()[:16]
         return cache_root() / "worlds" / f"{self.traffic.scenario}-{digest}"
 
@@ -76,7 +62,7 @@ class WorldStore:
         path = self.path(seed)
         with _stored_in(path.parent):
             remove_damaged(path)
-            world = self.traffic.simulate(seed)
+            world: World = self.traffic.simulate(seed)
             world = replace(world, visible=visible_fractions(world.truth, world.ego))
             write_arrays(path, pack(world))
         return world

@@ -1,13 +1,12 @@
 """ETH/UCY: eight recordings of people on the ground plane, cut into scenes; their detections are simulated."""
 
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from ...cards import Card
 from ...cards.source import SourceSection, Traits
-from ...errors import DataError, MissingDataError
+from ...errors import DataError
 from ...types import Floats, Ints, Scene
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
@@ -96,14 +95,6 @@ class People:
 
 def read_recording(path: Path) -> tuple[Ints, Ints, Floats]:
     """Frame [R], sorted, person [R] and place [R, 2], m, of each row; DataError names the line that is wrong."""
-    if not path.is_file():
-        raise MissingDataError(f"no file {path}; to get it: {DATASET.how_to_get}")
-    return _read(path, path.stat().st_mtime_ns)
-
-
-@lru_cache(maxsize=len(RECORDINGS))
-def _read(path: Path, changed: int) -> tuple[Ints, Ints, Floats]:
-    """Rows of a file that was ``changed`` at this time."""
     table = read_table(path, "frame id x y")
     table.refuse_not_finite("x y")
     frame, person = table.whole("frame"), table.whole("id")
