@@ -202,6 +202,16 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
+def remembered_weights(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Event weights of a card, data and scenes are made once, but of a card that ships: there they may be frozen."""
+    from tests.support.runs import remembered_reference  # it imports much
+
+    if "shipped" not in request.fixturenames:
+        for module in ("running.stored", "running.evaluate", "records.submitting"):
+            monkeypatch.setattr(f"mtp_bench.{module}.reference_for", remembered_reference)
+
+
+@pytest.fixture
 def light_fork_servers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fork servers load what every agent needs without the trackers: half a second less for each submission."""
     monkeypatch.setattr("mtp_bench.gateway.fork_server.LOADED", ("mtp_bench.submission.loader",))

@@ -19,9 +19,9 @@ from mtp_bench.records import load_record
 from mtp_bench.submission import contents
 from tests.support.command_line import CommandLine, Output, plain_environment, write_submission, write_training
 from tests.support.disks import mounted
-from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD, CARD_ID, write_card
 
+pytestmark = pytest.mark.usefixtures("remembered_weights")
 PATIENCE = 120  # s; what hangs is far from it
 DEEP = "nested deeper than 64 levels"
 Change = Callable[[Path], object]
@@ -39,13 +39,6 @@ def _in_time() -> Iterator[None]:
     yield
     signal.alarm(0)
     signal.signal(signal.SIGALRM, before)
-
-
-@pytest.fixture(autouse=True)
-def _weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Event weights are made once."""
-    for module in ("running.evaluate", "records.submitting"):
-        monkeypatch.setattr(f"mtp_bench.{module}.reference_for", remembered_reference)
 
 
 def refused(output: Output) -> str:

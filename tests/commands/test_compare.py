@@ -12,6 +12,8 @@ from docs.generate import json_keys
 from mtp_bench.scoring.rows import Row
 from tests.support.command_line import CommandLine, read_json, write_submission
 
+pytestmark = pytest.mark.usefixtures("remembered_weights")
+
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -9,6 +9,7 @@ import pytest
 from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import write_kitti
 
+pytestmark = pytest.mark.usefixtures("remembered_weights")
 LABELS = "training/label_02/0006.txt"
 MAP = "evaluate_tracking.seqmap.val"
 SKIPPED = "3 rows of the data skipped or completed: detection not finite (2), detection size not above 0 (1)"

@@ -15,6 +15,7 @@ from mtp_bench.training.predictors import TrainingRequest
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine, read_json, write_submission, write_training
 
+pytestmark = pytest.mark.usefixtures("remembered_weights")
 NAMES = ("0002", "0003", "0004", "0005")
 
 

@@ -16,6 +16,7 @@ from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.submission import load_submission
 from tests.support.command_line import CommandLine, read_json, write_submission
 
+pytestmark = pytest.mark.usefixtures("remembered_weights")
 KEYS = [
     "agent", "hypotheses", "samples", "budget", "subset", "minADE", "minFDE", "error", "interval", "localisation",
     "missed", "error_by_score", "cost_ground_truth", "cost_localisation", "cost_history", "cost_association",

@@ -17,6 +17,8 @@ from tests.support.command_line import write_submission
 from tests.support.small_scenes import Action, EchoAgent, make_noisy
 from tests.support.small_scenes import make_scene as drawn
 
+pytestmark = pytest.mark.usefixtures("remembered_weights")
+
 
 @dataclass
 class Counting(EchoAgent):

@@ -23,17 +23,10 @@ from mtp_bench.running.track_export import TrackRows, export_tracks, write_track
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.tracking import HypothesisTracker, detector_parameters
 from tests.support.command_line import CommandLine, write_submission
-from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD_ID
 
+pytestmark = pytest.mark.usefixtures("remembered_weights")
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
-
-
-@pytest.fixture(autouse=True)
-def _weights(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Event weights are made once."""
-    for module in ("running.stored", "running.evaluate"):
-        monkeypatch.setattr(f"mtp_bench.{module}.reference_for", remembered_reference)
 
 
 @pytest.fixture(scope="module")

@@ -21,16 +21,9 @@ from mtp_bench.scoring import SUBSETS
 from mtp_bench.submission.loader import load_submission
 from tests.running.test_rollout_files import edit_json
 from tests.support.command_line import CommandLine, plain_environment, read_json
-from tests.support.runs import remembered_reference
 from tests.support.small_scenes import CARD, write_card
 
-
-@pytest.fixture(autouse=True)
-def _weights(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Event weights are made once, but of a card that ships: there they may be frozen."""
-    if "shipped" not in request.fixturenames:
-        for module in ("stored", "evaluate"):
-            monkeypatch.setattr(f"mtp_bench.running.{module}.reference_for", remembered_reference)
+pytestmark = pytest.mark.usefixtures("remembered_weights")
 
 
 @pytest.fixture(scope="module")

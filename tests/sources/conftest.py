@@ -1,4 +1,4 @@
-"""Fixtures of the sources: the small root of nuScenes, and a cache for one test."""
+"""Fixtures of the sources: small roots, and a cache for one test."""
 
 from pathlib import Path
 
@@ -11,6 +11,12 @@ from tests.support.nuscenes_root import write_root
 def data(tmp_path: Path) -> Path:
     """The small root of nuScenes."""
     return write_root(tmp_path / "data")
+
+
+@pytest.fixture
+def root(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """The small root of the dataset that a file of tests is about."""
+    return Path(request.module.make_root(tmp_path))
 
 
 @pytest.fixture

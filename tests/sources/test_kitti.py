@@ -66,11 +66,6 @@ def make_root(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    return make_root(tmp_path)
-
-
 def load(root: Path, **source: Any) -> Scene:
     return open_source(kitti_card(**source), root).load("0000")
 

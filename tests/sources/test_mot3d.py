@@ -46,11 +46,6 @@ def make_root(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    return make_root(tmp_path)
-
-
 def load(root: Path, name: str, **source: Any) -> Scene:
     return open_source(mot3d_card(**source), root).load(f"{SEQUENCE}-{name}")
 

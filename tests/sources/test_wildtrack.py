@@ -40,11 +40,6 @@ def make_root(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    return make_root(tmp_path)
-
-
 def load(root: Path, name: str = STORED, **source: Any) -> Scene:
     return Wildtrack(wildtrack_card(**source), root).load(name)
 
