@@ -1,13 +1,13 @@
 """Content of the pictures of an event: what is bright and what is dim in a frame, and the part of the world shown."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from ..geometry import rotate
-from ..types import Floats, Ints
+from ..types import Floats, Ints, Lane
 from .counterpart import counterpart
 from .evidence import confusing, expected, near_detections, owner_of, says, share, taken, trail
 from .focus import Focus
@@ -19,9 +19,22 @@ MOST_DETECTIONS = 5  # that are bright: the nearest
 TRAIL_SECONDS = 3.0
 LARGEST = 60.0  # m, half of what a picture shows
 MARGIN = 1.12  # of what has to be seen
+ARROW, ARROWS = np.array([[-1.3, 0.6], [0.0, 0.0], [-1.3, -0.6]]), 15.0  # m: an arrow of a lane, and between two
 OFF_CENTER = 0.3  # of half a picture: the object stays in the middle third
 # role of a thing in the event -> its colour
 ROLES = {"truth": TRUTH, "before": BEFORE, "now": NOW, "detection": BLACK, "named": PURPLE}
+
+
+def arrows_of(lanes: Iterable[Lane]) -> Iterator[Floats]:
+    """Arrow heads [3, 2] on the middle lines, which show the direction of travel; one at least on each lane."""
+    for lane in lanes:
+        step = np.diff(lane.center, axis=0)
+        along = np.append(0.0, np.cumsum(np.linalg.norm(step, axis=1)))
+        count = max(1, round(along[-1] / ARROWS))
+        for station in (np.arange(count) + 0.5) / count * along[-1]:
+            part = min(int(np.searchsorted(along, station)), len(step)) - 1
+            place = [np.interp(station, along, lane.center[:, axis]) for axis in range(2)]
+            yield rotate(ARROW, np.arctan2(step[part, 1], step[part, 0])) + place
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from mtp_bench.cards.card import LaneSection
 from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
@@ -19,7 +20,7 @@ from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, window
 from mtp_bench.viz.drawing.canvas import WHITE, Canvas
 from mtp_bench.viz.drawing.labels import callout, pointer
 from mtp_bench.viz.drawing.video import pictures
-from mtp_bench.viz.framing import Window
+from mtp_bench.viz.framing import Window, arrows_of
 from mtp_bench.viz.replay import Replay, replay
 from tests.support import small_scenes
 from tests.support.colours import APART, VISION, distance
@@ -104,6 +105,17 @@ def test_lanes_lie_under_everything_and_have_borders_but_in_junctions(junction: 
     assert amount(with_road, (240, 240, 240)) > 1000
     assert (amount(with_road, (150, 150, 150)) < 100) == junction
     assert amount(with_road, palette.TRUTH) == amount(picture(run, 3), palette.TRUTH)
+    answers = replace(run.answers, card=run.card.model_copy(update={"lanes": LaneSection()}))
+    seen = picture(replace(run, scene=scene, answers=answers), 3)
+    assert amount(seen, (150, 150, 150)) > amount(with_road, (150, 150, 150)) + 20  # arrows, where agents see lanes
+
+
+def test_arrows_point_along_lanes() -> None:
+    bend = np.array([[0.0, 0.0], [0.0, 20.0], [-25.0, 20.0]])
+    first, second, third = arrows_of([Lane(bend, bend, bend)])
+    np.testing.assert_allclose(first, [[-0.6, 6.2], [0.0, 7.5], [0.6, 6.2]], atol=1e-9)
+    np.testing.assert_allclose((second[1], third[1]), [[-2.5, 20.0], [-17.5, 20.0]])
+    np.testing.assert_allclose(third[[0, 2], 0], -16.2)
 
 
 # ---- texts

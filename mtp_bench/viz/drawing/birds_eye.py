@@ -13,8 +13,8 @@ from ...cards import Card
 from ...env.live import LiveEpisode
 from ...geometry import rotate
 from ...scoring.forecasts import sample_weights
-from ...types import Floats, Lane, Scene, to_metres
-from ..framing import TRAIL_SECONDS, Window
+from ...types import Floats, Scene, to_metres
+from ..framing import TRAIL_SECONDS, Window, arrows_of
 from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, FORECAST, OTHER_TRACK, TRACK, TRUTH, Color
 from ..replay import Replay, ego_boxes
 from .canvas import EDGE, GRAY, Canvas, Outline
@@ -71,7 +71,7 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     events = [(event, place.get(event.object_id, np.array(event.position[:2]))) for event in recent]
     canvas = Canvas.blank(SIZE[0] - PANEL, SIZE[1], window)
     ring = min(max(10.0, 2.5 * canvas.scale), 20.0)  # pixels
-    draw_lanes(canvas, scene.lanes)
+    draw_lanes(canvas, run)
     names = _draw_answers(canvas, run, t)
     _draw_boxes(canvas, run, t)
     for _, xy in events:
@@ -93,15 +93,16 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     return np.array(whole, dtype=np.uint8)  # a copy, which can be drawn on
 
 
-def draw_lanes(canvas: Canvas, lanes: tuple[Lane, ...]) -> None:
-    """The road, under everything else."""
-    near = [lane for lane in lanes if canvas.meets(np.concatenate([lane.left, lane.right]))]
+def draw_lanes(canvas: Canvas, run: Replay) -> None:
+    """The road, under everything else; with the directions of its lanes where agents see these."""
+    near = [lane for lane in run.scene.lanes if canvas.meets(np.concatenate([lane.left, lane.right]))]
     for lane in near:
         outline = np.concatenate([lane.left, lane.right[::-1]])
         canvas.draw.polygon([(2 * x, 2 * y) for x, y in canvas.pixels(outline).tolist()], fill=ROAD)
     for lane in near:
         canvas.lines([] if lane.junction else [lane.left, lane.right], BORDER)
         canvas.lines([lane.center], CENTER_LINE, 0.5)
+    canvas.lines([] if run.card.lanes is None else arrows_of(near), BORDER)
 
 
 def _draw_answers(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, str, Color]]:

@@ -76,7 +76,7 @@ class CloseUp:
     def draw(self) -> None:
         """Draw everything but texts, the dim things first."""
         canvas, shown, focus = self.canvas, self.shown, self.focus
-        draw_lanes(canvas, focus.replay.scene.lanes)
+        draw_lanes(canvas, focus.replay)
         for name, mark in REST.items():
             self._boxes(getattr(shown, name), mark)
         if focus.replay.card.has_ego:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from ...scoring.events import history
 from ...scoring.holes import separated_truth
 from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
+from ..framing import arrows_of
 from ..palette import FALSE, Color
 from ..replay import Replay, ego_boxes
 from .colors import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, packed, pale, track_colors
@@ -100,13 +101,16 @@ def frames_around(scene: Scene, t: int) -> range:
     return range(int(near[0]), int(near[-1]) + 1)
 
 
-def log_map(recording: rr.RecordingStream, scene: Scene, root: str = "") -> None:
-    """Log the coordinates and the road, which do not move."""
+def log_map(recording: rr.RecordingStream, run: Replay, root: str = "") -> None:
+    """Log the coordinates and the road, which do not move; with the directions of lanes where agents see these."""
+    scene = run.scene
     recording.log(f"{root}world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     boxes = scene.detections.box  # not the true ones, which an evaluation does not show
     ground = float(np.median(boxes[:, 2] - boxes[:, 6] / 2)) if len(boxes) else 0.0
     borders = [line for lane in scene.lanes if not lane.junction for line in (lane.left, lane.right)]
-    for name, color, lines in (("center", CENTER, [lane.center for lane in scene.lanes]), ("border", BORDER, borders)):
+    arrows = [] if run.card.lanes is None else [*arrows_of(scene.lanes)]
+    centers = [lane.center for lane in scene.lanes]
+    for name, color, lines in (("center", CENTER, centers), ("border", BORDER, borders), ("direction", BORDER, arrows)):
         strips = [np.column_stack([line, np.full(len(line), ground)]).astype(np.float32) for line in lines]
         if strips:
             recording.log(f"{root}world/map/{name}", rr.LineStrips3D(strips, colors=color, radii=EDGE), static=True)

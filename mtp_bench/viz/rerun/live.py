@@ -43,7 +43,7 @@ class LiveRecording:
             agent = ShownAgent(run, shown, root=self._root, shared=self._root)
             layout = live_layout(agent)
             self._recording.send_blueprint(layout, make_active=False, make_default=True)
-            log_map(self._recording, scene, self._root)
+            log_map(self._recording, run, self._root)
         log = Log(self._recording, scene, range(t, t + 1), self._root)
         log_scene(log, run)
         log_answers(replace(log, first=run.first), run, hypotheses, "top")

@@ -29,7 +29,7 @@ SCENE_KEY = """\
 - **filled box in another colour**: a track, in the colour of its id, with the line behind it and its forecasts
 - **dot with a name**: an event of the last frames; ids is an identity switch
 - **yellow box**: a detection; red: a false one
-- **white box**: the ego, which carries the sensors; **grey lines**: lanes
+- **white box**: the ego, which carries the sensors; **grey lines**: lanes of the road
 
 Hypotheses stand side by side, the heaviest first. Below: the mean error and its causes; the track that follows each
 object; events on the time line.
@@ -80,7 +80,7 @@ def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level
     """Log the content that all runs share once, then each run under its root."""
     scene, runs = agents[0].replay.scene, [agent.replay for agent in agents]
     focuses = [agent.focus for agent in agents if agent.focus is not None]
-    log_map(recording, scene)
+    log_map(recording, runs[0])
     logs = [Log(recording, scene, range(scene.frames))]
     if at is not None:  # a viewer begins at the first time of a timeline: a layout has no field for another one
         logs.append(Log(recording, scene, frames_around(scene, at.frame), seconds=(EVENT,)))
