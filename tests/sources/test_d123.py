@@ -19,6 +19,7 @@ from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine
 from tests.support.own_scenes import assert_same, small_card
 
+BOXES, EGO = "box_detections_se3", "ego_state_se3"
 START, FRAMES = 1_700_000_000_000_000, 10
 LABELS = "py123d.parser.registry.WODPerceptionBoxDetectionLabel"
 TRACKS = ["car", "man", "far", "sign"]
@@ -36,39 +37,24 @@ def log_tables() -> Tables:
         lines = dict(zip(("centerline", "left_boundary", "right_boundary"), xyz.values(), strict=True))
         return msgspec.msgpack.encode({"lane_type": kind, "lane_group_id": 7, "successor_ids": after, **lines})
 
+    lanes = [lane(5000, 2, [42, 41, 99]), lane(5008, 3, []), lane(5008, 2, []), lane(9000, 2, [])]
+    boxes = {
+        "timestamp_us": [START + 100_000 * t for t in range(FRAMES)],
+        "bounding_box_se3": [[[*xy, 1.0, 1.0, 0.0, 0.0, 0.0, 4.0, 2.0, 1.5] for xy in row] for row in places],
+        "track_token": [TRACKS] * FRAMES,
+        "label": [[1, 2, 1, 3]] * FRAMES,
+        "velocity_3d": [[[9.0, 9.0, 9.0]] * 4] * FRAMES,
+        "num_lidar_points": [[5, 0, None, 5]] * FRAMES,
+    }
+    poses = [[5000.2 + 5e-6 * (t - START), 300.0, 0.4, 1.0, 0.0, 0.0, 0.0] for t in times]
+    features = [*lanes, msgspec.msgpack.encode({"intersection_id": 1})]
     return {
         "sync": ({"uuid": ["a"]}, {"split": "made_up", "dataset": "made", "location": "up"}),
-        "box_detections_se3": (
-            {
-                "timestamp_us": [START + 100_000 * t for t in range(FRAMES)],
-                "bounding_box_se3": [[[*xy, 1.0, 1.0, 0.0, 0.0, 0.0, 4.0, 2.0, 1.5] for xy in row] for row in places],
-                "track_token": [TRACKS] * FRAMES,
-                "label": [[1, 2, 1, 3]] * FRAMES,
-                "velocity_3d": [[[9.0, 9.0, 9.0]] * 4] * FRAMES,
-                "num_lidar_points": [[5, 0, None, 5]] * FRAMES,
-            },
-            {"box_detection_label_class": LABELS},
-        ),
-        "ego_state_se3": (
-            {
-                "timestamp_us": times,
-                "imu_se3": [[5000.2 + 5e-6 * (t - START), 300.0, 0.4, 1.0, 0.0, 0.0, 0.0] for t in times],
-            },
-            {},
-        ),
+        BOXES: (boxes, {"box_detection_label_class": LABELS}),
+        EGO: ({"timestamp_us": times, "imu_se3": poses}, {}),
         "route_position": ({"remaining_m": [9.0]}, {"polyline_x": [1.0]}),
-        "map": (
-            {
-                "object_id": [40, 41, 42, 43, 7],
-                "map_layer": [0, 0, 0, 0, 1],
-                "features": [
-                    lane(5000, 2, [42, 41, 99]), lane(5008, 3, []), lane(5008, 2, []), lane(9000, 2, []),
-                    msgspec.msgpack.encode({"intersection_id": 1}),
-                ],
-            },
-            {},
-        ),
-    }  # fmt: skip
+        "map": ({"object_id": [40, 41, 42, 43, 7], "map_layer": [0, 0, 0, 0, 1], "features": features}, {}),
+    }
 
 
 def write_log(folder: Path, tables: Tables) -> Path:
@@ -112,16 +98,15 @@ def content(folder: Path) -> list[bytes]:
 def test_what_leaks_changes_nothing(tmp_path: Path) -> None:
     imported(tmp_path / "a", log_tables())
     changed = log_tables()
-    changed["box_detections_se3"][0]["velocity_3d"] = [[[-1.0, 7.0, np.nan]] * 4] * FRAMES
+    changed[BOXES][0]["velocity_3d"] = [[[-1.0, 7.0, np.nan]] * 4] * FRAMES
     changed["route_position"] = ({"remaining_m": [1.0]}, {"polyline_x": [7.0]})
-    changed["ego_state_se3"][0]["imu_se3"][-1][1] += 1.0  # 6 ms after the last frame
+    changed[EGO][0]["imu_se3"][-1][1] += 1.0  # 6 ms after the last frame
     imported(tmp_path / "b", changed)
     del changed["route_position"]
     imported(tmp_path / "c", changed)
     assert content(tmp_path / "a/own") == content(tmp_path / "b/own") == content(tmp_path / "c/own")
 
 
-BOXES, EGO = "box_detections_se3", "ego_state_se3"
 LINE = msgspec.msgpack.encode({"centerline": {b"shape": [1]}})
 BROKEN: list[tuple[str, int, dict[str, Any], str]] = [  # file, its columns (0) or metadata (1), change, message
     (BOXES, 1, {"box_detection_label_class": "my.Labels"}, "unknown labels 'Labels', expected one of AV2Sensor"),
@@ -148,7 +133,7 @@ def test_a_mistake_is_one_sentence(name: str, part: int, change: dict[str, Any],
     assert not (tmp_path / "own").exists()
 
 
-@pytest.mark.parametrize("name", ["sync", "box_detections_se3", "ego_state_se3", "map"])
+@pytest.mark.parametrize("name", ["sync", BOXES, EGO, "map"])
 @pytest.mark.parametrize("size", [None, 0, 500, -300])
 def test_a_broken_file_is_one_sentence(name: str, size: int | None, tmp_path: Path) -> None:
     path = write_log(tmp_path / "one", log_tables()) / f"{name}.arrow"

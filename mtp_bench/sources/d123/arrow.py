@@ -10,6 +10,7 @@ import numpy as np
 
 from ...errors import DataError
 from ...files import open_regular
+from ..text import LIMIT
 
 
 @contextmanager
@@ -53,4 +54,6 @@ def read_arrow(path: Path, columns: Mapping[str, int], prefix: str = "") -> tupl
                 column = column.cast(list_(float64(), width)).flatten()
             values = column.to_numpy(zero_copy_only=False)
             found[name] = np.asarray(values, dtype=np.float64).reshape(-1, width) if width else values
+            if width > 1 and not (np.abs(found[name]) <= LIMIT).all():
+                raise ValueError(f"{prefix + name} has a number that is not finite, or beyond {LIMIT:g}")
         return found, about
