@@ -18,7 +18,8 @@ from tests.test_readme import blocks
 
 NEEDS = re.compile(r"^# needs: (.+)$", flags=re.MULTILINE)
 ELSEWHERE = {"rl_association": "tests/wrappers/test_rl_example.py"}  # it takes a minute: there it trains on less
-EXAMPLES = sorted(path for path in FOLDER.glob("*.py") if path.stem not in ELSEWHERE)
+FAULTS = FOLDER / "planted_faults.py"  # run with the commands of the page about its log
+EXAMPLES = sorted(path for path in FOLDER.glob("*.py") if path.stem not in ELSEWHERE and path != FAULTS)
 
 
 def needs(example: Path) -> list[str]:
@@ -79,9 +80,9 @@ def test_the_example_of_the_commands_runs(tmp_path: Path, monkeypatch: pytest.Mo
     assert (tmp_path / "frame.png").exists()
 
 
-def test_the_commands_on_causes_run_on_a_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine) -> None:
+def test_planted_faults_and_commands_on_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(FOLDER / "planted_faults.py", tmp_path).returncode == 0
+    test_it_runs(FAULTS, tmp_path)
     lines = "".join(blocks(ROOT / "docs/visualization/fault.md", "sh")).splitlines()
     commands = [shlex.split(line, comments=True)[1:] for line in lines]
     shown = [words for words in commands if words[0] == "worst" or "--png" in words]
