@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mtp_bench import load_submission
-from mtp_bench.cards import load_card
+from mtp_bench.cards import load_card, with_files
 from mtp_bench.errors import SubmissionError
 from mtp_bench.prediction import LearnedPresence
 from mtp_bench.prediction.presence import (
@@ -24,9 +24,11 @@ from mtp_bench.prediction.presence import (
     read_model,
 )
 from mtp_bench.running.reference import frozen_reference
+from mtp_bench.running.settings import training_note
 from mtp_bench.scoring.weights import scene_key
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracks import Tracks
+from tests.support.own_scenes import write_tables
 from tests.support.tracking_scenes import CYCLIST, at_once, fitted_on, frame, kitti_task, run
 
 SHIPPED = sorted(path.stem for path in MODELS.glob("*.json"))
@@ -155,7 +157,7 @@ def test_a_file_that_is_not_a_model(name: str, tmp_path: Path) -> None:
 BASELINES = ["stp", "mtp", "ab3dmot", "stp_same_budget", "stp_hedged", "stp_cut", "mtp_cut"]
 
 
-def test_the_baselines_say_what_was_trained_on_scored_scenes() -> None:
+def test_the_baselines_say_what_was_trained_on_scored_scenes(tmp_path: Path) -> None:
     scored = {"scene-0061", "scene-0553", "scene-0655", "scene-0757", "scene-0796", "scene-1077", "scene-1094"}
     assert scored < set(fitted_on("megvii")) == set(fitted_on("centerpoint"))
     assert not {"scene-0103", "scene-0916"} & set(fitted_on("megvii"))  # of the official split val
@@ -168,3 +170,6 @@ def test_the_baselines_say_what_was_trained_on_scored_scenes() -> None:
         assert note is not None
         assert note.endswith("presence trained on scored scenes")
         assert load_submission(name).note_on("MTP-KITTI-v0") is None
+    mini = load_card("MTP-nuScenes-mini-v0")
+    assert training_note(load_submission("stp"), mini)
+    assert training_note(load_submission("stp"), with_files(mini, write_tables(tmp_path))) is None  # own scenes
