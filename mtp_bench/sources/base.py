@@ -88,7 +88,7 @@ class SourcePackage:
     prepare: Callable[[Card, DataRoot, int | None, int], Work] = lambda card, data, scenes, workers: (0, ())
     discard: Callable[[Card], None] = lambda card: None
     keep_private: Callable[[Card], None] = lambda card: None
-    lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = lambda card, data, scene: scene.lanes  # for pictures
+    lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = lambda card, data, scene: scene.lanes
     images: Callable[[Card, DataRoot, Scene], Sequence[CameraImage]] = lambda card, data, scene: ()  # for pictures
 
 
