@@ -46,7 +46,7 @@ class TrafficScenes:
         return scene_of(name, self.store.get(seed_of(name)), self.card)
 
     def missing(self, scenes: int | None = None) -> list[int]:
-        """Those of the first seeds whose worlds are not in the cache."""
+        """Seeds, of the first ones, whose worlds are not in the cache."""
         return [seed for seed in self.seeds[:scenes] if self.store.read(seed) is None]
 
     def generate(self, scenes: int | None, workers: int) -> Work:
