@@ -21,6 +21,7 @@ from tests.support.small_scenes import write_card, write_kitti
 from tests.support.stored_runs import write_events_run
 
 VARIABLE = "MTP_BENCH_DATA"
+LONGEST = ("test_examples.py", "test_site.py")  # a minute each
 REPOSITORY = Path(__file__).resolve().parent.parent
 _deselected = pytest.StashKey[int]()
 
@@ -65,9 +66,9 @@ def pytest_collection_finish() -> None:
 
 
 def take_packages_in_turn(items: list[pytest.Item]) -> None:
-    """Order tests by file: one file of each package, then the next of each.
+    """Order tests by file: the longest, then one file of each package, then the next of each.
 
-    Files that mostly wait lie in a few packages; side by side they would leave the cores idle.
+    Files that mostly wait lie in a few packages: side by side they leave cores idle. So does a long file at the end.
     """
     files = dict.fromkeys(item.path for item in items)
     taken: Counter[Path] = Counter()
@@ -75,7 +76,7 @@ def take_packages_in_turn(items: list[pytest.Item]) -> None:
     for file in files:
         turn[file] = taken[file.parent]
         taken[file.parent] += 1
-    items.sort(key=lambda item: turn[item.path])
+    items.sort(key=lambda item: (item.path.name not in LONGEST, turn[item.path]))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
