@@ -86,7 +86,7 @@ PROTOCOL: dict[str, tuple[Any, ...]] = {
     ),
     "MTP-AV2-v0": (2.0, 4, 12, 10, DRIVING, FAR, NEAR, "nuscenes_megvii", True, False),
     "MTP-AV2-Lanes-v0": (2.0, 4, 12, 10, DRIVING, FAR, NEAR, "nuscenes_megvii", True, False),
-    "MTP-AV2-10Hz-v0": (10.0, 10, 10, 20, None, IOU, (1.0, 2.0), "kitti_pointrcnn", True, False),
+    "MTP-AV2-10Hz-v0": (10.0, 10, 10, 20, DRIVING, IOU, (1.0, 2.0), "nuscenes_megvii", True, False),
     "MTP-WILDTRACK-v0": (2.0, 4, 12, 1, PEOPLE, NEAR, NEAR, "wildtrack_mvdet", False, False),
     "MTP-WILDTRACK-k10-v0": (2.0, 4, 12, 10, PEOPLE, NEAR, NEAR, "wildtrack_mvdet", False, False),
     "MTP-PETS-v0": (7.0, 7, 14, 10, PEOPLE, (1.0, 2.0), (1.0, 2.0), "acf", False, False),
