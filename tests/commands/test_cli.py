@@ -191,6 +191,8 @@ CLOSED = {
 
 @pytest.mark.parametrize(("words", "status", "said"), CLOSED.values(), ids=CLOSED)
 def test_what_a_stream_does_not_take_goes_nowhere_else(words: str, status: int, said: str, tmp_path: Path) -> None:
+    if "/dev/full" in words and not Path("/dev/full").exists():
+        pytest.skip("this system has no full device")
     command = f"exec {shlex.quote(sys.executable)} -P -m mtp_bench {words}"
     done = subprocess.run(
         ["sh", "-c", command], env=plain_environment(), cwd=tmp_path, capture_output=True, text=True, check=False

@@ -24,6 +24,9 @@ from tests.support.source_files import card_of, write
 QUARTER = np.pi / 2
 SIX = 6  # frames of the small sequence
 CAMERA_AHEAD = 1.5  # m, camera before the GPS/IMU unit
+LABELS, OXTS, CALIB = "training/label_02/0000.txt", "training/oxts/0000.txt", "training/calib/0000.txt"
+DETECTED = "detections/pointrcnn/Car/0000.txt"
+SEQMAP = "evaluate_tracking.seqmap.val"
 
 
 def kitti_card(classes: tuple[str, ...] = ("car", "pedestrian", "cyclist"), **source: Any) -> Card:
@@ -57,10 +60,10 @@ PARKED = label(0, 7, "Car", 0, 1.65, 10, -QUARTER)
 def make_root(tmp_path: Path) -> Path:
     """One sequence of six frames: the car stands, one parked car straight ahead."""
     folder = tmp_path / "kitti_tracking"
-    write(folder / "evaluate_tracking.seqmap.val", f"0000 empty 000000 {SIX:06d}")
-    write(folder / "training/label_02/0000.txt", PARKED)
-    write(folder / "training/calib/0000.txt", CALIBRATION)
-    write(folder / "training/oxts/0000.txt", *[oxts()] * SIX)
+    write(folder / SEQMAP, f"0000 empty 000000 {SIX:06d}")
+    write(folder / LABELS, PARKED)
+    write(folder / CALIB, CALIBRATION)
+    write(folder / OXTS, *[oxts()] * SIX)
     for kind in ("Car", "Pedestrian", "Cyclist"):
         write(folder / f"detections/pointrcnn/{kind}/0000.txt")
     return folder
@@ -83,8 +86,8 @@ def test_axes(
 ) -> None:
     """The first frame of the world is the sensor frame: x forward, y left, z up; z is the centre of the box."""
     x, y, z = camera
-    write(root / "training/label_02/0000.txt", label(0, 7, "Car", x, y, z, ry))
-    write(root / "detections/pointrcnn/Car/0000.txt", detection(0, 2, x, y, z, ry))
+    write(root / LABELS, label(0, 7, "Car", x, y, z, ry))
+    write(root / DETECTED, detection(0, 2, x, y, z, ry))
     scene = load(root, ego_motion=ego_motion)
     for box in (scene.truth.box, scene.detections.box):
         np.testing.assert_allclose(box[0, :3], centre, atol=1e-12)
@@ -95,16 +98,11 @@ def test_axes(
 def test_driving_straight_leaves_a_parked_car_in_its_place(root: Path) -> None:
     """10 m/s to the north east for six frames: the parked car comes nearer, in the world it stays."""
     speed, heading = 10.0, 0.8
-    write(
-        root / "training/oxts/0000.txt",
-        *[oxts(heading, speed * np.cos(heading), speed * np.sin(heading), up=0.5)] * SIX,
-    )
+    write(root / OXTS, *[oxts(heading, speed * np.cos(heading), speed * np.sin(heading), up=0.5)] * SIX)
     travelled = speed * FRAME_PERIOD * np.arange(SIX)
     rise = 0.5 * FRAME_PERIOD * np.arange(SIX)
-    write(
-        root / "training/label_02/0000.txt",
-        *[label(t, 7, "Car", 2, 1.65 + rise[t], 20 - travelled[t], -QUARTER) for t in range(SIX)],
-    )
+    labels = [label(t, 7, "Car", 2, 1.65 + rise[t], 20 - travelled[t], -QUARTER) for t in range(SIX)]
+    write(root / LABELS, *labels)
     scene = load(root)
     np.testing.assert_allclose(scene.time, FRAME_PERIOD * np.arange(SIX))
     np.testing.assert_allclose(scene.ego, np.column_stack([travelled, np.zeros(SIX), rise, np.zeros(SIX)]), atol=1e-9)
@@ -120,12 +118,12 @@ def test_driving_straight_leaves_a_parked_car_in_its_place(root: Path) -> None:
 def test_turning_left_in_place(root: Path) -> None:
     """The unit turns left by 0.2 rad per frame about itself; the camera sits 1.5 m ahead and swings along."""
     turn = 0.2 * np.arange(SIX)
-    write(root / "training/oxts/0000.txt", *[oxts(1.0 + angle) for angle in turn])
+    write(root / OXTS, *[oxts(1.0 + angle) for angle in turn])
     # A parked car 10 m ahead of the first camera, seen from the turned one.
     ahead = (CAMERA_AHEAD + 10) * np.cos(turn) - CAMERA_AHEAD
     right = (CAMERA_AHEAD + 10) * np.sin(turn)
     labels = [label(t, 7, "Car", right[t], 1.65, ahead[t], -QUARTER + turn[t]) for t in range(SIX)]
-    write(root / "training/label_02/0000.txt", *labels)
+    write(root / LABELS, *labels)
     scene = load(root)
     np.testing.assert_allclose(scene.ego[:, 3], turn, atol=1e-9)
     swing = [CAMERA_AHEAD * (np.cos(turn) - 1), CAMERA_AHEAD * np.sin(turn)]
@@ -142,8 +140,8 @@ def test_a_tilted_unit_still_gives_a_level_world(root: Path, ego_motion: bool) -
     """
     row = oxts().split()
     row[4] = "-0.1"
-    write(root / "training/oxts/0000.txt", *[" ".join(row)] * SIX)
-    write(root / "training/label_02/0000.txt", label(0, 7, "Car", 0, 0.75, 10, -QUARTER))
+    write(root / OXTS, *[" ".join(row)] * SIX)
+    write(root / LABELS, label(0, 7, "Car", 0, 0.75, 10, -QUARTER))
     scene = load(root, ego_motion=ego_motion)
     if ego_motion:
         np.testing.assert_allclose(scene.truth.box[0, :4], [10 * np.cos(0.1), 0, 10 * np.sin(0.1), 0], atol=1e-9)
@@ -186,7 +184,7 @@ def test_classes_neighbours_and_other_types(root: Path) -> None:
     kinds = ["Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc"]
     rows = [label(2, i, kind, 0, 1, 10 + i, 0) for i, kind in enumerate(kinds)]
     ignored = "2 -1 DontCare -1 -1 -10 1 2 3 4 -1000 -1000 -1000 -10 -1 -1 -1"
-    write(root / "training/label_02/0000.txt", *rows, ignored)
+    write(root / LABELS, *rows, ignored)
     truth = load(root).truth
     expected = [(0, 0, False), (1, 0, True), (3, 1, False), (4, 1, True), (5, 1, True), (6, 2, False)]
     got = list(zip(truth.object_id.tolist(), truth.class_id.tolist(), truth.neutral.tolist(), strict=True))
@@ -195,13 +193,13 @@ def test_classes_neighbours_and_other_types(root: Path) -> None:
     np.testing.assert_array_equal(truth.start, [0, 0, 0, 6, 6, 6, 6])
     only = open_source(kitti_card(classes=("cyclist", "car")), root).load("0000").truth
     assert (only.object_id.tolist(), only.class_id.tolist()) == ([0, 1, 6], [1, 1, 0])
-    labels = read_labels(root / "training/label_02/0000.txt")  # all of it, for KITTI's own ignore rules
+    labels = read_labels(root / LABELS)  # all of it, for KITTI's own ignore rules
     assert labels.type.tolist() == [*kinds, "DontCare"]
     assert np.isnan(labels.box[-1]).all()
 
 
 def test_detections_are_sorted_by_frame_and_class(root: Path) -> None:
-    write(root / "detections/pointrcnn/Car/0000.txt", detection(4, 2, 0, 1, 10, 0), detection(0, 2, 0, 1, 11, 0))
+    write(root / DETECTED, detection(4, 2, 0, 1, 10, 0), detection(0, 2, 0, 1, 11, 0))
     write(root / "detections/pointrcnn/Pedestrian/0000.txt", detection(0, 1, 0, 1, 12, 0))
     detections = load(root).detections
     np.testing.assert_array_equal(detections.start, [0, 2, 2, 2, 2, 3, 3])
@@ -213,10 +211,10 @@ def test_detections_are_sorted_by_frame_and_class(root: Path) -> None:
 
 @pytest.mark.parametrize(("stride", "kept"), [(2, [0, 2, 4]), (3, [0, 3]), (4, [0, 4]), (5, [0, 5])])
 def test_stride_keeps_every_nth_frame(root: Path, stride: int, kept: list[int]) -> None:
-    write(root / "training/oxts/0000.txt", *[oxts(0, 10, 0)] * SIX)
-    write(root / "training/label_02/0000.txt", *[label(t, 7, "Car", 0, 1, 30, -QUARTER) for t in range(SIX)])
+    write(root / OXTS, *[oxts(0, 10, 0)] * SIX)
+    write(root / LABELS, *[label(t, 7, "Car", 0, 1, 30, -QUARTER) for t in range(SIX)])
     rows = [detection(t, 2, 0, 1, 30, 0) for t in range(SIX)]
-    write(root / "detections/pointrcnn/Car/0000.txt", *rows, detection(1, 2, 0, 1, 30, 0, size="nan,1,1"))
+    write(root / DETECTED, *rows, detection(1, 2, 0, 1, 30, 0, size="nan,1,1"))
     whole, scene = load(root), load(root, stride=stride)
     assert scene.frames == len(kept)
     np.testing.assert_array_equal(scene.time, whole.time[kept])
@@ -231,7 +229,7 @@ def test_stride_keeps_every_nth_frame(root: Path, stride: int, kept: list[int]) 
 def test_velocity_needs_both_neighbours(root: Path) -> None:
     """Object 7 in frames 0 1 2 and 4, object 8 in frame 3: only (7, 1) has a frame before and after."""
     rows = [(0, 7, 10), (1, 7, 11), (2, 7, 13), (3, 8, 12), (4, 7, 17)]
-    write(root / "training/label_02/0000.txt", *[label(t, i, "Car", 0, 1, z, 0) for t, i, z in rows])
+    write(root / LABELS, *[label(t, i, "Car", 0, 1, z, 0) for t, i, z in rows])
     velocity = load(root).truth.velocity
     np.testing.assert_allclose(velocity[1], [3 / (2 * FRAME_PERIOD), 0], atol=1e-9)
     assert np.isnan(velocity[[0, 2, 3, 4]]).all()
@@ -270,14 +268,9 @@ def test_a_shown_velocity_tells_nothing_of_the_next_frame(root: Path, observe: s
 ])  # fmt: skip
 def test_detections_that_cannot_be_used_are_skipped_and_counted(root: Path, size: str, z: float, reason: str) -> None:
     good, bad = detection(1, 2, 0, 1, 10, 0), detection(1, 2, 0, 1, z, 0, size=size)
-    write(root / "detections/pointrcnn/Car/0000.txt", good, bad, bad)
+    write(root / DETECTED, good, bad, bad)
     scene = load(root)
     assert (scene.skipped, len(scene.detections.box)) == ({reason: 2}, 1)
-
-
-LABELS, OXTS, CALIB = "training/label_02/0000.txt", "training/oxts/0000.txt", "training/calib/0000.txt"
-DETECTED = "detections/pointrcnn/Car/0000.txt"
-SEQMAP = "evaluate_tracking.seqmap.val"
 
 
 def test_calibration_with_colons_and_long_names(root: Path) -> None:

@@ -1,4 +1,4 @@
-"""The example of reinforcement learning trains and says what came of it, and the blocks of two pages run."""
+"""The example of reinforcement learning trains and says what came of it, and the blocks of its page run."""
 
 import re
 import runpy
@@ -8,22 +8,15 @@ from typing import Any
 import pytest
 
 from docs.generate import learning
-
-PAGES = {  # what each prints
-    "index": r"^\d\.\d\d m per target, \d+ of \d+ targets covered$",
-    "reinforcement": r"^-\d+\.\d m per frame$",
-}
+from tests.test_readme import blocks
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_blocks_of_pages_of_environments_run(page: str, repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    if page == "reinforcement":
-        pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[rl]'")
+def test_blocks_of_its_page_run(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: pip install '.[rl]'")
     names: dict[str, Any] = {}
-    text = (repository / f"docs/environment/{page}.md").read_text()
-    for block in re.findall(r"^```python\n(.*?)^```$", text, flags=re.MULTILINE | re.DOTALL):
-        exec(compile(block, page, "exec"), names)
-    assert re.search(PAGES[page], capsys.readouterr().out, flags=re.MULTILINE)
+    for block in blocks(repository / "docs/environment/reinforcement.md", "python"):
+        exec(compile(block, "reinforcement.md", "exec"), names)
+    assert re.search(r"^-\d+\.\d m per frame$", capsys.readouterr().out, flags=re.MULTILINE)
 
 
 def test_the_curves_are_drawn_from_their_numbers() -> None:
