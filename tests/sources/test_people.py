@@ -61,7 +61,6 @@ def test_what_is_held_out_is_not_trained_on() -> None:
         (["0\t1\t0"], "3 columns, expected 4"),
         (None, "no file"),
     ],
-    ids=["frame", "twice", "finite", "columns", "missing"],
 )
 def test_broken_files(lines: list[str] | None, text: str, tmp_path: Path) -> None:
     root = make_root(tmp_path)

@@ -67,72 +67,55 @@ def _classes_kept(traffic: GymTraffic) -> Iterator[None]:
 
 
 def simulate(traffic: GymTraffic, seed: int) -> World:
-    """The world of a seed, without frames if two vehicles crash or the sensor's vehicle leaves the road map."""
+    """The world of a seed, without frames if two vehicles crash or that with the sensor is removed."""
     with _classes_kept(traffic):
-        return _simulate(traffic, seed)
-
-
-def _simulate(traffic: GymTraffic, seed: int) -> World:
-    env = _environment(traffic)
-    if ":" not in traffic.policy:
-        env.configure({"observation": {"type": "Kinematics"}})  # not looked at; others need their own kind of vehicle
-    observation, _ = env.reset(seed=seed)
-    policy = _policy(env, traffic.policy)
-    recording = _Recording(env)
-    frames = round(traffic.seconds * recording.rate)
-    for _ in range(frames):  # a step of the environment has at least one of the simulation
-        if recording.crashed or len(recording.rows) >= frames:
-            break
-        observation, *_ = env.step(policy(observation))
-    return recording.world(frames)
+        env = _environment(traffic)
+        if ":" not in traffic.policy:
+            env.configure({"observation": {"type": "Kinematics"}})  # unused; others need a vehicle of their own kind
+        observation, _ = env.reset(seed=seed)
+        policy, rate = _policy(env, traffic.policy), float(env.config["simulation_frequency"])
+        recording, frames = _Recording(env), round(traffic.seconds * rate)
+        ego, rows = recording.numbers[env.vehicle], recording.rows
+        while len(rows) < frames and not recording.crashed:
+            before = len(rows)
+            observation, *_ = env.step(policy(observation))
+            if len(rows) == before:
+                raise DataError(f"{traffic.id}: a step of the environment has no step of its simulation, expected some")
+        if recording.crashed or not all((frame[:, 10] == ego).any() for frame in rows):
+            frames = 0
+        lanes = lane_map(env.road.network.lanes_dict(), _LOOSE)
+        return seen_from(ego, right_handed(rows[:frames]), frames, rate, lanes)
 
 
 class _Recording:
-    """Rows of all vehicles after each step of an environment's simulation."""
+    """Rows of all vehicles at the start and after each step of an environment's simulation."""
 
     def __init__(self, env: Any) -> None:
-        self.env, self.rate = env, float(env.config["simulation_frequency"])
         self.rows: list[Floats] = []
+        self.numbers: dict[Any, int] = {}  # by vehicle
         self.crashed = False
-        self._numbers: dict[Any, int] = {}  # by vehicle
-        self._step: Callable[[float], None] = env.road.step
+        self._road, self._step = env.road, env.road.step
         env.road.step = self._stepped
         self._add()
 
     def _stepped(self, dt: float) -> None:
         """Move the vehicles of the road by ``dt`` seconds and record them."""
         self._step(dt)
-        round_states(self.env.road.vehicles)
+        round_states(self._road.vehicles)
         self._add()
 
     def _add(self) -> None:
-        vehicles = self.env.road.vehicles
+        vehicles = self._road.vehicles
         self.crashed |= any(vehicle.crashed for vehicle in vehicles)
-        numbers = [self._numbers.setdefault(vehicle, len(self._numbers)) for vehicle in vehicles]
-        kinds = [_kind(vehicle.LENGTH) for vehicle in vehicles]
-        boxes = [
-            (*vehicle.position, _HEIGHT[kind] / 2, vehicle.heading, vehicle.LENGTH, vehicle.WIDTH, _HEIGHT[kind])
-            for vehicle, kind in zip(vehicles, kinds, strict=True)
-        ]
-        classes, frame = [CLASSES.index(kind) for kind in kinds], np.full(len(boxes), len(self.rows))
-        self.rows.append(
-            np.column_stack([np.reshape(boxes, (-1, 7)), course_velocity(vehicles), classes, numbers, frame])
-        )
-
-    def world(self, frames: int) -> World:
-        """The first ``frames`` frames; none after a crash, or without the sensor's vehicle in all of them."""
-        lanes, ego = lane_map(self.env.road.network.lanes_dict(), _LOOSE), self._numbers.get(self.env.vehicle, -1)
-        there = all((rows[:, 10] == ego).any() for rows in self.rows)
-        count = frames if there and not self.crashed else 0
-        if count > len(self.rows):
-            raise DataError(f"{self.env}: {len(self.rows)} steps of the simulation, expected {frames}")
-        return seen_from(ego, right_handed(self.rows[:count]), count, self.rate, lanes)
-
-
-def _kind(length: float) -> str:
-    if length < _SHORTEST_CAR:
-        return "motorcycle"
-    return "car" if length <= _LONGEST_CAR else "truck"
+        velocity, frame = course_velocity(vehicles), len(self.rows)
+        rows = []
+        for vehicle, speeds in zip(vehicles, velocity, strict=True):
+            length, number = vehicle.LENGTH, self.numbers.setdefault(vehicle, len(self.numbers))
+            kind = "motorcycle" if length < _SHORTEST_CAR else "car" if length <= _LONGEST_CAR else "truck"
+            size = length, vehicle.WIDTH, _HEIGHT[kind]
+            box = (*vehicle.position, size[2] / 2, vehicle.heading, *size)
+            rows.append((*box, *speeds, CLASSES.index(kind), number, frame))
+        self.rows.append(np.reshape(np.array(rows, dtype=np.float64), (-1, 12)))
 
 
 def _policy(env: Any, name: str) -> Callable[[Any], Any]:
