@@ -85,11 +85,15 @@ def test_scenes_with_a_crash_are_left_out_and_counted(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     crashed = traffic("highway-v0", 20.0, f"{__name__}:faster", vehicles_density=6).simulate(1)
-    sound, made = simulated("merge-v0", 8.0), []
+    sound = simulated("merge-v0", 8.0)
+    made: list[int] = []
     assert not len(crashed.time)
-    monkeypatch.setattr(
-        GymTraffic, "simulate", lambda own, seed: made.append(seed) or (sound if seed == 6 else crashed)
-    )
+
+    def simulate(own: GymTraffic, seed: int) -> World:
+        made.append(seed)
+        return sound if seed == 6 else crashed
+
+    monkeypatch.setattr(GymTraffic, "simulate", simulate)
     monkeypatch.delenv(QUIET, raising=False)
     prepare(gym_card())
     assert [open_source(gym_card()).names for _ in range(2)] == [("merge-v0-000006",)] * 2
