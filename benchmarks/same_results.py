@@ -52,7 +52,7 @@ NOT_RESULTS = ("seconds", "scene")  # of a stored rollout
 TIMES = ("ms_per_frame",)  # of a row
 START = """
 try:
-    from mtp_bench.commands import main
+    from mtp_bench.commands.app import main
 except ImportError:  # version 0.1
     from mtp_bench.cli import main
 main()

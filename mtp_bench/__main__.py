@@ -1,5 +1,5 @@
 """``python -m mtp_bench`` is ``mtp-bench``, but imports modules of the current folder; see ``SECURITY.md``."""
 
-from .commands import main
+from .commands.app import main
 
 main()

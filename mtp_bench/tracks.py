@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,20 +52,15 @@ class Tracks:
         return replace(self, **parts, member=self.member[:, rows], affinity=pairs)
 
     @classmethod
-    def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints) -> Tracks:
-        """Tracks of these identities [N], boxes [N, 7] and classes [N], all in one hypothesis; they have no past."""
+    def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints, **fields: Any) -> Tracks:
+        """Tracks of these identities [N], boxes [N, 7] and classes [N], all in one hypothesis.
+
+        ``fields``: further ones; without them the tracks have no past, and took no detection.
+        """
         n = len(box)
-        return cls(
-            track_id=track_id,
-            box=box,
-            class_id=class_id,
-            score=np.ones(n),
-            detection=np.full(n, -1),
-            past=box[:, None],
-            past_valid=np.zeros((n, 1), dtype=bool),
-            member=np.ones((1, n), dtype=bool),
-            log_weight=np.zeros(1),
-        )
+        bare = {"score": np.ones(n), "detection": np.full(n, -1), "past": box[:, None]}
+        bare |= {"past_valid": np.zeros((n, 1), dtype=bool)} | fields
+        return cls(track_id, box, class_id, member=np.ones((1, n), dtype=bool), log_weight=np.zeros(1), **bare)
 
 
 @dataclass(frozen=True, eq=False)

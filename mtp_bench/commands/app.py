@@ -69,11 +69,7 @@ class Commands(TyperGroup):
     def __init__(self, *arguments: Any, **keywords: Any) -> None:
         super().__init__(*arguments, **keywords)
         names: Any = dict.fromkeys(SUMMARIES)
-        self.commands = names  # typer takes its suggestions for a misspelt name from here
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        """Names of all commands, in the order of ``--help``."""
-        return list(SUMMARIES)
+        self.commands = names  # typer takes its list and its suggestions for a misspelt name from here
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """The command, imported now; None for an unknown name."""
@@ -108,17 +104,12 @@ class Commands(TyperGroup):
         except KeyboardInterrupt:
             raise InterruptedCommandError(AFTER.get(ctx.invoked_subcommand, "no file was written")) from None
         except BadParameter as error:
-            _say_what_was_got(error)
+            from pydantic import ValidationError
+
+            if isinstance(error.__cause__, ValidationError):  # it names what was expected alone
+                got = clean_text(repr(error.__cause__.errors()[0]["input"]), 100)
+                error.message = f"got {got}: {error.message}"
             raise
-
-
-def _say_what_was_got(error: BadParameter) -> None:
-    """Put the value before what pydantic says of it, which names what was expected alone."""
-    from pydantic import ValidationError
-
-    if isinstance(error.__cause__, ValidationError):
-        got = clean_text(repr(error.__cause__.errors()[0]["input"]), 100)
-        error.message = f"got {got}: {error.message}"
 
 
 app = Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)

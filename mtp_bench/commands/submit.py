@@ -1,28 +1,30 @@
 """``mtp-bench submit``."""
 
 import re
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_args
 
 from typer import Argument, BadParameter, Option
 
 from ..cards import load_card
-from ..errors import MtpBenchError, RecordError
+from ..errors import DataError, MtpBenchError, RecordError
 from ..records import Record
 from ..records import submit as make_record
-from ..records.inventory import Piece, inventory
+from ..records.inventory import Piece, inventory, standing_record, why_impossible
 from ..records.submitting import record_path, require_target
 from ..running.options import RunOptions
 from ..submission.loader import Submission, load_submission
-from ..tables import Table, columns_of
+from ..tables import Column, Table, columns_of
 from ..viz.terminal.output import counted, show, show_table
 from .options import SEEDS, DataOption, SeedsOption, WorkerChoice, env_ids, submissions
 from .output import prepare, said_of, say, some_of, working
-from .submit_all import make_all, summary_table
 
 SHOWN = ("subset", "error", "interval", "plain_error", "minADE", "minFDE", "coverage", "targets", "objects", "scenes")
+Outcome = Literal["made", "kept", "not here", "failed"]
+MIB = 2**20
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,9 @@ def _submit_one(
             failed.append(f"{env_id}: {said_of(error)}")
             say(failed[-1])
             continue
-        show_table(_record_table(record))
+        title = f"{submission.name} on {record.env.id}: error at the false-forecast budgets (m, less is better)"
+        columns = [each for each in columns_of(type(record.row)) if each.key in SHOWN]
+        show_table(Table("record", title, "", record.rows, columns))
         show(f"{target}: {_sentence(record)}")
         if record.status in ("crashed", "rejected"):
             failed.append(f"{record.env.id}: {record.status}: {record.status_reason}")
@@ -128,12 +132,6 @@ def _one(
         return make_record(submission.path, env_id, watched, output, **arguments)
 
 
-def _record_table(record: Record) -> Table:
-    """One line per subset."""
-    title = f"{record.submission.name} on {record.env.id}: error at the false-forecast budgets (m, less is better)"
-    return Table("record", title, "", record.rows, [each for each in columns_of(type(record.row)) if each.key in SHOWN])
-
-
 def _sentence(record: Record) -> str:
     """Status, times and failures in one line."""
     latency, missed = record.measured.latency, record.missed
@@ -147,3 +145,77 @@ def _sentence(record: Record) -> str:
         reason = next(iter(missed.reasons.values()), "")
         parts.append(f"{counted(missed.crashed_scenes, 'scene')} not finished ({reason})")
     return "; ".join(parts)
+
+
+@dataclass(frozen=True)
+class Line:
+    """Outcome of one record."""
+
+    piece: Piece
+    outcome: Outcome
+    seconds: float = 0.0
+    note: str = ""
+
+    def __str__(self) -> str:
+        line = f"{self.piece.submission.name} on {self.piece.env}: {self.outcome}"
+        if self.outcome == "made":
+            return f"{line}, {self.seconds:.0f} s"
+        return f"{line}: {self.note}" if self.note else line
+
+
+def make_all(pieces: Sequence[Piece], options: RunOptions, make: Callable[[Piece], Record]) -> list[Line]:
+    """Make the missing records; the failure of one does not stop the others.
+
+    After an interruption the same command continues with the next scene.
+    """
+    lines: list[Line] = []
+    for piece in pieces:
+        lines.append(_make_one(piece, options, make))
+        say(f"{len(lines)} of {len(pieces)}: {lines[-1]}")
+    return lines
+
+
+def _make_one(piece: Piece, options: RunOptions, make: Callable[[Piece], Record]) -> Line:
+    try:
+        standing = standing_record(piece, options)
+        if standing is not None:
+            return _line(standing, piece, "kept")
+        reason = why_impossible(piece, options.data)
+        if reason is not None:
+            return Line(piece, "not here", note=reason)
+        begun = time.monotonic()
+        record = make(piece)
+    except DataError as error:
+        return Line(piece, "not here", note=f"no data: {error}")
+    except (MtpBenchError, OSError) as error:
+        return Line(piece, "failed", note=said_of(error))
+    return _line(record, piece, "made", time.monotonic() - begun)
+
+
+def _line(record: Record, piece: Piece, outcome: Outcome, seconds: float = 0.0) -> Line:
+    """The outcome by the record, made now or before: a failure unless its agent finished every scene that was run."""
+    asked_for = record.status == "partial" and not record.missed.crashed_scenes  # by --scenes
+    if asked_for or not record.unfinished:
+        return Line(piece, outcome, seconds)
+    reasons = {} if record.status in ("crashed", "rejected") else record.missed.reasons  # these statuses state one
+    return Line(piece, "failed", note=": ".join([record.unfinished, *list(reasons.values())[:1]]))
+
+
+def summary_table(lines: Sequence[Line]) -> Table:
+    """One line per environment and one of all: numbers of records by outcome, and the time they took."""
+    envs = dict.fromkeys(line.piece.env for line in lines)
+    rows = [_summary(env_id, [line for line in lines if line.piece.env == env_id]) for env_id in envs]
+    outcomes = (Column(key=name) for name in get_args(Outcome))
+    sizes = Column(key="minutes", format=".1f"), Column("MiB", key="size", format=".1f")
+    columns = [Column("environment", key="env"), *outcomes, *sizes]
+    return Table("records", "Records with their rollouts", "", [*rows, _summary("all", lines)], columns)
+
+
+def _summary(name: str, lines: Sequence[Line]) -> dict[str, str | float]:
+    outcomes = [line.outcome for line in lines]
+    return {
+        "env": name,
+        **{outcome: outcomes.count(outcome) for outcome in get_args(Outcome)},
+        "minutes": sum(line.seconds for line in lines) / 60,
+        "size": sum(line.piece.size for line in lines) / MIB,
+    }

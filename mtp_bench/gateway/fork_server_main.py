@@ -171,9 +171,8 @@ def _close_all_but(*kept: int) -> None:
 
 def _module_beside(name: str) -> Any:
     """A module of this folder without its package, which belongs to the judge."""
-    spec = importlib.util.spec_from_file_location(f"mtp_bench_{name}", Path(__file__).with_name(f"{name}.py"))
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{name}.py is missing")
+    path = Path(__file__).with_name(f"{name}.py")
+    spec: Any = importlib.util.spec_from_file_location(f"mtp_bench_{name}", path)
     sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -196,7 +196,7 @@ class AgentProcess:
     def peak_memory(self) -> int:
         """Largest resident memory seen so far, bytes."""
         if self._pid is not None and not self._ended():
-            self._peak = max(self._peak, processes.peak_memory(self._pid))
+            self._peak = max(self._peak, processes.status(self._pid, b"VmHWM") * 1024)
         return self._peak
 
     def exit_text(self) -> str:
@@ -229,7 +229,7 @@ class AgentProcess:
         family = [p for first in (self._pid, *self._adopted()) for p in processes.descendants(first, _MOST_PROCESSES)]
         if len(family) > _MOST_PROCESSES:
             raise ExcessError(f"it had started {len(family) - 1} other processes, or more")
-        threads = sum(map(processes.threads, family))
+        threads = sum(processes.status(pid, b"Threads") for pid in family)
         if threads > MOST_THREADS:
             raise ExcessError(f"its {len(family)} processes had {threads} threads, expected at most {MOST_THREADS}")
         files = processes.files_below(self._pid, TEMPORARY) if self._sandboxed and self._answered else 0
@@ -238,7 +238,7 @@ class AgentProcess:
         if self._group is not None:
             return  # which bounds their memory
         # Memory that they share may be in no page table now: count all that they could reach.
-        memory = processes.resident(self._pid) + sum(map(processes.mapped, family[1:]))
+        memory = processes.memory(self._pid, True) + sum(processes.memory(pid, False) for pid in family[1:])
         if memory > self._limits.memory:
             raise ExcessError(
                 f"its {len(family)} processes held {memory >> 20} MiB, expected at most {self._limits.memory >> 20} MiB"

@@ -115,26 +115,6 @@ def _places(root: Path, own: Path) -> tuple[list[Path], dict[str, str | None]]:
     return [], dict(_V1)
 
 
-def peak_memory(pid: int) -> int:
-    """Largest resident memory, bytes; 0 if unknown."""
-    return _status(pid, b"VmHWM") * 1024
-
-
-def threads(pid: int) -> int:
-    """Number of its threads; 0 if unknown."""
-    return _status(pid, b"Threads")
-
-
-def resident(pid: int) -> int:
-    """Resident memory now, bytes; 0 if unknown."""
-    return _pages(pid, 1)
-
-
-def mapped(pid: int) -> int:
-    """Size of its address space, an upper bound of its memory, bytes; 0 if unknown."""
-    return _pages(pid, 0)
-
-
 def files_below(pid: int, folder: str) -> int:
     """Number of files in the file system that a process has at ``folder``; 0 if unknown."""
     with suppress(OSError):
@@ -200,17 +180,17 @@ def end(processes: Iterable[int], seconds: float) -> None:
         os.close(handle)
 
 
-def _status(pid: int, name: bytes) -> int:
-    """A number of /proc/PID/status; 0 if unknown."""
+def status(pid: int, name: bytes) -> int:
+    """A number of /proc/PID/status, such as that of its threads; 0 if unknown."""
     with suppress(OSError, ValueError, IndexError):
         return int(_read(f"/proc/{pid}/status").split(b"\n" + name + b":")[1].split()[0])
     return 0
 
 
-def _pages(pid: int, place: int) -> int:
-    """A number of /proc/PID/statm, bytes; 0 if unknown."""
+def memory(pid: int, resident: bool) -> int:
+    """Resident memory now, or the size of the address space, an upper bound of it, bytes; 0 if unknown."""
     with suppress(OSError, ValueError, IndexError):
-        return int(_read(f"/proc/{pid}/statm").split()[place]) * _PAGE
+        return int(_read(f"/proc/{pid}/statm").split()[resident]) * _PAGE
     return 0
 
 

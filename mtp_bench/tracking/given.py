@@ -60,16 +60,14 @@ class Histories:
             history.append(self._frame, report, detection_score)
         histories = [self._by_id[report.id] for report in reports]
         past, taken = self._window(histories)
-        return Tracks(
-            track_id=np.array([report.id for report in reports], dtype=np.int64),
-            box=np.array([report.box for report in reports], dtype=np.float64).reshape(-1, 7),
-            class_id=np.array([report.class_id for report in reports], dtype=np.int64),
+        return Tracks.of_one_hypothesis(
+            np.array([report.id for report in reports], dtype=np.int64),
+            np.array([report.box for report in reports], dtype=np.float64).reshape(-1, 7),
+            np.array([report.class_id for report in reports], dtype=np.int64),
             score=np.array([one.scores / one.hits if one.hits else one.last_score for one in histories]),
             detection=np.array([report.detection for report in reports], dtype=np.int64),
             past=past,
             past_valid=taken >= 0,
-            member=np.ones((1, len(histories)), dtype=bool),
-            log_weight=np.zeros(1),
             parent=np.zeros(1, dtype=np.int64),
             last_score=np.array([one.last_score for one in histories]),
             hits=np.array([max(one.hits, 1) for one in histories], dtype=np.int64),
@@ -161,16 +159,14 @@ class TruthTracker:
             past[mine, length - 1 - back] = then_box[then]
             taken[mine, length - 1 - back] = then
         taken[(np.maximum.accumulate(taken, axis=1) >= 0) & (taken < 0)] = -1  # hidden for a while
-        return Tracks(
-            track_id=ids,
-            box=box,
-            class_id=np.asarray(observation["detection_class"], dtype=np.int64)[valid],
+        return Tracks.of_one_hypothesis(
+            ids,
+            box,
+            np.asarray(observation["detection_class"], dtype=np.int64)[valid],
             score=np.asarray(observation["detection_score"], dtype=np.float64)[valid],
             detection=np.arange(len(ids)),
             past=past,
             past_valid=taken >= 0,
-            member=np.ones((1, len(ids)), dtype=bool),
-            log_weight=np.zeros(1),
             parent=np.zeros(1, dtype=np.int64),
             past_detection=taken,
         )

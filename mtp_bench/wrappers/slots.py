@@ -86,16 +86,14 @@ class Slots:
     def _tracks(self) -> Tracks:
         live = np.flatnonzero(self.identity != FREE)
         taken = self._taken[live]
-        return Tracks(
-            track_id=self.identity[live],
-            box=self._past[live, -1],
-            class_id=self.class_id[live],
+        return Tracks.of_one_hypothesis(
+            self.identity[live],
+            self._past[live, -1],
+            self.class_id[live],
             score=self._score[live] / self.hits[live],
             detection=taken[:, -1],
             past=self._past[live],
             past_valid=taken >= 0,
-            member=np.ones((1, len(live)), dtype=bool),
-            log_weight=np.zeros(1),
             parent=np.zeros(1, dtype=np.int64),
             last_score=self._last_score[live],
             hits=self.hits[live],

@@ -87,7 +87,7 @@ def test_a_window_plays(cli: CommandLine, folder: Path, known: list[str], monkey
 def test_pages_are_served_on_this_machine_only(folder: Path, known: list[str]) -> None:
     # a process in the background of a shell ignores interrupts, and so would its child
     start = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    run = "from mtp_bench.commands import main; main()"
+    run = "from mtp_bench.commands.app import main; main()"
     command = [sys.executable, "-u", "-c", f"{start}; {run}", "view", str(folder), *known, "--web"]
     environment = {**plain_environment(), "COLUMNS": "400"}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as served:

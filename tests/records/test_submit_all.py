@@ -6,7 +6,7 @@ import pytest
 
 from mtp_bench._bundle import baseline_names, card_ids
 from mtp_bench.cards import load_card
-from mtp_bench.commands.submit_all import Line, make_all
+from mtp_bench.commands.submit import Line, make_all
 from mtp_bench.errors import UnknownNameError
 from mtp_bench.records import Record
 from mtp_bench.records.inventory import inventory, standing_record
