@@ -58,8 +58,8 @@ class Tracks:
         ``fields``: further ones; without them the tracks have no past, and took no detection.
         """
         n = len(box)
-        bare = {"score": np.ones(n), "detection": np.full(n, -1), "past": box[:, None]}
-        bare |= {"past_valid": np.zeros((n, 1), dtype=bool)} | fields
+        bare: dict[str, Any] = {"score": np.ones(n), "detection": np.full(n, -1), "past": box[:, None]}
+        bare |= {"past_valid": np.zeros((n, 1), dtype=bool), **fields}
         return cls(track_id, box, class_id, member=np.ones((1, n), dtype=bool), log_weight=np.zeros(1), **bare)
 
 

@@ -14,6 +14,8 @@ from pydantic import ConfigDict, Field
 from ..errors import MtpBenchError, RecordError
 from ..files import read_bounded, write_text
 from ..gateway.limits import SandboxBackend
+from ..scoring.definitions import Subset
+from ..scoring.statistics import PairedDifference, paired_difference
 from ..strict import Section, parse_json
 from .canonical import Date, Sha256, canonical
 from .consistency import inconsistent_sums
@@ -94,6 +96,11 @@ class Checked:
         """Ranking sums: of the hidden scenes if it was run on them, else of the public ones."""
         hidden = None if self.signed is None else self.signed.hidden
         return self.record if hidden is None else hidden
+
+    def minus(self, other: "Checked", subset: Subset) -> PairedDifference | None:
+        """BADE minus that of ``other``, metres, paired by unit; both have the same targets and units."""
+        errors = self.sums.unit_error(subset), other.sums.unit_error(subset)
+        return paired_difference(*errors, self.sums.unit_weight(subset))
 
 
 def level_path(record: Path) -> Path:

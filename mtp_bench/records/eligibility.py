@@ -1,4 +1,8 @@
-"""Reasons why records are not ranked: other scenes, seeds, limits or weights than those that ship, or taken names."""
+"""Reasons why records are not ranked: other scenes, seeds, limits or weights than those that ship, or taken names.
+
+Records on recorded scenes that are better than prediction from ground-truth tracks are held back, until a maintainer
+has looked at them and states so in a signed level.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -7,9 +11,11 @@ from dataclasses import asdict
 from ..files import clean_text
 from ..gateway import Limits
 from ..scoring import DEFINITIONS, SUBSETS
+from ..scoring.definitions import Subset
+from ..scoring.rank import why_not_on
 from ..scoring.rank import why_unranked as why_entrant_unranked
 from ..scoring.weights import scene_key
-from .attestation import SignedLevel
+from .attestation import Checked, SignedLevel
 from .evaluation import scorer_digest
 from .record import LimitsPart, Record, ScenePart
 from .shipped import FOR_BASELINES, Shipped, baseline_digest, baseline_observe, shipped
@@ -68,6 +74,27 @@ def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) ->
         if len(owners) > 1 and signed != {digest}:
             taken[record.digest] = f"{len(owners)} submissions have the name {name!r}"
     return taken
+
+
+def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
+    """Reason why a record is not ranked that is significantly better than each of ``truths``, all on one ranked subset.
+
+    A table of the public scenes could make such a record. ``truths``: prediction from ground-truth tracks on the same
+    units, with motion models and with the best network. A record on hidden scenes, or that was looked at, is never
+    held back.
+    """
+    looked_at = one.signed is not None and one.signed.statement.looked_at
+    if one.on_hidden or looked_at or not truths:
+        return None
+    objects = {subset: one.sums.row_of(subset).effective_objects for subset in SUBSETS}
+    ranked = (each for each in SUBSETS if why_not_on(each, objects[each], one.sums.unit_weight(each)) is None)
+
+    def is_better(truth: Checked, subset: Subset) -> bool:
+        difference = one.minus(truth, subset)
+        return difference is not None and difference.mean < 0 and difference.significant
+
+    better = any(all(is_better(truth, subset) for truth in truths) for subset in ranked)
+    return "better than ground truth: not ranked until looked at" if better else None
 
 
 def _reasons(record: Record, level: SignedLevel | None, ships: Ships) -> Iterator[str]:

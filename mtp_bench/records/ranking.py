@@ -17,8 +17,7 @@ from ..scoring.rank import SAW_TRUTH, guard, rank_text, ranks_among, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
-from .eligibility import NOT_ON_HIDDEN, Ships, taken_names, why_not_comparable, why_not_genuine, why_unranked
-from .held_back import HELD_BACK, difference_of, is_held_back
+from .eligibility import NOT_ON_HIDDEN, Ships, held_back, taken_names, why_not_comparable, why_not_genuine, why_unranked
 from .record import HiddenPart, Record, SubmissionPart
 from .shipped import baseline_networks, learned_truths, network_references, shipped
 
@@ -133,10 +132,10 @@ def _standings_of_env(
     peers = [each for each in comparable if conditions(each.sums) == main]
     truths = _truths(peers)
     alike = [each for each in ranked if conditions(each.sums) == main]
-    group = [each for each in alike if not is_held_back(each, truths)]
+    held = {each.record.digest: why for each in alike if (why := held_back(each, truths)) is not None}
+    group = [each for each in alike if each.record.digest not in held]
     whys = {each.record.digest: each.unranked or OTHERS for each in entrants}
-    whys |= {each.record.digest: HELD_BACK for each in alike if each not in group}
-    places = {digest: dict.fromkeys(SUBSETS, Place(why=why)) for digest, why in whys.items()}
+    places = {digest: dict.fromkeys(SUBSETS, Place(why=why)) for digest, why in (whys | held).items()}
     if group:
         places |= {each.record.digest: place for each, place in zip(group, _places(group, peers), strict=True)}
     waiting = [each for each in peers if each.unranked == NOT_ON_HIDDEN]
@@ -232,7 +231,7 @@ def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, Paired
         return {}
     if entrant.record.status != "finished":
         return {}
-    by_subset = {subset: difference_of(entrant, stp, subset) for subset in SUBSETS}
+    by_subset = {subset: entrant.minus(stp, subset) for subset in SUBSETS}
     return {subset: difference for subset, difference in by_subset.items() if difference is not None}
 
 

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 from typing import Any
 
 WIDTH, HEIGHT = 5.6, 3.3  # inches
@@ -13,7 +14,6 @@ DOTS = 150  # per inch, of PNG files
 COLORS = {
     "ink": "#1d2126",
     "soft": "#5b646e",
-    "grid": "#e2e5e8",
     "green": "#009e73",
     "blue": "#0072b2",
     "orange": "#e69f00",
@@ -27,34 +27,7 @@ COLORS = {
     "lime": "#a8d890",
 }
 SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
-GROUND = "#ffffff"
-_INK, _SOFT = COLORS["ink"], COLORS["soft"]
-_SETTINGS: dict[str, Any] = {
-    "font.family": "sans-serif",
-    "text.parse_math": False,  # "$" in a name is a name
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 10,
-    "axes.edgecolor": _SOFT,
-    "axes.labelcolor": _INK,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.axisbelow": True,
-    "figure.facecolor": GROUND,
-    "text.color": _INK,
-    "xtick.color": _SOFT,
-    "ytick.color": _SOFT,
-    "xtick.labelcolor": _INK,
-    "ytick.labelcolor": _INK,
-    "xtick.labelsize": 9,
-    "ytick.labelsize": 9,
-    "legend.fontsize": 9,
-    "legend.frameon": False,
-    "legend.labelcolor": _INK,
-    "grid.color": COLORS["grid"],
-    "grid.linewidth": 0.8,
-    "hatch.linewidth": 0.6,
-    "svg.fonttype": "none",  # text stays text
-}
+_STYLE = Path(__file__).with_name("figure.mplstyle")
 
 
 @dataclass(frozen=True)
@@ -82,8 +55,8 @@ def draw(
     """A figure of ``panels`` in ``rows``; ``paint`` gets the axes of each panel. ``size``: width and height, inches."""
     from matplotlib import style
 
-    settings: Any = {**_SETTINGS, "svg.hashsalt": name}  # ids are stable, and differ between figures of a page
-    with style.context(["default", settings]):  # whatever file of settings is in the current folder
+    salt: Any = {"svg.hashsalt": name}  # ids are stable, and differ between figures of a page
+    with style.context(["default", _STYLE, salt]):  # whatever file of settings is in the current folder
         from matplotlib.figure import Figure
 
         across = -(-panels // rows)

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.axes import Axes
 
 from mtp_bench.scoring.parts import PARTS
-from mtp_bench.study.drawing import COLORS, GROUND, SERIES, draw
+from mtp_bench.study.drawing import COLORS, SERIES, draw
 from mtp_bench.study.figures import PART_COLORS
 from mtp_bench.study.panels import Panel, Series, draw_panel
 from tests.support.colours import APART, TO_XYZ, VISION, distance, linear
@@ -26,7 +26,7 @@ def test_series_and_parts_are_told_apart(vision: str) -> None:
 
 def test_words_are_read_on_their_ground() -> None:
     for name in ("ink", "soft"):
-        low, high = sorted(float(TO_XYZ[1] @ linear(rgb(each))) for each in (COLORS[name], GROUND))
+        low, high = sorted(float(TO_XYZ[1] @ linear(rgb(each))) for each in (COLORS[name], "#ffffff"))
         assert (high + 0.05) / (low + 0.05) > 4.5
 
 

@@ -21,8 +21,7 @@ from mtp_bench.submission.loader import ON_SCORED
 from mtp_bench.viz.board.columns import board_json
 from mtp_bench.viz.board.drawings import MOST_TICKS, PAD, WIDTH, bar_of, scale_of
 from mtp_bench.viz.board.entries import Entry, Found, entries_of
-from mtp_bench.viz.board.overview import overview_of
-from mtp_bench.viz.board.page import BoardFiles, board_files, parts_folder, write_board
+from mtp_bench.viz.board.page import BoardFiles, board_files, overview_of, parts_folder, write_board
 from mtp_bench.viz.board.tables import board_tables
 from tests.support.board_records import HOSTILE, LEVELS_OF, board_of, made_up, made_up_board
 from tests.support.command_line import CommandLine, on_terminal, read_json
