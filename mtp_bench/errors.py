@@ -91,10 +91,10 @@ def nearest(got: str, known: Iterable[str]) -> str:
     return f": known are {shown}" if names else ": none is known"
 
 
-def closest(got: object, known: Iterable[str]) -> str:
-    """The known name most similar to the text of ``got``; empty without a similar one."""
+def closest(got: object, known: Iterable[str], cutoff: float = 0.5) -> str:
+    """The known name most similar to the text of ``got``; empty without one that is similar by ``cutoff``, 0 to 1."""
     lower = {name.lower(): name for name in sorted(known)}  # names that differ by case alone are the same
-    close = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(got).lower(), lower, n=1, cutoff=cutoff)
     return lower[close[0]] if close else ""
 
 

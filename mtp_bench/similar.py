@@ -1,7 +1,8 @@
 """Classes that nothing is known of, and the classes whose settings they take."""
 
-import difflib
 from collections.abc import Collection, Iterable
+
+from .errors import closest
 
 _VEHICLES = "car van truck bus trailer construction_vehicle tram vehicle forklift tractor cart minibus box_truck"
 _TWO_WHEELS = "bicycle cyclist motorcycle scooter rider bike motorbike tricycle bicyclist motorcyclist"
@@ -10,6 +11,7 @@ _ALIKE = (  # the first of a row that is known stands for the others
     _TWO_WHEELS.split(),
     ("pedestrian", "person", "worker", "child", "adult", "people"),
 )
+_SPELT = 0.7  # similarity of two spellings of one name
 
 
 def class_hint(name: str, known: Iterable[str]) -> str:
@@ -18,8 +20,8 @@ def class_hint(name: str, known: Iterable[str]) -> str:
     A vehicle of another kind is similar, but not the same: a truck that is called a car may be a mistake.
     """
     names, word = tuple(known), name.lower().rsplit(".", maxsplit=1)[-1]  # of "vehicle.car"
-    other, spelt = of_kind(word, names), _spelt_alike(word, names)
-    if other is not None and spelt is None and word in _ALIKE[0]:
+    other, spelt = of_kind(word, names), closest(word, names, _SPELT)
+    if other is not None and not spelt and word in _ALIKE[0]:
         return f"similar is {other!r}"
     meant = spelt or other
     return f"did you mean {meant!r}?" if meant else ""
@@ -36,16 +38,10 @@ def similar_class(name: str, known: Iterable[str]) -> str | None:
     same = of_kind(name, names)
     if same is not None:
         return same
-    return None if not names or _spelt_alike(name, names) else names[0]
+    return None if not names or closest(name, names, _SPELT) else names[0]
 
 
 def of_kind(name: str, names: Collection[str]) -> str | None:
     """The first class of the kind of ``name`` (vehicles, two wheels, people) that is among ``names``."""
     kind = next((row for row in _ALIKE if name.lower() in row), ())
     return next((other for other in kind if other in names), None)
-
-
-def _spelt_alike(name: str, names: Collection[str]) -> str | None:
-    """The one of ``names`` that is spelt nearly as ``name``."""
-    lower = {other.lower(): other for other in names}
-    return next((lower[close] for close in difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.7)), None)

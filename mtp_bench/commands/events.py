@@ -8,18 +8,8 @@ from ..parallel import reported
 from ..running.stored import open_run
 from ..viz.incident import KINDS
 from ..viz.played import replays
-from ..viz.terminal.event_table import (
-    CAPTION,
-    LOOK,
-    ORDERS,
-    Listed,
-    Tally,
-    event_table,
-    events_json,
-    in_order,
-    longest_only,
-    tally_line,
-)
+from ..viz.terminal import event_table as shown
+from ..viz.terminal.event_table import Listed, Tally
 from ..viz.terminal.output import show, show_command, show_lines, show_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice
 from .output import write_json
@@ -32,7 +22,7 @@ def events(
         list[str] | None, choice(KINDS, text="Only ids, lost, reacquired or spurious (false forecasts); repeatable.")
     ] = None,
     sort: Annotated[
-        str, choice(ORDERS, text="time: by scene and frame; cost, confidence or length: the largest first.")
+        str, choice(shown.ORDERS, text="time: by scene and frame; cost, confidence or length: the largest first.")
     ] = "time",
     top: Annotated[int | None, Option(min=1, help="Only the first N.")] = None,
     root: DataOption = None,
@@ -47,12 +37,12 @@ def events(
             tally.add(played)
             events = (each for each in played.incidents if each.kind in (kind or KINDS))
             rows += [Listed.of(played, each, str(folder), root, env) for each in events]
-    rows = in_order(rows, sort)[:top]
-    write_json(json_file, events_json(rows, tally, opened.card.id, opened.run.info.agent))
-    listed = rows if kind or top else longest_only(rows)
+    rows = shown.in_order(rows, sort)[:top]
+    write_json(json_file, shown.events_json(rows, tally, opened.card.id, opened.run.info.agent))
+    listed = rows if kind or top else shown.longest_only(rows)
     if listed:
-        show_table(event_table(listed))
+        show_table(shown.event_table(listed))
         show("")
-        show_lines([CAPTION, LOOK])
+        show_lines([shown.CAPTION, shown.LOOK])
         show_command(listed[0].view)
-    show(tally_line(tally, all_listed=len(listed) == len(rows)))
+    show(shown.tally_line(tally, all_listed=len(listed) == len(rows)))

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,16 +57,6 @@ class VerifyOptions:
 
 
 @dataclass(frozen=True)
-class _Work:
-    """The check of every record."""
-
-    asked: VerifyOptions
-    round: Round
-    trust: Trust
-    options: RunOptions
-
-
-@dataclass(frozen=True)
 class _Result:
     """Outcome of the check of one record."""
 
@@ -97,7 +88,6 @@ def verify(
     trust = trusted(asked.base)
     seals = {} if asked.hidden is None else open_seals(asked.hidden, trust.listed)
     options = RunOptions(root, workers=WorkerChoice(jobs).workers())
-    work = _Work(asked, Round(asked.rerun, seals, asked.submission), trust, options)
     folders = [record_paths(path) if path.is_dir() else [path] for path in record]
     paths = list(dict.fromkeys(path for folder in folders for path in folder))
     if not paths:
@@ -106,7 +96,9 @@ def verify(
         trust.require_signer(asked.sign, asked.signer or "")
         trust.require_listed(seals.values())
     with ExitStack() as ends:  # hidden scenes are made once for all records
-        results = [_check_one(path, work, ends, alone=record == [path]) for path in paths]
+        every = Round(asked.rerun, seals, asked.submission)
+        check = partial(_checked, asked=asked, every=every, trust=trust, options=options, ends=ends)
+        results = [_check_one(path, check, alone=record == [path]) for path in paths]
     if len(results) > 1:
         show_table(_summary(results))
     write_json(json_file, {"records": [result.verdict for result in results]})
@@ -115,11 +107,11 @@ def verify(
         raise RecordError(some_of(failed))
 
 
-def _check_one(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Result:
+def _check_one(path: Path, check: Callable[[Path], _Result], alone: bool) -> _Result:
     """Check one record; an error of one among several does not stop the others."""
     start = time.monotonic()
     try:
-        result = _checked(path, work, ends)
+        result = check(path)
     except (MtpBenchError, OSError) as error:
         if alone:
             raise
@@ -127,21 +119,23 @@ def _check_one(path: Path, work: _Work, ends: ExitStack, alone: bool) -> _Result
     return replace(result, seconds=time.monotonic() - start)
 
 
-def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
-    asked, record = work.asked, checked_record(path)
-    done = work.round.reached(path, record, work.trust) if asked.sign is not None and not asked.looked_at else None
+def _checked(
+    path: Path, asked: VerifyOptions, every: Round, trust: Trust, options: RunOptions, ends: ExitStack
+) -> _Result:
+    record = checked_record(path)
+    done = every.reached(path, record, trust) if asked.sign is not None and not asked.looked_at else None
     if done is not None:
         show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
         error = None if done.hidden is None else done.hidden.row.error
         known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
         return _Result(path, {**known, "holds": True})
-    with working(f"verifying {record.submission.name} on {record.env.id}", work.options) as watched:
-        checked = work.round.verify(path, record, watched, asked.env, ends)
+    with working(f"verifying {record.submission.name} on {record.env.id}", options) as watched:
+        checked = every.verify(path, record, watched, asked.env, ends)
     if checked.differences:
         _show_differences(checked)
     show(_verdict(checked))
     if asked.sign is not None and checked.holds:
-        level = attest(checked, asked.sign, asked.signer or "", work.trust, asked.looked_at)
+        level = attest(checked, asked.sign, asked.signer or "", trust, asked.looked_at)
         show(f"{level}: {checked.level}, signed by {asked.signer}")
     differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
     return _Result(path, _as_json(checked), "" if checked.holds else differ)
@@ -149,14 +143,11 @@ def _checked(path: Path, work: _Work, ends: ExitStack) -> _Result:
 
 def _show_differences(checked: Verification) -> None:
     shown = checked.differences[:MOST_DIFFERENCES]
-    columns = [Column(key=key, read=_cut(key)) for key in ("what", "recorded", "found")]
-    show_table(Table("differences", f"{checked.path}: differences", "", shown, columns))
+    cut = [{key: clean_text(str(value), MOST_LETTERS) for key, value in each._asdict().items()} for each in shown]
+    columns = [Column(key=key) for key in Difference._fields]
+    show_table(Table("differences", f"{checked.path}: differences", "", cut, columns))
     more = len(checked.differences) - len(shown)
     show_lines([f"and {more} more"] if more else [])
-
-
-def _cut(key: str) -> Callable[[Difference], str]:
-    return lambda difference: clean_text(str(getattr(difference, key)), MOST_LETTERS)
 
 
 def _summary(results: Sequence[_Result]) -> Table:

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..cards import Card
 from ..env.building import make_action
 from ..env.environment import MTPEnv
 from ..errors import SubmissionError
@@ -56,7 +55,10 @@ def run_isolated(
         raise SubmissionError(
             f"{loaded.path}: its files changed while it ran, expected one submission in all scenes; run it again"
         )
-    layout = layout_for(image, keywords.get("data"), _own_files(env.card, keywords))
+    places = [getattr(env.card.source, name, None) for name in ("folder", "detections_file")]
+    places += [keywords.get("track_file")]
+    own = [Path(place).expanduser() for place in places if place is not None]
+    layout = layout_for(image, keywords.get("data"), own)
     spec = SandboxSpec(layout, image, backend or sandbox_backend())
     with AgentProcess(limits, spec, answer_bytes(env.action_space, limits)) as process:
         setup = process.setup(loaded.parameters if parameters is None else parameters)
@@ -104,12 +106,6 @@ def run_isolated_scenes(
         finished(run)
         progress.done(scenes[place])
     return [runs[place] for place in range(len(scenes))]
-
-
-def _own_files(card: Card, keywords: dict[str, Any]) -> list[Path]:
-    """Files and folders of the user that scenes, detections or tracks come from."""
-    stated = [getattr(card.source, name, None) for name in ("folder", "detections_file")]
-    return [Path(place).expanduser() for place in (*stated, keywords.get("track_file")) if place is not None]
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:

@@ -17,26 +17,14 @@ from ..scoring import DEFINITIONS
 from ..strict import require_part, validate
 from ..submission.loader import Submission, load_submission
 from ..submission.manifest import MANIFEST
+from . import running
 from .canonical import digest_of, today
 from .consistency import checked_text
 from .eligibility import SEEDS
 from .evaluation import Evaluation
 from .parts import count_parts, open_parts, require_new
 from .record import EnvPart, LimitsPart, MeasuredPart, Observed, Record, SubmissionPart
-from .running import (
-    Plan,
-    Runs,
-    evaluate_plan,
-    hardware,
-    hashes,
-    info_of,
-    isolation,
-    latency,
-    plan_run,
-    rollouts_of,
-    run_seed,
-    unanswered,
-)
+from .running import Plan, Runs
 from .storage import PARTS, ROLLOUTS, load_record, record_text, seed_folder
 
 RECORDS = Path("leaderboard", "records")  # below the working folder: the checkout
@@ -70,7 +58,7 @@ def submit(
     can correct, before anything runs if the output cannot be written or a finished record would be lost.
     """
     submission = load_submission(path)
-    plan = plan_run(submission, env_id, options)
+    plan = running.plan_run(submission, env_id, options)
     target = record_path(submission, load_card(env_id), output)
     require_target(target, submission, options, resume, replace)
     content = plan_content(plan, commit)
@@ -80,8 +68,8 @@ def submit(
     with open_parts(target, content, resume) as parts:
         reference = reference_for(plan.card, plan.scenes, options)
         options.progress.started((len(options.seeds) + 1) * len(plan.scenes))
-        runs = {seed: run_seed(plan, seed, parts) for seed in options.seeds}
-        evaluation = evaluate_plan(plan, runs, reference, with_progress=True)
+        runs = {seed: running.run_seed(plan, seed, parts) for seed in options.seeds}
+        evaluation = running.evaluate_plan(plan, runs, reference, with_progress=True)
         _require_one_data(plan, runs, evaluation, target)
         return _save(target, plan, runs, _record(plan, runs, evaluation, content))
 
@@ -198,8 +186,8 @@ def _save(target: Path, plan: Plan, runs: Runs, record: Record) -> Record:
         with whole_file(target) as file:
             file.write_text(text, encoding="utf-8")
             with whole_folder(target.with_suffix(ROLLOUTS)) as folder:
-                for seed, rollouts in rollouts_of(runs).items():
-                    save_run(seed_folder(folder, seed), info_of(plan, seed), rollouts)
+                for seed, rollouts in running.rollouts_of(runs).items():
+                    save_run(seed_folder(folder, seed), running.info_of(plan, seed), rollouts)
     except OSError as error:
         raise MtpBenchError(f"cannot write {target}: {describe_write_error(error)}") from None
     return record
@@ -230,9 +218,8 @@ def _require_recordable(plan: Plan, planned: dict[str, Any]) -> None:
 
 
 def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, Any]) -> Record:
-    missed, card = unanswered(runs), plan.card
-    every = [rollout for results in rollouts_of(runs).values() for rollout in results]
-    scheduler = plan.options.workers.scheduler
+    missed, card = running.unanswered(runs), plan.card
+    every = [rollout for results in running.rollouts_of(runs).values() for rollout in results]
     return Record(
         submission=submission_part(plan, content["commit"]),
         training_data=content["training_data"],
@@ -251,12 +238,12 @@ def _record(plan: Plan, runs: Runs, evaluation: Evaluation, content: dict[str, A
         versions=content["versions"],
         limits=LimitsPart(**content["limits"]),
         missed=missed,
-        isolation=isolation(runs),
+        isolation=running.isolation(runs),
         samples=every[0].forecast.shape[1],
-        hashes=hashes(runs),
+        hashes=running.hashes(runs),
         measured=MeasuredPart(
-            hardware=hardware() if scheduler is None else parallel_map(hardware, [()], plan.options.workers)[0],
-            latency=latency(every),
+            hardware=parallel_map(running.hardware, [()], plan.options.workers)[0],  # with a scheduler: of a worker
+            latency=running.latency(every),
             ms_per_frame=evaluation.ms_per_frame,
             peak_memory_mib=max(run.peak_memory for results in runs.values() for run in results) / 2**20,
             made=today(),

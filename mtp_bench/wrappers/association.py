@@ -68,7 +68,10 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
 
         given: dict[str, Any] = {"detections": detections, "choices": choices, "near": near}
         for name, value in given.items():
-            _require_positive(name, value, whole=name != "near")
+            kinds = (int, float, np.integer, np.floating) if name == "near" else (int, np.integer)
+            if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
+                expected = f"a {'finite' if name == 'near' else 'whole'} number above 0"
+                raise MtpBenchError(describe_problem(f"{name} is {value!r}", expected, "AssociationOnly"))
         if choices > MOST_TRACKS:
             most = f"at most {MOST_TRACKS}, the number of tracks at a time"
             raise MtpBenchError(describe_problem(f"choices is {choices}", most, "AssociationOnly"))
@@ -154,11 +157,3 @@ def _inner_of(env: gymnasium.Env[Any, Any]) -> MTPEnv:
             got, expected = f"the {name} of the env is a {type(space).__name__}", "the Dict that it has unwrapped"
             raise MtpBenchError(describe_problem(got, expected, "AssociationOnly"))
     return inner
-
-
-def _require_positive(name: str, value: Any, whole: bool) -> None:
-    """Raise MtpBenchError unless ``value`` is finite and above 0 (``whole``: an integer)."""
-    kinds = (int, np.integer) if whole else (int, float, np.integer, np.floating)
-    if isinstance(value, bool) or not isinstance(value, kinds) or not 0 < value < np.inf:
-        expected = f"a {'whole' if whole else 'finite'} number above 0"
-        raise MtpBenchError(describe_problem(f"{name} is {value!r}", expected, "AssociationOnly"))

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from mtp_bench.gateway import SceneRun
-from mtp_bench.records import rerun, submitting, verifying
+from mtp_bench.records import rerun, running, submitting, verifying
 from mtp_bench.records.parts import Parts
 from mtp_bench.records.running import Plan, run_seed
 from tests.support.runs import PATIENT, remembered_reference
@@ -28,6 +28,6 @@ def _patiently(plan: Plan, seed: int, parts: Parts | None = None) -> list[SceneR
 def patience() -> Iterator[None]:
     """No test of records is about time: an answer is taken, however late it comes."""
     with pytest.MonkeyPatch.context() as patch:
-        for module in (rerun, submitting):
+        for module in (rerun, running):
             patch.setattr(module, "run_seed", _patiently)
         yield

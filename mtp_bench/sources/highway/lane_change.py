@@ -119,10 +119,6 @@ class LaneChanges:
         giving: Floats = np.where(kind, np.maximum(follow, limit), np.inf).min(axis=1)
         return np.minimum(behind, giving)
 
-    def lane_ends(self, state: RoadState) -> Floats:
-        """Free metres ``[N]`` to the end of a lane that does not continue along the route."""
-        return self._routes.room[state.route, state.lane] - state.s - state.length / 2
-
 
 def _neighbours(state: RoadState, i: int, among: Bools) -> tuple[tuple[int, float], tuple[int, float]]:
     """Nearest vehicles ahead and behind with their gaps; NO_LANE and inf without one."""

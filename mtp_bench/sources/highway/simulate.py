@@ -124,7 +124,7 @@ class _Drivers:
             crowd = self._crowd
             lines = self._rules.update(state, ahead, crowd.walks(), crowd.claimed(), step / RATE)
         if self._changes is not None:
-            lines = self._changes.lane_ends(state)
+            lines = routes.room[state.route, state.lane] - state.s - state.length / 2  # to the end of a lane
             result = np.minimum(result, self._changes.bounds(state, desired))
             self._changes.decide(state, desired, step, 1.0 / RATE)
         result = np.minimum(result, free - braking(state.speed, lines, np.zeros(1), style, _LINE_GAP))

@@ -83,7 +83,10 @@ def read_poses(root: Path, name: str) -> Poses:
     odometry = read_odometry(odometry_path)
     if len(odometry) != len(oxts.attitude):
         raise DataError(f"{odometry_path} has {len(odometry)} rows, but {oxts_path} has {len(oxts.attitude)}{RENAME}")
-    return odometry_poses(odometry, oxts, imu_to_camera)
+    # from camera to camera axes of frame 0, levelled by the first attitude
+    level = poses_from_imu(np.zeros((1, 3)), oxts.attitude[:1], imu_to_camera).rotation[0]
+    rotation = level @ SENSOR_FROM_CAMERA @ odometry[:, :, :3] @ SENSOR_FROM_CAMERA.T
+    return _from_first(rotation, odometry[:, :, 3] @ (level @ SENSOR_FROM_CAMERA).T)
 
 
 def poses_from_imu(path: Floats, attitude: Floats, imu_to_camera: Floats) -> Poses:
@@ -92,13 +95,6 @@ def poses_from_imu(path: Floats, attitude: Floats, imu_to_camera: Floats) -> Pos
     level_from_imu = _rotations(attitude)
     rotation = level_from_imu @ (imu_from_sensor[:3, :3] @ SENSOR_FROM_CAMERA.T)
     return _from_first(rotation, path + level_from_imu @ imu_from_sensor[:3, 3])
-
-
-def odometry_poses(camera_poses: Floats, oxts: Oxts, imu_to_camera: Floats) -> Poses:
-    """Poses from visual odometry ``[F, 3, 4]`` (camera to camera axes of frame 0), levelled by the first attitude."""
-    level = poses_from_imu(np.zeros((1, 3)), oxts.attitude[:1], imu_to_camera).rotation[0]
-    rotation = level @ SENSOR_FROM_CAMERA @ camera_poses[:, :, :3] @ SENSOR_FROM_CAMERA.T
-    return _from_first(rotation, camera_poses[:, :, 3] @ (level @ SENSOR_FROM_CAMERA).T)
 
 
 def _from_first(rotation: Floats, position: Floats) -> Poses:

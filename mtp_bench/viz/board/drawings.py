@@ -8,7 +8,6 @@ from itertools import groupby
 
 from pydantic import TypeAdapter, ValidationError
 
-from ...records.record import ScenePart
 from ...scoring.rows import Point
 from ...scoring.statistics import PairedDifference
 from .entries import Entry
@@ -81,19 +80,15 @@ def nice_scale(low: float, high: float) -> Scale:
     """A scale from a little below ``low`` to a little above ``high``, with at least one and few round ticks."""
     span = max(high - low, 1e-3 * max(abs(high), abs(low), 1.0))
     middle, half = (low + high) / 2, span * (0.5 + MARGIN)
-    step = _step(span / (MOST_TICKS - 1))
+    least = span / (MOST_TICKS - 1)
+    power = 10.0 ** math.floor(math.log10(least))
+    step = next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least * (1 - 1e-9))
     first, last = math.ceil((middle - half) / step), math.floor((middle + half) / step)
     return Scale(middle - half, middle + half, tuple(round(i * step, 9) for i in range(first, last + 1)))
 
 
 def _ends(difference: PairedDifference) -> tuple[float, float]:
     return difference.interval or (difference.mean, difference.mean)
-
-
-def _step(least: float) -> float:
-    """The smallest 1, 2 or 5 times a power of ten that is not less than ``least``."""
-    power = 10.0 ** math.floor(math.log10(least))
-    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= least * (1 - 1e-9))
 
 
 @dataclass(frozen=True)
@@ -110,8 +105,10 @@ class SceneBar:
 def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
     """Bars of scenes, in the order of the record; those of ``reference`` where it has the same scenes.
 
-    Of many scenes the MOST_SCENES with the largest sums of errors.
+    Of many scenes the MOST_SCENES with the largest sums of errors; of equal ones the first.
     """
+    scenes = entry.record.per_scene
+    heaviest = sorted(range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"]))[:MOST_SCENES]
     beside = {} if reference is None or reference is entry else _errors(reference)
     errors = _errors(entry)
     most = max([*errors.values(), *(beside[name] for name in errors if name in beside)], default=0.0)
@@ -124,15 +121,8 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
             width=round(unit * errors.get(part.scene, 0.0), 1),
             reference=round(unit * beside[part.scene], 1) if part.scene in beside else None,
         )
-        for part in _heaviest(entry)
+        for part in (scenes[place] for place in sorted(heaviest))
     ]
-
-
-def _heaviest(entry: Entry) -> list[ScenePart]:
-    """Scenes with the largest sums of errors, in the order of the record; of equal ones the first."""
-    scenes = entry.record.per_scene
-    places = sorted(range(len(scenes)), key=lambda place: -sum(scenes[place].error["all"]))[:MOST_SCENES]
-    return [scenes[place] for place in sorted(places)]
 
 
 def _errors(entry: Entry) -> dict[str, float]:
