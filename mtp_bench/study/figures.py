@@ -1,4 +1,4 @@
-"""Figures of a study, as data: each is made of the rows of tables, and drawn by the drawers of `panels`."""
+"""Figures of a study, as data: each is made of the rows of tables, and drawn by the drawers of `drawing`."""
 
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
@@ -8,9 +8,8 @@ from typing import Any
 from ..scoring.parts import PARTS
 from ..tables import Table
 from ..viz.terminal.output import counted
-from .drawing import COLORS, SERIES, Drawing, draw
+from .drawing import COLORS, HATCHES, MARKERS, SERIES, Drawing, Panel, Series, draw, draw_panels
 from .findings import Findings
-from .panels import HATCHES, MARKERS, Panel, Series, draw_panels
 from .rows import subset_name, texts_of
 
 Tables = dict[str, Table]  # by name

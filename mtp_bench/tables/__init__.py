@@ -11,15 +11,15 @@ The fields of a row declare the columns:
     to_csv(Table("costs", "Costs", "What an agent costs.", rows))
 """
 
-from .column import BLANK as BLANK
-from .column import Column as Column
-from .column import Value as Value
-from .column import columns_of as columns_of
-from .column import counted as counted
-from .column import short as short
 from .screen import to_html as to_html
 from .screen import to_text as to_text
+from .table import BLANK as BLANK
+from .table import Column as Column
 from .table import Table as Table
+from .table import Value as Value
+from .table import columns_of as columns_of
+from .table import counted as counted
+from .table import short as short
 from .writers import SUFFIXES as SUFFIXES
 from .writers import tables_text as tables_text
 from .writers import to_csv as to_csv

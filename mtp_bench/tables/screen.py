@@ -7,8 +7,7 @@ from html import escape
 from itertools import groupby
 from typing import Any
 
-from .column import Column
-from .table import Table
+from .table import Column, Table
 
 WIDTH = 80
 _HEADING = 10  # columns of a heading; longer ones are broken between words

@@ -1,10 +1,105 @@
-"""A table: rows of one kind, their columns, a title and a sentence."""
+"""A table, and its columns: declared once for the terminal, pages and files."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
-from .column import Column, Value, columns_of
+Value = str | int | float | tuple[float, float] | None
+Better = Literal["lower", "higher", ""]
+
+BLANK = "–"  # shown where a value is missing
+SHARE = "share"  # unit of numbers from 0 to 1 that are shown as percentages
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column. As metadata of an annotated field it takes the name of the field as its key.
+
+    A column of intervals is shown with the column before it, but written to CSV and JSON on its own.
+    """
+
+    heading: str = ""  # empty: the key with spaces
+    unit: str = ""  # "m", "ms", "share"
+    better: Better = ""  # which values are better
+    format: str = ""  # as of `format()`; empty: at most five characters, as by `short`
+    help: str = ""  # one sentence
+    group: str = ""  # heading above several columns
+    optional: bool = False  # left out where no row has a value
+    interval: bool = False  # values are pairs (low, high)
+    key: str = ""
+    read: Callable[[Any], Value] | None = None  # value of a row; None: its attribute or item of the key
+
+    @property
+    def title(self) -> str:
+        """The heading, or the key in words."""
+        return self.heading or self.key.replace("_", " ")
+
+    @property
+    def arrow(self) -> str:
+        """Arrow towards better values; empty where neither is better."""
+        return {"lower": "↓", "higher": "↑", "": ""}[self.better]
+
+    def value(self, row: Any) -> Value:
+        """Value of one row; None where it is missing, also in rows that are older than the column."""
+        if self.read is not None:
+            return self.read(row)
+        return row.get(self.key) if isinstance(row, dict) else getattr(row, self.key, None)
+
+    def text(self, value: Value) -> str:
+        """A value as it is shown; a dash where it is missing."""
+        if value is None:
+            return BLANK
+        if isinstance(value, str):
+            return value
+        if isinstance(value, tuple):
+            return f"{self._number(value[0])} to {self._number(value[1])}"
+        return self._number(value)
+
+    def shown(self, row: Any) -> str:
+        """Text of the cell of one row."""
+        return self.text(self.value(row))
+
+    def _number(self, value: float) -> str:
+        spec = self.format or (".0%" if self.unit == SHARE else "")
+        if spec:
+            text = format(value, spec).replace("%", " %")
+        else:
+            text = str(value) if isinstance(value, int) else short(value)
+        if not any(digit in text for digit in "123456789"):
+            text = text.lstrip("+-")  # a zero has no sign
+        return text.replace("-", "−")
+
+
+def columns_of(kind: type) -> tuple[Column, ...]:
+    """Columns that the annotated fields of a dataclass or a pydantic model declare, in the order of the fields.
+
+    Of several declarations of one field, as where an alias declares a unit, a later one adds to the earlier ones.
+    """
+    columns = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        declared = get_args(hint)[1:] if get_origin(hint) is Annotated else ()
+        parts = [vars(part) for part in declared if isinstance(part, Column)]
+        if parts:
+            given = {key: value for part in parts for key, value in part.items() if value != _DEFAULTS[key]}
+            columns.append(Column(**{"key": name, **given}))
+    return tuple(columns)
+
+
+_DEFAULTS = vars(Column())
+
+
+def counted(number: int | None, noun: str, plural: str = "s") -> str:
+    """A number with its noun, "1 event" or "2 events"; None gives "unknown events"."""
+    return f"{'unknown' if number is None else number} {noun}{'' if number == 1 else plural}"
+
+
+def short(value: float | None) -> str:
+    """A number in at most five characters, without its sign and if it is below ten thousand."""
+    if value is None:
+        return BLANK
+    size = abs(value)
+    digits = 3 if size < 9.9995 else 2 if size < 99.995 else 1 if size < 999.95 else 0
+    return f"{value:.{digits}f}"
 
 
 @dataclass(frozen=True)

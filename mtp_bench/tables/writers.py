@@ -6,8 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from itertools import groupby
 
-from .column import SHARE, Column, Value
-from .table import Table
+from .table import SHARE, Column, Table, Value
 
 SUFFIXES = (".csv", ".json", ".md", ".tex")
 _FORMULA = ("=", "+", "-", "@", "'")  # first characters of a text that a spreadsheet would run

@@ -7,9 +7,8 @@ import pytest
 from matplotlib.axes import Axes
 
 from mtp_bench.scoring.parts import PARTS
-from mtp_bench.study.drawing import COLORS, SERIES, draw
+from mtp_bench.study.drawing import COLORS, SERIES, Panel, Series, draw, draw_panel
 from mtp_bench.study.figures import PART_COLORS
-from mtp_bench.study.panels import Panel, Series, draw_panel
 from tests.support.colours import APART, TO_XYZ, VISION, distance, linear
 
 
