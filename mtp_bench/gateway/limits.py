@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from ..strict import Section
 from ..types import Rollout
 
 SandboxBackend = Literal["bubblewrap", "none"]  # "none": agents run unsandboxed
@@ -22,17 +23,19 @@ class Limits:
     answer: int = 64 << 20  # bytes of one answer
 
 
-@dataclass(frozen=True)
-class Isolation:
-    """The sandbox of an agent's process, see ``SECURITY.md``."""
+class Isolation(Section):
+    """The sandbox of an agent's process, see ``SECURITY.md``; in a record the weakest over all runs."""
 
-    mechanism: SandboxBackend = "none"
-    memory: Literal["cgroup", "watch"] = "watch"  # what bounds the memory of all its processes together
+    mechanism: SandboxBackend
+    memory: Literal["cgroup", "watch"]  # what bounds the memory of all its processes together
 
     @property
     def sandboxed(self) -> bool:
         """True if it could not reach truth, network and other processes; required for the level "re-run"."""
         return self.mechanism != "none"
+
+
+UNSANDBOXED = Isolation(mechanism="none", memory="watch")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,5 +49,5 @@ class SceneRun:
     malformed: int  # frames unanswered because the answer was malformed: too large, other shapes, no arrays, not finite
     peak_memory: int  # resident memory of the agent's process, bytes; 0 if unknown
     started: float  # s until the agent was built
-    isolation: Isolation = Isolation()
+    isolation: Isolation = UNSANDBOXED
     scene_digest: str = ""  # hex; of the data that the agent was shown

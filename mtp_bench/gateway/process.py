@@ -62,7 +62,7 @@ class AgentProcess:
     @property
     def isolation(self) -> Isolation:
         """The sandbox of the process."""
-        return Isolation(self._spec.backend, "watch" if self._group is None else "cgroup")
+        return Isolation(mechanism=self._spec.backend, memory="watch" if self._group is None else "cgroup")
 
     @property
     def _sandboxed(self) -> bool:

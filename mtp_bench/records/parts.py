@@ -8,7 +8,7 @@ import json
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -41,13 +41,14 @@ class Parts:
         fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
         try:
             return SceneRun(Rollout(scene, **arrays), **{**fields, "isolation": Isolation(**fields["isolation"])})
-        except TypeError:  # other fields
+        except (TypeError, ValueError):  # other fields
             return None
 
     def write(self, seed: int, run: SceneRun) -> None:
         """Store a scene; raises MtpBenchError if that fails."""
         path = self._path(seed, run.rollout.scene)
-        fields = {name: value for name, value in asdict(run).items() if name != "rollout"}
+        fields = {**vars(run), "isolation": run.isolation.model_dump()}
+        del fields["rollout"]
         arrays = {name: np.asarray(getattr(run.rollout, name), dtype) for name, (dtype, _) in ARRAYS.items()}
         try:
             path.parent.mkdir(exist_ok=True)

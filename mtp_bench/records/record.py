@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag
 from typing_extensions import TypeAliasType  # pydantic brings it
 
 from ..files import unseen
-from ..gateway.limits import SandboxBackend
+from ..gateway.limits import Isolation
 from ..running.options import MOST_SEED
 from ..scoring.definitions import DEFINITIONS, KNOWN_SUBSETS, SUBSETS, Subset
 from ..scoring.rows import Count, Row
@@ -179,13 +179,6 @@ class MissedPart(Section):
     reasons: dict[Text, Text]  # "scene|seed" -> why the scene was not finished
 
 
-class IsolationPart(Section):
-    """The sandbox of the agent, the weakest over all runs; as `gateway.Isolation`."""
-
-    mechanism: SandboxBackend
-    memory: Literal["cgroup", "watch"]
-
-
 class HashesPart(Section):
     """Digests that another run must repeat, over all scenes and seeds."""
 
@@ -232,7 +225,7 @@ class Record(Section):
     versions: Annotated[dict[Name, Name], Field(max_length=MOST_NAMES)]
     limits: LimitsPart
     missed: MissedPart
-    isolation: IsolationPart
+    isolation: Isolation
     hypotheses: Count
     samples: Count
     rows: Rows

@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 
 from ..errors import RecordError
-from ..gateway import SceneRun
+from ..gateway import Isolation, SceneRun
 from ..parallel import Progress
 from ..scoring import Reference
 from ..scoring.definitions import SUBSETS
@@ -23,7 +23,7 @@ from ..scoring.rank import why_not_on
 from ..scoring.rows import Row
 from ..sources import discard, keep_private, open_source
 from .canonical import Difference
-from .record import HiddenPart, IsolationPart, Record
+from .record import HiddenPart, Record
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
 from .seal import Sealed
 
@@ -68,7 +68,7 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
     return None
 
 
-def why_unsandboxed(record: Record, now: IsolationPart) -> str:
+def why_unsandboxed(record: Record, now: Isolation) -> str:
     """Reason why another run does not confirm a record; empty if the agent was sandboxed then and ``now``."""
     for when, part in (("when the record was made", record.isolation), ("in this run", now)):
         if part.mechanism == "none":

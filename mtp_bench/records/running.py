@@ -3,7 +3,7 @@
 import os
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from ..env.environment import MTPEnv
 from ..env.rollouts import digest
 from ..errors import MtpBenchError
 from ..files import clean_text
-from ..gateway import Image, Limits, SceneRun, image_of, run_isolated_scenes
+from ..gateway import Image, Isolation, Limits, SceneRun, image_of, run_isolated_scenes
 from ..parallel import NO_PROGRESS, cores
 from ..running.options import RunOptions
 from ..running.reference import ranked_scenes
@@ -27,7 +27,7 @@ from ..types import Rollout
 from .canonical import digest_of
 from .evaluation import Evaluation, evaluate
 from .parts import Parts
-from .record import HardwarePart, HashesPart, IsolationPart, LatencyPart, MissedPart, key_of
+from .record import HardwarePart, HashesPart, LatencyPart, MissedPart, key_of
 from .shipped import FOR_BASELINES, baseline_digest
 
 MOST_REASON = 1000  # characters of why a scene was not finished
@@ -160,11 +160,10 @@ def unanswered(runs: Runs) -> MissedPart:
     return MissedPart(malformed=sum(run.malformed for run in every), crashed_scenes=len(reasons), reasons=reasons)
 
 
-def isolation(runs: Runs) -> IsolationPart:
+def isolation(runs: Runs) -> Isolation:
     """The weakest isolation of all runs."""
     every = [run.isolation for results in runs.values() for run in results]
-    weakest = min(every, key=lambda each: (each.sandboxed, each.memory == "cgroup"))
-    return IsolationPart(**asdict(weakest))
+    return min(every, key=lambda each: (each.sandboxed, each.memory == "cgroup"))
 
 
 def latency(rollouts: Sequence[Rollout]) -> LatencyPart:

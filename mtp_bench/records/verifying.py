@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..cards import Card
 from ..errors import RecordError
-from ..gateway import Limits
+from ..gateway import Isolation, Limits
 from ..gateway.sandbox import sandbox_backend
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
@@ -21,7 +21,7 @@ from .canonical import Difference, differences, today
 from .consistency import checked_record
 from .eligibility import SEEDS, may_observe
 from .evaluation import evaluate, scorer_digest
-from .record import HiddenPart, IsolationPart, LimitsPart, Record
+from .record import HiddenPart, LimitsPart, Record
 from .rerun import rows_under_random_pose, run_again, run_hidden, why_unsandboxed, worse_when_moved
 from .running import Plan, Runs, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed
@@ -46,7 +46,7 @@ class Verification:
     differences: tuple[Difference, ...] = ()  # empty: the record holds
     notes: tuple[str, ...] = ()  # sentences
     hidden: HiddenPart | None = None  # results on hidden scenes
-    isolation: IsolationPart | None = None  # of the agent when it was run again
+    isolation: Isolation | None = None  # of the agent when it was run again
 
     @property
     def holds(self) -> bool:

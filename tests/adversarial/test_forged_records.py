@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError
-from mtp_bench.gateway import Limits
+from mtp_bench.gateway import Isolation, Limits
 from mtp_bench.records import (
     Record,
     checked_record,
@@ -28,7 +28,7 @@ from mtp_bench.records import (
     why_unranked,
 )
 from mtp_bench.records.attestation import Level, SignedLevel, Statement, level_path, write_level
-from mtp_bench.records.record import HiddenPart, IsolationPart
+from mtp_bench.records.record import HiddenPart
 from mtp_bench.records.rerun import why_unsandboxed
 from mtp_bench.records.seal import Commitment, SecretSeeds, commitment_of
 from mtp_bench.records.shipped import baseline_digest, shipped
@@ -207,7 +207,7 @@ def test_a_stranger_is_not_run_where_nothing_holds_it(
 
 
 def test_a_run_that_nothing_held_proves_no_record() -> None:
-    record, held = write_record(1.0), IsolationPart(mechanism="bubblewrap", memory="watch")
+    record, held = write_record(1.0), Isolation(mechanism="bubblewrap", memory="watch")
     assert why_unsandboxed(record, held) == ""
     assert "in this run" in why_unsandboxed(record, held.model_copy(update={"mechanism": "none"}))
 
