@@ -208,16 +208,6 @@ def file_digest(path: Path, most: int | None = None) -> str:
     return digest.hexdigest()
 
 
-def content_digest(path: Path) -> str:
-    """Hex sha256 of a file, or of the names and contents of the files directly in a folder; raises OSError."""
-    if path.is_file():
-        return file_digest(path)
-    digest = hashlib.sha256()
-    for file in sorted(each for each in path.iterdir() if each.is_file()):
-        digest.update(os.fsencode(f"{file.name}|{file_digest(file)}\n"))  # a name need not be valid UTF-8
-    return digest.hexdigest()
-
-
 def cache_root() -> Path:
     """The folder of files made once per machine: that of MTP_BENCH_CACHE, else the user cache folder."""
     if os.environ.get(CACHE):

@@ -1,6 +1,5 @@
 """Files and folders that appear complete or not at all, and what a killed writer leaves."""
 
-import hashlib
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +9,6 @@ import pytest
 
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.files import (
-    content_digest,
     remove_leftovers,
     require_folder,
     whole_file,
@@ -88,16 +86,6 @@ def test_leftovers_of_killed_writers_go(tmp_path: Path) -> None:
     (tmp_path / ".a.7.0b.part.json").touch()
     remove_leftovers(tmp_path / "a.rollouts", tmp_path / "a.json")
     assert sorted(each.name for each in tmp_path.iterdir()) == [".b.7.0a.part.rollouts", "a.rollouts"]
-
-
-def test_names_of_any_bytes_have_a_digest(tmp_path: Path) -> None:
-    (tmp_path / "Zürich.txt").write_bytes(b"one")
-    content = f"Zürich.txt|{hashlib.sha256(b'one').hexdigest()}\n"
-    assert content_digest(tmp_path) == hashlib.sha256(content.encode()).hexdigest()
-    (tmp_path / LATIN).write_bytes(b"two")
-    first = content_digest(tmp_path)
-    (tmp_path / LATIN).rename(tmp_path / os.fsdecode(b"caf\xe8"))
-    assert content_digest(tmp_path) != first
 
 
 def in_whole(path: Path, text: str) -> None:

@@ -28,7 +28,7 @@ from mtp_bench.scoring.definitions import SUBSETS, Subset
 from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
 from mtp_bench.scoring.rank import rank_text
 from mtp_bench.tables import Column, Table, Value, to_markdown
-from mtp_bench.viz.board.columns import COLUMN, INTERVALS, PAGE
+from mtp_bench.viz.board.columns import COLUMN, PAGE
 from mtp_bench.viz.board.entries import Entry, by_board
 from mtp_bench.viz.board.tables import earlier_text
 
@@ -39,6 +39,7 @@ _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
 
 
+_INTERVALS = {"error": "interval", "difference": "difference_interval"}  # key of a column -> that of its intervals
 _TRACKLETS = "network, of a tracker's tracks"
 STORY = {  # agent -> its association and its predictor, in the order of the README
     "truth_past": "ground-truth tracks; constant velocity",
@@ -97,7 +98,7 @@ def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
         Column(f"agent{earlier_text(listed[0])}", key="agent", read=lambda entry: f"`{entry.name}`"),
         Column("rank", key="rank", read=lambda entry: entry.rank),
     ]
-    keys = [key for page_key in (*PAGE, "association_gap") for key in (page_key, INTERVALS.get(page_key, "")) if key]
+    keys = [key for page_key in (*PAGE, "association_gap") for key in (page_key, _INTERVALS.get(page_key, "")) if key]
     return Table(env_id, env_id, "", listed, [*names, *(replace(COLUMN[key], optional=True) for key in keys)])
 
 

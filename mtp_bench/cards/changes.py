@@ -138,20 +138,12 @@ def with_scenes(card: Card, scenes: Sequence[Scene]) -> Card:
 
 def instead_of_stored(card: Card) -> str:
     """The end of an error message: what to do without the card's stored detections; empty if no profile stands in."""
-    profile = profile_of_stored(card)
-    if not profile:
-        return ""
-    return f"; without them a simulated detector runs at once: --detector {profile} (detector={profile!r} in Python)"
-
-
-def profile_of_stored(card: Card) -> str:
-    """The detector profile that stands in for a card's stored detections; empty if none can."""
     profile = profile_for(card.detector_name.split("-", maxsplit=1)[0])
     try:
         with_detector(card, profile)
-    except MtpBenchError:  # its truth is not complete, or no profile has its classes
+    except MtpBenchError:  # there is no such profile, its truth is not complete, or no profile has its classes
         return ""
-    return profile
+    return f"; without them a simulated detector runs at once: --detector {profile} (detector={profile!r} in Python)"
 
 
 def _with_own(card: Card, **scenes: object) -> Card:

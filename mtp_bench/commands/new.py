@@ -6,7 +6,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from ..submission.starting import new_submission
+from ..submission.contents import new_submission
 from ..viz.terminal.output import show
 
 

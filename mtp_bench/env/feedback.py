@@ -33,7 +33,9 @@ class Feedback:
         """
         if outside := examined.outside:
             more = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
-            raise ActionError(_gravest(outside).sentence(where) + more)
+            # unknown keys come first, since they often explain a missing field; then objects, then tracks
+            gravest = min(outside, key=lambda problem: (problem.level == "error", problem.kind != "objects"))
+            raise ActionError(gravest.sentence(where) + more)
         if _is_random(examined):
             return
         for problem in [*examined.problems, *_degrees(examined), *_absolute(examined, self._task)]:
@@ -41,11 +43,6 @@ class Feedback:
             if kind not in self._warned:
                 self._warned.add(kind)
                 logger.warn(f"{problem.sentence(where)} (said once per env)")
-
-
-def _gravest(problems: list[ActionProblem]) -> ActionProblem:
-    """The first problem of objects, else of tracks; unknown keys come first, since they often explain a missing one."""
-    return min(problems, key=lambda problem: (problem.level == "error", problem.kind != "objects"))
 
 
 def _is_random(examined: Examined) -> bool:

@@ -94,7 +94,9 @@ def subject_of(submission: Submission, card: Card, hypotheses: Sequence[int], fr
     whole = setting_of(submission, card)
     reference, truth, stated = _reference_pair(whole, card)
     reference = whole if key_of(reference) == key_of(whole) else reference  # one run has one name
-    parameter, most = submission.compare.hypotheses, _most_hypotheses(whole)
+    parameter = submission.compare.hypotheses
+    swept = submission.compare.sweep.get(parameter, ()) if parameter else ()
+    most = max([whole.hypotheses or 1, *(value for value in swept if isinstance(value, int))])
     starts_at_control = most == 1 and not whole.gap_references and reference is not whole
     if parameter is None or submission.compare.observe == "truth" or starts_at_control:
         return StudiedAgent(submission.name, reference, reference, truth, {whole.hypotheses or 1: whole})
@@ -126,13 +128,6 @@ def _with_references(subject: StudiedAgent, card: Card) -> StudiedAgent:
     found = {count: references_of(setting, card) for count, setting in subject.equal.items()}
     references = {count: {name: named(name, each) for name, each in of.items()} for count, of in found.items()}
     return replace(subject, references=references)
-
-
-def _most_hypotheses(setting: Setting) -> int:
-    """The largest number of hypotheses in the manifest: of its parameter or its sweep."""
-    compare = setting.submission.compare
-    swept = compare.sweep.get(compare.hypotheses, ()) if compare.hypotheses else ()
-    return max([setting.hypotheses or 1, *(value for value in swept if isinstance(value, int))])
 
 
 def _reference_pair(setting: Setting, card: Card) -> tuple[Setting, Setting, bool]:

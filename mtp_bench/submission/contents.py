@@ -1,4 +1,4 @@
-"""Files of a submission: their list, the digest over all of them, and the import of its code.
+"""Files of a submission: their list, the digest over all of them, the import of its code, and a new folder of them.
 
 Code is imported as a package named after path and source: two submissions may have the same file names, edited code is
 imported anew, and modules of one folder import each other relatively (``from .model import Net``). Compiled code in
@@ -8,20 +8,25 @@ imported anew, and modules of one folder import each other relatively (``from .m
 import hashlib
 import importlib
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from types import CodeType, ModuleType
 
+from .._bundle import baseline_names
 from ..errors import SubmissionError
-from ..files import file_digest, file_kind
+from ..files import file_digest, file_kind, require_folder, whole_folder
+from .manifest import MANIFEST, MOST_NAME, NAME_RULE, is_name
 
 FOLDERS = ("__pycache__", ".git")  # made by tools: not part of a submission
 MOST_BYTES = 2 << 30  # of all files together
 MOST_FILES = 10_000
 MOST_DEPTH = 32  # of nested folders
 PREFIX = "mtp_submission_"
+TEMPLATE = Path(__file__).parent / "template"
+FILES = (MANIFEST, "agent.py", "README.md")  # of the template
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -82,6 +87,28 @@ def import_from(folder: Path, module: str, name: str) -> ModuleType:
         if isinstance(error, ModuleNotFoundError) and (folder / f"{error.name}.py").is_file():
             hint = f"; {error.name}.py is a file of the submission: write `from .{error.name} import ...`"
         raise SubmissionError(f"{name}: importing {module}.py failed: {type(error).__name__}: {error}{hint}") from error
+
+
+def new_submission(name: str, parent: Path) -> Path:
+    """Folder ``parent / name`` with the template under this name.
+
+    Raises SubmissionError for a wrong or a baseline's name and an existing folder, MtpBenchError where writing fails.
+    """
+    if not is_name(name):
+        plain = re.sub(r"[^a-z0-9_-]+", "-", name.lower()).strip("-_")[:MOST_NAME]
+        near = plain if is_name(plain) else f"my-{plain or 'agent'}"
+        raise SubmissionError(f"{name!r} is not a name for a submission: {NAME_RULE}; choose another, such as {near!r}")
+    if name in baseline_names():
+        raise SubmissionError(f"{name!r} is the name of a baseline, which commands would take instead: choose another")
+    folder = parent / name
+    if folder.exists() or folder.is_symlink():
+        raise SubmissionError(f"{folder} exists already, expected a new folder: choose another name, or remove it")
+    require_folder(folder)
+    with whole_folder(folder) as part:
+        for file in FILES:
+            text = (TEMPLATE / file).read_text(encoding="utf-8")
+            (part / file).write_text(re.sub(r"\bNAME\b", name, text), encoding="utf-8")
+    return folder
 
 
 class _SourceLoader(SourceFileLoader):

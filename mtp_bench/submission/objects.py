@@ -39,7 +39,13 @@ class ObjectSubmission(Submission):
     @classmethod
     def of(cls, given: object, name: str = "") -> ObjectSubmission:
         """The submission of an agent object, function or class; ``name``: in place of its own."""
-        copied, obstacle = _pickled(given)
+        import cloudpickle  # takes classes of scripts and notebooks too
+
+        copied, obstacle = None, ""
+        try:
+            copied = cloudpickle.dumps(given)
+        except Exception as error:  # whatever the object raises
+            obstacle = " ".join(f"{type(error).__name__}: {error}".split())
         own: dict[str, Any] = {"name": name or _name_of(given), "authors": (), "agent": _name_of(given), "path": Path()}
         return cls.model_construct(**own, given=given, copied=copied, obstacle=obstacle)
 
@@ -98,12 +104,3 @@ def _name_of(given: object) -> str:
     own = getattr(given, "__name__", None) or getattr(given, "name", None)
     text = clean_text(own if isinstance(own, str) else type(given).__name__, MOST_NAME)
     return "agent" if text.startswith("<") else "_".join(text.split()) or "agent"
-
-
-def _pickled(given: object) -> tuple[bytes | None, str]:
-    import cloudpickle  # takes classes of scripts and notebooks too
-
-    try:
-        return cloudpickle.dumps(given), ""
-    except Exception as error:  # whatever the object raises
-        return None, " ".join(f"{type(error).__name__}: {error}".split())

@@ -90,7 +90,6 @@ def to_latex(table: Table) -> str:
     """A LaTeX table; it needs the package ``booktabs``."""
     columns = [column for column, _ in table.pairs]
     alignment = "".join("l" if table.is_text(column) else "r" for column in columns)
-    body = [_latex_line(table.cells(row)) for row in table.rows]
     lines = [
         r"\begin{table}",
         rf"\caption{{{_latex(table.title)}}}",
@@ -99,7 +98,7 @@ def to_latex(table: Table) -> str:
         *_latex_groups(columns),
         _latex_line([_heading(column) for column in columns]),
         r"\midrule",
-        *body,
+        *(_latex_line(table.cells(row)) for row in table.rows),
         r"\bottomrule",
         r"\end{tabular}",
         r"\end{table}",

@@ -7,7 +7,7 @@ import pytest
 
 from mtp_bench.gateway import SceneRun
 from mtp_bench.records.checking import gateway_findings
-from mtp_bench.submission.starting import new_submission
+from mtp_bench.submission.contents import new_submission
 from mtp_bench.types import Rollout
 from tests.support.command_line import CommandLine, read_json
 from tests.support.runs import run_scenes

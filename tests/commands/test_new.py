@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mtp_bench import load_submission
-from mtp_bench.submission.starting import FILES, TEMPLATE, new_submission
+from mtp_bench.submission.contents import FILES, TEMPLATE, new_submission
 from tests.support.command_line import CommandLine
 from tests.support.runs import run_scenes
 from tests.support.tracking_scenes import frame, kitti_task, observation

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mtp_bench import load_submission
 from mtp_bench.submission import SubmissionFactory
-from mtp_bench.submission.starting import new_submission
+from mtp_bench.submission.contents import new_submission
 from mtp_bench.testing import Finding, check_agent, check_card
 from mtp_bench.types import Observation, Task
 from tests.support.small_scenes import CARD, Action, EchoAgent, write_card

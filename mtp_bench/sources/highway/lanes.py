@@ -149,20 +149,14 @@ def route_table(routes: tuple[Route, ...], geometry: LaneGeometry) -> RouteTable
                 right[r, lane] = road[k + 1] if k + 1 < len(road) else NO_LANE
                 last[r, lane] = e + 1 == len(route.roads)
                 if not last[r, lane]:
-                    following[r, lane] = _continuation(lane, route.roads[e + 1], geometry)
-                    for after in route.roads[e + 1]:
+                    end = geometry.lanes[lane].position(geometry.length[lane], 0.0)
+                    for after in reversed(route.roads[e + 1]):
                         start[r, after] = start[r, lane] + geometry.length[lane]
+                        if np.linalg.norm(geometry.lanes[after].position(0.0, 0.0) - end) < JOINT:
+                            following[r, lane] = after
     changes, room = _needed_changes(routes, geometry, following, left, right)
     path, path_start = _paths(following, geometry.length)
     return RouteTable(following, left, right, changes, room, start, last, path, path_start)
-
-
-def _continuation(lane: int, road: tuple[int, ...], geometry: LaneGeometry) -> int:
-    end = geometry.lanes[lane].position(geometry.length[lane], 0.0)
-    for after in road:
-        if np.linalg.norm(geometry.lanes[after].position(0.0, 0.0) - end) < JOINT:
-            return after
-    return NO_LANE
 
 
 def _needed_changes(

@@ -3,7 +3,6 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -53,9 +52,12 @@ class CachedFolder:
     def _made(self, path: Path) -> Arrays:
         from filelock import FileLock
 
+        names = [path.name for path in self.sources.values()]
+        text = f"reading {names[0] if len(names) == 1 else self.prefix} of nuScenes, once per machine"
         try:
+            seconds = sum(path.stat().st_size for path in self.sources.values()) / _BYTES_PER_SECOND
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self._told(), FileLock(self.path.with_name(f".{self.path.name}.lock")):
+            with notice.work(text, seconds), FileLock(self.path.with_name(f".{self.path.name}.lock")):
                 arrays = read_arrays(path)  # another process may have filled it meanwhile
                 if arrays is None:
                     self._fill()
@@ -66,13 +68,6 @@ class CachedFolder:
         if arrays is None:
             raise DataError(f"{path} cannot be read back after writing it")
         return arrays
-
-    def _told(self) -> AbstractContextManager[notice.Notice]:
-        """Tell the user what is read."""
-        names = [path.name for path in self.sources.values()]
-        size = sum(path.stat().st_size for path in self.sources.values())
-        text = f"reading {names[0] if len(names) == 1 else self.prefix} of nuScenes, once per machine"
-        return notice.work(text, size / _BYTES_PER_SECOND)
 
     def _fill(self) -> None:
         if _path(self.prefix, self.sources) != self.path:

@@ -110,7 +110,6 @@ _NUMBERS: Sequence[Column] = (
         help="Peak memory of the agent's process."),
 )  # fmt: skip
 COLUMN = {column.key: column for column in _NUMBERS}
-INTERVALS = {"error": "interval", "difference": "difference_interval"}  # key of a column -> that of its intervals
 _FIRST = (
     _text("definitions", lambda e: e.record.scorer.definitions),
     _text("place", lambda e: e.place),

@@ -122,6 +122,10 @@ def _table_files(entries: Sequence[Entry], name: str) -> dict[str, str]:
 
 def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
     style, script = text_of(_HERE, "board.css"), text_of(_HERE, "board.js")
+    policy = (  # this style, this script and its own parts, pictures beside the page
+        f"default-src 'none'; style-src {source_of(style)}; script-src {source_of(script)} 'strict-dynamic'; "
+        "img-src 'self' data:; base-uri 'none'; form-action 'none'"
+    )
     return _render(
         "page.html",
         **known,
@@ -135,7 +139,7 @@ def _page(entries: Sequence[Entry], known: dict[str, Any], pages: Pages) -> str:
         icon=text_of(_HERE, "icon.svg").strip(),
         style=style,
         script=script,
-        policy=_policy(style, script),
+        policy=policy,
     )
 
 
@@ -160,14 +164,6 @@ def _ids(entries: Sequence[Entry]) -> Ids:
         ids[entry] = f"{name}~{entry.record.digest[:8]}" if seen[name.lower()] else name
         seen[name.lower()] += 1
     return ids
-
-
-def _policy(style: str, script: str) -> str:
-    """A content security policy: this style, this script and its own parts, pictures beside the page."""
-    return (
-        f"default-src 'none'; style-src {source_of(style)}; script-src {source_of(script)} 'strict-dynamic'; "
-        "img-src 'self' data:; base-uri 'none'; form-action 'none'"
-    )
 
 
 @cache
