@@ -30,7 +30,7 @@ from sklearn.cluster import KMeans
 from benchmarks.tracking.report import show
 from benchmarks.tracking.scenes import KITTI, NUSCENES, Row, recordings
 from mtp_bench.agent import Forecasts, Frame, Sampler
-from mtp_bench.agent.pools import entry_table, make_pools, normalised, padded
+from mtp_bench.agent.pipeline import entry_table, make_pools, normalised, padded
 from mtp_bench.errors import DataError
 from mtp_bench.prediction import GreedySampler, KinematicPredictor, KMeansSampler
 from mtp_bench.tracking import HypothesisTracker

@@ -122,17 +122,12 @@ def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
     """
     submission = plan.submission
     ends = submission.compare.gap_references
-    content = {
-        "name": submission.name,
+    stated = ("name", "description", "source", "paper", "license", "parameters")
+    content = {name: getattr(submission, name) for name in stated} | {
         "authors": list(submission.authors),
-        "description": submission.description,
-        "source": submission.source,
         "commit": commit or submission.commit,
-        "paper": submission.paper,
-        "license": submission.license,
         "digest": plan.image.digest,
         "networks": dict(plan.image.weights),
-        "parameters": submission.parameters,
         "hypotheses": plan.setting.hypotheses,
         "ends": "own" if isinstance(ends, dict) else ends,
     }

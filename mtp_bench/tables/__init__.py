@@ -11,8 +11,6 @@ The fields of a row declare the columns:
     to_csv(Table("costs", "Costs", "What an agent costs.", rows))
 """
 
-from .screen import to_html as to_html
-from .screen import to_text as to_text
 from .table import BLANK as BLANK
 from .table import Column as Column
 from .table import Table as Table
@@ -23,6 +21,8 @@ from .table import short as short
 from .writers import SUFFIXES as SUFFIXES
 from .writers import tables_text as tables_text
 from .writers import to_csv as to_csv
+from .writers import to_html as to_html
 from .writers import to_json as to_json
 from .writers import to_latex as to_latex
 from .writers import to_markdown as to_markdown
+from .writers import to_text as to_text

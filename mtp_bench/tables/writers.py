@@ -1,10 +1,14 @@
-"""Writers of tables: CSV and JSON for programs, Markdown and LaTeX for people."""
+"""Writers of tables: CSV and JSON for programs; text of a terminal, HTML, Markdown and LaTeX for people."""
 
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
+import re
+import textwrap
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from html import escape
 from itertools import groupby
+from typing import Any
 
 from .table import SHARE, Column, Table, Value
 
@@ -15,6 +19,11 @@ _LATEX = {
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "−": "$-$", "–": "--", "↑": r"$\uparrow$",
     "↓": r"$\downarrow$", "\n": " ",
 }  # fmt: skip
+WIDTH = 80
+_HEADING = 10  # columns of a heading; longer ones are broken between words
+_LEAST = 8  # columns of a text that is folded
+_NAME = 8  # more that the first column, of names, keeps
+Lines = list[str]  # of a cell
 
 
 def tables_text(suffix: str, shown: Sequence[Table], data: Table) -> str:
@@ -132,3 +141,97 @@ def _heading(column: Column) -> str:
     stated = column.unit in ("", SHARE) or f"({column.unit})" in column.group
     unit = "" if stated else f"({column.unit})"
     return " ".join(part for part in (column.title, unit, column.arrow) if part)
+
+
+def to_text(table: Table, width: int = WIDTH) -> str:
+    """Plain text with the title above and the sentence below, both wrapped at ``width``; see `table_lines`."""
+    title, sentence = (textwrap.wrap(text, width) for text in (table.title, table.sentence))
+    return "\n".join([*title, *(line for _, line in table_lines(table, width)), *sentence]) + "\n"
+
+
+def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
+    """The lines of a table, each with its row; None above the first row.
+
+    Intervals stand below their numbers. Where the table would be wider than ``width``, columns of texts are folded, the
+    first one last; numbers are never cut off.
+    """
+    columns = [column for column, _ in table.pairs]
+    if not columns:
+        return
+    heads = [_head_lines(column) for column in columns]
+    cells = [[_cell(*pair, row) for pair in table.pairs] for row in table.rows]
+    widths = [_width(of_column) for of_column in zip(heads, *cells, strict=True)]
+    left = [place == 0 or table.is_text(column) for place, column in enumerate(columns)]
+    free = [place for place, text in enumerate(left) if text]
+    _groups(columns, widths)  # their names may need more width than their columns
+    while sum(widths) + len(widths) - 1 > width and (wide := [place for place in free if widths[place] > _LEAST]):
+        widths[max(wide, key=lambda place: widths[place] - (_NAME if place == 0 else 0))] -= 1
+    for line in cells:
+        for place in free:
+            line[place] = [part for text in line[place] for part in _folded(text, widths[place])]
+    widths[0] = _width([heads[0], *(line[0] for line in cells)])
+    height = max(map(len, heads))
+    heads = [[""] * (height - len(head)) + head for head in heads]
+    groups = _groups(columns, widths)
+    for text in [*groups, *_block(heads, widths, left), "─" * (sum(widths) + len(widths) - 1)]:
+        yield None, text
+    for row, line in zip(table.rows, cells, strict=True):
+        yield from ((row, text) for text in _block(line, widths, left))
+
+
+def _width(cells: Iterable[Lines]) -> int:
+    return max(len(text) for cell in cells for text in cell)
+
+
+def _head_lines(column: Column) -> Lines:
+    words = textwrap.wrap(column.title, _HEADING, break_long_words=False)
+    return column.title.split("\n") if "\n" in column.title else words or [""]
+
+
+def _cell(column: Column, interval: Column | None, row: Any) -> Lines:
+    ends = None if interval is None else interval.value(row)
+    below = [" ".join(map(column.text, ends))] if isinstance(ends, tuple) else []
+    return [*column.shown(row).split("\n"), *below]
+
+
+def _folded(text: str, width: int) -> Lines:
+    """Lines of a text, broken before a blank, an underscore or a hyphen where that is possible."""
+    lines = [""]
+    for part in re.findall(r"[ _-]*[^ _-]*", text):
+        lines += [part] if lines[-1] and len(lines[-1] + part) > width else [lines.pop() + part]
+    return [piece for line in lines for piece in textwrap.wrap(line, width)] or [""]
+
+
+def _block(cells: Sequence[Lines], widths: Sequence[int], left: Sequence[bool]) -> Iterator[str]:
+    """The lines of one row."""
+    for at in range(max(map(len, cells), default=0)):
+        texts = [cell[at] if at < len(cell) else "" for cell in cells]
+        padded = [t.ljust(w) if first else t.rjust(w) for t, w, first in zip(texts, widths, left, strict=True)]
+        yield " ".join(padded).rstrip()
+
+
+def _groups(columns: Sequence[Column], widths: list[int]) -> Lines:
+    """The line of headings above groups of columns, none without a group; ``widths`` grow for long ones."""
+    parts, first = [], 0
+    for name, members in groupby(columns, key=lambda column: column.group):
+        last = first + len(list(members))
+        widths[last - 1] += max(0, len(name) - sum(widths[first:last]) - (last - first - 1))
+        parts.append(name.center(sum(widths[first:last]) + last - first - 1))
+        first = last
+    return [" ".join(parts).rstrip()] if any(column.group for column in columns) else []
+
+
+def to_html(table: Table) -> str:
+    """An HTML table with the title as its caption and the sentence below; every text is escaped."""
+    columns = [column for column, _ in table.pairs]
+    groups = groupby(columns, key=lambda column: column.group)
+    above = "".join(f'<th colspan="{len(list(members))}">{escape(name)}</th>' for name, members in groups)
+    heads = "".join(f'<th title="{escape(column.help)}">{escape(column.title)}</th>' for column in columns)
+    rows = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in table.cells(row)) + "</tr>\n" for row in table.rows
+    )
+    grouped = f"<tr>{above}</tr>" if any(column.group for column in columns) else ""
+    return (
+        f"<table>\n<caption>{escape(table.title)}</caption>\n<thead>{grouped}<tr>{heads}</tr></thead>\n"
+        f"<tbody>\n{rows}</tbody>\n</table>\n<p>{escape(table.sentence)}</p>\n"
+    )

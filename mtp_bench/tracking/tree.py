@@ -32,8 +32,7 @@ class HypothesisTree:
 
     def __init__(self, past: int, next_id: int = 0) -> None:
         """An empty tree with one hypothesis, which holds nothing; ``next_id``: the identity of the first track."""
-        self.state: Floats = np.zeros((0, STATE))  # the box first, see motion_kernels
-        self.memory: Ints = np.zeros((4, 0), dtype=np.int64)  # class, identity, hits and age, see tree_kernels
+        self._hold(np.zeros((0, STATE)), np.zeros((4, 0), dtype=np.int64))
         self.score = np.zeros(0)  # [N] sum of the scores of the detections taken
         self.last_score = np.zeros(0)  # [N] of the last detection taken
         self.age: Ints = np.zeros(0, dtype=np.int64)  # [N] frames since the first detection, this one included
@@ -47,25 +46,11 @@ class HypothesisTree:
         self._detections = np.zeros((past, 0), dtype=np.int64)
         self._parents = np.zeros((past, 0), dtype=np.int64)
 
-    @property
-    def box(self) -> Floats:
-        """Boxes of the leaves, [N, 7]."""
-        return self.state[:, :7]
-
-    @property
-    def class_id(self) -> Ints:
-        """Classes of the leaves, [N]."""
-        return np.asarray(self.memory[CLASS])
-
-    @property
-    def track_id(self) -> Ints:
-        """Identities of the leaves, [N]."""
-        return np.asarray(self.memory[ID])
-
-    @property
-    def hits(self) -> Ints:
-        """Detections that the tracks of the leaves have taken, [N]."""
-        return np.asarray(self.memory[HITS])
+    def _hold(self, state: Floats, memory: Ints) -> None:
+        """Take ``state`` [N, STATE], see motion_kernels, and ``memory`` [4, N], see tree_kernels, of all leaves."""
+        self.state, self._memory = state, memory
+        self.box = state[:, :7]
+        self.class_id, self.track_id, self.hits = memory[CLASS], memory[ID], memory[HITS]  # [N], detections taken
 
     def predict(self) -> None:
         """Move all leaves one frame on."""
@@ -79,13 +64,13 @@ class HypothesisTree:
         ``seen``: the detections of the frame; ``dt``: seconds since the frame before.
         """
         leaf, detection, self.member, self._name = grow(
-            column, parent, self.member, self.memory[AGE], max_age, len(seen.box)
+            column, parent, self.member, self._memory[AGE], max_age, len(seen.box)
         )
         n, layer = len(leaf), self._new_layer(len(leaf))
         state, memory, score = np.empty((n, STATE)), np.empty((4, n), dtype=np.int64), np.empty(n)
         update_pairs(self.state, leaf, detection, seen.box, seen.velocity, dt, state)
         self.next_id = descend(
-            leaf, detection, self.memory, self.score, seen.class_id, seen.score, self.next_id, memory, score
+            leaf, detection, self._memory, self.score, seen.class_id, seen.score, self.next_id, memory, score
         )
         write_boxes(detection, seen.box, state, self._measured[layer])
         old, taken = leaf >= 0, detection >= 0
@@ -96,7 +81,8 @@ class HypothesisTree:
         self.age, self.last_score = age, last_score
         self._detections[layer, :n] = np.append(seen.row, -1)[detection]
         self._parents[layer, :n] = self.before = leaf
-        self.state, self.memory, self.score, self.detection = state, memory, score, detection
+        self._hold(state, memory)
+        self.score, self.detection = score, detection
 
     def merge_equal(self) -> Ints:
         """Keep the first of the hypotheses that hold the same leaves; their numbers before."""

@@ -9,7 +9,7 @@ import pytest
 
 from mtp_bench import load_submission
 from mtp_bench.agent import Action, Agent, Forecasts, Frame, FunctionPredictor, Pipeline
-from mtp_bench.agent.pools import make_pools, reduce_pools
+from mtp_bench.agent.pipeline import make_pools, reduce_pools
 from mtp_bench.env.action import FORECAST_LIMIT
 from mtp_bench.errors import ShapeError
 from mtp_bench.prediction import KinematicPredictor, KMeansSampler

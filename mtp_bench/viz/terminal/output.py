@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...tables import Table
 from ...tables import counted as counted
-from ...tables.screen import table_lines
+from ...tables.writers import table_lines
 
 if TYPE_CHECKING:
     from rich.console import Console
