@@ -1,4 +1,4 @@
-"""The usual agent: a tracker, a predictor and a sampler of pools, which hold the forecasts of all tracks of an object."""
+"""The usual agent: a tracker, a predictor and a sampler of pools, which hold all forecasts of an object."""
 
 from collections import deque
 from dataclasses import replace
