@@ -6,6 +6,7 @@ import keyword
 import os
 import re
 import sys
+import tomllib
 import warnings
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,37 +23,8 @@ from .output import fail, said_of, say
 
 NUMBA_SETTINGS = Path(".numba_config.yaml")  # read by Numba from the current folder
 INTERRUPTED = 130  # exit status, as shells have it
-AFTER = {  # command -> note after Ctrl-C
-    "submit": "finished scenes are kept: the same command with --resume continues",
-    "study": "finished runs are kept: the same command continues",
-    "data": "finished parts are kept",
-    "verify": "levels and records written so far are kept",
-    "board": "files written so far are kept",
-}
-
-
-SUMMARIES = {
-    "envs": "List the environments.",
-    "data": "Show which data is found, what is missing and how to get it.",
-    "run": "Run an agent and store its rollouts.",
-    "score": "Score stored rollouts.",
-    "compare": "Compare agents on the same scenes.",
-    "study": "Measure what detection and tracking cost on an environment: tables, figures and a page.",
-    "view": "Show stored rollouts in rerun, or draw them.",
-    "events": "List identity switches and other events with their cost.",
-    "worst": "List the worst moments of a run, and whose fault each was.",
-    "video": "Write a video of a scene.",
-    "train": "Fit predictors and other parameters on training splits.",
-    "fit-noise": "Fit the noise of the simulated detector to real detections.",
-    "new": "Create a folder with a new submission.",
-    "check": "Check a submission.",
-    "submit": "Make a leaderboard record of a submission.",
-    "verify": "Check records, and run their submissions again.",
-    "board": "Show the leaderboard.",
-    "import": "Turn tracks of other programs, or driving logs of 123D, into tables.",
-    "export": "Write the tracks of a stored run in the formats of other benchmarks.",
-    "maintain": "Commands of the maintainers.",
-}
+_TEXTS = tomllib.loads(Path(__file__).with_name("commands.toml").read_text(encoding="utf-8"))
+SUMMARIES, AFTER = _TEXTS["summaries"], _TEXTS["interrupted"]  # by command; notes after Ctrl-C
 
 
 class InterruptedCommandError(Exception):

@@ -10,6 +10,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -26,40 +27,10 @@ _NAMESPACES = (
     "--unshare-user --unshare-pid --unshare-net --unshare-ipc --unshare-uts --unshare-cgroup-try "
     f"--uid {_UID} --gid {_UID} --hostname agent --die-with-parent --new-session --as-pid-1 --cap-drop ALL"
 )
-FORBIDDEN = {
-    "keys, which outlive a process": "keyctl add_key request_key",
-    "other processes": (
-        "ptrace process_vm_readv process_vm_writev process_madvise pidfd_getfd kcmp move_pages migrate_pages "
-        "perf_event_open personality"
-    ),
-    "namespaces and mounts": (
-        "unshare setns mount umount2 pivot_root chroot move_mount open_tree fsopen fsconfig fsmount fspick "
-        "mount_setattr open_tree_attr sethostname setdomainname"
-    ),
-    "sockets, whose buffers no limit counts either": "socket socketpair",
-    "memory that no limit counts": (
-        "memfd_create memfd_secret shmget shmat msgget semget mq_open io_uring_setup io_uring_enter io_uring_register "
-        "userfaultfd remap_file_pages"
-    ),
-    "pages that others read, by the page cache": (
-        "mincore preadv2 cachestat fadvise64 readahead io_setup io_submit io_pgetevents inotify_init inotify_init1 "
-        "sync syncfs"
-    ),
-    "locks of files that others see": "flock",
-    "marks on files that others see": (
-        "utime utimes futimesat utimensat chown fchown lchown fchownat setxattr lsetxattr fsetxattr removexattr "
-        "lremovexattr fremovexattr setxattrat removexattrat file_setattr"
-    ),
-    "places of pages, which files in memory keep for others": "mbind set_mempolicy_home_node",
-    "signals by pages that two map": "futex_waitv futex_wake futex_wait futex_requeue",
-    "the kernel": (
-        "bpf init_module finit_module delete_module kexec_load kexec_file_load reboot syslog acct quotactl quotactl_fd "
-        "swapon swapoff "
-        "fanotify_init name_to_handle_at open_by_handle_at iopl ioperm modify_ldt lookup_dcookie vhangup "
-        "settimeofday clock_settime clock_adjtime adjtimex"
-    ),
-}
-PRETENDED = "chmod fchmod fchmodat fchmodat2"  # they return success: copying a file ends with them
+_CALLS = tomllib.loads(Path(__file__).with_name("system_calls.toml").read_text(encoding="utf-8"))
+FORBIDDEN: dict[str, str] = _CALLS["forbidden"]
+PRETENDED: str = _CALLS["pretended"]
+_NUMBERS: dict[str, int] = _CALLS["numbers"]
 # of fcntl: copies and flags of descriptors, sizes of pipes; all others lock, lease or mark a file
 _FILE_CONTROLS = (range(5), range(1030, 1033))
 _PRIVATE = 128  # of futex: a signal within one process, as all locks of threads are
@@ -68,11 +39,6 @@ _TAKEN_OUT = (20, 21)  # of madvise: pages of files that others read too
 _PARENT_DEATH = 1  # of prctl: an agent must not outlive the judge
 _INT = 0xFFFFFFFF  # the bits of an argument that the kernel reads of these two; a filter sees 64
 _NEW_NAMESPACES = 0x7E020000  # CLONE_NEW* of clone
-_NUMBERS = {  # newer than many a libseccomp; the same number on every processor
-    "clone3": 435, "futex_waitv": 449, "set_mempolicy_home_node": 450, "cachestat": 451, "fchmodat2": 452,
-    "futex_wake": 454, "futex_wait": 455, "futex_requeue": 456, "setxattrat": 463, "removexattrat": 466,
-    "open_tree_attr": 467, "file_setattr": 469,
-}  # fmt: skip
 _UNKNOWN = range(470, 600)  # calls of future kernels
 # of <seccomp.h>; the error of a call is added to _FAIL
 _ALLOW, _FAIL, _AT_LEAST, _MASKED_EQUAL = 0x7FFF0000, 0x00050000, 5, 7

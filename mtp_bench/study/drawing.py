@@ -5,6 +5,7 @@ A panel holds lines, bars, dots with intervals, and levels.
 
 import io
 import re
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -18,22 +19,8 @@ from ..types import Floats
 
 WIDTH, HEIGHT = 5.6, 3.3  # inches
 DOTS = 150  # per inch, of PNG files
-# After Okabe and Ito; each series has a marker, a line style or a hatch of its own too
-COLORS = {
-    "ink": "#1d2126",
-    "soft": "#5b646e",
-    "green": "#009e73",
-    "blue": "#0072b2",
-    "orange": "#e69f00",
-    "vermillion": "#d55e00",
-    "purple": "#cc79a7",
-    "sky": "#56b4e9",
-    "grey": "#555b61",
-    "yellow": "#f0e442",
-    "brown": "#6b3410",
-    "violet": "#6000d8",
-    "lime": "#a8d890",
-}
+TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
+COLORS: dict[str, str] = TEXTS["colors"]
 SERIES: tuple[str, ...] = ("green", "blue", "orange", "vermillion", "purple", "sky", "grey")
 MARKERS: dict[str, str] = dict(zip(SERIES, "osDv^P*", strict=True))
 LINES: dict[str, str] = dict(zip(SERIES, ("-", "-", "--", "-", ":", "-.", "--"), strict=True))

@@ -19,12 +19,11 @@ from ..tables.table import cell_text
 from ..viz.pages import source_of, templates_of, text_of
 from ..viz.terminal.paper import figures_of
 from ..viz.terminal.verdict import verdict
-from .drawing import Drawing
+from .drawing import TEXTS, Drawing
 from .figures import n_of
 from .findings import Findings
 from .gallery import MomentPicture
 from .plan import StudiedAgent
-from .rows import TEXTS
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -1,10 +1,7 @@
 """Tables of a study: rows are made by functions, texts and units are data (`texts.toml`)."""
 
-import tomllib
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from types import SimpleNamespace as Row
-from typing import Any
 
 from ..running.settings import Setting
 from ..scoring.definitions import Subset
@@ -13,12 +10,12 @@ from ..scoring.parts import FAULT_NAMES, FAULTS, PARTS
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..tables import Column, Table
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
+from .drawing import TEXTS
 from .findings import Findings
 from .plan import StudiedAgent, unique
 from .relations import relation_rows
 from .runs import KINDS
 
-TEXTS: dict[str, Any] = tomllib.loads(Path(__file__).with_name("texts.toml").read_text(encoding="utf-8"))
 PAPER = "the paper's"  # group of the columns with figures of the paper
 SUBSETS: tuple[Subset, ...] = ("all", "paper_ids", "paper_frag", "ids", "reacquired", "turning")
 _SUBSET_NAMES = {"ids": "identity switch", "paper_ids": "IDS", "paper_frag": "FRAG"}

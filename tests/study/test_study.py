@@ -22,12 +22,13 @@ from mtp_bench.running.track_export import export_tracks
 from mtp_bench.scoring.parts import PARTS
 from mtp_bench.study import Study, study
 from mtp_bench.study.conduct import find
+from mtp_bench.study.drawing import TEXTS
 from mtp_bench.study.figures import FIGURES, make_figures
 from mtp_bench.study.gallery import EACH
 from mtp_bench.study.page import summary
 from mtp_bench.study.plan import subject_of
 from mtp_bench.study.relations import relation_rows, verdict
-from mtp_bench.study.rows import TEXTS, make_tables
+from mtp_bench.study.rows import make_tables
 from mtp_bench.study.runs import Bench, EventCounts, count_events, library_files, open_bench
 from mtp_bench.submission import load_submission
 from mtp_bench.tables import to_json

@@ -2,6 +2,7 @@
 
 import glob
 import json
+import tomllib
 from collections.abc import Collection, Mapping
 from functools import cache
 from pathlib import Path
@@ -31,23 +32,9 @@ ClassName = Literal[
 ]  # fmt: skip
 CLASSES: tuple[str, ...] = get_args(ClassName)  # class_id in the cache is an index into these
 
-# The official detection task evaluates these (``nuscenes.eval.detection.utils.category_to_detection_name``).
-CLASS_OF = {
-    "vehicle.car": "car", "vehicle.truck": "truck", "vehicle.bus.bendy": "bus", "vehicle.bus.rigid": "bus",
-    "vehicle.trailer": "trailer", "vehicle.construction": "construction_vehicle",
-    "human.pedestrian.adult": "pedestrian", "human.pedestrian.child": "pedestrian",
-    "human.pedestrian.construction_worker": "pedestrian", "human.pedestrian.police_officer": "pedestrian",
-    "vehicle.motorcycle": "motorcycle", "vehicle.bicycle": "bicycle",
-    "movable_object.trafficcone": "traffic_cone", "movable_object.barrier": "barrier",
-}  # fmt: skip
-# The task leaves these out, but a detector reports them as one of its classes: a match is neither right nor wrong.
-NEUTRAL_OF = {
-    "vehicle.emergency.police": "car",
-    "vehicle.emergency.ambulance": "truck",
-    "human.pedestrian.personal_mobility": "pedestrian",
-    "human.pedestrian.stroller": "pedestrian",
-    "human.pedestrian.wheelchair": "pedestrian",
-}
+_CATEGORIES = tomllib.loads(Path(__file__).with_name("classes.toml").read_text(encoding="utf-8"))
+CLASS_OF: dict[str, str] = _CATEGORIES["evaluated"]
+NEUTRAL_OF: dict[str, str] = _CATEGORIES["neutral"]
 
 SPLITS = ("train", "train_val", "val", "mini_train", "mini_val")
 TRAIN_VAL = 200  # scenes: the prediction challenge validates on the first of the official "train"
