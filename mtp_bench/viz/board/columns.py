@@ -1,7 +1,9 @@
 """Columns of a leaderboard: those of rows, as the scorer declares them, and those of records and comparisons."""
 
+import tomllib
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from ...records.canonical import rounded
@@ -11,6 +13,7 @@ from ...scoring.rows import Row
 from ...tables import Column, Table, Value, columns_of
 from .entries import Entry
 
+_DECLARED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
 _ROW = {column.key: column for column in columns_of(Row)}
 # Columns of the page, each with the class of its cells there: narrower screens leave out "widest", "wide" and "mid".
 PAGE = {
@@ -26,12 +29,8 @@ def _of_row(column: Column, subset: Subset = "all", **changes: Any) -> Column:
     return replace(column, **{"read": lambda entry: column.value(entry.row_of(subset)), **changes})
 
 
-def _of(key: str, heading: str, read: Callable[[Entry], Value], **declared: Any) -> Column:
-    return Column(heading, key=key, read=read, **declared)
-
-
-def _text(key: str, read: Callable[[Entry], Value]) -> Column:
-    return Column(key=key, read=read)
+def _of(key: str, read: Callable[[Entry], Value]) -> Column:
+    return Column(key=key, read=read, **_DECLARED.get(key, {}))
 
 
 def _event(subset: Subset, what: str) -> Column:
@@ -56,78 +55,49 @@ def _of_difference(name: str) -> Callable[[Entry], Value]:
     return lambda entry: getattr(entry.difference(), name, None)
 
 
-_ERROR = (
-    "Mean over all targets of min(minADE, c), c without a forecast, averaged over budgets of false forecasts. On "
-    "nuScenes false ones are not known: budgets are forecasts per frame. Metres. It decides the rank."
-)
-_TURNING = "Error over targets whose heading changes by more than 0.5 rad over the future, metres: shown, not ranked."
-_DIFFERENCE = (
-    "bADE minus that of the single-hypothesis pipeline (stp) on the same targets, metres, with the 95 % interval of "
-    "the paired difference over units of at most 20 s. Left of the line: better than stp."
-)
-_GAP = "Share of the way from stp (0 %) to prediction on ground-truth tracks (100 %), both with the predictor of stp."
-_SAME_GAP = (
-    "Of the gap between the single-hypothesis pipeline (0 %) and prediction on ground-truth tracks (GT, 100 %), both "
-    "with the predictor of the entry itself. Below 0 %: worse than the pipeline."
-)
-_ASSOCIATION = (
-    "Share of the way from one hypothesis with as many samples as 20 (0 %) to perfect association of the same "
-    "detections (100 %), both with the predictor of the entry itself."
-)
-_MS = "Mean time of one frame on the machine that made the record, milliseconds."
-_WEIGHTS = "Ships: it runs as it is. Train: a command in its details trains it first; minutes of nuScenes on two cores."
-_P95 = "Time within which 95 % of the frames are answered, milliseconds."
-
 _NUMBERS: Sequence[Column] = (
-    _of_row(_ROW["error"], heading="all targets", format=".3f", group="bADE (m)", help=_ERROR),
+    _of_row(_ROW["error"], **_DECLARED["error"]),
     _of_row(_ROW["interval"]),
-    _of("difference", "difference", _of_difference("mean"), unit="m", better="lower", format="+.3f",
-        group="to stp (m)", help=_DIFFERENCE),
+    _of("difference", _of_difference("mean")),
     Column(key="difference_interval", interval=True, read=_of_difference("interval")),
-    _of("public", "public", lambda e: e.public_error, unit="m", better="lower", format=".3f",
-        help="bADE on the public scenes, where hidden ones rank, metres."),
+    _of("public", lambda e: e.public_error),
     _event("ids", "change identity"),
     _event("reacquired", "are lost and found again"),
-    _of("turning", NAMES["turning"], lambda e: next((r.error for r in e.sums.rows if r.subset == "turning"), None),
-        unit="m", better="lower", format=".2f", group="bADE (m)", optional=True, help=_TURNING),
+    _of("turning", lambda e: next((r.error for r in e.sums.rows if r.subset == "turning"), None)),
     *_paper("all", "all targets"),
     *_paper("paper_ids", "targets with an identity switch of stp, the paper's subset,"),
     *_paper("paper_frag", "targets with a fragmentation of stp, the paper's subset,"),
-    _of("same_gap", "gap to GT tracks closed", lambda e: e.same_predictor_gap("all"), unit="share", better="higher",
-        help=_SAME_GAP),
-    _of("association_gap", "association gap closed", lambda e: e.standing.association_gaps.get("all"), unit="share",
-        better="higher", help=_ASSOCIATION),
-    _of_row(_ROW["coverage"], heading="covered", help="Share of the targets that have a forecast."),
-    _of("ms", "ms", lambda e: e.record.measured.ms_per_frame, unit="ms", better="lower", format=".1f", help=_MS),
-    _of("weights", "weights", lambda e: e.weights, help=_WEIGHTS),
-    _of("gap", "gap closed", lambda e: e.standing.gaps.get("all"), unit="share", better="higher", help=_GAP),
-    _of("hypotheses", "H", lambda e: e.record.hypotheses, help="Hypotheses of the tracker."),
-    _of("samples", "K", lambda e: e.record.samples, help="Samples per object."),
-    _of("p50", "p50", lambda e: e.record.measured.latency.p50_ms, unit="ms", better="lower", format=".1f",
-        help="Median time of one frame, milliseconds."),
-    _of("p95", "p95", lambda e: e.record.measured.latency.p95_ms, unit="ms", better="lower", format=".1f", help=_P95),
-    _of("memory", "memory", lambda e: e.record.measured.peak_memory_mib, unit="MiB", better="lower", format=".0f",
-        help="Peak memory of the agent's process."),
-)  # fmt: skip
+    _of("same_gap", lambda e: e.same_predictor_gap("all")),
+    _of("association_gap", lambda e: e.standing.association_gaps.get("all")),
+    _of_row(_ROW["coverage"], **_DECLARED["coverage"]),
+    _of("ms", lambda e: e.record.measured.ms_per_frame),
+    _of("weights", lambda e: e.weights),
+    _of("gap", lambda e: e.standing.gaps.get("all")),
+    _of("hypotheses", lambda e: e.record.hypotheses),
+    _of("samples", lambda e: e.record.samples),
+    _of("p50", lambda e: e.record.measured.latency.p50_ms),
+    _of("p95", lambda e: e.record.measured.latency.p95_ms),
+    _of("memory", lambda e: e.record.measured.peak_memory_mib),
+)
 COLUMN = {column.key: column for column in _NUMBERS}
 _FIRST = (
-    _text("definitions", lambda e: e.record.scorer.definitions),
-    _text("place", lambda e: e.place),
+    _of("definitions", lambda e: e.record.scorer.definitions),
+    _of("place", lambda e: e.place),
     Column(key="rank_range", interval=True, format="d", read=lambda e: e.standing.places["all"].span),
-    _text("submission", lambda e: e.name),
-    _text("not_ranked_because", lambda e: e.why or None),
-    _text("trained_on_scored", lambda e: e.trained_on_scored or None),
-    _text("added", lambda e: e.added),
+    _of("submission", lambda e: e.name),
+    _of("not_ranked_because", lambda e: e.why or None),
+    _of("trained_on_scored", lambda e: e.trained_on_scored or None),
+    _of("added", lambda e: e.added),
 )
 _LAST = (
     Column(key="p", format=".3f", read=_of_difference("p")),
-    _text("gap_blank_because", lambda e: None if e.standing.gaps.get("all") is not None else e.standing.gap_blank),
-    _text("association_gap_blank_because", lambda e: e.association_blank("all")),
-    _text("status", lambda e: e.record.status),
-    _text("digest", lambda e: e.record.digest),
-    _text("level", lambda e: e.level),
-    _text("checked", lambda e: e.checked or None),
-    _text("made", lambda e: e.record.measured.made),
+    _of("gap_blank_because", lambda e: None if e.standing.gaps.get("all") is not None else e.standing.gap_blank),
+    _of("association_gap_blank_because", lambda e: e.association_blank("all")),
+    _of("status", lambda e: e.record.status),
+    _of("digest", lambda e: e.record.digest),
+    _of("level", lambda e: e.level),
+    _of("checked", lambda e: e.checked or None),
+    _of("made", lambda e: e.record.measured.made),
 )
 
 
@@ -147,7 +117,7 @@ def data_table(entries: Sequence[Entry], name: str) -> Table:
 
     A further number that no entry has is left out: records are older than a new metric.
     """
-    env = _text("env", lambda e: e.env)
+    env = _of("env", lambda e: e.env)
     columns = [env, *_FIRST, *_NUMBERS, *map(_of_row, further_columns(entries)), *_LAST]
     columns = [c for c in columns if not c.optional or any(c.value(entry) is not None for entry in entries)]
     return Table(name, "Leaderboard", "", entries, [replace(c, read=_rounded(c)) for c in columns])
