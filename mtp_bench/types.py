@@ -82,20 +82,17 @@ CENTIMETRES = 100.0  # per metre: forecasts are recorded in whole centimetres
 
 def to_centimetres(metres: Floats) -> Ints:
     """Forecasts as they are recorded: whole centimetres, int16."""
-    centimetres: Ints = np.rint(metres * CENTIMETRES).astype(np.int16)
-    return centimetres
+    return np.asarray(np.rint(metres * CENTIMETRES).astype(np.int16))
 
 
 def to_metres(centimetres: Ints) -> Floats:
     """Recorded forecasts in metres."""
-    metres: Floats = centimetres / CENTIMETRES
-    return metres
+    return np.asarray(centimetres / CENTIMETRES)
 
 
 def starts_of(count: Sequence[int] | Ints) -> Ints:
     """First row of each frame [F + 1], from the number of rows per frame ``count`` [F]."""
-    start: Ints = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
-    return start
+    return np.asarray(np.concatenate([[0], np.cumsum(count)]).astype(np.int64))
 
 
 def select(record: RecordT, rows: Ints | Bools) -> RecordT:

@@ -52,6 +52,7 @@ class AgentProcess:
     def __init__(self, limits: Limits, spec: SandboxSpec, most_bytes: int) -> None:
         """``most_bytes``: of the body of a message."""
         self._limits, self._spec, self.most_bytes = limits, spec, most_bytes
+        self._sandboxed = spec.backend != "none"
         self._peak = 0
         self._watched = time.monotonic()
         self._answered = False  # after its first message it runs in its own root
@@ -63,10 +64,6 @@ class AgentProcess:
     def isolation(self) -> Isolation:
         """The sandbox of the process."""
         return Isolation(mechanism=self._spec.backend, memory="watch" if self._group is None else "cgroup")
-
-    @property
-    def _sandboxed(self) -> bool:
-        return self._spec.backend != "none"
 
     def __enter__(self) -> Self:
         if sys.platform == "win32":

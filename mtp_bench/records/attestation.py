@@ -94,8 +94,7 @@ class Checked:
     @property
     def sums(self) -> Record | HiddenPart:
         """Ranking sums: of the hidden scenes if it was run on them, else of the public ones."""
-        hidden = None if self.signed is None else self.signed.hidden
-        return self.record if hidden is None else hidden
+        return (self.signed and self.signed.hidden) or self.record
 
     def minus(self, other: "Checked", subset: Subset) -> PairedDifference | None:
         """BADE minus that of ``other``, metres, paired by unit; both have the same targets and units."""

@@ -204,7 +204,23 @@ class ScenePart(Section):
         return ratio(sum(self.error["all"]), sum(self.weight["all"]))
 
 
-class Record(Section):
+class Results(Section):
+    """Rows of results, one per subset."""
+
+    if TYPE_CHECKING:
+        rows: Rows
+
+    @property
+    def row(self) -> Row:
+        """Row of the subset "all"."""
+        return self.row_of("all")
+
+    def row_of(self, subset: Subset) -> Row:
+        """Row of one subset."""
+        return next(row for row in self.rows if row.subset == subset)
+
+
+class Record(Results):
     """Results of one submission on one env: an equal run gives an equal record, but for `measured`.
 
     The rows have no ranks, which depend on other records. ``gap_closed`` is null in them for the same reason, and so is
@@ -238,15 +254,6 @@ class Record(Section):
     digest: _Digest = ""
 
     @property
-    def row(self) -> Row:
-        """Row of the subset "all"."""
-        return self.row_of("all")
-
-    def row_of(self, subset: Subset) -> Row:
-        """Row of one subset."""
-        return next(row for row in self.rows if row.subset == subset)
-
-    @property
     def earlier(self) -> str:
         """Earlier version of the definitions that scored it, "2.0": shown apart; empty for any other."""
         definitions = self.scorer.definitions
@@ -274,7 +281,7 @@ class Record(Section):
         return [value for scene in self.per_scene for value in scene.error.get(subset, ())]
 
 
-class HiddenPart(Section):
+class HiddenPart(Results):
     """Results on scenes of secret seeds, without their names, from which the seeds would follow."""
 
     commitment: Sha256  # of the secret
@@ -284,15 +291,6 @@ class HiddenPart(Section):
     silence: float | None  # m, error if nothing is predicted there
     weight: UnitSums  # [units] of the targets, over all scenes, in an order that the salt of the seal draws
     error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
-
-    @property
-    def row(self) -> Row:
-        """Row of the subset "all"."""
-        return self.row_of("all")
-
-    def row_of(self, subset: Subset) -> Row:
-        """Row of one subset."""
-        return next(row for row in self.rows if row.subset == subset)
 
     def unit_weight(self, subset: Subset) -> list[float]:
         """Weight of the targets of each unit."""

@@ -213,11 +213,11 @@ def steering_angles(state: RoadState, geometry: LaneGeometry, routes: RouteTable
     beyond = (ahead > geometry.length[state.lane]) & (after >= 0)
     lane = np.where(beyond, after, state.lane)
     s = np.where(beyond, ahead - geometry.length[state.lane], ahead)
-    slip = np.arcsin(np.clip(state.wheelbase / 2 * geometry.curvature(lane), -0.9, 0.9))
+    slip = np.arcsin(np.clip(state.wheelbase / 2 * geometry.curvature[lane], -0.9, 0.9))
     rate = np.clip(-_LATERAL_RATE * (state.d - state.offset), -_LATERAL_SPEED, _LATERAL_SPEED)
     wanted = geometry.heading(lane, s) - slip + np.arcsin(np.clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
     error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
-    bend = v * geometry.curvature(lane)
+    bend = v * geometry.curvature[lane]
     most = _SWERVE / np.maximum(v, _SLOW)
     rate = np.clip(_HEADING_RATE * error, bend - most, bend + most)
     turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))

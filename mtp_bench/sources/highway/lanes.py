@@ -38,6 +38,7 @@ class LaneGeometry:
         self._phase: Floats = np.zeros(len(self))
         self.radius[self._arc] = [lane.radius for lane in arcs]
         self.turn[self._arc] = [lane.direction for lane in arcs]
+        self.curvature: Floats = self.turn / self.radius  # change of heading per metre; waves count as straight
         self._phase[self._arc] = [lane.start_phase for lane in arcs]
         lines = [lane for lane in self.lanes if isinstance(lane, StraightLane)]
         self._start: Floats = np.array([lane.start for lane in lines], dtype=np.float64).reshape(-1, 2)
@@ -79,10 +80,6 @@ class LaneGeometry:
         line = self._heading[lane] + np.arctan(amplitude * pulsation * np.cos(pulsation * s + phase))
         arc = self._phase[lane] + self.turn[lane] * (s / self.radius[lane] + np.pi / 2)
         return np.where(self._arc[lane], arc, line)
-
-    def curvature(self, lane: Ints) -> Floats:
-        """Change of heading per metre ``[n]`` of lanes ``[n]``; waves count as straight."""
-        return self.turn[lane] / self.radius[lane]
 
 
 def lane_map(network: dict[LaneIndex, Any], loose: float = JOINT) -> tuple[Lane, ...]:

@@ -75,11 +75,7 @@ class Mot3d:
                 advice = instead_of_stored(card) if name == DETECTIONS else ""
                 raise MissingDataError(f"no file {self.folder / name}{advice}")
         self._kept = split_frames(card, self._info.length)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the split's scenes: the sequence and the official number of the scene's first frame."""
-        return tuple(self._kept)
+        self.names = tuple(self._kept)  # the sequence and the official number of the scene's first frame
 
     def load(self, name: str) -> Scene:
         """Read one scene; all its frames count, also those without people or detections."""
