@@ -3,8 +3,6 @@
 Each error says what was got, what was expected, where, and what to do.
 """
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Collection, Iterable
 from typing import Any
@@ -58,7 +56,7 @@ class UnknownNameError(MtpBenchError, KeyError):
         self._given = (kind, got, known, hint)
         super().__init__(f"unknown {kind} {got!r}{nearest(got, known)}" + (f" ({hint})" if hint else ""))
 
-    def __reduce__(self) -> tuple[type[UnknownNameError], tuple[str, str, tuple[str, ...], str]]:
+    def __reduce__(self) -> tuple[type["UnknownNameError"], tuple[str, str, tuple[str, ...], str]]:
         return type(self), self._given  # workers send their errors home
 
     def __str__(self) -> str:  # KeyError would show the repr of the text

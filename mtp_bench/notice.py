@@ -4,8 +4,6 @@ Work that is known to take over two seconds speaks at once, other work after two
 terminal a line with a bar is kept up to date instead. Worker processes are silent, and all with ``MTP_BENCH_QUIET=1``.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import sys
@@ -20,7 +18,7 @@ LINE_SECONDS = 10.0  # between lines
 BAR_SECONDS = 0.25  # between two states of the bar
 _KEPT_SECONDS = 0.005  # an item that takes less was finished before: it tells nothing of the others
 
-_jobs: list[Notice] = []  # unfinished ones of this process, the innermost last
+_jobs: list["Notice"] = []  # unfinished ones of this process, the innermost last
 _told: set[str] = set()
 _lock = threading.RLock()  # of the jobs and of the error stream
 

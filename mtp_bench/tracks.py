@@ -1,7 +1,5 @@
 """Tracks shared by hypotheses, and the objects that they agree are there."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
@@ -44,7 +42,7 @@ class Tracks:
     covariance: Floats | None = None  # [N, 2, 2] of position (m) and velocity (m/frame), per axis, as the filter says
     affinity: Affinity | None = None
 
-    def select(self, rows: Ints) -> Tracks:
+    def select(self, rows: Ints) -> "Tracks":
         """The tracks ``rows``, in this order; the hypotheses hold what is left of theirs."""
         aligned = [f.name for f in fields(self) if f.name not in _NOT_BY_TRACK]
         parts = {name: value[rows] for name in aligned if (value := getattr(self, name)) is not None}
@@ -52,7 +50,7 @@ class Tracks:
         return replace(self, **parts, member=self.member[:, rows], affinity=pairs)
 
     @classmethod
-    def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints, **fields: Any) -> Tracks:
+    def of_one_hypothesis(cls, track_id: Ints, box: Floats, class_id: Ints, **fields: Any) -> "Tracks":
         """Tracks of these identities [N], boxes [N, 7] and classes [N], all in one hypothesis.
 
         ``fields``: further ones; without them the tracks have no past, and took no detection.

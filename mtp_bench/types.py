@@ -8,8 +8,6 @@ Metres, seconds, radians; right-handed frames with z up; a box is ``x y z yaw l 
 Rows over all frames are sorted by frame; the rows of frame t are ``start[t]:start[t + 1]``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, TypeVar
@@ -38,7 +36,7 @@ class Ragged:
         return f"{type(self).__name__}: {int(self.start[-1])} rows in {self.frames} frames"
 
     @classmethod
-    def of_counts(cls, count: Sequence[int] | Ints) -> Ragged:
+    def of_counts(cls, count: Sequence[int] | Ints) -> "Ragged":
         """Frames of ``count`` [F] rows each."""
         return Ragged(starts_of(count))
 

@@ -1,7 +1,5 @@
 """Printing and writing, shared by the commands."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -31,13 +29,13 @@ _FAILURES = 10  # that one line tells
 
 
 @contextmanager
-def working(label: str, options: RunOptions) -> Iterator[RunOptions]:
+def working(label: str, options: "RunOptions") -> Iterator["RunOptions"]:
     """The options with progress that is told on the error stream."""
     with reported(label) as progress:
         yield replace(options, progress=progress)
 
 
-def prepare(env: str, options: RunOptions, agents: Iterable[str] = ()) -> None:
+def prepare(env: str, options: "RunOptions", agents: Iterable[str] = ()) -> None:
     """Make simulated scenes, or the compact copy of tables, that are not in the cache yet.
 
     The ``agents`` are looked up first, so that a misspelt name is an error at once.
@@ -78,7 +76,7 @@ def say(text: str) -> None:
 
 
 def show_report(
-    report: Report, of: str, skipped: Mapping[str, int], asked: Shown, names: Sequence[str] | None = None
+    report: "Report", of: str, skipped: Mapping[str, int], asked: "Shown", names: Sequence[str] | None = None
 ) -> None:
     """Print the main table of a report ``of`` something, one sentence of verdict and warnings; with ``full`` all else.
 

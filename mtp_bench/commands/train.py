@@ -1,7 +1,5 @@
 """``mtp-bench train``: fits of the parameters of baselines on training splits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -97,7 +95,7 @@ def predictor(
 
 
 def _trained(
-    request: TrainingRequest, options: RunOptions, output: Path | None = None, minutes: int | None = None
+    request: "TrainingRequest", options: RunOptions, output: Path | None = None, minutes: int | None = None
 ) -> tuple[Path, dict[str, Any]]:
     """The file of weights of a training, and its card, with progress; ``minutes``: about how long it takes."""
     from ..training.predictors import train_predictor, training_windows

@@ -1,7 +1,5 @@
 """``mtp-bench view``: runs of one scene as a recording, in a file, a window or a browser."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace

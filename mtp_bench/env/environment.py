@@ -4,14 +4,13 @@ The observation at frame t holds the detections of frame t only. The action hold
 of objects as of frame t. ``step`` gives the reward of that action and the observation of frame t + 1.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, Unpack, cast, final
+from typing import Any, Unpack, cast, final
 
 import gymnasium
 import numpy as np
 from gymnasium import logger
 from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
 
 from ..cards import Card, changed_card, load_card, with_scenes
 from ..errors import DataError, MtpBenchError, RolloutError
@@ -27,9 +26,6 @@ from .live import RENDERERS, LiveEpisode, Renderer, live_episode, open_renderer
 from .observation import LocalFrame, make_feed
 from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 @final

@@ -1,7 +1,5 @@
 """Lanes of an observation: the road map of a scene in pieces of equal size, those next to the sensor first."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The first ego pose is the origin of the local frame and time starts at zero: neither map nor clock tells the scene.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +26,7 @@ class LocalFrame:
     translation: Floats  # [3] m, applied after the rotation
 
     @classmethod
-    def of(cls, scene: Scene, rng: np.random.Generator | None = None) -> LocalFrame:
+    def of(cls, scene: Scene, rng: np.random.Generator | None = None) -> "LocalFrame":
         """The frame with the first ego pose as origin, moved at random if ``rng`` is given."""
         x, y, z, ego_yaw = (float(value) for value in scene.ego[0])
         turn, shift = 0.0, np.zeros(3)

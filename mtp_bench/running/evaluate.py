@@ -1,7 +1,5 @@
 """Score agents on the scenes of an env in memory: no files are written."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -52,7 +50,7 @@ class EnvEvaluation:
     @contextmanager
     def opened(
         cls, verb: str, env_id: str | Card, options: RunOptions, keywords: Mapping[str, Any]
-    ) -> Iterator[EnvEvaluation]:
+    ) -> Iterator["EnvEvaluation"]:
         """The scenes that agents are ranked on, under the options and `RunKeywords` of a call."""
         env_id, options = asked(env_id, options, keywords)
         with reported(f"{verb} on {getattr(env_id, 'id', env_id)}", own=options.progress) as progress:

@@ -1,7 +1,5 @@
 """`RunOptions`: scenes, seeds, changes of the card, workers and progress of a run; folds of a split."""
 
-from __future__ import annotations
-
 import operator
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -143,7 +141,7 @@ class RunOptions:
         """The card of an env with the changes; raises CardError, UnknownNameError."""
         return changed_card(env if isinstance(env, Card) else load_card(env), **self.changes)
 
-    def on_split(self, name: str) -> RunOptions:
+    def on_split(self, name: str) -> "RunOptions":
         """The same options on the split ``name``, unless they name a split."""
         return self if self.split is not None else replace(self, split=name)
 

@@ -3,8 +3,6 @@
 Forecasts, most of a rollout, are stored as second differences over time, which compress well: objects move steadily.
 """
 
-from __future__ import annotations
-
 import json
 import zipfile
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Settings: a submission with the parameters and the number of samples of one row of a comparison."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -39,7 +37,7 @@ class Setting:
         return self.submission.name, parameters, self.budget, self.hypotheses, self.samples, self.observe
 
     @property
-    def gap_references(self) -> tuple[Setting, Setting] | tuple[()] | None:
+    def gap_references(self) -> tuple["Setting", "Setting"] | tuple[()] | None:
         """The reference pair of its gap: one hypothesis, and ground-truth tracks, with its own predictor.
 
         Empty: the controls are the pair. None: the manifest does not state it.

@@ -1,7 +1,5 @@
 """Runs on disk: `run` stores one, `score` scores it, `open_run` opens it with its card and scenes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Matching of forecasts to true objects, at every confidence threshold (docs/definitions, "bADE")."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -56,7 +54,7 @@ class RecordedForecasts:
     log_weight: Floats  # [S, K]
 
     @classmethod
-    def of(cls, rollout: Rollout) -> RecordedForecasts:
+    def of(cls, rollout: Rollout) -> "RecordedForecasts":
         """All forecasts of a rollout."""
         objects = rollout.object_box, rollout.object_class, rollout.object_confidence
         return cls(rollout.objects.frame_of_rows, *objects, rollout.forecast, rollout.forecast_log_weight)

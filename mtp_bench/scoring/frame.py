@@ -1,7 +1,5 @@
 """Score of single frames, from which a training env takes its reward and its metrics."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -43,7 +41,7 @@ class FrameScore:
         return 0.0 - self.error  # not -error: no -0.0
 
     @classmethod
-    def total(cls, frames: Sequence[FrameScore]) -> FrameScore:
+    def total(cls, frames: Sequence["FrameScore"]) -> "FrameScore":
         """Sums over ``frames``, and the mean minADE over all covered targets."""
         table = np.array([list(vars(frame).values()) for frame in frames]).reshape(-1, 7)
         table[:, 2] *= table[:, 1]

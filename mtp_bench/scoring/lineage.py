@@ -3,8 +3,6 @@
 An agent states the parent (``hypothesis_parent``), else it is guessed as the hypothesis whose tracks moved least.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +57,7 @@ class LineageEvents:
         """Lost or reacquired [R, H]."""
         return self.lost | self.reacquired
 
-    def of(self, hypothesis: Ints) -> LineageEvents:
+    def of(self, hypothesis: Ints) -> "LineageEvents":
         """The events [R, 1] of one hypothesis per row."""
         index = np.asarray(hypothesis)[:, None]
         kinds = (self.ids, self.lost, self.wrong, self.reacquired)

@@ -4,8 +4,6 @@ All frames are matched at once; only larger components of pairs reach an assignm
 cost the one with the lower row, then the lower column is preferred where the choice is ours.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -31,7 +29,7 @@ class _Contested:
     local_row: Rows  # [E] number of the row within its component
     local_column: Rows  # [E]
 
-    def keep(self, mask: Bools) -> _Contested:
+    def keep(self, mask: Bools) -> "_Contested":
         """The components where ``mask`` [components] holds."""
         inside = mask[self.label]
         label, row, column = (part[inside] for part in (self.label, self.local_row, self.local_column))

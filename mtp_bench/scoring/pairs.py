@@ -1,7 +1,5 @@
 """Candidate pairs of ragged rows: every pair of one frame inside a gate, over all frames at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +23,7 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.row)
 
-    def keep(self, mask: Bools) -> Pairs:
+    def keep(self, mask: Bools) -> "Pairs":
         """The pairs where ``mask`` holds."""
         return Pairs(self.row[mask], self.column[mask], self.cost[mask])
 

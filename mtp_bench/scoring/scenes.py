@@ -1,7 +1,5 @@
 """Numbers of single scenes: while a run goes on, and of a report."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,7 +26,7 @@ class SceneResult:
     coverage: float | None  # share of the targets with a forecast
 
     @classmethod
-    def of(cls, agent: str, seed: int, score: SceneScore) -> SceneResult:
+    def of(cls, agent: str, seed: int, score: SceneScore) -> "SceneResult":
         """The numbers of a scored scene."""
         targets, covered = len(score), int(score.covered.sum())
         ade, fde = (float(error[score.covered].sum()) for error in (score.min_ade, score.min_fde))

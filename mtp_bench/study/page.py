@@ -1,7 +1,5 @@
 """The page of a study: one HTML file that loads no other, with text, all figures and tables, and the worst moments."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -67,7 +65,7 @@ def study_page(
 
 
 @cache
-def _templates() -> Environment:
+def _templates() -> "Environment":
     environment = templates_of(_HERE)
     environment.globals.update(cell_text=cell_text, relation_value=relation_value)
     return environment

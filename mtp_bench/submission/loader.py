@@ -3,8 +3,6 @@
 The baselines have the same form and are loaded by the same code; see ``baselines/README.md``.
 """
 
-from __future__ import annotations
-
 import inspect
 import os
 from collections.abc import Callable
@@ -43,7 +41,7 @@ class Submission(Manifest):
         parts = self.trained_on_scored.get(env_id)
         return None if parts is None else f"{parts} {ON_SCORED}"
 
-    def build(self, task: Task, **overrides: Any) -> Agent:
+    def build(self, task: "Task", **overrides: Any) -> "Agent":
         """A new agent for ``task``; ``overrides`` win over the parameters of the manifest.
 
         Raises SubmissionError if the code cannot be imported or the built object is not an agent, and UnknownNameError
@@ -64,7 +62,7 @@ class Submission(Manifest):
     def require_copy(self) -> None:
         """Raise MtpBenchError unless other processes can make its agents."""
 
-    def factory(self, parameters: dict[str, Any]) -> Callable[[Task], Agent]:
+    def factory(self, parameters: dict[str, Any]) -> "Callable[[Task], Agent]":
         """A function that makes agents of this submission in any process."""
         return SubmissionFactory(str(self.path), parameters)
 
@@ -86,7 +84,7 @@ class SubmissionFactory:
     path: str
     parameters: dict[str, Any] = field(default_factory=dict)
 
-    def __call__(self, task: Task) -> Agent:
+    def __call__(self, task: "Task") -> "Agent":
         """A new agent for ``task``."""
         return load_submission(self.path).build(task, **self.parameters)
 

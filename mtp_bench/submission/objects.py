@@ -1,7 +1,5 @@
 """Agents that are objects or functions of the calling program, in place of a folder."""
 
-from __future__ import annotations
-
 import inspect
 import pickle
 from collections.abc import Callable
@@ -37,7 +35,7 @@ class ObjectSubmission(Submission):
     obstacle: str = ""  # that keeps it from being copied
 
     @classmethod
-    def of(cls, given: object, name: str = "") -> ObjectSubmission:
+    def of(cls, given: object, name: str = "") -> "ObjectSubmission":
         """The submission of an agent object, function or class; ``name``: in place of its own."""
         import cloudpickle  # takes classes of scripts and notebooks too
 
@@ -54,7 +52,7 @@ class ObjectSubmission(Submission):
         """Empty: there are no files."""
         return ""
 
-    def factory(self, parameters: dict[str, Any]) -> Callable[[Task], Agent]:
+    def factory(self, parameters: dict[str, Any]) -> "Callable[[Task], Agent]":
         """A function that makes agents of it; in other processes only if it can be copied."""
         return partial(_make, self.name, self.copied, self.given if self.copied is None else None)
 
@@ -72,7 +70,7 @@ class ObjectSubmission(Submission):
         return _without_task(self.given) if isinstance(self.given, type) else self.given
 
 
-def _make(name: str, copied: bytes | None, given: object, task: Task) -> Agent:
+def _make(name: str, copied: bytes | None, given: object, task: "Task") -> "Agent":
     given = given if copied is None else pickle.loads(copied)
     return ObjectSubmission.model_construct(name=name, agent=name, given=given).build(task)
 

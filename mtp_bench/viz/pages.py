@@ -1,7 +1,5 @@
 """Templates of pages, and other texts that ship beside the code of a page."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from functools import cache
@@ -23,7 +21,7 @@ def source_of(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-def templates_of(folder: Path) -> Environment:
+def templates_of(folder: Path) -> "Environment":
     """The templates in a folder. Values are escaped, and a name without a value is an error."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 

@@ -1,7 +1,5 @@
 """A scored run of one scene, row by row, with the scorer's own matching and events: the input of every drawing."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -59,7 +57,7 @@ class Replay:
     judged: bool = True  # False: the answers are not compared with the truth
 
     @classmethod
-    def of_episode(cls, episode: LiveEpisode, back: int) -> Replay:
+    def of_episode(cls, episode: LiveEpisode, back: int) -> "Replay":
         """The last ``back`` + 1 frames of an episode while it is played, which are not compared with the truth."""
         first = max(0, episode.frame - back)
         scene, rollout = episode.scene, episode.rollout(first)

@@ -1,7 +1,5 @@
 """The leaderboard as a page and the parts beside it: no network, no server, the same records give the same bytes."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter
@@ -167,7 +165,7 @@ def _ids(entries: Sequence[Entry]) -> Ids:
 
 
 @cache
-def _templates() -> Environment:
+def _templates() -> "Environment":
     environment = templates_of(_HERE)
     environment.globals.update(width=WIDTH, nothing=BLANK, level_text=LEVEL_TEXT, page_class=PAGE, budgets=BUDGETS)
     environment.globals.update(per_frame=FORECASTS_PER_FRAME, definitions=DEFINITIONS)

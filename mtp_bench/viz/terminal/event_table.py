@@ -1,7 +1,5 @@
 """List of the events of a run: time, object, tracks, error of the forecast, and a command that shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self

@@ -1,7 +1,5 @@
 """Tables and sentences on the output stream."""
 
-from __future__ import annotations
-
 import shlex
 import sys
 import textwrap
@@ -43,7 +41,7 @@ def show_command(words: str) -> None:
     _console().print(words, highlight=False, markup=False, crop=False, soft_wrap=True)
 
 
-def show_table(data: Table, console: Console | None = None, style: Callable[[Any], str] | None = None) -> None:
+def show_table(data: Table, console: "Console | None" = None, style: Callable[[Any], str] | None = None) -> None:
     """Print a table as `table_lines` makes it for the width of the terminal; ``style``: rich's style of a row."""
     console = console or _console()
     console.print(data.title, style="bold", markup=False, highlight=False)
@@ -52,7 +50,7 @@ def show_table(data: Table, console: Console | None = None, style: Callable[[Any
         console.print(line, style=look, markup=False, highlight=False, crop=False, soft_wrap=True)
 
 
-def _console() -> Console:
+def _console() -> "Console":
     from rich.console import Console
 
     # No emoji: ":x:" in a name is a name, and commands are pasted.
