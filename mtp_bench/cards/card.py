@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationInfo, field_validator
 
 from ..detector import Profile, Variant, load_profile
+from ..detector.profile_file import with_variant
 from ..errors import CardError, MtpBenchError, nearest
 from ..strict import Section, rule
 from .source import SourceSection
@@ -113,8 +114,6 @@ class DetectorSection(Section):
         """
         if (self.profile is None) == (self.noise is None):
             raise CardError("[detector] has both or none of 'profile' and 'noise', expected exactly one of them")
-        from ..detector.variants import with_variant
-
         return with_variant(self.noise or load_profile(str(self.profile)), self.variant)
 
 

@@ -5,4 +5,4 @@ Findings of an agent: ``mtp_bench.testing.check_agent(mtp_bench.load_submission(
 
 from .agent_checks import check_agent as check_agent
 from .card_checks import check_card as check_card
-from .findings import Finding as Finding
+from .playing import Finding as Finding

@@ -12,8 +12,7 @@ from ..errors import MtpBenchError, require_known
 from ..running.run import MakeAgent, agent_task
 from ..scoring import mean_plain_error
 from ..types import Observation, Task, starts_of
-from .findings import AgentError, Finding
-from .playing import Suite, first_difference, play, play_made_up, score_of
+from .playing import AgentError, Finding, Suite, first_difference, play, play_made_up, score_of
 
 Findings = Iterator[Finding]
 SCENES = 2  # checked unless scenes are named

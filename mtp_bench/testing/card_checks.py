@@ -9,7 +9,7 @@ from ..env.environment import MTPEnv
 from ..errors import DataError, MtpBenchError
 from ..scoring import find_targets
 from ..sources import describe
-from .findings import Finding
+from .playing import Finding
 
 
 def check_card(path: str | Path, data: str | None = None) -> list[Finding]:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mtp_bench.detector import Profile, load_profile, profile_names
-from mtp_bench.detector.profile_file import profile_for, profile_text
-from mtp_bench.detector.variants import with_variant
+from mtp_bench.detector.profile_file import profile_for, profile_text, with_variant
 from tests.support.detector_scenes import FREE, LASTING, NEAR, cars, detect, on_grid, profile_of
 
 FULL = profile_of(quality=LASTING, radial={**LASTING, "s0": 0.2}, free=FREE, near=NEAR)
