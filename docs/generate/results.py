@@ -216,12 +216,12 @@ def _value(subset: Subset, agent: str, name: str) -> Callable[[dict[str, Entry]]
 
 def main() -> None:
     """Fill in the pages; a record that is broken stops it, as a page would lose its row."""
-    content = read_board(None, (), None, None, trusted(None), NO_PROGRESS)
-    if content.refused:
-        raise RecordError(f"{len(content.refused)} records refused: {content.refused[0]}")
+    entries, refused, _ = read_board(None, (), None, None, trusted(None), NO_PROGRESS)
+    if refused:
+        raise RecordError(f"{len(refused)} records refused: {refused[0]}")
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
-        new = filled(text, content.entries, page.name)
+        new = filled(text, entries, page.name)
         write_text(page, new)
         print(f"{page.name}: {'unchanged' if new == text else 'tables written anew'}")
 

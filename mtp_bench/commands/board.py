@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -20,15 +19,6 @@ from ..viz.board.tables import board_tables, style_of
 from ..viz.terminal.output import counted, show, show_lines, show_table
 from .options import BaseOption, JsonOption, TableOption, file_option
 from .output import write_json, write_table
-
-
-@dataclass(frozen=True)
-class Board:
-    """Entries of a leaderboard, and the reasons why others are missing."""
-
-    entries: list[Entry]
-    refused: list[str]  # reasons why records are broken
-    notes: list[str]  # levels that are not shown
 
 
 def board(
@@ -50,15 +40,15 @@ def board(
     if output is not None:
         require_parts(output)
     with reported("reading records") as progress:
-        content = read_board(records, further or (), env, output, trusted(base), progress)
-    entries, tables = content.entries, board_tables(content.entries)
+        entries, refused, notes = read_board(records, further or (), env, output, trusted(base), progress)
+    tables = board_tables(entries)
     write_json(json_file, board_json(entries))
     write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
-    for table, notes in tables:
+    for table, below in tables:
         show_table(table, style=style_of)
         show("")
-        show_lines(notes)
-    show_lines([*content.notes, *(f"refused: {text}" for text in content.refused)])
+        show_lines(below)
+    show_lines([*notes, *(f"refused: {text}" for text in refused)])
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if output is not None:
@@ -67,18 +57,19 @@ def board(
         addresses = Pages(*(_link(page, output) for page in pages))
         write_board(output, board_files(entries, parts_folder(output).name, addresses))
         show(f"{output}: {counted(len(entries), 'record')}; open it in a browser")
-    if strict and content.refused:
-        raise RecordError(f"{counted(len(content.refused), 'record')} refused, the first: {content.refused[0]}")
+    if strict and refused:
+        raise RecordError(f"{counted(len(refused), 'record')} refused, the first: {refused[0]}")
 
 
 def read_board(
     folder: Path | None, further: Sequence[Path], env: str | None, page: Path | None, trust: Trust, progress: Progress
-) -> Board:
-    """Entries in the order of the leaderboard; those of ``further`` that are not in the folder are marked as added.
+) -> tuple[list[Entry], list[str], list[str]]:
+    """Entries in the order of the leaderboard, why records are broken, and notes on levels that are not shown.
 
-    They take the place of the folder's record of that submission, environment and split, as the files would. Of copies
-    of one record the first with a signed level is taken; a note names the others. Of one environment only its own
-    files are read: a record is named after its environment.
+    Those of ``further`` that are not in the folder are marked as added. They take the place of the folder's record of
+    that submission, environment and split, as the files would. Of copies of one record the first with a signed level
+    is taken; a note names the others. Of one environment only its own files are read: a record is named after its
+    environment.
 
     ``page`` is the file that links start from; without one there are no links. A broken record of the folder is refused
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
@@ -125,7 +116,7 @@ def read_board(
     if env is not None and not listed:
         load_card(env)  # an env without a submission is fine as long as there is such an env
     notes += [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
-    return Board(entries_of(listed), refused, notes)
+    return entries_of(listed), refused, notes
 
 
 def _place(record: Record) -> tuple[str, ...]:

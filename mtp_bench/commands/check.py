@@ -29,19 +29,20 @@ def check(
 ) -> None:
     """Check that a submission keeps the contract, on up to three scenes. Status 1 for errors."""
     options = RunOptions(root, scenes, track_file=absolute(tracks), workers=Workers(cores()))
-    options.require_usable([load_submission(path)])
+    submission = load_submission(path)
+    options.require_usable([submission])
     prepare(env, options)
     with working(f"checking {path}", options) as watched:
-        checked = check_submission(path, env, watched)
-    write_json(json_file, asdict(checked))
+        findings = check_submission(submission, env, watched)
+    write_json(json_file, {"submission": submission.name, "env": env, "findings": [asdict(each) for each in findings]})
     columns = Column(key="level"), Column(key="check"), Column(key="found", read=_found)
-    table = Table("findings", f"{checked.submission} on {checked.env}", "", checked.findings, columns)
+    table = Table("findings", f"{submission.name} on {env}", "", findings, columns)
     show_table(table, style=lambda row: _STYLE[row.level])
-    if checked.errors:
-        errors = counted(checked.errors, "error")
-        raise SubmissionError(f"{checked.submission} does not pass: {errors}, see the table")
-    compare = command_line("compare", path, env=checked.env, data=root, tracks=tracks)
-    show(f"{checked.submission} passes; next: `{compare}`")
+    errors = sum(finding.level == "error" for finding in findings)
+    if errors:
+        raise SubmissionError(f"{submission.name} does not pass: {counted(errors, 'error')}, see the table")
+    compare = command_line("compare", path, env=env, data=root, tracks=tracks)
+    show(f"{submission.name} passes; next: `{compare}`")
 
 
 def _found(finding: Finding) -> str:

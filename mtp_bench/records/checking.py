@@ -1,7 +1,6 @@
 """Check that a submission keeps the contract of an agent, in this process and behind the gateway."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from ..env.environment import MTPEnv
@@ -9,46 +8,33 @@ from ..env.rollouts import digest
 from ..gateway import SceneRun, run_isolated_scenes
 from ..running.options import RunOptions
 from ..running.run import jobs_of, run_jobs
-from ..submission import SubmissionFactory, load_submission
+from ..submission import SubmissionFactory
+from ..submission.loader import Submission
 from ..testing import Finding, check_agent
 from ..types import Rollout
 
 SCENES = 3  # at most
 
 
-@dataclass(frozen=True)
-class SubmissionCheck:
-    """Findings of a check."""
-
-    submission: str
-    env: str
-    findings: tuple[Finding, ...]
-
-    @property
-    def errors(self) -> int:
-        """Number of errors; 0 passes."""
-        return sum(finding.level == "error" for finding in self.findings)
-
-
-def check_submission(path: str, env_id: str, options: RunOptions) -> SubmissionCheck:
+def check_submission(submission: Submission, env_id: str, options: RunOptions) -> list[Finding]:
     """Check a submission on the first scenes of an env; actions of its agent never raise.
 
-    ``options``: data, scenes and progress. Raises MtpBenchError for a broken folder and for a missing env or data.
+    ``options``: data, scenes and progress. Raises MtpBenchError for a missing env or data.
     """
-    submission, progress = load_submission(path), options.progress
+    progress = options.progress
     keywords: dict[str, Any] = {"data": options.data, **options.shown_to(submission), "evaluation": True}
     names = options.chosen(MTPEnv(env_id, **keywords).scene_names)
     progress.started(1 + len(names))
     runs = run_isolated_scenes(submission.path, env_id, keywords, scenes=names, progress=progress)
     # an agent that hung, broke the rules or ended its process would take this process with it
     if any(run.status in ("hung", "rejected") or run.reason.startswith("the process ") for run in runs):
-        return SubmissionCheck(submission.name, env_id, tuple(gateway_findings(runs, None)))
+        return gateway_findings(runs, None)
     make = SubmissionFactory(str(submission.path), submission.parameters)
     findings = check_agent(make, env_id, names[:2], keywords)
     progress.done("conformance")
     if not any(finding.level == "error" for finding in findings):
         findings += gateway_findings(runs, run_jobs(jobs_of(submission, env_id, keywords, names)))
-    return SubmissionCheck(submission.name, env_id, tuple(findings))
+    return findings
 
 
 def gateway_findings(runs: Sequence[SceneRun], here: Sequence[Rollout] | None) -> list[Finding]:

@@ -49,7 +49,7 @@ def test_records_fit_their_environments(records: dict[Path, Record]) -> None:
 def test_no_place_contradicts_its_number_and_no_interval_its_test(repository: Path) -> None:
     """Over all records, those of earlier definitions included."""
     folder = repository / "leaderboard"
-    boards = by_board(read_board(folder / "records", (), None, None, trusted(folder), NO_PROGRESS).entries)
+    boards = by_board(read_board(folder / "records", (), None, None, trusted(folder), NO_PROGRESS)[0])
     placed = 0
     for entries, subset in itertools.product(boards.values(), SUBSETS):
         places = [(each.standing.places[subset], each.row_of(subset).error or 0.0) for each in entries]
@@ -79,7 +79,7 @@ def test_the_pages_are_made_of_the_records(repository: Path, tmp_path: Path, cli
         (tmp_path / linked).symlink_to(repository / linked)
     cli.ok("board", "--records", copy / "records", "-o", copy / "index.html")
     assert _files(copy) == _files(committed)
-    entries = read_board(None, (), None, None, trusted(None), NO_PROGRESS).entries
+    entries, _, _ = read_board(None, (), None, None, trusted(None), NO_PROGRESS)
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         assert filled(text, entries, page.name) == text, page.name

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...geometry import wrap_angle
+from ...geometry import rotate, wrap_angle
 from ...types import Floats
 from ..kalman import rotation
 from ..windows import TrackWindows
@@ -41,12 +41,8 @@ def local_future(windows: TrackWindows, xy: Floats) -> Floats:
 
 def to_absolute(windows: TrackWindows, xy: Floats) -> Floats:
     """Absolute x y of positions [n, ..., 2] in the heading frame of each window."""
-    shape = len(xy), *(1,) * (xy.ndim - 2)
-    (x, y, _, yaw), turned = windows.box[:, -1, :4].T.reshape(4, *shape), np.empty(xy.shape)
-    c, s = np.cos(yaw), np.sin(yaw)
-    turned[..., 0] = c * xy[..., 0] - s * xy[..., 1] + x
-    turned[..., 1] = s * xy[..., 0] + c * xy[..., 1] + y
-    return turned
+    now = windows.box[:, -1].reshape(len(xy), *(1,) * (xy.ndim - 2), 7)
+    return rotate(xy, now[..., 3]) + now[..., :2]
 
 
 def history(inputs: dict[str, Array]) -> Array:

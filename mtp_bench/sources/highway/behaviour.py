@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from ...geometry import rotate
 from ...types import Bools, Floats, Ints
 from .driving import Leaders, RoadState
 
@@ -157,9 +158,7 @@ class PedestrianBehaviour:
 
     def turned(self, way: Floats, numbers: Ints, crossing: Bools) -> Floats:
         """Vectors to the goals ``[M, 2]``, turned a little; unchanged on a ``crossing`` ``[M]``."""
-        angle = self._bearing.step(numbers) * ~crossing
-        cos, sin = np.cos(angle), np.sin(angle)
-        return np.stack([cos * way[:, 0] - sin * way[:, 1], sin * way[:, 0] + cos * way[:, 1]], axis=1)
+        return rotate(way, self._bearing.step(numbers) * ~crossing)
 
 
 def _among(groups: Ints, chosen: dict[int, float]) -> Bools:
