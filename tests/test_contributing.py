@@ -51,12 +51,12 @@ def followed(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> tupl
 
 
 def write_walks(folder: Path) -> None:
-    """Two scenes of four people who walk on straight lines for 20 s."""
+    """Two scenes of four people who walk on straight lines for 12 s."""
     folder.mkdir(parents=True)
     rng = np.random.default_rng(0)
     for scene in range(2):
         start, speed = rng.uniform(-8, 8, (4, 2)), rng.uniform(-0.4, 0.4, (4, 2))
-        rows = [(t, i, *(start[i] + t * speed[i])) for t in range(40) for i in range(4)]
+        rows = [(t, i, *(start[i] + t * speed[i])) for t in range(25) for i in range(4)]
         (folder / f"walk{scene}.csv").write_text("".join(f"{t},{i},{x:.3f},{y:.3f}\n" for t, i, x, y in rows))
 
 
