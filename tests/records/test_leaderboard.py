@@ -20,7 +20,7 @@ from mtp_bench.records.shipped import baseline_digest
 from mtp_bench.records.storage import read_as
 from mtp_bench.scoring import DEFINITIONS, SUBSETS
 from mtp_bench.scoring.definitions import SIGNIFICANT
-from mtp_bench.viz.board.entries import by_board
+from mtp_bench.viz.board.entries import Entry, by_board
 from tests.support.command_line import CommandLine
 
 LEAST = 20  # records of today's definitions
@@ -30,6 +30,12 @@ LEAST = 20  # records of today's definitions
 def records(repository: Path) -> dict[Path, Record]:
     """As they are read: whether they hold together is asked where the pages are made of them."""
     return {path: read_as(Record, path) for path in record_paths(repository / "leaderboard" / "records")}
+
+
+@pytest.fixture(scope="module")
+def entries() -> list[Entry]:
+    """Of all records, those of earlier definitions included."""
+    return read_board(None, (), None, None, trusted(None), NO_PROGRESS)[0]
 
 
 def test_records_fit_their_environments(records: dict[Path, Record]) -> None:
@@ -46,20 +52,17 @@ def test_records_fit_their_environments(records: dict[Path, Record]) -> None:
         assert why_not_comparable(record) is None
 
 
-def test_no_place_contradicts_its_number_and_no_interval_its_test(repository: Path) -> None:
-    """Over all records, those of earlier definitions included."""
-    folder = repository / "leaderboard"
-    boards = by_board(read_board(folder / "records", (), None, None, trusted(folder), NO_PROGRESS)[0])
+def test_no_place_contradicts_its_number_and_no_interval_its_test(entries: list[Entry]) -> None:
     placed = 0
-    for entries, subset in itertools.product(boards.values(), SUBSETS):
-        places = [(each.standing.places[subset], each.row_of(subset).error or 0.0) for each in entries]
+    for board, subset in itertools.product(by_board(entries).values(), SUBSETS):
+        places = [(each.standing.places[subset], each.row_of(subset).error or 0.0) for each in board]
         errors = np.array([error for place, error in places if place.place is not None])
         for place, error in places:
             if place.place is not None and place.span is not None:
                 placed += 1
                 assert place.place == 1 + int((errors < error * (1 - 1e-9)).sum())
                 assert place.span[0] <= place.place <= place.span[1]
-        for entry in entries:
+        for entry in board:
             difference = entry.difference(subset)
             for interval, p in (
                 (difference and difference.interval, difference and difference.p),
@@ -70,7 +73,9 @@ def test_no_place_contradicts_its_number_and_no_interval_its_test(repository: Pa
     assert placed > LEAST
 
 
-def test_the_pages_are_made_of_the_records(repository: Path, tmp_path: Path, cli: CommandLine) -> None:
+def test_the_pages_are_made_of_the_records(
+    repository: Path, tmp_path: Path, cli: CommandLine, entries: list[Entry]
+) -> None:
     """The board, and the tables of RESULTS.md and the README. To mend it: make pages."""
     committed, copy = repository / "leaderboard", tmp_path / "leaderboard"
     made = ("index.*", "*.rollouts", "*.part")
@@ -79,7 +84,6 @@ def test_the_pages_are_made_of_the_records(repository: Path, tmp_path: Path, cli
         (tmp_path / linked).symlink_to(repository / linked)
     cli.ok("board", "--records", copy / "records", "-o", copy / "index.html")
     assert _files(copy) == _files(committed)
-    entries, _, _ = read_board(None, (), None, None, trusted(None), NO_PROGRESS)
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         assert filled(text, entries, page.name) == text, page.name
