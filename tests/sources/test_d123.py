@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,15 @@ from mtp_bench.errors import DataError
 from mtp_bench.sources import load_scenes
 from mtp_bench.sources.argoverse2.road import scene_lanes
 from mtp_bench.sources.d123 import import_logs
+from mtp_bench.sources.d123.logs import LABELS
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine
 from tests.support.own_scenes import assert_same, small_card
 
 BOXES, EGO = "box_detections_se3", "ego_state_se3"
+NUSCENES = "MTP-nuScenes-mini-v0"
 START, FRAMES = 1_700_000_000_000_000, 10
-LABELS = "py123d.parser.registry.WODPerceptionBoxDetectionLabel"
+REGISTRY = "py123d.parser.registry.WODPerceptionBoxDetectionLabel"
 TRACKS = ["car", "man", "far", "sign"]
 Tables = dict[str, tuple[dict[str, Any], dict[str, Any]]]  # columns and metadata by name of the file
 
@@ -50,7 +53,7 @@ def log_tables() -> Tables:
     features = [*lanes, msgspec.msgpack.encode({"intersection_id": 1})]
     return {
         "sync": ({"uuid": ["a"]}, {"split": "made_up", "dataset": "made", "location": "up"}),
-        BOXES: (boxes, {"box_detection_label_class": LABELS}),
+        BOXES: (boxes, {"box_detection_label_class": REGISTRY}),
         EGO: ({"timestamp_us": times, "imu_se3": poses}, {}),
         "route_position": ({"remaining_m": [9.0]}, {"polyline_x": [1.0]}),
         "map": ({"object_id": [40, 41, 42, 43, 7], "map_layer": [0, 0, 0, 0, 1], "features": features}, {}),
@@ -91,6 +94,12 @@ def test_a_log_is_a_scene(tmp_path: Path) -> None:
     np.testing.assert_allclose([first.center[2], first.left[2], first.right[2]], [[4, 0], [4, 2], [4, -2]])
 
 
+@pytest.mark.parametrize(("registry", "table"), tomllib.loads(LABELS.read_text()).items())
+def test_every_label_is_a_class_or_skipped(registry: str, table: dict[str, str]) -> None:
+    assert list(table) == [str(number) for number in range(len(table))], registry
+    assert {word.removeprefix("neutral ") for word in table.values()} <= {"skipped", *load_card(NUSCENES).task.classes}
+
+
 def content(folder: Path) -> list[bytes]:
     return [path.read_bytes() for path in sorted(folder.rglob("*.parquet"))]
 
@@ -104,7 +113,12 @@ def test_what_leaks_changes_nothing(tmp_path: Path) -> None:
     imported(tmp_path / "b", changed)
     del changed["route_position"]
     imported(tmp_path / "c", changed)
+    log, city = tmp_path / "c/split/one", tmp_path / "maps/made/made_up.arrow"
+    city.parent.mkdir(parents=True)
+    (log / "map.arrow").rename(city)
+    import_logs(log, tmp_path / "d", 10, 60)
     assert content(tmp_path / "a/own") == content(tmp_path / "b/own") == content(tmp_path / "c/own")
+    assert content(tmp_path / "a/own") == content(tmp_path / "d"), "a map of the city"
 
 
 LINE = msgspec.msgpack.encode({"centerline": {b"shape": [1]}})

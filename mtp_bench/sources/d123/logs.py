@@ -3,7 +3,6 @@
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ SECOND = 1e6  # microseconds
 ROUNDING = 1  # us by which a time of the ego may be off
 STALE = 100_000  # us, age of the last pose from which a frame has none, and is left out
 BACK = 50_000  # us over which the motion of the ego is taken
+LABELS = Path(__file__).with_name("labels.toml")
 BOXES, SYNC, EGO = "box_detections_se3", "sync", "ego_state_se3"
 NEUTRAL = "neutral "  # before the class that a label is like: a match with it is neither right nor wrong
 
@@ -79,10 +79,10 @@ def log_tables(log: Path, rate: float, reach: float) -> dict[str, Columns]:
     truth = _truth(boxes, word, chosen, ego, origin, reach)
     pose = dict(zip(("x", "y", "z", "yaw"), ego.T, strict=True))
     tables = {"truth": truth, "ego": {"frame": np.arange(len(time)), "time": (time - time[0]) / SECOND, **pose}}
-    data, place = about.get("dataset"), about.get("location")
-    maps = log / "map.arrow", log.parents[2] / "maps" / str(data) / f"{data}_{place}.arrow"  # of the log, or a city
-    road = next((path for path in maps if path.exists()), None)
-    lanes = read_lanes(road, ego[:, :2], origin) if road else ()
+    data, road = about.get("dataset"), log / "map.arrow"
+    if not road.exists():  # some datasets have a map for each city
+        road = log.parent.parent.parent / "maps" / str(data) / f"{data}_{about.get('location')}.arrow"
+    lanes = read_lanes(road, ego[:, :2], origin) if road.exists() else ()
     return tables | ({"lanes": lane_columns(lanes)} if lanes else {})
 
 
@@ -134,15 +134,10 @@ def _poses(path: Path, time: Floats) -> tuple[Floats, Bools, Floats]:
 
 def _words(path: Path, metadata: Mapping[str, Any], label: Floats) -> NDArray[np.str_]:
     """A class, `NEUTRAL` and a class, or "skipped" [R] for labels of the registry that the metadata names."""
-    registry, known = str(metadata.get("box_detection_label_class")).rsplit(".", maxsplit=1)[-1], label_tables()
+    registry = str(metadata.get("box_detection_label_class")).rsplit(".", maxsplit=1)[-1]
+    known: dict[str, dict[str, str]] = tomllib.loads(LABELS.read_text(encoding="utf-8"))
     if registry not in known:
         raise DataError(f"{path}: unknown labels {registry!r}, expected one of {', '.join(known)}")
     words = {float(number): word for number, word in known[registry].items()}
     refuse(~np.isin(label, list(words)), lambda row: f"{path}: {registry} has no label {label[row]:g}")
     return np.array([words[number] for number in label.tolist()], dtype=np.str_)
-
-
-@cache
-def label_tables() -> Mapping[str, Mapping[str, str]]:
-    """Words of `labels.toml` by name of the registry and number of the label."""
-    return tomllib.loads(Path(__file__).with_name("labels.toml").read_text(encoding="utf-8"))
