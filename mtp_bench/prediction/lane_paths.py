@@ -12,10 +12,11 @@ _ASIDE = 3.0  # m, farthest middle line of a lane that an object may be on
 _TURNED = 0.9  # rad, largest angle between an object and its lane
 _BEYOND = 0.5  # m, before the beginning or behind the end of a piece of a lane
 _SPREAD = (1.0, 0.3)  # m and rad, usual distance and angle between an object and its lane
-_STARTS = 8  # pieces of lanes that an object may be on
+_STARTS = 16  # pieces of lanes that an object may be on
 _BRANCHES = 16  # paths from the beginning of a piece, at most: each has a share of `_LEAST`
 _LEAST = 1 / _BRANCHES - 1e-9
 _DEPTH = 40  # pieces of a path
+_FAR = 1e4  # m, beyond all paths
 _SAME = 1.0  # m, paths that stay as near are one
 
 
@@ -48,7 +49,11 @@ def lane_paths(
     size = int(np.ceil(np.max(metres, initial=0.0) / STEP)) + 1
     paths = np.zeros((len(place), most, size, 2))
     offset, chance = np.zeros((len(place), most)), np.zeros((len(place), most))
-    find_paths(point, count, follow, object_pose, paths, offset, chance)
+    there = np.arange(point.shape[1]) < count[:, None]
+    low, high = (np.where(there[..., None], point, sign * np.inf) for sign in (1, -1))
+    bound = np.concatenate([low.min(axis=1) - _ASIDE, high.max(axis=1) + _ASIDE], axis=1)
+    length = (np.linalg.norm(np.diff(point, axis=1), axis=2) * there[:, 1:]).sum(axis=1)
+    find_paths(point, count, follow, bound, length, object_pose, paths, offset, chance)
     return LanePaths(paths, chance > 0, offset, chance)
 
 
@@ -78,33 +83,20 @@ def _nearest(line: Floats, x: float, y: float) -> tuple[float, float, float, flo
 
 
 @part
-def _append(line: Floats, path: Floats, filled: int, rest: float) -> tuple[int, float]:
-    """Go on along ``line`` [Q, 2] and write a point of ``path`` [G, 2] every 2 m; ``rest``: m to the next one."""
-    for q in range(len(line) - 1):
-        ux, uy = line[q + 1, 0] - line[q, 0], line[q + 1, 1] - line[q, 1]
-        long, along = np.hypot(ux, uy), rest
-        while along <= long and filled < len(path):
-            share = along / long if long > 0 else 0.0
-            path[filled, 0], path[filled, 1] = line[q, 0] + share * ux, line[q, 1] + share * uy
-            filled += 1
-            along += STEP
-        rest = along - long
-    return filled, rest
-
-
-@part
 def _write(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
-    """Write the points [G, 2] of the pieces ``chain``, and straight on behind them."""
-    filled, rest = 0, 0.0
+    """Write points [G, 2], 2 m apart, along the pieces ``chain``, and straight on behind them."""
+    n, line = 0, np.empty((len(chain) * point.shape[1] + 1, 2))
     for row in chain:
-        filled, rest = _append(point[row, : count[row]], path, filled, rest)
-    last = point[chain[-1], : count[chain[-1]]]
-    ux, uy = last[-1, 0] - last[-2, 0], last[-1, 1] - last[-2, 1]
-    long = max(np.hypot(ux, uy), 1e-9)
-    while filled < len(path):
-        path[filled, 0], path[filled, 1] = last[-1, 0] + rest * ux / long, last[-1, 1] + rest * uy / long
-        filled += 1
-        rest += STEP
+        line[n : n + count[row]] = point[row, : count[row]]
+        n += count[row]
+    line[n] = line[n - 1] + (line[n - 1] - line[n - 2]) * (
+        _FAR / max(np.hypot(line[n - 1, 0] - line[n - 2, 0], line[n - 1, 1] - line[n - 2, 1]), 1e-9)
+    )
+    arc = np.zeros(n + 1)
+    for q in range(n):
+        arc[q + 1] = arc[q] + np.hypot(line[q + 1, 0] - line[q, 0], line[q + 1, 1] - line[q, 1])
+    for axis in range(2):
+        path[:, axis] = np.interp(STEP * np.arange(len(path)), arc, line[: n + 1, axis])
 
 
 @part
@@ -139,22 +131,21 @@ def _trace(first: int, point: Floats, count: Ints, length: Floats, follow: Ints,
 
 @part
 def _on_lanes(point: Floats, count: Ints, bound: Floats, pose: Floats, row: Ints, match: Floats) -> int:
-    """Write the pieces [8] that an object may be on and arc length, distance and weight of each [8, 3]."""
+    """Write the pieces [16] that an object may be on and arc length, distance and weight of each [16, 3]."""
     found = 0
     for i in range(len(count)):
         x, y = pose[0], pose[1]
-        if count[i] < 2 or x < bound[i, 0] or x > bound[i, 1] or y < bound[i, 2] or y > bound[i, 3]:
+        if count[i] < 2 or x < bound[i, 0] or y < bound[i, 1] or x > bound[i, 2] or y > bound[i, 3]:
             continue
         arc, offset, direction, beyond = _nearest(point[i, : count[i]], x, y)
         turned = abs((direction - pose[2] + np.pi) % (2 * np.pi) - np.pi)
         if abs(offset) > _ASIDE or turned > _TURNED or beyond > _BEYOND:
             continue
         weight = np.exp(-0.5 * ((offset / _SPREAD[0]) ** 2 + (turned / _SPREAD[1]) ** 2))
-        place = found if found < len(row) else int(np.argmin(match[:, 2]))
-        if found == len(row) and match[place, 2] >= weight:
-            continue
-        row[place], match[place, 0], match[place, 1], match[place, 2] = i, arc, offset, weight
-        found = min(found + 1, len(row))
+        row[found], match[found, 0], match[found, 1], match[found, 2] = i, arc, offset, weight
+        found += 1
+        if found == len(row):
+            break
     return found
 
 
@@ -178,23 +169,20 @@ def _same(a: Floats, arc_a: float, b: Floats, arc_b: float, metres: float) -> bo
     return True
 
 
-@kernel("void(f8[:, :, ::1], i8[::1], i8[:, ::1], f8[:, ::1], f8[:, :, :, ::1], f8[:, ::1], f8[:, ::1])")
+@kernel(
+    "void(f8[:, :, ::1], i8[::1], i8[:, ::1], f8[:, ::1], f8[::1], "
+    "f8[:, ::1], f8[:, :, :, ::1], f8[:, ::1], f8[:, ::1])"
+)
 def find_paths(
-    point: Floats, count: Ints, follow: Ints, pose: Floats, paths: Floats, offset: Floats, chance: Floats
-) -> None:
+    point: Floats, count: Ints, follow: Ints, bound: Floats, length: Floats, pose: Floats,
+    paths: Floats, offset: Floats, chance: Floats,
+) -> None:  # fmt: skip
     """Write paths [n, most, S, 2], offsets and chances [n, most] of objects at ``pose`` [n, 4]: x y heading metres.
 
-    ``point`` [L, Q, 2], ``count`` [L], ``follow`` [L, 4]: pieces of lanes, their points and their successors. The paths
-    from the beginning of a piece are traced once, for all objects on it.
+    ``point`` [L, Q, 2], ``count``, ``follow`` [L, 4], ``bound`` [L, 4], ``length``: pieces of lanes, successors, and
+    the area that is near. The paths from the beginning of a piece are traced once, for all objects on it.
     """
     pieces, most, size = len(count), paths.shape[1], paths.shape[2]
-    bound, length = np.empty((pieces, 4)), np.zeros(pieces)
-    for i in range(pieces):
-        line = point[i, : max(count[i], 1)]
-        bound[i, 0], bound[i, 1] = line[:, 0].min() - _ASIDE, line[:, 0].max() + _ASIDE
-        bound[i, 2], bound[i, 3] = line[:, 1].min() - _ASIDE, line[:, 1].max() + _ASIDE
-        for q in range(count[i] - 1):
-            length[i] += np.hypot(line[q + 1, 0] - line[q, 0], line[q + 1, 1] - line[q, 1])
     grid = size + int(length.max() / STEP) + 2 if pieces else 0
     traced, slot = np.zeros(pieces, np.int64), np.zeros(pieces, np.int64)
     table, share, used = np.empty((pieces, _BRANCHES, grid, 2)), np.empty((pieces, _BRANCHES)), 0
