@@ -16,7 +16,6 @@ _STARTS = 16  # pieces of lanes that an object may be on
 _BRANCHES = 16  # paths from the beginning of a piece, at most: each has a share of `_LEAST`
 _LEAST = 1 / _BRANCHES - 1e-9
 _DEPTH = 40  # pieces of a path
-_FAR = 1e4  # m, beyond all paths
 _SAME = 1.0  # m, paths that stay as near are one
 
 
@@ -85,18 +84,20 @@ def _nearest(line: Floats, x: float, y: float) -> tuple[float, float, float, flo
 @part
 def _write(chain: Ints, point: Floats, count: Ints, path: Floats) -> None:
     """Write points [G, 2], 2 m apart, along the pieces ``chain``, and straight on behind them."""
-    n, line = 0, np.empty((len(chain) * point.shape[1] + 1, 2))
+    g, begin, cos, sin, x, y = 0, 0.0, 1.0, 0.0, 0.0, 0.0
     for row in chain:
-        line[n : n + count[row]] = point[row, : count[row]]
-        n += count[row]
-    line[n] = line[n - 1] + (line[n - 1] - line[n - 2]) * (
-        _FAR / max(np.hypot(line[n - 1, 0] - line[n - 2, 0], line[n - 1, 1] - line[n - 2, 1]), 1e-9)
-    )
-    arc = np.zeros(n + 1)
-    for q in range(n):
-        arc[q + 1] = arc[q] + np.hypot(line[q + 1, 0] - line[q, 0], line[q + 1, 1] - line[q, 1])
-    for axis in range(2):
-        path[:, axis] = np.interp(STEP * np.arange(len(path)), arc, line[: n + 1, axis])
+        for q in range(count[row] - 1):
+            x, y = point[row, q + 1, 0], point[row, q + 1, 1]
+            ux, uy = x - point[row, q, 0], y - point[row, q, 1]
+            long = np.hypot(ux, uy)
+            if long < 1e-6:
+                continue
+            cos, sin, begin = ux / long, uy / long, begin + long
+            while STEP * g <= begin and g < len(path):
+                path[g, 0], path[g, 1] = x - (begin - STEP * g) * cos, y - (begin - STEP * g) * sin
+                g += 1
+    for s in range(g, len(path)):
+        path[s, 0], path[s, 1] = x + (STEP * s - begin) * cos, y + (STEP * s - begin) * sin
 
 
 @part
