@@ -4,6 +4,7 @@ The observation at frame t holds the detections of frame t only. The action hold
 of objects as of frame t. ``step`` gives the reward of that action and the observation of frame t + 1.
 """
 
+from pkgutil import resolve_name
 from typing import Any, Unpack, cast, final
 
 import gymnasium
@@ -22,7 +23,7 @@ from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, s
 from .checks import examine
 from .episode import Episode
 from .feedback import Feedback
-from .live import RENDERERS, LiveEpisode, Renderer, live_episode, open_renderer
+from .live import RENDERERS, LiveEpisode, Renderer, live_episode
 from .observation import LocalFrame, make_feed
 from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
@@ -151,7 +152,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             parts = (self.card, episode.scene, episode.frame, episode.feed, episode.actions)
             self._live = live_episode(*parts, self._evaluation)
         if self._renderer is None:
-            self._renderer = open_renderer(self.render_mode)
+            self._renderer = resolve_name(RENDERERS[self.render_mode])()
         return self._renderer.render(self._live)
 
     def _render_each(self) -> None:

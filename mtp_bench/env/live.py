@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pkgutil import resolve_name
 from typing import Protocol
 
 import numpy as np
@@ -70,9 +69,3 @@ class Renderer(Protocol):
 
     def close(self) -> None:
         """Release what drawing has opened."""
-
-
-def open_renderer(mode: str) -> Renderer:
-    """A renderer of a mode in `RENDERERS`."""
-    renderer: Renderer = resolve_name(RENDERERS[mode])()
-    return renderer

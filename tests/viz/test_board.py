@@ -381,9 +381,9 @@ def test_the_scale_of_differences_holds_the_ranked_and_zero() -> None:
     assert scale.x(scale.high) == WIDTH - PAD
     off = bar_of(scale, PairedDifference(3.0, (2.5, 3.5), 0.01))
     assert off is not None
-    assert off.above
-    assert not off.below
-    assert off.at == WIDTH - PAD
+    assert off["above"]
+    assert not off["below"]
+    assert off["at"] == WIDTH - PAD
 
 
 def write_records(folder: Path, *records: Record) -> list[Path]:

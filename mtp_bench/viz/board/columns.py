@@ -15,13 +15,7 @@ from .entries import Entry
 
 _DECLARED: dict[str, Any] = tomllib.loads(Path(__file__).with_name("columns.toml").read_text(encoding="utf-8"))
 _ROW = {column.key: column for column in columns_of(Row)}
-# Columns of the page, each with the class of its cells there: narrower screens leave out "widest", "wide" and "mid".
-PAGE = {
-    "error": "error", "difference": "difference", "public": "wide", "ids": "mid", "reacquired": "mid",
-    "turning": "wide", "minADE": "wide", "minFDE": "wide", "paper_ids_minADE": "wide", "paper_ids_minFDE": "wide",
-    "paper_frag_minADE": "widest", "paper_frag_minFDE": "widest", "same_gap": "mid", "coverage": "mid", "ms": "wide",
-    "weights": "weights",
-}  # fmt: skip
+PAGE = _DECLARED.pop("page")  # keys of the columns of the page, each with the class of its cells
 
 
 def _of_row(column: Column, subset: Subset = "all", **changes: Any) -> Column:

@@ -5,6 +5,7 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -43,17 +44,6 @@ class Scale:
         return round(PAD + self.share(value) * (WIDTH - 2 * PAD), 1)
 
 
-@dataclass(frozen=True)
-class Bar:
-    """One interval in a drawing."""
-
-    low: float
-    high: float
-    at: float
-    below: bool  # it goes on below the scale: an arrow shows it
-    above: bool
-
-
 def scale_of(entries: Sequence[Entry]) -> Scale | None:
     """A scale around 0 that holds the differences to STP of the compared entries (of all, where none is).
 
@@ -68,12 +58,13 @@ def scale_of(entries: Sequence[Entry]) -> Scale | None:
     return nice_scale(min(within), max(within))
 
 
-def bar_of(scale: Scale | None, difference: PairedDifference | None) -> Bar | None:
-    """The bar of a difference and its interval; a point without an interval."""
+def bar_of(scale: Scale | None, difference: PairedDifference | None) -> dict[str, float] | None:
+    """The bar of a difference and its interval, a point without one; arrows show that it goes on below or above."""
     if scale is None or difference is None:
         return None
     low, high = _ends(difference)
-    return Bar(scale.x(low), scale.x(high), scale.x(difference.mean), low < scale.low, high > scale.high)
+    places = {"low": scale.x(low), "high": scale.x(high), "at": scale.x(difference.mean)}
+    return places | {"below": low < scale.low, "above": high > scale.high}
 
 
 def nice_scale(low: float, high: float) -> Scale:
@@ -91,19 +82,8 @@ def _ends(difference: PairedDifference) -> tuple[float, float]:
     return difference.interval or (difference.mean, difference.mean)
 
 
-@dataclass(frozen=True)
-class SceneBar:
-    """One scene of an entry."""
-
-    scene: str
-    targets: int
-    error: float | None  # m
-    width: float  # of its bar, user units
-    reference: float | None  # place of the mark of the reference's error in this scene
-
-
-def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
-    """Bars of scenes, in the order of the record; those of ``reference`` where it has the same scenes.
+def scene_chart(entry: Entry, reference: Entry | None) -> list[dict[str, Any]]:
+    """Bars of scenes, in the order of the record, with a mark at the error of ``reference`` where it has the scene.
 
     Of many scenes the MOST_SCENES with the largest sums of errors; of equal ones the first.
     """
@@ -114,13 +94,13 @@ def scene_chart(entry: Entry, reference: Entry | None) -> list[SceneBar]:
     most = max([*errors.values(), *(beside[name] for name in errors if name in beside)], default=0.0)
     unit = BAR / most if most > 0 else 0.0
     return [
-        SceneBar(
-            scene=part.scene,
-            targets=part.targets,
-            error=part.mean_error,
-            width=round(unit * errors.get(part.scene, 0.0), 1),
-            reference=round(unit * beside[part.scene], 1) if part.scene in beside else None,
-        )
+        {
+            "scene": part.scene,
+            "targets": part.targets,
+            "error": part.mean_error,  # m
+            "width": round(unit * errors.get(part.scene, 0.0), 1),  # user units
+            "reference": round(unit * beside[part.scene], 1) if part.scene in beside else None,
+        }
         for part in (scenes[place] for place in sorted(heaviest))
     ]
 

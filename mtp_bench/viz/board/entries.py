@@ -5,6 +5,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import groupby
 
 from ..._bundle import baseline_names, card_ids
 from ...cards import load_card
@@ -192,10 +193,7 @@ def empty_error(entries: Sequence[Entry]) -> float | None:
 
 def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     """The entries of each table, in their order."""
-    boards: dict[str, list[Entry]] = {}
-    for entry in entries:
-        boards.setdefault(entry.board, []).append(entry)
-    return boards
+    return {board: list(listed) for board, listed in groupby(entries, lambda entry: entry.board)}
 
 
 def _order(entry: Entry) -> tuple[object, ...]:

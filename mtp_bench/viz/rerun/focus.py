@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..drawing.report import small_pictures
 from ..evidence import distance, gate, visible
 from ..focus import Focus
 from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
+from ..pages import text_of
 from ..sentence import sentence
 from .colors import ROLES, SWITCH, Colors
 from .entities import EDGE as RING
@@ -28,19 +30,6 @@ ANGLES = np.linspace(0.0, 2 * np.pi, 49)
 CIRCLE = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
 
 MOST_DETECTIONS = 3  # whose scores are shown
-EVENT_KEY = """\
-- **green box, green path**: the object, and where it really goes
-- **blue**: its track before the event, with its forecast; **orange**: its track now
-- **purple**: another track, that has it at another time, or whose forecast counts for it
-- **light grey box**: a detection nearby, with its score, and its class where that is another one
-- **cross**: place where a track was expected by its own last forecast; **grey line**: to the detection that it took
-- **grey circle**: event gate of the scorer ({gate}); **long grey line**: to the ego; **pink ring**: the event
-
-Bold: the sample that is nearest to the truth, or the heaviest if that is unknown.
-
-The seconds around the event are played over and over in real time. Space stops, the arrow keys step. In place of
-the timeline "event", "time" has the whole scene, and "frame" the numbers of its frames.
-"""
 
 Things = Sequence[tuple[str, Floats]]  # a role, and a box [7] or a path [n, 2]
 Labelled = tuple[str, Floats, str]  # role, place [2] and text
@@ -155,8 +144,8 @@ def _names(focus: Focus, frame: FocusFrame, half: float) -> list[Labelled]:
 
 def event_key(focus: Focus) -> str:
     """Key to the view of an event."""
-    rule = gate(focus)
-    return EVENT_KEY.format(gate=f"{rule.text}, not drawn" if rule.iou else rule.text)
+    rule, key = gate(focus), text_of(Path(__file__).parent, "event_key.md")
+    return key.format(gate=f"{rule.text}, not drawn" if rule.iou else rule.text)
 
 
 def event_text(focus: Focus, frame: FocusFrame) -> str:

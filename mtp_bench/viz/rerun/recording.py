@@ -13,6 +13,7 @@ from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
 from ..incident import Incident
+from ..pages import text_of
 from ..replay import Replay
 from .entities import EVENT, Log, frames_around, log_answers, log_map, log_scene
 from .events import log_judgement
@@ -22,20 +23,7 @@ from .sdk import rr
 from .shown import ShownAgent, drawable, shown_agents
 
 APPLICATION = "mtp_bench"
-SCENE_KEY = """\
-### {agents}: scene {scene}
-
-- **green box, green line**: a true object, and where it really goes; dark green: not evaluated
-- **filled box in another colour**: a track, in the colour of its id, with the line behind it and its forecasts
-- **dot with a name**: an event of the last frames; ids is an identity switch
-- **yellow box**: a detection; red: a false one
-- **white box**: the ego, which carries the sensors; **grey lines**: lanes of the road
-
-Hypotheses stand side by side, the heaviest first. Below: the mean error and its causes; the track that follows each
-object; events on the time line.
-
-Space plays in real time, the arrow keys step. The timeline "time" has seconds, "frame" the numbers of frames.
-"""
+_HERE = Path(__file__).parent
 
 
 def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
@@ -92,6 +80,6 @@ def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level
             log_judgement(own, agent)
     for number in range(len(focuses)):
         log_focus(recording, focuses, number, agents[number].root, logs[1].frames)
-    key = SCENE_KEY.format(agents=", ".join(run.agent for run in runs), scene=scene.name)
+    key = text_of(_HERE, "scene_key.md").format(agents=", ".join(run.agent for run in runs), scene=scene.name)
     key = drawable(event_key(focuses[0]) if focuses else key)
     recording.log("key", rr.TextDocument(key, media_type="text/markdown"), static=True)
