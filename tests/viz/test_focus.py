@@ -10,12 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.geometry import rotate
-from mtp_bench.viz.counterpart import counterpart
 from mtp_bench.viz.drawing.close_up import draw_focus
 from mtp_bench.viz.drawing.report import SIZE, report
 from mtp_bench.viz.evidence import expected, taken
 from mtp_bench.viz.focus import Focus
-from mtp_bench.viz.framing import LARGEST, focuses_of, frame_of, turn_of, window_of
+from mtp_bench.viz.framing import LARGEST, counterpart, focuses_of, frame_of, turn_of, window_of
 from mtp_bench.viz.incident import MOMENT
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.sentence import sentence
