@@ -133,7 +133,6 @@ def _neighbours(state: RoadState, i: int, among: Bools) -> tuple[tuple[int, floa
 
 
 def _acceleration_behind(state: RoadState, i: int, desired: Floats, j: int, gap: float) -> float:
-    """Acceleration of vehicle i behind vehicle j."""
     style = state.style[i]
     free = float(free_acceleration(state.speed[i], desired[i], style))
     if j == NO_LANE:

@@ -161,7 +161,6 @@ def _errors(part: Floats, frames: range) -> list[Curve]:
 
 
 def _log_curves(log: Log, run: Replay, focus: Focus | None) -> None:
-    """Log all curves."""
     for number, curves in enumerate(curves_of(run, focus).values()):
         for i, curve in enumerate(curves):
             values = curve.values[log.frames]

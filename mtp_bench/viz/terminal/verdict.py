@@ -184,7 +184,6 @@ def _unranked(report: Report) -> str | None:
 
 
 def _difference(mean: float | None, interval: Interval | None, p: float | None) -> str:
-    """A difference with its interval and p."""
     return f"{_SIGNED.text(mean)} m, {_chance(interval, p)}"
 
 
