@@ -19,6 +19,7 @@ from mtp_bench.sources.base import HALF_LANE
 from mtp_bench.sources.nuscenes import road
 from mtp_bench.sources.nuscenes.road import read_lanes
 from mtp_bench.types import Lane
+from tests.support.command_line import CommandLine
 from tests.support.map_expansion import Record, make_map, write_map
 from tests.support.nuscenes_root import VERSION, nuscenes_card, scene, write_json
 
@@ -69,7 +70,7 @@ def test_without_the_expansion_nothing_is_read(data: Path) -> None:
     assert not notes
 
 
-def test_agents_see_the_lanes_and_what_continues_them(mapped: Path) -> None:
+def test_agents_see_the_lanes_and_what_continues_them(mapped: Path, cli: CommandLine) -> None:
     card = nuscenes_card().model_copy(update={"lanes": LaneSection()})
     env = MTPEnv(card, str(mapped))
     seen, _ = env.reset()
@@ -88,6 +89,8 @@ def test_agents_see_the_lanes_and_what_continues_them(mapped: Path) -> None:
     ):
         MTPEnv(card, str(mapped))
     assert any("shows lanes" in line for line in describe(card, mapped).missing)
+    said = cli("submit", "stp", "--env", "MTP-nuScenes-Lanes-v0", "--data", mapped).err
+    assert "lanes, which tell the place of a recorded scene: no random motion of the scene hides it" in said
 
 
 def changed(key: str, value: Any) -> Callable[[Record], Record]:

@@ -18,6 +18,7 @@ from mtp_bench.scoring import SUBSETS
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
 from mtp_bench.scoring.statistics import PairedDifference
 from mtp_bench.submission.loader import ON_SCORED
+from mtp_bench.tables import to_text
 from mtp_bench.viz.board.columns import board_json
 from mtp_bench.viz.board.drawings import MOST_TICKS, PAD, WIDTH, bar_of, scale_of
 from mtp_bench.viz.board.entries import Entry, Found, entries_of
@@ -264,6 +265,7 @@ def test_turning_targets_are_a_column_that_older_records_leave_blank() -> None:
     assert rows["old"]["place"] == 1  # their rows of other subsets compare
     assert rows["new"]["place"] == 2
     assert "turning" in pieces_of(files)[f"{MAIN}/new"]
+    assert "turning" in to_text(board_tables(board_of(old, new))[0][0])
     assert "turning" not in board_files(board_of(old)).parts[f"{MAIN}.csv"]
 
 

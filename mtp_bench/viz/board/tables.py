@@ -39,6 +39,7 @@ def _short_table(entries: Sequence[Entry]) -> Table:
         Column("95 %\ninterval", "m", key="interval", read=lambda e: (i := e.row.interval) and "–".join(map(short, i))),
         Column(f"to stp\n{_SIGNIFICANT}", "m", key="difference", read=_difference),
         replace(COLUMN["ids"], heading="identity\nswitch ↓", group=""),
+        replace(COLUMN["turning"], heading="turning\n↓", group=""),
     ]
     return Table(entries[0].board, title, "", entries, columns)
 
