@@ -1,12 +1,9 @@
 """The k cheapest partial matchings of a cost matrix, over all hypotheses at once."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import ShapeError
+from ..errors import ShapeError, require_shape
 from ..types import Bools, Floats, Ints
 from .kernels.association import joint_k_best
 
@@ -14,32 +11,28 @@ _LARGEST = 4e307  # sum of costs: a gap is the difference of two sums, and must 
 
 
 def k_best(
-    cost: ArrayLike,
-    k: int,
-    parents: ArrayLike | Sequence[Iterable[int]] | None = None,
-    base_cost: ArrayLike | None = None,
+    cost: ArrayLike, k: int, parents: Bools | None = None, base_cost: ArrayLike | None = None
 ) -> tuple[Floats, Ints, Ints]:
     """The at most ``k`` cheapest partial matchings, best first.
 
     ``cost`` [rows, columns]: what it costs to match; ``inf`` forbids, leaving a row unmatched costs 0. ``parents``: the
-    row subsets to match, a boolean mask [parents, rows] or one list of row numbers each; None is one parent with all
-    rows. Parents with equal rows are merged, the cheapest (of equal ones the first) stands for them. ``base_cost``
-    [parents] is added to the solutions of its parent.
+    row subsets to match, a boolean mask [parents, rows]; None is one parent with all rows. Parents with equal rows are
+    merged, the cheapest (of equal ones the first) stands for them. ``base_cost`` [parents] is added to the solutions of
+    its parent.
 
     Returns costs [k'], row_to_column [k', rows] with -1 for an unmatched or absent row, and parent [k'], where k' < k
     if there are fewer solutions. Equal input gives equal output; which of several solutions of equal cost is the last
-    to be kept is not defined beyond that. Raises ShapeError for NaN, -inf, a wrong shape, a missing row or k below 0.
+    to be kept is not defined beyond that. Raises ShapeError for NaN, -inf, a wrong shape or k below 0.
     """
     matrix = np.asarray(cost, dtype=np.float64)
-    if matrix.ndim != 2:
-        raise ShapeError(f"cost has shape {matrix.shape}, expected (rows, columns)")
+    require_shape("cost", matrix, (None, None))
     if k < 0:
         raise ShapeError(f"k is {k}, expected 0 or more")
     rows, columns = matrix.shape
-    member = np.ones((1, rows), dtype=bool) if parents is None else _members(parents, rows)
+    member = np.ones((1, rows), dtype=bool) if parents is None else parents
+    require_shape("parents", member, (None, rows))
     base = np.zeros(len(member)) if base_cost is None else np.array(base_cost, dtype=np.float64)
-    if base.shape != (len(member),):
-        raise ShapeError(f"base_cost has shape {base.shape}, expected ({len(member)},), one per parent")
+    require_shape("base_cost", base, (len(member),))
     row, column = np.ascontiguousarray(np.nonzero(matrix != np.inf))
     pair_cost = matrix[row, column]
     _require_finite(pair_cost, row, column, base)
@@ -65,19 +58,3 @@ def _require_finite(cost: Floats, row: Ints, column: Ints, base: Floats) -> None
         largest = np.abs(cost).sum() + np.abs(base).max(initial=0.0)
     if not largest < _LARGEST:
         raise ShapeError(f"costs are too large to be summed: expected sums below {_LARGEST:g}")
-
-
-def _members(parents: Any, rows: int) -> Bools:
-    """Rows of the parents as a mask [parents, rows], from masks or row numbers."""
-    member = np.zeros((len(parents), rows), dtype=bool)
-    for p, parent in enumerate(parents):
-        given = np.asarray(list(parent) if isinstance(parent, Iterable) else parent)
-        if given.ndim == 1 and given.dtype == np.bool_:
-            if len(given) != rows:
-                raise ShapeError(f"parents[{p}] is a mask of {len(given)} rows, expected {rows} for this cost")
-        elif given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-            raise ShapeError(f"parents[{p}] is {parent!r}, expected row numbers or a mask over the rows")
-        elif given.size and (given.min() < 0 or given.max() >= rows):
-            raise ShapeError(f"parents[{p}] names rows {parent!r}, expected numbers of at least 0 and below {rows}")
-        member[p, given if given.size else slice(0)] = True
-    return member
