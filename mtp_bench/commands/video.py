@@ -7,7 +7,8 @@ from typer import Option
 
 from ..parallel import reported
 from ..running.stored import open_run
-from ..viz.drawing.video import KINDS, frames_around, pictures, require_encoder, write_video
+from ..viz.drawing.video import KINDS, pictures, require_encoder, write_video
+from ..viz.framing import frames_around
 from ..viz.moments import AT, found
 from ..viz.played import PlayedRun
 from ..viz.replay import replay
@@ -38,7 +39,7 @@ def video(
         else:
             played = PlayedRun(opened).replay(rollout, drawn)
             incident = found(played, at)
-        frames = frames_around(played, incident)
+        frames = range(played.frames) if incident is None else frames_around(played.scene, incident.frame)
         progress.started(len(frames))
         rate = fps or opened.card.task.rate
         write_video(output, pictures(played, frames, incident), rate, lambda: progress.done(rollout.scene))

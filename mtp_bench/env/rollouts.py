@@ -114,11 +114,11 @@ def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Ro
     return Rollout(scene, **{name: array.astype(ARRAYS[name][0], copy=False) for name, array in arrays.items()})
 
 
-def empty_rollout(scene: str) -> Rollout:
-    """Rollout of one frame without tracks, hypotheses and forecasts."""
-    sizes: dict[str | int, int] = {"F": 1, "F1": 2, 2: 2, 3: 3, 7: 7}
-    arrays = {name: np.zeros([sizes.get(n, 0) for n in shape], dtype) for name, (dtype, shape) in ARRAYS.items()}
-    return Rollout(scene, **arrays)
+def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
+    """Rollout without tracks, hypotheses and forecasts; ``sizes``: others than 0, by the letters of `ARRAYS`."""
+    size: dict[str | int, int] = {"F": frames, "F1": frames + 1, 2: 2, 3: 3, 7: 7}
+    shapes = {name: [sizes.get(str(n), size.get(n, 0)) for n in shape] for name, (_, shape) in ARRAYS.items()}
+    return Rollout(scene, **{name: np.zeros(shape, ARRAYS[name][0]) for name, shape in shapes.items()})
 
 
 def digest(rollout: Rollout) -> str:

@@ -4,19 +4,17 @@ import hashlib
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .._version import __version__
 from ..errors import MtpBenchError, SubmissionError, UnknownNameError
-from ..files import cache_root, open_regular, whole_file
+from ..files import cache_root
 from ..parallel import reported
 from ..scoring import AgentScores, score_scene
 from ..scoring.parts import PARTS, SceneParts, blame, error_parts, reference_errors
 from ..scoring.table import agent_table
+from ..sources.cache import Arrays, read_arrays, write_arrays
 from ..submission.loader import load_submission
 from .evaluate import scores_of
 from .options import DEFAULTS, RunOptions
@@ -40,31 +38,18 @@ def run_parts(opened: OpenedRun, options: RunOptions = DEFAULTS, again: bool = F
     content = f"{__version__}|{why}|{(opened.folder / RUN_FILE).read_text(encoding='utf-8')}"
     path = cache_root() / "causes" / f"{hashlib.sha256(content.encode()).hexdigest()[:32]}.npz"
     names = [rollout.scene for rollout in opened.run.rollouts]
-    stored = None if again else _stored(path, len(names))
+    stored = None if again else read_arrays(path)
     if stored is None:
         stored, failed = _made(opened, names, runs, options)
         why = why or failed
         if not failed:  # tried again the next time
             with suppress(OSError, MtpBenchError):  # without a cache it is made each time
                 path.parent.mkdir(parents=True, exist_ok=True)
-                with whole_file(path) as whole:
-                    np.savez_compressed(whole, allow_pickle=False, **stored)
+                write_arrays(path, stored)
     part, ends = stored["part"], np.cumsum(stored["count"])[:-1]
     usual = float(blame(part).mean()) if len(part) else 0.0
     rows = zip(names, np.split(part, ends), np.split(stored["distance"], ends), strict=True)
     return {name: SceneParts(own, usual, distance, why) for name, own, distance in rows}
-
-
-def _stored(path: Path, scenes: int) -> dict[str, NDArray[Any]] | None:
-    """Arrays of a file of the cache; None without one, and for one that is broken or of another shape."""
-    try:
-        with open_regular(path) as file, np.load(file, allow_pickle=False) as arrays:
-            stored = {name: arrays[name] for name in ("part", "count", "distance")}
-    except Exception:  # NumPy raises many kinds for missing and changed bytes
-        return None
-    part, count = stored["part"], stored["count"]
-    fits = part.shape == (*stored["distance"].shape, len(PARTS)) and count.shape == (scenes,)
-    return stored if fits and count.sum() == len(part) and np.isfinite(part).all() else None
 
 
 def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
@@ -84,9 +69,7 @@ def _references(opened: OpenedRun) -> tuple[dict[str, Setting], str]:
     return (found, "") if {*_SPLIT} <= found.keys() else ({}, "its manifest states no gap_references")
 
 
-def _made(
-    opened: OpenedRun, names: Sequence[str], runs: dict[str, Setting], options: RunOptions
-) -> tuple[dict[str, NDArray[Any]], str]:
+def _made(opened: OpenedRun, names: Sequence[str], runs: dict[str, Setting], options: RunOptions) -> tuple[Arrays, str]:
     """Parts [n, len(PARTS)] and distances [n] of all targets, m, their numbers by scene; why a reference failed."""
     split, failed = None, ""
     with reported("finding causes: scoring the run, and the two references that split its errors"):

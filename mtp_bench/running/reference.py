@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from ..agent import Agent
 from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
-from ..env.rollouts import ARRAYS
+from ..env.rollouts import empty_rollout
 from ..errors import CardError, DataError, UnknownNameError, require_known
 from ..files import require_file
 from ..parallel import parallel_map, reported
@@ -169,8 +168,9 @@ def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
         box = frame.to_scene(action["track_box"][rows]).astype(np.float32)
         columns.append((action["track_id"][rows], box, action["track_class"][rows]))
     track_id, box, class_id = (np.concatenate(column) for column in zip(*columns, strict=True))
+    empty = empty_rollout(scene.name, scene.frames, H=1, K=task.samples, T=task.future, C1=len(task.classes) + 1)
     return replace(
-        _empty_rollout(scene, task),
+        empty,
         track_start=starts_of([len(ids) for ids, *_ in columns]),
         track_id=track_id.astype(np.int64),
         track_box=box,
@@ -178,13 +178,3 @@ def track(agent: Agent, scene: Scene, task: Task, card: Card) -> Rollout:
         member=np.ones((len(track_id), 1), dtype=bool),
         hypothesis_parent=np.full((scene.frames, 1), -1),
     )
-
-
-def _empty_rollout(scene: Scene, task: Task) -> Rollout:
-    """A rollout of ``scene`` with one hypothesis, without tracks and forecasts."""
-    frames, classes = scene.frames, len(task.classes)
-    size: dict[str | int, Any] = {
-        "F": frames, "F1": frames + 1, "R": 0, "H": 1, "S": 0, "K": task.samples, "T": task.future, "C1": classes + 1,
-    }  # fmt: skip
-    arrays = {name: np.zeros([size.get(n, n) for n in shape], dtype) for name, (dtype, shape) in ARRAYS.items()}
-    return Rollout(scene.name, **arrays)

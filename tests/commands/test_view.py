@@ -16,7 +16,7 @@ from mtp_bench.commands.view import _opened, _replays
 from mtp_bench.running import stored
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
-from mtp_bench.viz.rerun.entities import SECONDS
+from mtp_bench.viz.framing import SECONDS
 from tests.support.command_line import CommandLine, plain_environment, write_submission
 from tests.support.headless_viewer import require_driver, until, windows_without_a_screen
 from tests.support.recordings import read

@@ -10,7 +10,7 @@ import pytest
 
 from mtp_bench.errors import DataError
 from mtp_bench.sources import open_source
-from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, split_scenes
+from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, scenes_by_split
 from mtp_bench.sources.nuscenes.tables import TableRecord, read_records, yaw_of
 from mtp_bench.sources.text import decode
 from tests.support.nuscenes_root import (
@@ -187,5 +187,4 @@ def test_official_splits() -> None:
     assert len(whole) == 850
     assert {*scenes["mini_train"], *scenes["mini_val"]} < whole
     assert max(scenes["train_val"]) < min(scenes["train"])
-    assert split_scenes("all", ["scene-9", "scene-0301"]) == ("scene-0301", "scene-9")
-    assert split_scenes("train", ["scene-9", "scene-0301"]) == ("scene-0301",)
+    assert scenes_by_split(["scene-9", "scene-0301"]) == {"train": ("scene-0301",), "all": ("scene-0301", "scene-9")}

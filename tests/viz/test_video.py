@@ -13,7 +13,8 @@ from PIL import Image
 
 from mtp_bench.running.stored import open_run
 from mtp_bench.viz.drawing.birds_eye import SIZE
-from mtp_bench.viz.drawing.video import AROUND, frames_around, pictures, write_video
+from mtp_bench.viz.drawing.video import pictures, write_video
+from mtp_bench.viz.framing import SECONDS, frames_around
 from mtp_bench.viz.replay import Replay, replay
 from tests.support.command_line import CommandLine
 
@@ -64,12 +65,12 @@ def test_a_video_holds_every_frame_of_the_first_scene(
 
 def test_an_event_is_shown_with_what_is_around_it(drawn: Callable[[str], Replay]) -> None:
     played = drawn("0001")
-    assert frames_around(played, None) == range(9)
-    assert frames_around(played, played.incident("ids-0")) == range(9), "the scene is shorter than what would be shown"
+    t = played.incident("ids-0").frame
+    assert frames_around(played.scene, t) == range(9), "the scene is shorter than what would be shown"
     time = 10 * played.scene.time
-    cut = frames_around(replace(played, scene=replace(played.scene, time=time)), played.incident("ids-0"))
+    cut = frames_around(replace(played.scene, time=time), t)
     assert cut == range(2, 7)
-    assert (time[6] - time[4]) < AROUND < (time[7] - time[4])
+    assert (time[6] - time[4]) < SECONDS < (time[7] - time[4])
 
 
 def test_what_broke_leaves_no_file(tmp_path: Path) -> None:

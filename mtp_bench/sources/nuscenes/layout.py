@@ -122,15 +122,8 @@ def official_scenes() -> Mapping[str, tuple[str, ...]]:
     return MappingProxyType({split: tuple(named[split]) for split in SPLITS})
 
 
-def split_scenes(split: str, scenes: Collection[str]) -> tuple[str, ...]:
-    """The ``scenes`` of ``split``, in its order; "all" has every one, sorted."""
-    if split == "all":
-        return tuple(sorted(scenes))
-    there = frozenset(scenes)
-    return tuple(name for name in official_scenes()[split] if name in there)
-
-
 def scenes_by_split(scenes: Collection[str]) -> dict[str, tuple[str, ...]]:
-    """The ``scenes`` of each split that has any, "all" the last."""
-    named = {split: split_scenes(split, scenes) for split in (*SPLITS, "all")}
-    return {split: names for split, names in named.items() if names}
+    """The ``scenes`` of each split that has any, in its order; "all", the last, has every one, sorted."""
+    there = frozenset(scenes)
+    named = {split: tuple(name for name in names if name in there) for split, names in official_scenes().items()}
+    return {split: names for split, names in {**named, "all": tuple(sorted(scenes))}.items() if names}

@@ -18,7 +18,6 @@ from .birds_eye import SIZE, draw_frame, windows_of
 from .report import picture
 
 KINDS = (".mp4", ".gif")
-AROUND = 3.0  # s before and after an event
 COLORS = 128  # of a gif
 Picture = NDArray[Any]  # uint8 [height, width, 3]
 
@@ -30,15 +29,6 @@ def require_encoder(kind: str) -> None:
             import av  # noqa: F401
         except ImportError:
             raise MtpBenchError("mp4 files need PyAV: `pip install av`, or write a .gif") from None
-
-
-def frames_around(run: Replay, at: Incident | None) -> range:
-    """All frames, or those at most AROUND seconds from an incident."""
-    if at is None:
-        return range(run.frames)
-    time = run.scene.time
-    near = np.flatnonzero(np.abs(time - time[at.frame]) <= AROUND + 1e-6)
-    return range(int(near[0]), int(near[-1]) + 1)
 
 
 def pictures(run: Replay, frames: Iterable[int], at: Incident | None = None) -> Iterator[Picture]:

@@ -24,7 +24,6 @@ TRAIL_POINTS = 12
 TRAIL_RATE = 5.0  # Hz, at most: a longer trail of faster recordings has no more points
 TOP_SAMPLES = 3
 EVENT = "event"  # timeline with the frames around an event alone
-SECONDS = 3.0  # before and after an event that are played, and in which its things are bright
 Labels = Sequence[str] | None
 
 
@@ -93,12 +92,6 @@ class Log:
         """The rows that are logged, and their number in each frame."""
         start = np.asarray(start)[self.frames.start - self.first : self.frames.stop + 1 - self.first]
         return slice(int(start[0]), int(start[-1])), np.diff(start)
-
-
-def frames_around(scene: Scene, t: int) -> range:
-    """The frames within SECONDS of frame ``t``."""
-    near = np.flatnonzero(np.abs(scene.time - scene.time[t]) <= SECONDS + 1e-6)
-    return range(int(near[0]), int(near[-1]) + 1)
 
 
 def log_map(recording: rr.RecordingStream, run: Replay, root: str = "") -> None:

@@ -10,12 +10,13 @@ from ...scoring.parts import LEAST_SHOWN, PARTS
 from ...types import Floats, Ints, starts_of
 from ..evidence import gate
 from ..focus import Focus
+from ..framing import frames_around
 from ..incident import KINDS, MOMENT, Incident
 from ..palette import BLUE, ORANGE, PURPLE, TRUTH, VERMILLION, Color
 from ..replay import Replay
 from ..sentence import sentence
 from .colors import EVENTS, ROLES, SKY, SWITCH, UNKNOWN, UNTRACKED, Colors, packed, track_colors
-from .entities import Log, frames_around
+from .entities import Log
 from .sdk import rr
 from .shown import ShownAgent, drawable
 

@@ -12,10 +12,11 @@ from pathlib import Path
 from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
+from ..framing import frames_around
 from ..incident import Incident
 from ..pages import text_of
 from ..replay import Replay
-from .entities import EVENT, Log, frames_around, log_answers, log_map, log_scene
+from .entities import EVENT, Log, log_answers, log_map, log_scene
 from .events import log_judgement
 from .focus import event_key, log_focus
 from .layout import layout
