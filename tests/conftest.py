@@ -82,9 +82,8 @@ def take_packages_in_turn(items: list[pytest.Item]) -> None:
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
     count = config.stash.get(_deselected, 0)
     if count:
-        terminalreporter.write_line(
-            f"{count} tests need real data and did not run: set {VARIABLE} to its folder", yellow=True
-        )
+        said = f"{count} tests need real data and did not run: set {VARIABLE} to its folder"
+        terminalreporter.write_line(said, yellow=True)
 
 
 @pytest.fixture(scope="session")

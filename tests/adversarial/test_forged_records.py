@@ -289,9 +289,8 @@ def test_other_targets_than_the_frozen_ones_do_not_rank() -> None:
     content = made_up("odd", 0.1).model_dump()
     for part in ("weight", "error"):  # the hard scene made small
         content["per_scene"][0][part]["all"] = [value / 100 for value in content["per_scene"][0][part]["all"]]
-    assert (
-        why(Record.model_validate(content)) == "scene 'wildtrack-1200' has other targets than its frozen event weights"
-    )
+    said = "scene 'wildtrack-1200' has other targets than its frozen event weights"
+    assert why(Record.model_validate(content)) == said
 
 
 IMPOSSIBLE: dict[str, tuple[Change, str]] = {
@@ -556,9 +555,8 @@ def on_seal(leaderboard: Path, tmp_path: Path) -> tuple[Path, Record, Commitment
     known = shipped(SIMULATED)
     assert known is not None
     seeds = SecretSeeds(env=SIMULATED, card_digest=known.card, first=2**50, count=2, salt="s" * 64)
-    promise = Commitment(
-        env=SIMULATED, card_digest=known.card, count=2, commitment=commitment_of(seeds), made="2030-01-01"
-    )
+    to = commitment_of(seeds)
+    promise = Commitment(env=SIMULATED, card_digest=known.card, count=2, commitment=to, made="2030-01-01")
     (leaderboard / "seals" / "first.commitment.json").write_text(promise.model_dump_json())
     path = tmp_path / "records" / "agent" / f"{SIMULATED}.json"
     return path, save_record(made_up("agent", 0.5, SIMULATED, spread=0.05), path), promise
@@ -632,10 +630,8 @@ def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: P
 def test_a_record_with_answers_of_another_gets_a_note(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
     path = proposal / "records" / "mtp" / f"{MAIN}.json"
     for root in (proposal, leaderboard):
-        save_record(
-            made_up("mtp", 0.7, hashes={"seals": hex_of("a"), "rollouts": hex_of("b")}),
-            root / path.relative_to(proposal),
-        )
+        copied = made_up("mtp", 0.7, hashes={"seals": hex_of("a"), "rollouts": hex_of("b")})
+        save_record(copied, root / path.relative_to(proposal))
     for hashes, same in ((("a", "c"), True), (("c", "b"), True), (("c", "d"), False)):
         seals, rollouts = map(hex_of, hashes)
         save_record(made_up("newcomer", 0.9, hashes={"seals": seals, "rollouts": rollouts}), proposal / NEWCOMER)

@@ -12,9 +12,8 @@ from mtp_bench.scoring.rows import Row
 from mtp_bench.submission.loader import load_submission
 
 ENV, SCENES = "MTP-Intersection-v0", 2
-SHUFFLED = (
-    "random confidence", "inverted confidence", "confidence 1", "surer in a crowd", "surer of what moves", "value order"
-)  # fmt: skip
+SHUFFLED = ("random confidence", "inverted confidence", "confidence 1", "surer in a crowd", "surer of what moves",
+            "value order")  # fmt: skip
 
 
 @pytest.fixture(scope="module")

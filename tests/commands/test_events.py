@@ -15,9 +15,7 @@ from mtp_bench.viz.terminal.event_table import Listed, in_order
 from tests.support.command_line import CommandLine, on_terminal, read_json
 from tests.support.scoring_scenes import make_scene
 
-ROW = re.compile(
-    r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+)" + 2 * r" +([\d.–]+)" + r" +(.+?) +([\d.–]+) *"
-)
+ROW = re.compile(r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+) +([\d.–]+) +([\d.–]+) +(.+?) +([\d.–]+) *")
 
 
 def rows_of(printed: str) -> list[list[str]]:
@@ -97,9 +95,8 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
     cli.ok("events", events_run, *known, "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")
     assert (content["env"], content["agent"], content["scenes"]) == ("MTP-Small-v0", "drawn", 3)
-    assert content["counts"] == {
-        "ids": 1, "lost": 1, "reacquired": 1, "spurious": 1, "wrong": 0, "spurious_forecasts": 3,
-    }  # fmt: skip
+    ones = dict.fromkeys(("ids", "lost", "reacquired", "spurious"), 1)
+    assert content["counts"] == {**ones, "wrong": 0, "spurious_forecasts": 3}
     switch, *_, ghost = content["events"]
     assert switch.keys() <= json_keys.EVENT.keys(), "the page of keys explains them"
     assert [type(value) for value in switch.pop("position")] == [float] * 3

@@ -149,9 +149,8 @@ def test_a_detection_of_a_neighbour_is_no_evidence() -> None:
 def test_parts_as_text() -> None:
     part = plain_parts(np.array([2.0, 4.0]), np.array([-1, 1]))
     assert [parts_text(named_parts(row)) for row in part] == ["rest 2.0 m", "other class 4.0 m"]
-    assert (
-        parts_text({"predictor": 3.0, "rest": 0.01, "below threshold": 4.0}) == "predictor 3.0 m, below threshold 4.0"
-    )
+    said = parts_text({"predictor": 3.0, "rest": 0.01, "below threshold": 4.0})
+    assert said == "predictor 3.0 m, below threshold 4.0"
     many = {"predictor": 3.0, "history": 1.0, "rest": 0.5, "localisation": 0.2, "below threshold": 4.0}
     assert parts_text(many, most=2) == "predictor 3.0 m, history 1.0, others 0.7, below threshold 4.0"
     assert (parts_text({}), parts_text({"predictor": 0.034, "rest": 0.01})) == ("nothing", "predictor 0.03 m")

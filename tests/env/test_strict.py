@@ -29,9 +29,8 @@ def right(env: MTPEnv) -> Callable[[Observation], Action]:
         ahead = np.stack([np.cos(boxes[:, 3]), np.sin(boxes[:, 3])], axis=-1)
         speed = np.array([0.5, 0.8])[:, None] * np.arange(1, env.task.future + 1)  # m, [2, T]
         forecasts = speed[None, :, :, None] * ahead[:, None, None]
-        return make_action(
-            env.task, boxes, classes, forecasts, confidence=np.ones(len(boxes)), ids=np.arange(len(boxes))
-        )
+        sure, ids = np.ones(len(boxes)), np.arange(len(boxes))
+        return make_action(env.task, boxes, classes, forecasts, confidence=sure, ids=ids)
 
     return act
 
@@ -72,10 +71,9 @@ MISTAKES = {**{name: case.change for name, case in CASES.items() if case.counted
 def scene() -> Scene:
     """The small scene, its objects turned a little so that degrees and radians differ."""
     whole = make_scene()
-    turned = [
-        replace(part, box=part.box + np.array([0, 0, 0, 0.3, 0, 0, 0])) for part in (whole.truth, whole.detections)
-    ]
-    return replace(whole, truth=turned[0], detections=turned[1])  # type: ignore[arg-type]
+    turn = np.array([0, 0, 0, 0.3, 0, 0, 0])
+    truth, seen = whole.truth, whole.detections
+    return replace(whole, truth=replace(truth, box=truth.box + turn), detections=replace(seen, box=seen.box + turn))
 
 
 def wrong(case: str, env: MTPEnv) -> Callable[[Observation], Any]:

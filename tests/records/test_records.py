@@ -230,9 +230,7 @@ def test_who_dies_where_nobody_could_know_is_told_without_a_name() -> None:
     whole = {0: [scene_run("a"), scene_run("b")]}
     require_answered(whole, "a", "of hidden scenes")
     cut = {0: [scene_run("x1", "crashed", "it fell in x1"), scene_run("x2", "rejected", "no")]}
-    with pytest.raises(
-        RecordError, match=r"^a: 2 runs of hidden scenes were not finished \(crashed, rejected\), expected 0$"
-    ):
+    with pytest.raises(RecordError, match=r"^a: 2 runs of hidden scenes .* \(crashed, rejected\), expected 0$"):
         require_answered(cut, "a", "of hidden scenes")
 
 

@@ -135,9 +135,7 @@ def test_secret_crashes(path: Path, submission: Path, card: str, kitti: str, mon
 
     shuffled = rerun._run_shuffled
     monkeypatch.setattr(rerun, "_run_shuffled", dies_where_the_seed_is_secret)
-    with pytest.raises(
-        RecordError, match=r"^echo: 1 runs under a secret motion were not finished \(crashed\), expected 0$"
-    ):
+    with pytest.raises(RecordError, match=r"^echo: 1 runs under a secret motion .* \(crashed\), expected 0$"):
         verify(path, RunOptions(kitti), card, submission=submission, rerun=True)
 
 
@@ -291,12 +289,9 @@ def test_impossible_records(table: str, options: Content, reason: str, card: str
     if "card" in options:
         (tmp_path / "MTP Small.toml").write_text(options["card"])
         card = str(tmp_path / "MTP Small.toml")
-    with pytest.raises(
-        (RecordError, SubmissionError), match=rf"(a record of mine on MTP|submission\.toml).*{re.escape(reason)}"
-    ):
-        submit(
-            folder, card, RunOptions(kitti, seeds=options.get("seeds", (0,))), tmp_path / "out",
-        )  # fmt: skip
+    said = rf"(a record of mine on MTP|submission\.toml).*{re.escape(reason)}"
+    with pytest.raises((RecordError, SubmissionError), match=said):
+        submit(folder, card, RunOptions(kitti, seeds=options.get("seeds", (0,))), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

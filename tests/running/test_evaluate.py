@@ -42,9 +42,8 @@ def test_objects_functions_classes_and_folders_score_alike_in_processes(card: st
     folder = write_submission(tmp_path / "echo", tables="[parameters]\nnoise = 0.1\n")
     agents = [folder, str(folder), mtp_bench.load_submission(folder), EchoAgent(0.1), make_noisy, Counting, Counting()]
     reports = [mtp_bench.evaluate(agent, card, data=kitti, seeds=2) for agent in agents]
-    assert [report.rows[0].agent for report in reports[2:]] == [
-        "echo", "EchoAgent", "make_noisy", "Counting", "Counting",
-    ]  # fmt: skip
+    named = [report.rows[0].agent for report in reports[2:]]
+    assert named == ["echo", "EchoAgent", "make_noisy", "Counting", "Counting"]
     assert [numbers(report) for report in reports[1:]] == [numbers(reports[0])] * 6
     spread = mtp_bench.evaluate(agents[-1], card, data=Path(kitti), seeds=[0, 1], jobs=2)
     assert numbers(spread) == numbers(reports[0])

@@ -64,9 +64,8 @@ def test_a_stored_run(cli: CommandLine, card: str, kitti: str, known: list[str],
     assert events["counts"] == stp["counts"]
     lost = next(event for event in events["events"] if event["kind"] == "lost")
     assert int(lost["old_id_in_file"]) >= 2000
-    told = cli.ok(
-        "view", tmp_path / "run", *known, "--scene", lost["scene"], "--at", lost["event"], "--png", tmp_path / "a.png"
-    )
+    at = ("--scene", lost["scene"], "--at", lost["event"])
+    told = cli.ok("view", tmp_path / "run", *known, *at, "--png", tmp_path / "a.png")
     assert f"track {lost['old_id']} ({lost['old_id_in_file']} in its file)" in " ".join(told.split())
 
 
@@ -77,9 +76,8 @@ def test_tracks_without_scores_are_counted_for_the_user(
         lines = [" ".join(line.split()[:-1]) for line in path.read_text().splitlines()]
         (tmp_path / path.name).write_text("\n".join(lines))
     said = cli.ok("run", "given_tracks", *known, "--tracks", tmp_path, "-o", tmp_path / "run", "--jobs", 1)
-    assert (
-        " ".join(said.split()).count("36 rows of the data skipped or completed: track without a score, taken as 1") == 1
-    )
+    told = "36 rows of the data skipped or completed: track without a score, taken as 1"
+    assert " ".join(said.split()).count(told) == 1
     options = RunOptions(kitti, track_file=str(tmp_path))
     assert compare(["stp", "given_tracks"], card, options).skipped == {"track without a score, taken as 1": 36}
 

@@ -147,10 +147,8 @@ def test_a_run_without_its_card(cli: CommandLine, folder: Path, card: str, kitti
 def test_replacing_an_earlier_run(cli: CommandLine, folder: Path, tmp_path: Path, card: str, kitti: str) -> None:
     before = digests(folder)
     command = ("run", "ab3dmot", "--env", card, "--data", kitti, "-o", folder, "--jobs", 1)
-    assert (
-        f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)"
-        in cli(*command).error
-    )
+    said = f"{folder} holds an earlier run: choose another folder, or replace it (--force, replace=True)"
+    assert said in cli(*command).error
     assert digests(folder) == before
     (tmp_path / "empty").mkdir()
     cli.ok(*command[:-3], tmp_path / "empty", "--jobs", 1)

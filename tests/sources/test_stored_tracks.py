@@ -51,10 +51,8 @@ def require_same(found: StoredTracks, rows: TrackRows, rounding: float) -> None:
 @pytest.mark.parametrize("change", [{}, {"ego_motion": False}, {"stride": 2}], ids=str)
 def test_kitti_tracks_come_back(change: dict[str, Any], table: bool, card: str, kitti: str, tmp_path: Path) -> None:
     content = load_card(card).model_dump(mode="json", exclude_none=True)
-    rate = 10.0 / change.get("stride", 1)
-    changed = parse_card(
-        {**content, "source": {**content["source"], **change}, "task": {**content["task"], "rate": rate}}
-    )
+    content["task"]["rate"] = 10.0 / change.get("stride", 1)
+    changed = parse_card({**content, "source": {**content["source"], **change}})
     source = open_source(changed, kitti)
     scenes = [source.load(name) for name in source.names]
     assert write_tracks([(s, true_rows(s)) for s in scenes], changed, kitti, tmp_path / "tracks", table) > 20
@@ -112,9 +110,8 @@ def test_flat_tracks_are_left_out_and_counted(form: str, kitti: str, card: str, 
     if form == "txt":
         kitti_folder(tmp_path, [line(0, 1), line(1, 1, size="1.5 0 4"), line(2, 1, size="1.5 1 -4")])
     elif form == "csv":
-        (tmp_path / "0001.csv").write_text(
-            csv("0,1,car,1,1,1,0,4,1,1,1\n1,1,car,1,1,1,0,0,1,1,1\n2,1,car,1,1,1,0,1,-1,1,1")
-        )
+        rows = "0,1,car,1,1,1,0,4,1,1,1\n1,1,car,1,1,1,0,0,1,1,1\n2,1,car,1,1,1,0,1,-1,1,1"
+        (tmp_path / "0001.csv").write_text(csv(rows))
     else:
         one, data, path, name = nuscenes_card(), write_root(tmp_path / "data"), tmp_path / "t.json", "scene-0003"
         flat = {sample(name, 1): [2, 0, 1], sample(name, 2): [2, -4, 1]}

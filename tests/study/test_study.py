@@ -157,9 +157,8 @@ def test_runs_are_made_again_when_code_or_fitted_files_change() -> None:
 
 def test_the_command_on_an_own_agent(made: Study, cli: CommandLine, tmp_path: Path, card: str, kitti: str) -> None:
     """One run has one name in every table: its reference with one hypothesis is the agent itself."""
-    mine = write_submission(
-        tmp_path / "mine", "mine", "[compare]\ngap_references = {}", body="return empty_action(self._task)"
-    )
+    silent = "return empty_action(self._task)"
+    mine = write_submission(tmp_path / "mine", "mine", "[compare]\ngap_references = {}", body=silent)
     folder = tmp_path / "out"
     given = "--env", card, "--data", kitti, "--agent", mine, "-o", folder, "--quick", "--jobs", 1
     assert f"{folder / 'index.html'}" in cli.ok("study", *given).replace("\n", "")
