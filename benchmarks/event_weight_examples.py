@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.env import MTPEnv
 from mtp_bench.running.reference import frozen_reference
 from mtp_bench.running.run import run_scene
 from mtp_bench.scoring.targets import find_targets

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards import Card, load_card
-from mtp_bench.env import MTPEnv
 from mtp_bench.parallel import Workers, cores
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.perturbation import RUNS

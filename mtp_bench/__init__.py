@@ -41,8 +41,8 @@ if _typing.TYPE_CHECKING:
     from .agent import Tracker as Tracker
     from .cards import Card as Card
     from .cards import load_card as load_card
-    from .env import MTPEnv as MTPEnv
     from .env.building import make_action as make_action
+    from .env.environment import MTPEnv as MTPEnv
     from .running.compare import compare as compare
     from .running.evaluate import evaluate as evaluate
     from .running.stored import run as run
@@ -66,8 +66,8 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
     _NAMES = {  # module -> its names, which are imported when they are first used
         "agent": ("Agent", "Forecasts", "Frame", "FunctionPredictor", "Pipeline", "Predictor", "Sampler", "Tracker"),
         "cards": ("Card", "load_card"),
-        "env": ("MTPEnv",),
         "env.building": ("make_action",),
+        "env.environment": ("MTPEnv",),
         "running.compare": ("compare",),
         "running.evaluate": ("evaluate",),
         "running.stored": ("run", "score"),
@@ -95,7 +95,7 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
 def _register() -> None:
     for env_id in card_ids():
         if env_id not in _gymnasium.registry:  # the module may be loaded anew
-            _gymnasium.register(id=env_id, entry_point="mtp_bench.env:MTPEnv", kwargs={"card": env_id})
+            _gymnasium.register(id=env_id, entry_point="mtp_bench:MTPEnv", kwargs={"card": env_id})
 
 
 _register()

@@ -11,6 +11,7 @@ from typer import Argument, BadParameter, Option
 from .. import notice
 from ..errors import MtpBenchError
 from ..running.stored import OpenedRun, open_run
+from ..sources import camera_images
 from ..viz.drawing.report import save_report
 from ..viz.focus import Focus
 from ..viz.framing import focuses_of
@@ -101,7 +102,7 @@ def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list
     first = runs[0]
     name = first.first(scene).scene
     content = first.drawn(name, say)
-    cameras = first.images(content, say) if images else ()
+    cameras = camera_images(content, first.card, first.data, say) if images else ()
     counts: dict[str, set[int]] = {}
     for run in runs:
         counts.setdefault(run.run.info.agent, set()).add(run.run.info.hypotheses or 1)

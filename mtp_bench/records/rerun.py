@@ -21,7 +21,7 @@ from ..scoring import Reference
 from ..scoring.definitions import SUBSETS
 from ..scoring.rank import why_not_on
 from ..scoring.rows import Row
-from ..sources import discard, keep_private, open_source
+from ..sources import open_source, package_of
 from .canonical import Difference
 from .record import HiddenPart, Record
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
@@ -89,8 +89,8 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> H
             f"with {card.digest}"
         )
     hidden = sealed.card(card)
-    ends.callback(discard, hidden)
-    keep_private(hidden)
+    ends.callback(package_of(hidden).discard, hidden)
+    package_of(hidden).keep_private(hidden)
     shown = plan.options.progress
     progress = Progress(shown.started, lambda _: shown.done("a hidden scene"))  # a name would tell its seed
     names, options = sealed.shuffled(open_source(hidden).names), replace(plan.options, data=None, progress=progress)

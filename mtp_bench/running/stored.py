@@ -16,7 +16,7 @@ from ..scoring import AgentScores, Report, SceneScore, score_scene, stated_hypot
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.rows import Budget
 from ..scoring.targets import left_out
-from ..sources import CameraImage, SceneSource, camera_images, open_source, with_map, with_tracks
+from ..sources import SceneSource, open_source, with_map, with_tracks
 from ..submission.objects import submission_of
 from ..types import Rollout, Scene
 from .options import CHANGES, DEFAULTS, RunKeywords, RunOptions, asked
@@ -83,10 +83,6 @@ class OpenedRun:
     def drawn(self, name: str, note: Note = lambda text: None) -> Scene:
         """The `scene` of this name with its road, for pictures; ``note`` is called if its map is broken."""
         return with_map(self.scene(name), self.card, self.data, note)
-
-    def images(self, scene: Scene, note: Note = lambda text: None) -> tuple[CameraImage, ...]:
-        """The camera images of a scene, if they exist; ``note`` is called if a table of them is broken."""
-        return camera_images(scene, self.card, self.data, note)
 
     def recorded(self, name: str) -> Scene:
         """The scene of this name as its source has it, for scoring; raises UnknownNameError if it is missing."""

@@ -119,10 +119,6 @@ def _average_precision(table: AgentTable, card: Card) -> float | None:
     return float(np.mean(values)) if values else None
 
 
-def _false_of_class(table: AgentTable, c: int) -> int:
-    return sum(int(((s.outcome == Outcome.FALSE_POSITIVE) & (s.cuts.class_id == c)).sum()) for s in table.scores)
-
-
 def _bins(table: AgentTable, card: Card) -> list[Bin]:
     """Errors by distance to the ego (where there is one), by class, moving or static."""
     bins = []
@@ -132,7 +128,8 @@ def _bins(table: AgentTable, card: Card) -> list[Bin]:
         bins.append(Bin(by="distance", bin=name, errors=_errors(table, mask)))
     for c, name in enumerate(card.task.classes):
         mask = table.class_id == c
-        accuracy = _accuracy(table, mask, _false_of_class(table, c))
+        false = sum(int((s.cuts.class_id[s.outcome == Outcome.FALSE_POSITIVE] == c).sum()) for s in table.scores)
+        accuracy = _accuracy(table, mask, false)
         bins.append(Bin(by="class", bin=name, errors=_errors(table, mask), EPA=accuracy))
     for name, mask in (("moving", table.moving), ("static", ~table.moving)):
         bins.append(Bin(by="motion", bin=name, errors=_errors(table, mask)))

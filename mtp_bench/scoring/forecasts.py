@@ -64,10 +64,6 @@ class RecordedForecasts:
         center = np.asarray(self.box[row, :2], dtype=np.float64)
         return center[:, None, None] + to_metres(self.offset[row])
 
-    def weights(self, row: Ints) -> NDArray[np.float64]:
-        """Weights [n, K] of the samples of these rows [n], 0 where absent."""
-        return sample_weights(self.log_weight[row])
-
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
@@ -107,7 +103,7 @@ def _pair_errors(found: Candidates) -> Floats:
     for low in range(0, len(of_target), size):
         part = of_target[low : low + size]
         row = found.pairs.column[part]
-        weight = floored(forecasts.weights(row))
+        weight = floored(sample_weights(forecasts.log_weight[row]))
         ade, _, _ = sample_errors(forecasts.paths(row), targets.future[target[part]], weight)
         error[part] = ade.min(axis=1, initial=np.inf)
     return error
@@ -190,7 +186,7 @@ def final_errors(found: Candidates, matching: IncrementalMatching) -> tuple[Fore
     for low in range(0, len(matched), size):
         part = matched[low : low + size]
         row = column[part]
-        paths, future, weight = forecasts.paths(row), targets.future[part], forecasts.weights(row)
+        paths, future, weight = forecasts.paths(row), targets.future[part], sample_weights(forecasts.log_weight[row])
         result = displacement(paths, future, weight)
         covered[part], miss[part] = result.valid, result.miss
         away = forecasts.box[row, :2] - found.scene.truth.box[targets.row[part], :2]

@@ -1,6 +1,5 @@
 """The main table of a report: a row per agent, the best first."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated
@@ -50,7 +49,9 @@ def main_table(report: Report) -> Table:
 
     An agent has its setting with the most hypotheses at equal k; `Report.shown` names the agents.
     """
-    blocks = sorted(main_settings(report).values(), key=lambda rows: _by_error(rows["all"]))
+    blocks = sorted(
+        main_settings(report).values(), key=lambda rows: (rows["all"].error is None, rows["all"].error or 0.0)
+    )
     failed = [MainRow(agent, error=FAILED) for agent in report.failures]
     rows = [*map(_main_row, blocks), *failed]
     return Table("main", f"{heading(report)}: m, less is better", MEANING, rows, columns_of(MainRow))
@@ -110,10 +111,6 @@ def preference(budget: Budget, has_own_parameters: bool, hypotheses: int) -> tup
 
 def _preference(row: Row) -> tuple[bool, bool, int]:
     return preference(row.budget, " " not in row.agent, row.hypotheses)
-
-
-def _by_error(row: Row) -> float:
-    return math.inf if row.error is None else row.error
 
 
 def _main_row(rows: Mapping[Subset, Row]) -> MainRow:

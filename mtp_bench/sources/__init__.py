@@ -12,7 +12,6 @@ from ..types import Scene
 from .base import CameraImage as CameraImage
 from .base import ChangedScenes, SourcePackage, usable
 from .base import SceneSource as SceneSource
-from .dataset import Dataset
 from .dataset import DataStatus as DataStatus
 from .simulated import detected as detected
 from .stored_tracks import find_tracks
@@ -27,7 +26,7 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     Raises DataError when the root, a folder or the card's detector is missing.
     """
     with notice.work(f"opening {card.id}", around=True):
-        found = _package(card).open(card, data)
+        found = package_of(card).open(card, data)
     with_lanes = (lambda scene: scene) if card.lanes is None else (lambda scene: _with_lanes(scene, card, data))
     return ChangedScenes(found, lambda scene: with_lanes(detected(usable(scene), card)))
 
@@ -37,7 +36,7 @@ def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: 
 
     ``card`` and ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
     """
-    read = find_tracks(_package(card), card, data, path)
+    read = find_tracks(package_of(card), card, data, path)
     return ChangedScenes(source, lambda scene: usable(read(scene)))
 
 
@@ -64,7 +63,7 @@ def with_map(scene: Scene, card: Card, data: str | Path | None = None, note: Not
     Runs, scores and trainings read no map, so `SceneSource.load` leaves it out. A broken one is a message to ``note``.
     """
     try:
-        return replace(scene, lanes=tuple(_package(card).lanes(card, data, scene)))
+        return replace(scene, lanes=tuple(package_of(card).lanes(card, data, scene)))
     except DataError as error:
         note(f"drawn without the road: {error}")
         return scene
@@ -78,20 +77,15 @@ def camera_images(
     A broken table is a message to ``note``, and there are no images.
     """
     try:
-        return tuple(_package(card).images(card, data, scene))
+        return tuple(package_of(card).images(card, data, scene))
     except DataError as error:
         note(f"drawn without images: {error}")
         return ()
 
 
-def about(card: Card) -> Dataset:
-    """Facts about the dataset that ``card`` needs, such as its licence; reads no data."""
-    return _package(card).dataset
-
-
 def describe(card: Card, data: str | Path | None = None) -> DataStatus:
     """Folder of the data that ``card`` needs, and what stops its source from being opened; no scene is read."""
-    status = _package(card).locate(card, data)
+    status = package_of(card).locate(card, data)
     if status.root is not None:
         with status.noted():
             open_source(card, data)
@@ -105,25 +99,15 @@ def prepare(card: Card, data: str | Path | None = None, scenes: int | None = Non
     processes that simulate. Raises DataError.
     """
     with notice.work(f"preparing scenes of {card.id}, once per machine") as work:
-        count, names = _package(card).prepare(card, data, scenes, workers)
+        count, names = package_of(card).prepare(card, data, scenes, workers)
         work.started(count)
         for name in names:
             work.done(name)
 
 
-def keep_private(card: Card) -> None:
-    """Let no other user of this machine read the simulated scenes of the card, or their names, which hold the seeds."""
-    _package(card).keep_private(card)
-
-
-def discard(card: Card) -> None:
-    """Remove the simulated scenes of the card's split from the cache; recorded scenes are not kept there."""
-    _package(card).discard(card)
-
-
 def _with_lanes(scene: Scene, card: Card, data: str | Path | None) -> Scene:
     """The scene with its road map; raises DataError if it has none."""
-    lanes = tuple(_package(card).lanes(card, data, scene))
+    lanes = tuple(package_of(card).lanes(card, data, scene))
     if not lanes:
         lacking = f"scene {scene.name!r} has no lanes, which {card.id} shows to agents"
         raise DataError(
@@ -132,7 +116,7 @@ def _with_lanes(scene: Scene, card: Card, data: str | Path | None) -> Scene:
     return replace(scene, lanes=lanes)
 
 
-def _package(card: Card) -> SourcePackage:
+def package_of(card: Card) -> SourcePackage:
     """The package of the card's source, which has the name of its section; imported when it is first needed."""
     package: SourcePackage = import_module(f".{card.source.name}", __name__).PACKAGE
     return package

@@ -82,11 +82,12 @@ class SourcePackage:
     """Functions of the package of a source, its ``PACKAGE``; `mtp_bench.sources` finds it by the card's section."""
 
     open: Callable[[Card, DataRoot], SceneSource]
-    dataset: Dataset
+    dataset: Dataset  # such as its licence
     locate: Callable[[Card, DataRoot], DataStatus]  # where the files are, see `Dataset.status`
     tracks: TrackForm | None = None  # in which trackers store their tracks of this dataset
     prepare: Callable[[Card, DataRoot, int | None, int], Work] = lambda card, data, scenes, workers: (0, ())
-    discard: Callable[[Card], None] = lambda card: None
+    discard: Callable[[Card], None] = lambda card: None  # removes simulated scenes of the card's split from the cache
+    # lets no other user of this machine read the simulated scenes of the card, or their names, which hold the seeds
     keep_private: Callable[[Card], None] = lambda card: None
     lanes: Callable[[Card, DataRoot, Scene], Sequence[Lane]] = lambda card, data, scene: scene.lanes
     images: Callable[[Card, DataRoot, Scene], Sequence[CameraImage]] = lambda card, data, scene: ()  # for pictures

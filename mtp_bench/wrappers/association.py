@@ -11,7 +11,7 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from ..agent import Predictor, Presence
-from ..env import MTPEnv
+from ..env.environment import MTPEnv
 from ..errors import ActionError, MtpBenchError, describe_problem
 from ..types import Action, Ints, Observation
 from .associator import CONTINUE, MOST_TRACKS, Associator, nearest

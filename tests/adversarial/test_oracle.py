@@ -14,7 +14,7 @@ from mtp_bench.records import open_seal, seal
 from mtp_bench.records.seal import Sealed
 from mtp_bench.scoring import mean_plain_error, score_scene
 from mtp_bench.scoring.targets import find_targets
-from mtp_bench.sources import discard, open_source
+from mtp_bench.sources import open_source, package_of
 from tests.support.command_line import write_submission
 from tests.support.runs import PATIENT, move_home
 from tests.support.small_scenes import write_short_card
@@ -96,7 +96,7 @@ def sealed_with_targets(card: str, secret: Path) -> Sealed:
             if len(find_targets(source.load(source.names[0]), hidden).frame):
                 return sealed
         finally:
-            discard(hidden)
+            package_of(hidden).discard(hidden)
         for path in secret.parent.glob(f"{secret.stem}*"):
             path.unlink()
 
@@ -128,7 +128,7 @@ class Hall:
             scene = source.load(source.names[0])
             found = run_isolated(submission, hidden, {}, scene.name, limits=PATIENT)  # type: ignore[arg-type]
         finally:
-            discard(hidden)
+            package_of(hidden).discard(hidden)
         error = mean_plain_error([score_scene(scene, found.rollout, hidden)])
         assert error is not None
         return found, error

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 
-from mtp_bench.env import MTPEnv
+from mtp_bench import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownNameError
 from mtp_bench.scoring import live_frames, score_scene

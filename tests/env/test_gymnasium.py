@@ -14,7 +14,7 @@ from gymnasium.vector import AsyncVectorEnv, AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import mtp_bench
-from mtp_bench.env import MTPEnv
+from mtp_bench import MTPEnv
 from tests.support.small_scenes import CARD_ID
 
 SMALL: dict[str, Any] = {"samples": 2, "tracks": 3, "objects": 2, "hypotheses": 2, "detections": 4}

@@ -11,8 +11,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.env import MTPEnv
 from mtp_bench.errors import CardError, DataError
 from mtp_bench.types import Floats, Lane, Scene
 from tests.support.small_scenes import CARD, empty_action, make_scene, write_card

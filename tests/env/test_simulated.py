@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import load_submission
+from mtp_bench import MTPEnv, load_submission
 from mtp_bench._bundle import baseline_names, bundled
-from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, SubmissionError
 from mtp_bench.scoring import SceneScore, score_scene
 from mtp_bench.submission.loader import SubmissionFactory

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench import Action, ActionError, Observation, load_submission, make_action
-from mtp_bench.env import MTPEnv
+from mtp_bench import Action, ActionError, MTPEnv, Observation, load_submission, make_action
 from mtp_bench.env.checks import examine
 from mtp_bench.running.run import agent_task
 from mtp_bench.types import Scene

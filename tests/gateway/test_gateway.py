@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.env import MTPEnv
+from mtp_bench import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
 from mtp_bench.gateway import SceneRun, run_isolated, run_isolated_scenes

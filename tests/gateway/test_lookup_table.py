@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mtp_bench.env import MTPEnv
+from mtp_bench import MTPEnv
 from mtp_bench.gateway import run_isolated
 from mtp_bench.records import submit, verify
 from mtp_bench.running.options import RunOptions

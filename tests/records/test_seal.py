@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.env import MTPEnv
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.records import open_seal, read_level, retire, seal, submit, trusted, verify, why_unranked
 from mtp_bench.records.canonical import today

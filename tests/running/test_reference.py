@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.env import MTPEnv
 from mtp_bench.records.running import plan_run
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtp_bench.env import MTPEnv
+from mtp_bench import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.settings import setting_of

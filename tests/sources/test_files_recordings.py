@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench import load_submission
+from mtp_bench import MTPEnv, load_submission
 from mtp_bench.cards import Card, changed_card, load_card, with_files, with_scenes
-from mtp_bench.env import MTPEnv
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import DataError
 from mtp_bench.running.reading import read_status

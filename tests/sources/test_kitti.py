@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards import Card, with_detector, with_files, with_scenes
-from mtp_bench.env import MTPEnv
 from mtp_bench.errors import DataError, UnknownNameError
 from mtp_bench.running.reading import read_status
 from mtp_bench.sources import describe, load_scenes, open_source

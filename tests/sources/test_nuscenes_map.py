@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards.card import LaneSection
-from mtp_bench.env import MTPEnv
 from mtp_bench.errors import DataError, MissingDataError
 from mtp_bench.sources import describe, with_map
 from mtp_bench.sources.base import HALF_LANE

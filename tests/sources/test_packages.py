@@ -11,7 +11,7 @@ from mtp_bench._bundle import card_ids
 from mtp_bench.cards import Card, load_card
 from mtp_bench.cards.source import SOURCES, source_class
 from mtp_bench.errors import CardError, DataError, UnknownNameError
-from mtp_bench.sources import about, describe, open_source
+from mtp_bench.sources import describe, open_source, package_of
 from mtp_bench.sources.base import SourcePackage
 from tests.sources import test_argoverse2 as argoverse2
 from tests.sources import test_kitti as kitti
@@ -72,6 +72,6 @@ def test_cards_that_do_not_fit(name: str, change: dict[str, Any], tmp_path: Path
 def test_facts_of_a_dataset_need_no_data(env_id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path / "cache"))
     card = load_card(env_id)
-    facts = about(card)
+    facts = package_of(card).dataset
     assert facts == describe(card, tmp_path / "data").about
     assert all((facts.name, facts.licence, facts.citation, facts.how_to_get))

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.env import MTPEnv
 from mtp_bench.gateway import Limits, SceneRun, run_isolated
 from mtp_bench.running.run import run_scene
 from mtp_bench.scoring import score_scene

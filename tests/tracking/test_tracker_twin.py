@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtp_bench.env import MTPEnv
+from mtp_bench import MTPEnv
 from mtp_bench.geometry import wrap_angle
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.tracking.kernels.motion_kernels import update_pairs, wrap

@@ -12,8 +12,8 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from mtp_bench import MTPEnv
 from mtp_bench.cards.card import LaneSection
-from mtp_bench.env import MTPEnv
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, windows_of

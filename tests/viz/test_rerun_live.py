@@ -8,7 +8,7 @@ import gymnasium as gym
 import pytest
 from gymnasium.envs.registration import EnvSpec
 
-from mtp_bench.env import MTPEnv
+from mtp_bench import MTPEnv
 from mtp_bench.viz.rerun.entities import TOP_SAMPLES
 from mtp_bench.viz.rerun.sdk import rr
 from tests.support.recordings import Rows, assert_recorded, read

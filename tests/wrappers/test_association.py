@@ -9,8 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 
-from mtp_bench import ActionError
-from mtp_bench.env import MTPEnv
+from mtp_bench import ActionError, MTPEnv
 from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly, PerDetection
 from tests.env.conftest import MakeEnv
 from tests.env.conftest import make_env as make_env

@@ -14,27 +14,21 @@ from .layout import CLASS_OF, CLASSES, NEUTRAL_OF
 from .tables import Keyframes, Quaternion, Size, TableRecord, Vector, by_token, find, rotations, upright_boxes
 
 
-class CategoryRecord(TableRecord):
-    """A record of ``category.json``."""
-
+class _Category(TableRecord):
     name: str
 
 
-class InstanceRecord(TableRecord):
-    """A record of ``instance.json``."""
-
+class _Instance(TableRecord):
     category_token: str
 
 
-class BoxRecord(TableRecord):
-    """A record of ``sample_annotation.json``; tables of other makers may not count points."""
-
+class _Box(TableRecord):
     sample_token: str
     instance_token: str
     translation: Vector
     size: Size
     rotation: Quaternion
-    num_lidar_pts: int | None = None
+    num_lidar_pts: int | None = None  # tables of other makers may not count points
     num_radar_pts: int | None = None
 
 
@@ -52,10 +46,10 @@ class TrueBoxes:
 
 def read_annotations(paths: Mapping[str, Path], prediction: Path | None, keyframes: Keyframes) -> TrueBoxes:
     """Read all boxes; ``prediction``: the list of targets, if any. DataError names the file and token that is wrong."""
-    instances, categories = by_token(paths["instance"], InstanceRecord), by_token(paths["category"], CategoryRecord)
+    instances, categories = by_token(paths["instance"], _Instance), by_token(paths["category"], _Category)
     names = [find(categories, each, "category_token", paths["instance"]).name for each in instances.values()]
     path = paths["sample_annotation"]
-    records = list(by_token(path, BoxRecord).values())
+    records = list(by_token(path, _Box).values())
     row = {token: index for index, token in enumerate(instances)}
     sample = np.array([find(keyframes.row, record, "sample_token", path) for record in records], dtype=np.int64)
     instance = np.array([find(row, record, "instance_token", path) for record in records], dtype=np.int64)

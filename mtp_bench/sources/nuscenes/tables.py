@@ -101,9 +101,7 @@ class SceneRecord(TableRecord):
     name: Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
-class SampleRecord(TableRecord):
-    """A record of ``sample.json``."""
-
+class _Sample(TableRecord):
     scene_token: str
     timestamp: Annotated[float, msgspec.Meta(ge=0, le=2.0**53)]  # microseconds; a float holds each of them exactly
 
@@ -145,9 +143,7 @@ class ImageRecord(DataRecord):
     height: _Pixels
 
 
-class PoseRecord(TableRecord):
-    """A record of ``ego_pose.json``."""
-
+class _Pose(TableRecord):
     translation: Vector
     rotation: Quaternion
 
@@ -181,7 +177,7 @@ def _read_samples(paths: Mapping[str, Path]) -> tuple[tuple[str, ...], Ints, lis
         if before.name == after.name:
             raise DataError(f"{path} has several scenes {before.name!r}, expected one")
     row = {scene.token: index for index, scene in enumerate(scenes)}
-    samples = list(by_token(table, SampleRecord).values())
+    samples = list(by_token(table, _Sample).values())
     group = np.array([find(row, sample, "scene_token", table) for sample in samples], dtype=np.int64)
     count = np.bincount(group, minlength=len(scenes))
     refuse(count == 0, lambda i: f"{path}, record {scenes[i].token!r}: {table.name} has no sample of this scene")
@@ -231,7 +227,7 @@ def read_poses(path: Path, referrer: Path, pose: list[str]) -> tuple[Floats, Flo
 
     ``referrer``: the table that names them. DataError for a pose that is missing, or that two records share.
     """
-    poses = by_token(path, PoseRecord)
+    poses = by_token(path, _Pose)
     missing = next((token for token in pose if token not in poses), None)
     if missing is not None:
         raise DataError(f"{path} has no record {missing!r}, which {referrer.name} names as ego_pose_token")

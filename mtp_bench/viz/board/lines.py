@@ -16,7 +16,7 @@ from ...scoring.definitions import DEFINITIONS, SUBSETS
 from ...scoring.main_table import NAMES
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
-from ...sources import about
+from ...sources import package_of
 from ...tables import BLANK, Column, Table, columns_of
 from ..terminal.notes import parts_text
 from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
@@ -170,7 +170,7 @@ def _about(env_id: str) -> dict[str, Any] | None:
     card = load_card(env_id)
     kind = "simulated" if card.detector is not None else "stored"
     detections = f"{kind} ({card.detector_name})" if card.detector_name else kind
-    return {"summary": card.summary, "detections": detections, "data": about(card), "task": card.task}
+    return {"summary": card.summary, "detections": detections, "data": package_of(card).dataset, "task": card.task}
 
 
 def answer_of(entries: Sequence[Entry], ids: Mapping[Entry, str]) -> dict[str, Any] | None:

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from mtp_bench import Pipeline, SubmissionError, card_ids
+from mtp_bench import MTPEnv, Pipeline, SubmissionError, card_ids
 from mtp_bench.cards import load_card
-from mtp_bench.env import MTPEnv
 from mtp_bench.networks import PACKED, SHIPPED, VARIABLE
 from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.local import Arrays
