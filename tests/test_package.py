@@ -82,7 +82,7 @@ def test_every_card_is_registered_once() -> None:
         "import gymnasium; print(gymnasium.spec('MTP-KITTI-v0').to_json())"
     )
     spec = json.loads(out)
-    assert (spec["entry_point"], spec["kwargs"]) == ("mtp_bench.env:MTPEnv", {"card": "MTP-KITTI-v0"})
+    assert (spec["entry_point"], spec["kwargs"]) == ("mtp_bench:MTPEnv", {"card": "MTP-KITTI-v0"})
 
 
 def test_the_version_is_the_same_everywhere(repository: Path) -> None:
