@@ -193,7 +193,7 @@ def find_paths(
     for n in range(len(pose)):
         starts, different = _on_lanes(point, count, bound, pose[n], row, match), 0
         for place in np.argsort(-match[:starts, 2]):
-            i = row[place]
+            i = int(row[place])
             if traced[i] == 0:
                 slot[i], used = used, used + 1
                 traced[i] = _trace(i, point, count, length, follow, table[slot[i]], share[slot[i]])
@@ -219,5 +219,5 @@ def find_paths(
             offset[n, m], chance[n, m] = aside[d], weight[d] / total
             path = table[kept[d, 0], kept[d, 1]]
             for s in range(size):
-                paths[n, m, s, 0] = _at(path, arc[d] + STEP * s, 0)
-                paths[n, m, s, 1] = _at(path, arc[d] + STEP * s, 1)
+                paths[n, m, s, 0] = _at(path, float(arc[d]) + STEP * s, 0)
+                paths[n, m, s, 1] = _at(path, float(arc[d]) + STEP * s, 1)

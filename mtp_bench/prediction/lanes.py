@@ -137,5 +137,5 @@ def drive(
                 z = min(max(np.log(quantile / (1 - quantile)) / 1.702, -_FASTEST), _FASTEST)  # nearly normal
                 for t in range(len(tau)):
                     ahead[t] = tau[t] * speed[n] + z * spread[n, t]
-                _follow(paths[n, m], limit[n, m], offset[n, m], speed[n], ahead, tau, samples[q, done + j])
+                _follow(paths[n, m], limit[n, m], offset[n, m], float(speed[n]), ahead, tau, samples[q, done + j])
             done = upto
