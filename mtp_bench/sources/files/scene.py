@@ -1,6 +1,5 @@
 """Scenes from their tables, and the checks of own scenes."""
 
-import difflib
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -10,7 +9,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ...cards import Card, FilesSource, instead_of_stored
-from ...errors import DataError
+from ...errors import DataError, closest
 from ...similar import class_hint
 from ...types import ID_LIMIT, Detections, Floats, Ints, Scene, Truth, starts_of_sorted
 from ..base import CameraImage, class_ids, names_by_number, no_detections, section_of
@@ -99,9 +98,9 @@ def _refuse_misspelt(folder: Path) -> None:
     missing = [name for name in (*TABLES, *PICTURES) if find_table(folder, name) is None]
     for path in sorted(folder.iterdir()):
         form = path.suffix.lower().removeprefix(".")
-        meant = difflib.get_close_matches(path.stem.lower(), missing, n=1, cutoff=_SIMILAR)
+        meant = closest(path.stem, missing, _SIMILAR)
         if form in FORMS and meant:
-            raise DataError(f"{path} is not a known table; did you mean {meant[0]}.{form}?")
+            raise DataError(f"{path} is not a known table; did you mean {meant}.{form}?")
 
 
 def _for_card(scene: Scene, card: Card, where: str, detected: bool) -> Scene:
