@@ -35,11 +35,6 @@ class Ragged:
     def __repr__(self) -> str:
         return f"{type(self).__name__}: {int(self.start[-1])} rows in {self.frames} frames"
 
-    @classmethod
-    def of_counts(cls, count: Sequence[int] | Ints) -> "Ragged":
-        """Frames of ``count`` [F] rows each."""
-        return Ragged(starts_of(count))
-
     @property
     def frames(self) -> int:
         """Number of frames F."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry import wrap_angle
-from ..types import Floats, Ints, Ragged
+from ..types import Floats, Ints, Ragged, starts_of
 from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
 from .false_positives import (
     DetectedRows,
@@ -44,7 +44,7 @@ def free_false_positives(
     assert parameters is not None  # as `reported_classes` has seen
     draws = Draws(seed, NoiseSubject.FREE, number)
     members = _draw_members(parameters, classes, scene, draws)
-    rows = Ragged.of_counts(members.life)
+    rows = Ragged(starts_of(members.life))
     member = rows.frame_of_rows
     age = np.arange(len(member)) - rows.start[member]
     count, longest = len(members.life), int(members.life.max(initial=0))  # frames of the grid are ages

@@ -9,7 +9,7 @@ import numpy as np
 from ...cards import Card, instead_of_stored
 from ...cards.source import SourceSection, Traits
 from ...errors import DataError, MissingDataError
-from ...types import Detections, Floats, Ints, Ragged, Scene, Truth
+from ...types import Detections, Floats, Ints, Ragged, Scene, Truth, starts_of
 from ..base import no_detections, require_classes, require_rate, section_of
 from ..dataset import Dataset
 from ..motion import people_detections, people_truth
@@ -87,7 +87,7 @@ class Wildtrack:
 
 def _truth(folder: Path, numbers: Ints) -> Truth:
     frames = [read_annotations(folder / f"{number:08d}.json") for number in numbers]
-    rows = Ragged.of_counts([len(person) for person, _ in frames])
+    rows = Ragged(starts_of([len(person) for person, _ in frames]))
     person, place = (np.concatenate(parts) for parts in zip(*frames, strict=True))
     return people_truth(rows.frame_of_rows, place, person, np.arange(len(frames)) / RATE, 1 / RATE)
 
