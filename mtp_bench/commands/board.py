@@ -7,15 +7,15 @@ from typing import Annotated
 
 from typer import Option
 
+from .._bundle import bundled
 from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
 from ..parallel import Progress, reported
 from ..records import Record, Trust, load_record, read_level, record_paths, trusted
-from ..records.storage import shipped_records
 from ..viz.board.columns import board_json, data_table
 from ..viz.board.entries import Entry, Found, entries_of, is_baseline
 from ..viz.board.page import Pages, board_files, parts_folder, require_parts, write_board
-from ..viz.board.tables import board_tables, style_of
+from ..viz.board.tables import board_tables
 from ..viz.terminal.output import counted, show, show_lines, show_table
 from .options import BaseOption, JsonOption, TableOption, file_option
 from .output import write_json, write_table
@@ -45,14 +45,14 @@ def board(
     write_json(json_file, board_json(entries))
     write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
     for table, below in tables:
-        show_table(table, style=style_of)
+        show_table(table, style=lambda entry: "bold green" if entry.added else "" if entry.compared else "dim")
         show("")
         show_lines(below)
     show_lines([*notes, *(f"refused: {text}" for text in refused)])
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if output is not None:
-        leaderboard = (records or shipped_records()).absolute().parent
+        leaderboard = records.absolute().parent if records else bundled("leaderboard")
         pages = leaderboard / "SUBMITTING.md", leaderboard.parent / "docs" / "definitions" / "index.md"
         addresses = Pages(*(_link(page, output) for page in pages))
         write_board(output, board_files(entries, parts_folder(output).name, addresses))
@@ -77,7 +77,7 @@ def read_board(
     """
     if folder is not None and not folder.is_dir():
         raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
-    folder = folder or shipped_records()
+    folder = folder or bundled("leaderboard") / "records"
     baselines = folder.absolute().parent.parent / "baselines"
 
     def read(path: Path, added: bool) -> Found:

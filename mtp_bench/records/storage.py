@@ -7,7 +7,6 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from .._bundle import bundled
 from ..errors import RecordError
 from ..files import ABSENT, read_bounded
 from ..running.rollout_files import load_run
@@ -122,8 +121,3 @@ def stored_rollouts(path: Path, record: Record) -> dict[int, list[Rollout]]:
             raise RecordError(f"{folder}: its scenes are not those of the record: {others or 'one occurs twice'}")
         runs[seed] = [rollouts[name] for name in names]
     return runs
-
-
-def shipped_records() -> Path:
-    """The folder of the records that ship."""
-    return bundled("leaderboard") / "records"

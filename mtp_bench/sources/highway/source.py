@@ -43,7 +43,7 @@ class TrafficScenes:
 
     def load(self, name: str) -> Scene:
         """One scene, from the cache or simulated now (one or two seconds)."""
-        return scene_of(name, self.store.get(seed_of(name)), self.card)
+        return scene_of(name, self.store.get(int(name.rsplit("-", 1)[1])), self.card)
 
     def missing(self, scenes: int | None = None) -> list[int]:
         """Seeds, of the first ones, whose worlds are not in the cache."""
@@ -120,11 +120,6 @@ def stride_of(card: Card, rate: float, advice: str = "") -> int:
 def traffic_of(section: HighwaySource) -> Traffic:
     """The part of the section that the simulation depends on."""
     return Traffic(**{field.name: getattr(section, field.name) for field in fields(Traffic)})
-
-
-def seed_of(name: str) -> int:
-    """Seed of a scene by its name."""
-    return int(name.rsplit("-", 1)[1])
 
 
 def ever_seen(truth: Truth, visible: Floats) -> Bools:

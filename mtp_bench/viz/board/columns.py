@@ -101,11 +101,6 @@ def further_columns(entries: Collection[Entry]) -> list[Column]:
     return [column for column in columns_of(kind) if column.optional]
 
 
-def page_columns(entries: Collection[Entry]) -> list[Column]:
-    """The columns of a table of the page: those in which an entry has a number."""
-    return [COLUMN[key] for key in PAGE if any(COLUMN[key].value(entry) is not None for entry in entries)]
-
-
 def data_table(entries: Sequence[Entry], name: str) -> Table:
     """Every number of the entries, rounded as records are, for CSV, JSON and other programs.
 

@@ -19,7 +19,7 @@ from ...scoring.statistics import PairedDifference
 from ...sources import package_of
 from ...tables import BLANK, Column, Table, columns_of
 from ..terminal.notes import parts_text
-from .columns import COLUMN, PAGE, best_text, further_columns, page_columns
+from .columns import COLUMN, PAGE, best_text, further_columns
 from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
 from .entries import Entry, empty_error, has_map, simulated
 
@@ -37,7 +37,9 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
     compared = [entry for entry in entries if entry.compared]
     first = next(iter(compared), entries[0])
     reference = next((entry for entry in compared if entry.name == STP), None)
-    columns, scale = page_columns(entries), scale_of(entries)
+    shown = (COLUMN[key] for key in PAGE)
+    columns = [column for column in shown if any(column.value(entry) is not None for entry in entries)]
+    scale = scale_of(entries)
     board: dict[str, Any] = {
         "id": entries[0].board,
         "env": env_id,

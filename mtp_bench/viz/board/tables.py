@@ -23,11 +23,6 @@ def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
     return [(_short_table(listed), _notes(listed)) for listed in by_board(entries).values()]
 
 
-def style_of(entry: Entry) -> str:
-    """Rich's style of an entry's row."""
-    return "bold green" if entry.added else "" if entry.compared else "dim"
-
-
 def _short_table(entries: Sequence[Entry]) -> Table:
     empty = empty_error(entries)
     empty_text = "" if empty is None else f"; {empty:.3f} if nothing is predicted"
