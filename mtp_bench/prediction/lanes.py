@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from ..agent import Forecasts, Frame
+from ..agent import Frame
 from ..tracking.kernels.compile import kernel, part
-from ..types import Floats, Ints, Task
-from .kalman import NoiseTable
+from ..types import Floats, Ints
 from .kinematic import KinematicPredictor, absolute
 from .lane_paths import STEP, lane_paths
 
@@ -23,7 +22,7 @@ _FASTEST = 2.5  # deviations of the fastest profile, at most
 _HARDEST = 3.0  # m/s2, braking in samples that come to a bend too fast
 
 
-class LanePredictor:
+class LanePredictor(KinematicPredictor):
     """Draw `ALONG` of the k samples along lanes and their successors; the others are `KinematicPredictor`'s.
 
     Paths share the samples by their plausibility. On a path the samples are quantiles of the distance that the motion
@@ -32,41 +31,25 @@ class LanePredictor:
     the task shows no lanes. ``noise``, ``past`` and ``draws``: of `KinematicPredictor`; draws take other quantiles.
     """
 
-    def __init__(self, noise: NoiseTable | None = None, past: int | None = None, draws: int = 1) -> None:
-        self._free = KinematicPredictor(noise, past, draws)
-        self._draws = draws
-
-    def reset(self, task: Task) -> None:
-        """Begin a new scene."""
-        self._task = task
-        self._free.reset(task)
-        self._follows = np.array([name not in _ON_FOOT for name in task.classes])
-
-    def predict(self, frame: Frame) -> Forecasts:
-        """A row of draws x k samples for each track in each hypothesis that holds it."""
-        forecasts, k = self._free.predict(frame), self._task.k
-        along = round(ALONG * k)
-        if self._task.lanes and along and len(forecasts.samples):
-            samples = forecasts.samples.reshape(-1, k, self._task.future, 2)
-            hypothesis, track = np.nonzero(frame.tracks.member)
-            draw = hypothesis[:, None] * self._draws + np.arange(self._draws)
-            self._follow(frame, np.repeat(track, self._draws), draw.ravel(), samples[:, :along])
-        return forecasts
-
-    def _follow(self, frame: Frame, track: Ints, draw: Ints, samples: Floats) -> None:
-        """Write samples [Q, A, T, 2] of tracks ``track`` [Q] that are on lanes; ``draw`` [Q] picks the quantiles."""
-        tracks, task = frame.tracks, self._task
-        state, tau = self._free.states(tracks), task.dt * np.arange(1, task.future + 1)
+    def futures(self, frame: Frame, track: Ints, draw: Ints, samples: int) -> Floats:
+        """Futures [Q, samples, T, 2], absolute x y, of tracks ``track`` [Q]; ``draw`` [Q] picks the random numbers."""
+        futures, along = super().futures(frame, track, draw, samples), round(ALONG * samples)
+        if not self._task.lanes or not along or not len(track):
+            return futures
+        state, tau = self.states(frame.tracks), self._task.dt * np.arange(1, self._task.future + 1)
         place, velocity = absolute(state)
         speed = np.linalg.norm(velocity, axis=1)
-        heading = np.where(speed > _MOVING, np.arctan2(velocity[:, 1], velocity[:, 0]), tracks.box[:, 3])
+        heading = np.where(speed > _MOVING, np.arctan2(velocity[:, 1], velocity[:, 0]), frame.tracks.box[:, 3])
         spread = _spread(state, speed, tau)
         metres = np.clip(speed * tau[-1] + _FASTEST * spread[:, -1], 2 * STEP, _LONGEST)
-        place[~self._follows[tracks.class_id]] = np.inf  # on no lane
+        on_foot = np.array([name in _ON_FOOT for name in self._task.classes])
+        place[on_foot[frame.tracks.class_id]] = np.inf  # on no lane
         found = lane_paths(frame.seen[-1], place, heading, _PATHS, metres)
         limit = np.empty(found.points.shape[:3])
         bend_limits(found.points, found.chance, limit)
-        drive(found.points, found.chance, found.offset, limit, speed, spread, track, draw, tau, samples)
+        among = futures[:, :along]
+        drive(found.points, found.chance, found.offset, limit, speed, spread, track, draw, tau, among)
+        return futures
 
 
 def _spread(state: Floats, speed: Floats, tau: Floats) -> Floats:
