@@ -146,6 +146,24 @@ class StoredTracks(Detections):
 
 
 @dataclass(frozen=True, eq=False)
+class Drive:
+    """What happened to the ego of a closed loop in one scene; N steps of the simulation, F decisions of the planner."""
+
+    way: float  # m driven
+    seconds: float
+    goal: bool  # the end of the way was reached
+    collision: str  # class of the road user that the ego met; empty: none
+    at_fault: bool  # the ego moved, and was not hit from behind
+    near_misses: int  # times that a collision was less than .95 s away
+    phantom_brakes: int  # times that the ego braked by more than 3 m/s2 with nobody on its way within 30 m
+    comfortable: bool  # within nuPlan's bounds
+    acceleration: Floats  # [N] m/s2
+    risk: Floats  # [F] chance of a contact along the profile that was driven, by the forecasts
+    cause: Ints  # [F] forecast object, a row of the frame, with the largest share of it; -1: none
+    world: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # the recording, packed
+
+
+@dataclass(frozen=True, eq=False)
 class Lane:
     """A lane of the road map: polylines along the direction of travel."""
 
@@ -277,6 +295,7 @@ class Rollout:
     malformed: Ints  # [F, C + 1] false forecasts that rejected objects count as, by class; the last of unknown class
     dropped: Ints  # [F] detections that did not fit into the observation
     seconds: Floats  # [F] time the agent took; not part of the digest
+    drive: Drive | None = None  # of a closed loop
 
     def __repr__(self) -> str:
         boxes = f"{len(self.track_id)} boxes of tracks, {len(self.object_class)} forecast objects"

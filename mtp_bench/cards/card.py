@@ -86,6 +86,23 @@ class LaneSection(Section):
     reach: Annotated[float, Field(gt=0, le=1000)] = 60.0  # m from the sensor
 
 
+class PlannerSection(Section):
+    """Weights of the planner that drives the ego (`mtp_bench.drive.planner`); fitted on training seeds."""
+
+    caution: Annotated[float, Field(ge=0)] = 60.0  # m/s of progress that a certain contact now costs
+    patience: Annotated[float, Field(gt=0)] = 3.0  # s, by which a later contact counts less
+    comfort: Annotated[float, Field(ge=0)] = 0.4  # m/s of progress per m/s2 of braking beyond 2
+    smoothness: Annotated[float, Field(ge=0)] = 0.05  # m/s of progress per m/s2
+    margin: Annotated[float, Field(ge=0)] = 0.3  # m around the boxes
+    growth: Annotated[float, Field(ge=0)] = 0.05  # m/s, of the margin over the forecast
+
+
+class DriveSection(Section):
+    """The forecasts of the agent drive the ego of simulated traffic."""
+
+    planner: PlannerSection = PlannerSection()
+
+
 _SWITCH = BeforeValidator(lambda value: ({} if value else None) if isinstance(value, bool) else value)
 _SHIPPED = rule(  # a path would be relative to which folder?
     lambda profile: not profile.endswith(".toml"),
@@ -138,6 +155,7 @@ class Card(Section):
     board: int | None = None  # place among the envs of the leaderboard; those without one come last
     tracker: dict[str, TrackerSection] = Field(default_factory=dict)  # by class; empty: those of the detector
     lanes: Annotated[LaneSection | None, _SWITCH] = None  # observations show the road; ``true``: in the default sizes
+    drive: Annotated[DriveSection | None, _SWITCH] = None  # closed loop
     source: SerializeAsAny[SourceSection]
     detector: DetectorSection | None = None
     task: TaskSection

@@ -27,6 +27,8 @@ class SensedScene:
     sensor: Sensor
     steps: float  # frame periods of the profile per frame of the scene
     field_ratio: float  # field of view of the sensor over that of the profile
+    level: float | None = None  # m, of a flat ground; None: as the true boxes stand
+    only: int | None = None  # the frame that is asked for; None: all
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +93,8 @@ def ground_height(place: Floats, frame: Ints, scene: SensedScene) -> Floats:
     In a frame without true boxes: as high above the ego as the median underside in the scene.
     """
     truth, ego = scene.truth, scene.ego
+    if scene.level is not None:
+        return np.full(len(place), scene.level)
     underside = truth.box[:, 2] - truth.box[:, 6] / 2
     above = underside - ego[truth.frame_of_rows, 2]
     ground = ego[frame, 2] + (np.median(above) if len(above) else 0.0)

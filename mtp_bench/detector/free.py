@@ -53,6 +53,8 @@ def free_false_positives(
     in_reach = polar(members.box[:, :2], scene.ego[members.birth])[0] <= scene.sensor.reach
     score = score_by_rank(rank, parameters.score)
     reported = in_reach[member[visible]] & (score >= noise.quality.floor)
+    if scene.only is not None:
+        reported &= (members.birth[member] + age)[visible] == scene.only
     visible, score = visible[reported], score[reported]
     member = member[visible]
     frame = members.birth[member] + age[visible]

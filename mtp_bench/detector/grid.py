@@ -168,15 +168,16 @@ class Grid:
         return np.asarray(np.sqrt(1 - share) * lasting + np.sqrt(share) * new)
 
 
-def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float) -> Grid:
-    """Grid of a truth; ``noise`` is that of each class index."""
+def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float, since: Ints | None = None) -> Grid:
+    """Grid of a truth; ``noise`` is that of each class index; ``since`` ``[J]``: first frames, before those of rows."""
     ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
     distinct: list[ClassNoise] = []
     for parameters in noise:
         if parameters not in distinct:
             distinct.append(parameters)
     number = np.array([distinct.index(parameters) for parameters in noise])[truth.class_id[first]]
-    return Grid(truth.frames, ids, truth.frame_of_rows, column, tuple(distinct), number, steps)
+    grid = Grid(truth.frames, ids, truth.frame_of_rows, column, tuple(distinct), number, steps)
+    return grid if since is None else replace(grid, lives=(since, grid.span[1]))
 
 
 def truth_neighbours(grid: Grid, place: Floats, length: float) -> Neighbours:

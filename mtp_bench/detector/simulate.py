@@ -1,11 +1,12 @@
 """Simulation of a detector; ``README.md`` beside this file describes the model."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import require_shape
-from ..types import Detections, Floats, Truth
+from ..types import Detections, Floats, Ints, Truth, select
 from .draws import Draws
 from .errors import estimated_boxes, measured_velocities, position_errors
 from .false_positives import DetectedRows, SensedScene, reported_classes, sorted_detections
@@ -17,6 +18,16 @@ from .quality import draw_qualities
 from .visibility import Sensor, Visibility, visibility_of
 
 
+@dataclass(frozen=True, eq=False)
+class OpenScene:
+    """A scene that goes on: frame by frame it has the detections that it has at once, whatever comes later."""
+
+    frames: int  # at most
+    known: Truth  # true boxes whose classes and sizes false positives have
+    level: float = 0.0  # m, of the ground
+    since: Ints | None = None  # [J] first frame of each object, by id, if only the last frame has boxes
+
+
 def simulate(
     truth: Truth,
     ego: Floats,
@@ -26,20 +37,26 @@ def simulate(
     seed: int,
     dt: float,
     visibility: Visibility | None = None,
+    going_on: OpenScene | None = None,
 ) -> Detections:
     """Simulate the detections of a scene; equal arguments give equal detections.
 
     ``truth``: true boxes with the neutral ones, ``class_id`` an index into ``classes``; ``ego``: ``[F, 4]`` x y z yaw
     of the sensor, in the frame of the truth; ``seed``: not negative; ``dt``: s between frames, by which the memory of
-    the profile decays; ``visibility``: `visibility_of` the truth, if known. Rows of a frame are sorted by descending
+    the profile decays; ``visibility``: `visibility_of` the truth, if known; ``going_on``: of a closed loop. Rows of a frame are sorted by descending
     score, then by x. Raises UnknownNameError for a class that the profile does not have.
     """
     require_shape("ego", ego, (truth.frames, 4))
     visibility = visibility_of(truth, ego, sensor) if visibility is None else visibility
+    frames, known, since, level = len(ego), truth, None, None
+    if going_on is not None:
+        known, since, level, more = going_on.known, going_on.since, going_on.level, max(going_on.frames - frames, 0)
+        truth = replace(truth, start=np.pad(truth.start, (0, more), mode="edge"))
+        ego = np.pad(ego, ((0, more), (0, 0)), mode="edge")
     field_ratio = float(min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view))
-    scene = SensedScene(truth, ego, sensor, dt / profile.dt, field_ratio)
+    scene = SensedScene(truth, ego, sensor, dt / profile.dt, field_ratio, level, None if since is None else frames - 1)
     draws = Draws(seed)
-    grid = truth_grid(truth, [profile.noise(name) for name in classes], scene.steps)
+    grid = truth_grid(truth, [profile.noise(name) for name in classes], scene.steps, since)
     neighbours = truth_neighbours(grid, truth.box[:, :2], profile.neighbours)
     qualities = draw_qualities(grid, visibility, neighbours, draws)
     direction = visibility.bearing + ego[grid.frame, 3]
@@ -50,10 +67,11 @@ def simulate(
     velocity = measured_velocities(truth.velocity[hit], hits, direction[hit], draws)
     objects = DetectedRows(hits.frame, box, velocity, truth.class_id[hit], qualities.score[hit])
     noise_names = [profile.noise_name(name) for name in classes]
-    similar = classes_of_same_noise(truth, noise_names)
+    similar = classes_of_same_noise(known, noise_names)
     rows = [objects, near_false_positives(grid, scene, qualities, similar, seed)]
     for number, (name, noise) in enumerate(profile.classes.items()):
-        reported = reported_classes(truth, classes, noise_names, name, noise.free)
+        reported = reported_classes(known, classes, noise_names, name, noise.free)
         if reported is not None:
             rows.append(free_false_positives(noise, reported, scene, number, seed))
-    return sorted_detections(rows, len(ego))
+    shown = rows if going_on is None else [select(part, part.frame < frames) for part in rows]
+    return sorted_detections(shown, frames)

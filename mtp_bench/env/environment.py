@@ -5,6 +5,7 @@ of objects as of frame t. ``step`` gives the reward of that action and the obser
 """
 
 from pkgutil import resolve_name
+from dataclasses import replace
 from typing import Any, Unpack, cast, final
 
 import gymnasium
@@ -98,16 +99,29 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         """First observation of a scene: the one that ``options={"scene": name}`` names, else one drawn at random."""
         super().reset(seed=seed)
         drawn = self.scene_names[int(self.np_random.integers(len(self.scene_names)))]
-        scene = self._load(wanted(options or {}, self.scene_names, drawn))
+        name = wanted(options or {}, self.scene_names, drawn)
+        if self.card.drive is not None:
+            return self._begin(self._driven(name))
+        scene = self._load(name)
         frame = LocalFrame.of(scene, self.np_random if self._rigid_motion else None)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)
         feed, number = make_feed(scene, frame, self.task, self.card), self.scene_names.index(scene.name)
-        episode = self._episode = Episode(scene, number, frame, feed, scorer, scene.frames)
+        episode = Episode(scene, number, frame, feed, scorer, scene.frames)
         if self._target_frames:
             episode.keep_target_frames(record_action(examine(None, self.task), self.task))
-        self._live = None
+        return self._begin(episode)
+
+    def _begin(self, episode: Episode) -> tuple[Observation, dict[str, Any]]:
+        self._episode, self._live = episode, None
         self._render_each()
-        return feed.observe(episode.t), episode.info()
+        return episode.observe(), episode.info()
+
+    def _driven(self, name: str) -> Episode:
+        """The first frame of a drive; its scene is made while it is driven."""
+        from .driven import DrivenEpisode
+
+        rng, number = self.np_random if self._rigid_motion else None, self.scene_names.index(name)
+        return DrivenEpisode.start(self.card, self.task, name, number, rng)
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take the action for the last observation and show the next frame; ``terminated`` after the last one.
@@ -119,7 +133,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         episode = self._started()
         reward = episode.take(self._recorded(episode, action))
         self._render_each()
-        return episode.feed.observe(episode.t), reward, episode.over, False, episode.info()
+        return episode.observe(), reward, episode.over, False, episode.info()
 
     def reward_of(self, action: Action) -> float:
         """The reward that an action for the last observation would have, without a step."""
@@ -136,7 +150,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
                 f"scene {episode.scene.name!r} is at frame {episode.t} of {episode.scene.frames}:"
                 " a rollout exists after the last frame"
             )
-        return assemble(episode.scene.name, episode.actions, episode.feed.dropped)
+        return replace(assemble(episode.scene.name, episode.actions, episode.dropped), drive=episode.drive)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the frame of the last action; before the first action, frame 0.
@@ -148,9 +162,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
             logger.warn(f"render() without a render mode: make the env with one of {', '.join(RENDERERS)}")
             return None
         episode = self._started()
-        if self._live is None:
-            parts = (self.card, episode.scene, episode.frame, episode.feed, episode.actions)
-            self._live = live_episode(*parts, self._evaluation)
+        if self._live is None or self.card.drive is not None:
+            scene, feed = episode.recording()
+            self._live = live_episode(self.card, scene, episode.frame, feed, episode.actions, self._evaluation)
         if self._renderer is None:
             self._renderer = resolve_name(RENDERERS[self.render_mode])()
         return self._renderer.render(self._live)
@@ -189,7 +203,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         examined = examine(action, self.task)
         if self._feedback is not None:
             self._feedback.give(examined, f"frame {episode.t}")
-        seen = episode.feed.of_class(episode.t, len(self.task.classes))
+        seen = episode.feed.of_class(episode.row, len(self.task.classes))
         return record_action(examined, self.task, episode.frame, seen)
 
 

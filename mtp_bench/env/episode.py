@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import DataError
 from ..scoring.forecasts import RecordedForecasts
 from ..scoring.frame import FrameScore, FrameScorer
-from ..types import Scene
+from ..types import Drive, Ints, Observation, Scene
 from .observation import Feed, LocalFrame
 from .rollouts import RecordedAction
 
@@ -27,11 +27,30 @@ class Episode:
     # one per frame, in the scene's frame of reference; empty ones before ``first``
     actions: list[RecordedAction] = field(default_factory=list)
     scores: list[FrameScore] = field(default_factory=list)  # one per action that was taken
+    drive: Drive | None = None  # of a closed loop that is over
 
     @property
     def t(self) -> int:
         """The frame that is shown."""
         return len(self.actions)
+
+    @property
+    def row(self) -> int:
+        """The frame that is shown, in ``feed``."""
+        return self.t
+
+    @property
+    def dropped(self) -> Ints:
+        """Detections of each frame that did not fit into an observation [F]."""
+        return self.feed.dropped
+
+    def observe(self) -> Observation:
+        """Fresh arrays of the frame that is shown."""
+        return self.feed.observe(self.row)
+
+    def recording(self) -> tuple[Scene, Feed]:
+        """The scene, and what the agent is shown of it, for pictures."""
+        return self.scene, self.feed
 
     @property
     def over(self) -> bool:
@@ -78,7 +97,7 @@ class Episode:
         invalid = self.actions[-1].invalid if acted else np.zeros(3, dtype=np.int64)
         info: dict[str, Any] = {
             "frame": t,
-            "dropped_detections": 0 if self.over else int(self.feed.dropped[t]),
+            "dropped_detections": 0 if self.over else int(self.feed.dropped[self.row]),
             "invalid_tracks": int(invalid[0]),
             "invalid_hypotheses": int(invalid[1]),
             "invalid_objects": int(invalid[2]),

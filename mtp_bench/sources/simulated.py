@@ -1,8 +1,10 @@
 """Simulated detections in place of stored ones, for any source and for scenes whose frames have separate axes."""
 
+from __future__ import annotations
+
 import hashlib
 from dataclasses import replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -11,10 +13,13 @@ from ..geometry import rotate, transform_boxes
 from ..types import Detections, Floats, Scene, Truth, pieces_of
 from .motion import as_places, extent, looking_back
 
+if TYPE_CHECKING:
+    from ..detector.simulate import OpenScene
+
 RowsT = TypeVar("RowsT", Truth, Detections)
 
 
-def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
+def detected(scene: Scene, card: Card, seed: int | None = None, going_on: OpenScene | None = None) -> Scene:
     """``scene`` with the detections of the card's simulated detector; unchanged if it has stored ones.
 
     The noise depends on the scene's name and the detector's seed, or on ``seed`` alone if it is given. Measured
@@ -44,7 +49,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None) -> Scene:
         moving = world.truth if scene.world is None else looking_back(world.truth, scene.time, period)
         world = replace(world, truth=replace(moving, velocity=np.nan_to_num(moving.velocity)))
     seen = visibility_of(world.truth, world.ego, sensor, visible)
-    found = simulate(world.truth, world.ego, card.task.classes, profile, sensor, seed, dt=period, visibility=seen)
+    found = simulate(world.truth, world.ego, card.task.classes, profile, sensor, seed, period, seen, going_on)
     if scene.world is not None:
         found = in_frames(found, scene.world, scene.time, period)
     if card.source.traits.places_only:

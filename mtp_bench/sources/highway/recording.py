@@ -23,10 +23,14 @@ _COLUMNS = 12  # x y z yaw l w h, velocity x y, class, number, frame
 class Recording:
     """Recorded boxes, velocities, classes and numbers, frame by frame."""
 
-    def __init__(self, frames: int, parked: Floats) -> None:
+    def __init__(self, parked: Floats) -> None:
         """``parked`` ``[K, 7]``: boxes of cars that never move."""
-        self._frames, self._parked = frames, parked
+        self._parked = parked
         self._rows: list[Floats] = []
+
+    @property
+    def _frames(self) -> int:
+        return len(self._rows)
 
     def add(self, vehicles: Sequence[Driver], vehicle_boxes: Floats, crowd: Crowd, people: Floats) -> None:
         """Append a frame: boxes ``[N, 7]`` of vehicles and ``[M, 7]`` of people in highway-env's frame."""
@@ -41,19 +45,28 @@ class Recording:
         self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rng: np.random.Generator
     ) -> World | str:
         """The world; ``sensor``: x y z of a fixed one, None: on a vehicle. "no_ego" if no vehicle can carry it."""
-        rows = right_handed([*self._rows, self._parked_rows()])
+        rows = right_handed([*self._rows, self._parked_rows(self._frames)])
         if sensor is None:
             number = self._ego(rows, rng)
             return "no_ego" if number is None else seen_from(number, rows, self._frames, RATE, lanes)
         ego = np.tile([sensor[0], -sensor[1], sensor[2], 0.0], (self._frames, 1))
         return World(np.arange(self._frames) / RATE, ego, _truth(rows, self._frames), lanes)
 
-    def _parked_rows(self) -> Floats:
+    def seen_from(self, number: int, lanes: tuple[Lane, ...], last: bool, frames: int | None) -> World:
+        """Frames so far, the first ``frames`` or the ``last`` one, seen by vehicle ``number``; numbers stay."""
+        chosen = self._rows[:frames]
+        if last:
+            chosen = [self._rows[-1].copy()]
+            chosen[0][:, 11] = 0
+        rows = right_handed([*chosen, self._parked_rows(len(chosen))])
+        return seen_from(number, rows, len(chosen), RATE, lanes, renumbered=False)
+
+    def _parked_rows(self, frames: int) -> Floats:
         count = len(self._parked)
         still, car = np.zeros((count, 2)), np.full(count, CLASSES.index("car"))
         rows = np.column_stack([self._parked, still, car, _PARKED_FROM + np.arange(count)])
-        frame = np.repeat(np.arange(self._frames), count)
-        return np.column_stack([np.tile(rows, (self._frames, 1)), frame]).astype(np.float64)
+        frame = np.repeat(np.arange(frames), count)
+        return np.column_stack([np.tile(rows, (frames, 1)), frame]).astype(np.float64)
 
     def _ego(self, rows: Floats, rng: np.random.Generator) -> int | None:
         """Number of a vehicle that is present in all frames, drives far and has many objects around it."""
@@ -79,12 +92,17 @@ def right_handed(frames: Sequence[Floats]) -> Floats:
     return rows
 
 
-def seen_from(number: int, rows: Floats, frames: int, rate: float, lanes: tuple[Lane, ...]) -> World:
-    """The world of right-handed rows ``[R, 12]``; the vehicle ``number`` carries the sensor and is not in the truth."""
+def seen_from(
+    number: int, rows: Floats, frames: int, rate: float, lanes: tuple[Lane, ...], renumbered: bool = True
+) -> World:
+    """The world of right-handed rows ``[R, 12]``; the vehicle ``number`` carries the sensor and is not in the truth.
+
+    ``renumbered``: objects are numbered from 0, else they keep the numbers of their rows.
+    """
     own = rows[:, 10] == number
     ego = rows[own][:, [0, 1, 2, 3]]
     ego[:, 2] = _EGO_HEIGHT
-    return World(np.arange(frames) / rate, ego, _truth(rows[~own], frames), lanes)
+    return World(np.arange(frames) / rate, ego, _truth(rows[~own], frames, renumbered), lanes)
 
 
 def course_velocity(vehicles: Sequence[Any]) -> Floats:
@@ -95,8 +113,10 @@ def course_velocity(vehicles: Sequence[Any]) -> Floats:
     return np.asarray(np.stack([np.cos(course), np.sin(course)], axis=1) * speed[:, None])
 
 
-def _truth(rows: Floats, frames: int) -> Truth:
+def _truth(rows: Floats, frames: int, renumbered: bool = True) -> Truth:
     start, class_id = starts_of_sorted(rows[:, 11].astype(np.int64), frames), rows[:, 9].astype(np.int64)
-    object_id: Ints = np.unique(rows[:, 10], return_inverse=True)[1].reshape(-1).astype(np.int64)
+    object_id: Ints = rows[:, 10].astype(np.int64)
+    if renumbered:
+        object_id = np.unique(object_id, return_inverse=True)[1].reshape(-1).astype(np.int64)
     neutral = np.zeros(len(rows), dtype=np.bool_)
     return Truth(start, rows[:, :7].copy(), rows[:, 7:9].copy(), class_id, object_id, ~neutral, neutral)

@@ -34,7 +34,7 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
     """
     rejected: list[str] = []
     for attempt in range(ATTEMPTS):
-        world = _Attempt(traffic, seed, attempt).run()
+        world = Attempt(traffic, seed, attempt).run()
         if isinstance(world, World):
             return world
         rejected.append(world)
@@ -52,35 +52,51 @@ def _map_of(scenario: ScenarioName, seconds: float) -> tuple[RoadMap, RouteTable
     return road_map, routes, find_passages(road_map, routes) if road_map.regulated else ()
 
 
-class _Attempt:
-    """One run of the traffic."""
+class Attempt:
+    """One run of the traffic, step by step."""
 
     def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
         self._traffic = traffic
-        self._map, routes, passages = _map_of(traffic.scenario, traffic.seconds)
+        self.map, self.routes, passages = _map_of(traffic.scenario, traffic.seconds)
         generators = (np.random.default_rng([seed, attempt, kind]) for kind in range(6))
         entries, people, self._rng, parking, driving, walking = generators
-        self._parked = draw_parked_boxes(self._map.kerbs, traffic.parked, parking)
-        self._crowd = Crowd(self._map, traffic.pedestrians, people, PedestrianBehaviour(1.0 / RATE, walking))
+        self.parked = draw_parked_boxes(self.map.kerbs, traffic.parked, parking)
+        self.crowd = Crowd(self.map, traffic.pedestrians, people, PedestrianBehaviour(1.0 / RATE, walking))
         behaviour = DriverBehaviour(1.0 / RATE, driving)
-        self._drivers = _Drivers(self._map, routes, passages, self._crowd, behaviour)
-        self._entries = Entries(self._map, traffic.vehicles, entries)
+        self.drivers = _Drivers(self.map, self.routes, passages, self.crowd, behaviour)
+        self._entries = Entries(self.map, traffic.vehicles, entries)
+        self._entries.fill(self.drivers.road)
+        self._steps = 0
+
+    @property
+    def vehicles(self) -> list[Driver]:
+        """The vehicles on the road."""
+        return self.drivers.road.vehicles  # type: ignore[no-any-return]
+
+    def boxes(self) -> tuple[Floats, Floats, Floats]:
+        """Boxes ``[N, 7]`` of vehicles, people on foot and parked cars, in highway-env's frame."""
+        return vehicle_boxes(self.vehicles), self.crowd.boxes(), self.parked
+
+    def step(self, vehicles: Floats) -> None:
+        """Move everybody by 1 / `RATE` seconds; ``vehicles`` ``[N, 7]``: their boxes now."""
+        finished = self.drivers.step(self._steps, np.concatenate([vehicles, self.parked]))
+        self._entries.admit(self.drivers.road, finished)
+        self._steps += 1
 
     def run(self) -> World | str:
         """The recorded world, or the problem in one word."""
         frames = round(self._traffic.seconds * RATE)
         warm_up = round(WARM_UP * RATE)
-        recording, road = Recording(frames, self._parked), self._drivers.road
-        self._entries.fill(road)
+        recording = Recording(self.parked)
         for step in range(warm_up + frames):
-            vehicles, people = vehicle_boxes(road.vehicles), self._crowd.boxes()
-            if len(overlapping(np.concatenate([vehicles, people, self._parked]))):
+            vehicles, people, parked = self.boxes()
+            if len(overlapping(np.concatenate([vehicles, people, parked]))):
                 return "crash"
             if step >= warm_up:
-                recording.add(road.vehicles, vehicles, self._crowd, people)
-            self._entries.admit(road, self._drivers.step(step, np.concatenate([vehicles, self._parked])))
-        sensor = None if self._traffic.sensor == "ego" else self._map.sensor
-        return recording.world(sensor, lane_map(self._map.network.lanes_dict()), self._rng)
+                recording.add(self.vehicles, vehicles, self.crowd, people)
+            self.step(vehicles)
+        sensor = None if self._traffic.sensor == "ego" else self.map.sensor
+        return recording.world(sensor, lane_map(self.map.network.lanes_dict()), self._rng)
 
 
 class _Drivers:
@@ -93,7 +109,7 @@ class _Drivers:
         self._map, self._routes, self._crowd, self._behaviour = road_map, routes, crowd, behaviour
         unused: Any = np.random.default_rng(0)  # otherwise the road would make a generator with a seed from the clock
         self.road: Any = Road(network=road_map.network, np_random=unused)
-        self._rules = RightOfWay(passages, road_map.first_in_first_out) if road_map.regulated else None
+        self.rules = RightOfWay(passages, road_map.first_in_first_out) if road_map.regulated else None
         self._changes = LaneChanges(road_map, routes) if road_map.overtaking else None
 
     def step(self, step: int, obstacles: Floats) -> list[Driver]:
@@ -109,8 +125,8 @@ class _Drivers:
             vehicle.act({"steering": steering, "acceleration": gain})
         self.road.step(1.0 / RATE)
         round_states(state.vehicles)
-        if self._rules is not None:
-            self._crowd.step(1.0 / RATE, obstacles, self._rules.free_to_walk)
+        if self.rules is not None:
+            self._crowd.step(1.0 / RATE, obstacles, self.rules.free_to_walk)
         return [state.vehicles[i] for i in np.flatnonzero(state.finished)]
 
     def _acceleration(self, state: RoadState, step: int) -> Floats:
@@ -120,9 +136,9 @@ class _Drivers:
         free = self._behaviour.free_acceleration(state, free_acceleration(state.speed, desired, style))
         result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, style)
         lines = np.full(len(state), np.inf)
-        if self._rules is not None:
+        if self.rules is not None:
             crowd = self._crowd
-            lines = self._rules.update(state, ahead, crowd.walks(), crowd.claimed(), step / RATE)
+            lines = self.rules.update(state, ahead, crowd.walks(), crowd.claimed(), step / RATE)
         if self._changes is not None:
             lines = routes.room[state.route, state.lane] - state.s - state.length / 2  # to the end of a lane
             result = np.minimum(result, self._changes.bounds(state, desired))
@@ -145,8 +161,12 @@ def overlapping(box: Floats) -> Ints:
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     if len(pairs) == 0:
         return pairs
-    a, b = box[pairs[:, 0]], box[pairs[:, 1]]
-    return pairs[~(_separated(a, b) | _separated(b, a))]
+    return pairs[boxes_meet(box[pairs[:, 0]], box[pairs[:, 1]])]
+
+
+def boxes_meet(a: Floats, b: Floats) -> Bools:
+    """Mask ``[n]`` of boxes a and b, both ``[n, 7]``, that overlap in bird's eye view."""
+    return ~(_separated(a, b) | _separated(b, a))
 
 
 def _separated(a: Floats, b: Floats) -> Bools:

@@ -89,15 +89,15 @@ def package(scenes: Callable[[Card], TrafficScenes], dataset: Dataset) -> Source
     )
 
 
-def scene_of(name: str, world: World, card: Card) -> Scene:
-    """The frames, classes and objects within reach of ``world`` that the card has."""
+def scene_of(name: str, world: World, card: Card, stride: int | None = None) -> Scene:
+    """The frames, classes and objects within reach of ``world`` that the card has; ``stride``: if it is known."""
     from ...detector.visibility import Sensor, covered
 
     detector = card.detector
     if detector is None:
         raise CardError(f"{card.id}: simulated traffic needs a [detector]")
     sensor = Sensor(detector.reach, float(np.deg2rad(detector.field_of_view)))
-    stride = stride_of(card, 1.0 / float(world.time[1]))
+    stride = stride or stride_of(card, 1.0 / float(world.time[1]))
     frames = np.arange(0, len(world.time), stride)
     class_id = class_ids(CLASSES, card.task.classes)[world.truth.class_id]
     keep = covered(world.truth, world.ego, sensor) & (class_id >= 0)

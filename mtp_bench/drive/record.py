@@ -1,0 +1,93 @@
+"""What happened in a drive: collision, near misses, hard braking without a cause, comfort, and way driven."""
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from ..sources.highway.driven import DrivenTraffic, Way
+from ..sources.highway.simulate import boxes_meet
+from ..sources.highway.world import CLASSES, RATE, World
+from ..types import Bools, Drive, Floats, Ints
+
+COLLISION_TIME = 0.95  # s: a shorter time to collision is a near miss (nuPlan)
+HARD = -3.0  # m/s2
+FREE = 30.0  # m ahead on the way without anybody: hard braking there has no cause
+LIMITS = {"braking": -4.05, "gaining": 2.40, "across": 4.89, "jerk": 4.13}  # m/s2, m/s3: nuPlan's bounds of comfort
+_BESIDE = 1.0  # m from the ego's strip
+_LOOKS = (0.3, 0.6, COLLISION_TIME)  # s ahead, at constant velocities
+_WINDOW = 15  # steps over which accelerations are smoothed before jerks are taken
+
+
+def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, risk: Floats, cause: Ints) -> Drive:
+    """The record of a drive that is over.
+
+    ``stations`` [N + 1] m of the ego at each step, ``acceleration`` [N] m/s2 between them; ``risk`` and ``cause`` [F]
+    of the planner's decisions.
+    """
+    world, hit = traffic.world(), traffic.collision
+    speed = np.diff(stations) * RATE
+    alone = ~occupied(world, traffic.way, stations, traffic.size)[:-1]
+    return Drive(
+        way=float(stations[-1] - stations[0]),
+        seconds=float(world.time[-1]),
+        goal=traffic.at_goal,
+        collision="" if hit is None else CLASSES[hit.class_id],
+        at_fault=hit is not None and hit.at_fault,
+        near_misses=_runs(near_misses(world, speed, traffic.size)),
+        phantom_brakes=_runs((acceleration < HARD) & alone),
+        comfortable=is_comfortable(acceleration, speed, np.interp(stations[:-1], traffic.way.s, traffic.way.heading)),
+        acceleration=acceleration,
+        risk=risk,
+        cause=cause,
+    )
+
+
+def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools:
+    """Mask [N] of the steps whose time to collision is below `COLLISION_TIME`, with somebody ahead or beside."""
+    truth, steps = world.truth, len(speed)
+    frame = truth.frame_of_rows
+    rows = np.flatnonzero((frame < steps) & (np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10))
+    frame = frame[rows]
+    yaw, moves = world.ego[frame, 3], speed[frame] > 0.05
+    ahead = _along(truth.box[rows, :2] - world.ego[frame, :2], yaw) > 0
+    near = np.zeros(len(rows), dtype=bool)
+    for seconds in _LOOKS:
+        own = np.zeros((len(rows), 7))
+        own[:, :2] = world.ego[frame, :2] + (speed[frame] * seconds)[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], 1)
+        own[:, 3], own[:, 4:6] = yaw, size
+        other = truth.box[rows].copy()
+        other[:, :2] += truth.velocity[rows] * seconds
+        near |= boxes_meet(own, other)
+    return np.bincount(frame[near & ahead & moves], minlength=steps) > 0
+
+
+def occupied(world: World, way: Way, stations: Floats, size: tuple[float, float]) -> Bools:
+    """Mask [N + 1] of the steps at which somebody is on the way, or right beside it, within `FREE` m of the bumper."""
+    truth = world.truth
+    frame = truth.frame_of_rows
+    rows = np.flatnonzero(np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10)
+    frame, box = frame[rows], truth.box[rows]
+    found = np.zeros(len(stations), dtype=bool)
+    for ahead in np.arange(size[0] / 2, size[0] / 2 + FREE, 1.0):
+        place, _ = way.at(stations[frame] + ahead)
+        aside = np.hypot(*(box[:, :2] - place).T) < size[1] / 2 + box[:, 4:6].min(axis=1) / 2 + _BESIDE
+        found[frame[aside]] = True
+    return found
+
+
+def is_comfortable(acceleration: Floats, speed: Floats, heading: Floats) -> bool:
+    """True if a drive keeps within `LIMITS`: accelerations along and across, and the jerk of the smoothed one."""
+    across = speed * np.gradient(heading) * RATE if len(heading) > 1 else np.zeros(1)
+    within = (acceleration >= LIMITS["braking"]).all() and (acceleration <= LIMITS["gaining"]).all()
+    if len(acceleration) >= _WINDOW:
+        jerk = savgol_filter(acceleration, _WINDOW, 2, deriv=1, delta=1 / RATE)
+        within &= bool((np.abs(jerk) <= LIMITS["jerk"]).all())
+    return bool(within and (np.abs(across) <= LIMITS["across"]).all())
+
+
+def _along(vector: Floats, yaw: Floats) -> Floats:
+    return np.asarray(vector[:, 0] * np.cos(yaw) + vector[:, 1] * np.sin(yaw))
+
+
+def _runs(mask: Bools) -> int:
+    """Number of runs of True."""
+    return int((np.diff(mask.astype(np.int8), prepend=0) == 1).sum())
