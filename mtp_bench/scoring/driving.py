@@ -1,0 +1,102 @@
+"""Driving in a closed loop: a score per scene, as in NAVSIM, and a row per agent, paired by scene.
+
+Definitions: docs/definitions, "Driving".
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from ..tables import Column
+from ..types import Drive, Floats
+from .statistics import bootstrap_interval, sign_flip_test
+
+WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
+LEAST_WAY = 5.0  # m: where ground-truth tracks let the ego drive less, progress counts as made
+_Interval = tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class DrivingRow:
+    """Driving of one agent over all scenes and seeds."""
+
+    agent: Annotated[str, Column()]
+    drive_score: Annotated[float, Column("drive score", better="higher", help="Mean over scenes, 0 to 1.")]
+    interval: Annotated[_Interval, Column(interval=True)]
+    difference: Annotated[float | None, Column("less stp", help="Drive score less that of stp, in the same scenes.")]
+    difference_interval: Annotated[_Interval, Column(interval=True)]
+    p: Annotated[float | None, Column("p", format=".3f", help="Sign-flip test of the difference over scenes.")]
+    collisions: Annotated[float, Column("at fault", better="lower", format=".1f", help="At-fault collisions, per 100.")]
+    collisions_interval: Annotated[_Interval, Column(interval=True)]
+    any_collision: Annotated[float, Column("collisions", better="lower", format=".1f", help="All, per 100 scenes.")]
+    near_misses: Annotated[float, Column("near misses", better="lower", format=".1f", help="Times per 100 scenes.")]
+    progress: Annotated[float, Column(unit="share", better="higher", help="Way over that with ground-truth tracks.")]
+    phantom_brakes: Annotated[float, Column("phantom", better="lower", format=".1f", help="Hard brakes, free way.")]
+    goal_seconds: Annotated[float | None, Column("to goal", "s", better="lower", help="Mean, of scenes that end there.")]
+    comfort: Annotated[float, Column(unit="share", better="higher", help="Scenes within nuPlan's bounds of comfort.")]
+    error: Annotated[float | None, Column("bADE", "m", better="lower", help="In its own episodes.")] = None
+    scenes: Annotated[int, Column()] = 0
+
+
+@dataclass(frozen=True, eq=False)
+class AgentDrives:
+    """Drives of an agent: for each scene one per seed."""
+
+    agent: str
+    drives: Mapping[str, Sequence[Drive]]
+    error: float | None = None  # m, bADE in its own episodes
+
+
+def scene_score(drive: Drive, reference: float) -> float:
+    """Score of one drive, 0 to 1; ``reference``: m that the ego drives there with ground-truth tracks."""
+    parts = (progress_of(drive, reference), float(drive.near_misses == 0), float(drive.comfortable))
+    total = sum(weight * part for weight, part in zip(WEIGHTS.values(), parts, strict=True))
+    return 0.0 if drive.at_fault else total / sum(WEIGHTS.values())
+
+
+def progress_of(drive: Drive, reference: float) -> float:
+    """Share of the ``reference`` way that was driven, at most 1."""
+    return 1.0 if reference < LEAST_WAY else min(1.0, drive.way / reference)
+
+
+def scene_scores(agent: AgentDrives, reference: Mapping[str, float]) -> Floats:
+    """Scores [S] of the scenes of ``reference``, means over seeds."""
+    return np.array([np.mean([scene_score(d, way) for d in agent.drives[name]]) for name, way in reference.items()])
+
+
+def driving_rows(
+    agents: Sequence[AgentDrives], reference: Mapping[str, float], stp: AgentDrives | None = None
+) -> list[DrivingRow]:
+    """A row per agent, the best score first; ``reference``: way with ground-truth tracks of each scene, m."""
+    base = None if stp is None else scene_scores(stp, reference)
+    rows = [_row(agent, reference, None if agent is stp else base) for agent in agents]
+    return sorted(rows, key=lambda row: -row.drive_score)
+
+
+def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None) -> DrivingRow:
+    score, ones = scene_scores(agent, reference), np.ones(len(reference))
+    drives = [agent.drives[name] for name in reference]
+    every = [(drive, way) for own, way in zip(drives, reference.values(), strict=True) for drive in own]
+    faults = np.array([np.mean([100.0 * drive.at_fault for drive in own]) for own in drives])
+    test = None if base is None else sign_flip_test(score - base)
+    goals = [drive.seconds for drive, _ in every if drive.goal]
+    return DrivingRow(
+        agent=agent.agent,
+        drive_score=float(score.mean()),
+        interval=bootstrap_interval(score, ones),
+        difference=None if base is None else float((score - base).mean()),
+        difference_interval=None if test is None else test.interval,
+        p=None if test is None else test.p,
+        collisions=float(faults.mean()),
+        collisions_interval=bootstrap_interval(faults, ones),
+        any_collision=float(np.mean([100.0 * bool(drive.collision) for drive, _ in every])),
+        near_misses=float(np.mean([100.0 * drive.near_misses for drive, _ in every])),
+        progress=float(np.mean([progress_of(drive, way) for drive, way in every])),
+        phantom_brakes=float(np.mean([100.0 * drive.phantom_brakes for drive, _ in every])),
+        goal_seconds=float(np.mean(goals)) if goals else None,
+        comfort=float(np.mean([drive.comfortable for drive, _ in every])),
+        error=agent.error,
+        scenes=len(reference),
+    )
