@@ -160,7 +160,7 @@ def _with_own(card: Card, **scenes: object) -> Card:
         places_only=traits.places_only or None,
         bounded_by_truth=traits.bounded_by_truth or None,
     )
-    return card.model_copy(update={"source": section.model_copy(update=scenes)})
+    return card.model_copy(update={"source": section.model_copy(update=scenes), "drive": None})
 
 
 def _section_of(path: Path) -> dict[str, object]:

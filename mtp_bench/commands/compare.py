@@ -30,6 +30,11 @@ def compare(
         from .train import train_missing
 
         train_missing(agents, on.env, options)
+    if options.card(on.env).drive is not None:
+        from .driving import compare_driving
+
+        compare_driving(agents, on.env, options, shown, json_file)
+        return
     result = run_comparison(agents, on.env, options, full=shown.is_full or json_file is not None)
     content = result.report.to_json("condition", "paired", "details", "failures")
     write_json(json_file, content | {"skipped": result.skipped})

@@ -36,7 +36,7 @@ def near_false_positives(
         frame=np.repeat(grid.frame, SLOTS),
         column=(grid.column[:, None] * SLOTS + slot).ravel(),
         noise_number=np.repeat(grid.noise_number, SLOTS),
-        lives=None if grid.lives is None else tuple(np.repeat(side, SLOTS) for side in grid.lives),
+        lives=None if grid.lives is None else (np.repeat(grid.lives[0], SLOTS), np.repeat(grid.lives[1], SLOTS)),
     )
     row = np.repeat(np.arange(len(grid.frame)), SLOTS)
     visible, rank = _visible(slots, qualities.random[row], draws)

@@ -97,7 +97,8 @@ class Planner:
             place = place + (pace + faster) / 2 * _FINE
             pace = faster
             track[k + 1] = place
-        return track[np.rint(times / _FINE).astype(np.int64)].T
+        chosen: Floats = track[np.rint(times / _FINE).astype(np.int64)]
+        return chosen.T
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Plan:
         """The best profile for an ego at ``s`` m with ``speed`` m/s."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..cards import Card
+from ..cards.card import DriveSection
 from ..drive.planner import Obstacles, Planner
 from ..drive.record import record_of
 from ..drive.scenes import DrivenScene, horizon, whole_scene
@@ -46,7 +47,7 @@ class DrivenEpisode(Episode):
         scene = shown.now(traffic.world(last=True))
         local = LocalFrame.of(scene, rng)
         feed = make_feed(scene, local, task, card)
-        planner = Planner(traffic.way, traffic.size, card.drive.planner)
+        planner = Planner(traffic.way, traffic.size, (card.drive or DriveSection()).planner)
         return cls(
             scene,
             number,

@@ -4,8 +4,8 @@ The observation at frame t holds the detections of frame t only. The action hold
 of objects as of frame t. ``step`` gives the reward of that action and the observation of frame t + 1.
 """
 
-from pkgutil import resolve_name
 from dataclasses import replace
+from pkgutil import resolve_name
 from typing import Any, Unpack, cast, final
 
 import gymnasium

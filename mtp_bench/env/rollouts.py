@@ -4,15 +4,15 @@ A row that is taken out counts as missing, so breaking the contract is never bet
 """
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import rotate
-from ..types import Bools, Floats, Ints, Rollout, Task, starts_of, to_centimetres
+from ..types import Bools, Drive, Floats, Ints, Rollout, Task, starts_of, to_centimetres
 from .action import ROWS
 from .checks import Examined, present
 from .observation import LocalFrame
@@ -111,7 +111,8 @@ def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Ro
         if name not in arrays:
             join = np.stack if shape[0] == "F" else np.concatenate
             arrays[name] = join([getattr(action, name) for action in actions])
-    return Rollout(scene, **{name: array.astype(ARRAYS[name][0], copy=False) for name, array in arrays.items()})
+    typed: dict[str, Any] = {name: array.astype(ARRAYS[name][0], copy=False) for name, array in arrays.items()}
+    return Rollout(scene, **typed)
 
 
 def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
@@ -121,8 +122,27 @@ def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
     return Rollout(scene, **{name: np.zeros(shape, ARRAYS[name][0]) for name, shape in shapes.items()})
 
 
+def drive_arrays(drive: Drive | None) -> dict[str, NDArray[Any]]:
+    """A drive as arrays, by names that no array of a rollout has; none without a drive."""
+    if drive is None:
+        return {}
+    own = {f"drive_{name}": np.asarray(value) for name, value in vars(drive).items() if name != "world"}
+    return own | {f"world_{name}": np.asarray(value) for name, value in drive.world.items()}
+
+
+def drive_of(arrays: Mapping[str, NDArray[Any]]) -> Drive | None:
+    """The drive of `drive_arrays`; None without one. Raises KeyError for a missing array."""
+    if not any(name.startswith("drive_") for name in arrays):
+        return None
+    world = {name.removeprefix("world_"): array for name, array in arrays.items() if name.startswith("world_")}
+    names = [field.name for field in fields(Drive) if field.name != "world"]
+    stored = {name: arrays[f"drive_{name}"] for name in names}
+    values: dict[str, Any] = {name: value if value.ndim else value.item() for name, value in stored.items()}
+    return Drive(**values, world=world)
+
+
 def digest(rollout: Rollout) -> str:
-    """Hex sha256 over the scene's name and all arrays but ``seconds``."""
+    """Hex sha256 over the scene's name, all arrays but ``seconds``, and those of a drive."""
     sha = hashlib.sha256(rollout.scene.encode())
     for name, (dtype, _) in ARRAYS.items():
         if name != "seconds":
@@ -131,6 +151,9 @@ def digest(rollout: Rollout) -> str:
                 array = array + np.zeros((), dtype)  # -0.0 becomes 0.0
             sha.update(f"|{name}{list(array.shape)}".encode())
             sha.update(array.tobytes())
+    for name, array in sorted(drive_arrays(rollout.drive).items()):
+        sha.update(f"|{name}{array.dtype.str}{list(array.shape)}".encode())
+        sha.update(np.ascontiguousarray(array).tobytes())
     return sha.hexdigest()
 
 

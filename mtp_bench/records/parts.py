@@ -35,7 +35,7 @@ class Parts:
 
     def read(self, seed: int, scene: str) -> SceneRun | None:
         """A finished scene; None if it is missing, broken, or written by another version."""
-        arrays = read_arrays(self._path(seed, scene))
+        arrays: dict[str, Any] | None = read_arrays(self._path(seed, scene))
         if arrays is None or arrays.keys() != {*ARRAYS, _OTHER_FIELDS}:
             return None
         fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))

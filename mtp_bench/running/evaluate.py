@@ -63,13 +63,13 @@ class EnvEvaluation:
 
     def first_errors(self, settings: Sequence[Setting]) -> list[AgentFailedError | None]:
         """Errors of building the agents of settings and of resetting them for the first scene."""
-        jobs = (self._jobs(each, self.options.seeds[0], self.scenes[:1]) for each in settings)
+        jobs = (self.jobs(each, self.options.seeds[0], self.scenes[:1]) for each in settings)
         return first_errors(list(itertools.chain(*jobs)), self.options)
 
     def scores(self, settings: Sequence[Setting], caught: bool = True) -> list[Scores]:
         """Scores of settings under all seeds, or the first error of a setting; without ``caught`` it is raised."""
         pairs = itertools.product(settings, self.options.seeds)
-        jobs = list(itertools.chain(*(self._jobs(setting, seed, self.scenes) for setting, seed in pairs)))
+        jobs = list(itertools.chain(*(self.jobs(setting, seed, self.scenes) for setting, seed in pairs)))
 
         def finished(place: int, result: SceneScore | AgentFailedError) -> None:
             if self.options.on_scene is not None and isinstance(result, SceneScore):
@@ -96,7 +96,8 @@ class EnvEvaluation:
             report.condition["trained"] = "; ".join(f"{note}: {', '.join(names)}" for note, names in notes.items())
         return report, reference
 
-    def _jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:
+    def jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:
+        """Jobs of a setting on ``scenes``."""
         shown = self.options.shown_to(setting.submission) if setting.observe == "tracks" else {}
         keywords = {**self.options.env_keywords, **setting.env_keywords(self.card), **shown}
         return jobs_of(setting.submission, self.env, keywords, scenes, seed, setting.parameters, setting.label)

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..env.rollouts import ARRAYS, digest
+from ..env.rollouts import ARRAYS, digest, drive_arrays, drive_of
 from ..errors import RolloutError
 from ..files import clean_text, file_stem, open_regular, require_replaceable, whole_folder
 from ..parallel import cores
@@ -141,6 +141,9 @@ def _write_scene(folder: Path, rollout: Rollout) -> _Entry:
             array = np.asarray(getattr(rollout, name), dtype=dtype)
             with file.open(f"{name}.npy", "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, differences(array) if name == "forecast" else array)
+        for name, array in drive_arrays(rollout.drive).items():
+            with file.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, array)
     return entry
 
 
@@ -166,6 +169,7 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
                 raise RolloutError(f"{path}: unpacks to more than {MOST_BYTES >> 20} MiB, the limit")
             arrays = {name: np.asarray(stored[name]) for name in ARRAYS}  # np.load gives bytes for odd members
             arrays["forecast"] = undone(arrays["forecast"])
+            drive = drive_of({name: np.asarray(stored[name]) for name in stored.files if name not in ARRAYS})
     except FileNotFoundError:
         raise RolloutError(f"{path} is missing, {RUN_FILE} names it; run the agent again") from None
     except RolloutError:
@@ -173,7 +177,7 @@ def _read_scene(folder: Path, entry: _Entry) -> Rollout:
     except Exception as error:  # NumPy raises many kinds for changed or missing bytes
         raise RolloutError(f"{path}: truncated or not a rollout ({error}); run the agent again") from None
     _check_arrays(path, arrays, entry.frames)
-    rollout = Rollout(scene=entry.scene, **arrays)
+    rollout = Rollout(scene=entry.scene, **arrays, drive=drive)
     got = digest(rollout)
     if got != entry.digest:
         raise RolloutError(f"{path}: digest {got[:12]}, expected {entry.digest[:12]}: it was changed after the run")

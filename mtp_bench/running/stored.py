@@ -19,6 +19,7 @@ from ..scoring.targets import left_out
 from ..sources import SceneSource, open_source, with_map, with_tracks
 from ..submission.objects import submission_of
 from ..types import Rollout, Scene
+from .drives import recorded_card
 from .options import CHANGES, DEFAULTS, RunKeywords, RunOptions, asked
 from .reading import total_skipped
 from .reference import reference_for
@@ -194,6 +195,8 @@ def open_run(folder: Path, data: str | None = None, env: str | Card | None = Non
     stored = load_run(folder)
     card = _card(folder, stored.info, env)
     _check(folder, stored)
+    if card.drive is not None:
+        card = recorded_card(card, stored.rollouts)
     return OpenedRun(folder, stored, card, open_source(card, data), data)
 
 

@@ -34,7 +34,7 @@ class DrivingRow:
     near_misses: Annotated[float, Column("near misses", better="lower", format=".1f", help="Times per 100 scenes.")]
     progress: Annotated[float, Column(unit="share", better="higher", help="Way over that with ground-truth tracks.")]
     phantom_brakes: Annotated[float, Column("phantom", better="lower", format=".1f", help="Hard brakes, free way.")]
-    goal_seconds: Annotated[float | None, Column("to goal", "s", better="lower", help="Mean, of scenes that end there.")]
+    goal_seconds: Annotated[float | None, Column("to goal", "s", better="lower", help="Mean, if reached.")]
     comfort: Annotated[float, Column(unit="share", better="higher", help="Scenes within nuPlan's bounds of comfort.")]
     error: Annotated[float | None, Column("bADE", "m", better="lower", help="In its own episodes.")] = None
     scenes: Annotated[int, Column()] = 0

@@ -27,6 +27,8 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     """
     with notice.work(f"opening {card.id}", around=True):
         found = package_of(card).open(card, data)
+    if card.drive is not None:
+        return ChangedScenes(found, lambda scene: _refuse_driven(scene, card))
     with_lanes = (lambda scene: scene) if card.lanes is None else (lambda scene: _with_lanes(scene, card, data))
     return ChangedScenes(found, lambda scene: with_lanes(detected(usable(scene), card)))
 
@@ -98,11 +100,18 @@ def prepare(card: Card, data: str | Path | None = None, scenes: int | None = Non
     ``scenes``: number of simulated scenes to make, None for all; those in the cache are not made again. ``workers``:
     processes that simulate. Raises DataError.
     """
+    if card.drive is not None:  # scenes are made while they are driven
+        return
     with notice.work(f"preparing scenes of {card.id}, once per machine") as work:
         count, names = package_of(card).prepare(card, data, scenes, workers)
         work.started(count)
         for name in names:
             work.done(name)
+
+
+def _refuse_driven(scene: Scene, card: Card) -> Scene:
+    """Raise DataError: another world than that of a drive."""
+    raise DataError(f"{card.id} has no scene {scene.name!r} before an agent drives in it: run one, and open its run")
 
 
 def _with_lanes(scene: Scene, card: Card, data: str | Path | None) -> Scene:

@@ -109,7 +109,7 @@ class DrivenTraffic:
     @property
     def at_goal(self) -> bool:
         """True at the end of the way."""
-        return self.ego.s >= self.way.s[-1] - 1.0
+        return bool(self.ego.s >= self.way.s[-1] - 1.0)
 
     @property
     def over(self) -> bool:
@@ -181,7 +181,7 @@ class DrivenTraffic:
 
 
 def meeting_place(attempt: Attempt, route: int) -> float:
-    """Metres from the start of a route to the place where it meets others: the line to wait at, or the end of a ramp."""
+    """Metres from the start of a route to where it meets others: the line to wait at, or the end of a ramp."""
     rules = attempt.drivers.rules
     if rules is not None:
         return rules.passages[route].line

@@ -1,0 +1,107 @@
+"""Closed loop: agents side by side by how their forecasts drive, and their recorded scenes."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, product
+from typing import Any
+
+from ..cards import Card, with_files
+from ..drive.scenes import whole_scene
+from ..env.rollouts import digest
+from ..errors import RolloutError, SubmissionError
+from ..files import cache_root, whole_folder
+from ..scoring.driving import AgentDrives, DrivingRow, driving_rows
+from ..sources.files import save_scene
+from ..sources.highway.store import unpack
+from ..submission.loader import controls
+from ..submission.manifest import Role
+from ..submission.objects import submission_of
+from ..tables import Table, counted
+from ..types import Drive, Rollout, Scene
+from .evaluate import EnvEvaluation
+from .run import AgentFailedError, run_jobs
+from .settings import Setting, setting_of
+
+SENTENCE = (
+    "Drive score: mean over scenes of 0 after an at-fault collision, else of progress (5 of 12), no near miss (5) and "
+    "comfort (2). Differences to stp are paired by scene."
+)
+CONTROLS: tuple[Role, ...] = ("ground_truth", "single")  # roles of baselines that every comparison runs
+
+
+@dataclass(frozen=True)
+class DrivingComparison:
+    """Rows of driving, the best first, and the agents that failed with their reasons."""
+
+    env: str
+    rows: list[DrivingRow]
+    drives: dict[str, AgentDrives]
+    failures: dict[str, str]
+
+    @property
+    def table(self) -> Table:
+        """The rows as a table."""
+        scenes = max(row.scenes for row in self.rows)
+        return Table("driving", f"{self.env}, {counted(scenes, 'scene')}: how forecasts drive", SENTENCE, self.rows)
+
+
+def compare_driving(agents: Sequence[object], evaluation: EnvEvaluation) -> DrivingComparison:
+    """Let each agent drive in the scenes of a closed loop, beside stp and ground-truth tracks.
+
+    An agent that fails in any scene is named in ``failures``; MtpBenchError if a control fails.
+    """
+    role, card = controls(), evaluation.card
+    names = dict.fromkeys([*(role[each] for each in CONTROLS), *agents])
+    settings = [setting_of(submission_of(agent), card) for agent in names]
+    drives, failures = drives_of(settings, evaluation)
+    for each in CONTROLS:
+        if role[each] in failures:
+            raise SubmissionError(f"control {role[each]!r} failed: {failures[role[each]]}")
+    truth = drives[role["ground_truth"]].drives
+    reference = {name: sum(drive.way for drive in own) / len(own) for name, own in truth.items()}
+    rows = driving_rows(list(drives.values()), reference, drives[role["single"]])
+    return DrivingComparison(card.id, rows, drives, failures)
+
+
+def drives_of(settings: Sequence[Setting], evaluation: EnvEvaluation) -> tuple[dict[str, AgentDrives], dict[str, str]]:
+    """Drives of each setting by its label, and the reasons of those that failed."""
+    options, scenes = evaluation.options, evaluation.scenes
+    jobs = [evaluation.jobs(setting, seed, scenes) for setting, seed in product(settings, options.seeds)]
+    results = iter(run_jobs(list(chain(*jobs)), options, _driven, caught=True))
+    found, failures = dict[str, AgentDrives](), dict[str, str]()
+    for setting in settings:
+        own = [[next(results) for _ in scenes] for _ in options.seeds]
+        failed = [each for run in own for each in run if isinstance(each, AgentFailedError)]
+        if failed:
+            failures[setting.label] = failed[0].reason
+        else:
+            drives = {name: [run[i] for run in own] for i, name in enumerate(scenes)}
+            found[setting.label] = AgentDrives(setting.label, drives)
+    return found, failures
+
+
+def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
+    """The card of the recorded scenes of drives, on which any agent can then be run, with no loop.
+
+    The scenes are those that the agents of ``rollouts`` drove in, with the detections that they were shown; they are
+    kept as own scenes in the cache. Raises RolloutError for a rollout without a drive.
+    """
+    sha, worlds = hashlib.sha256(card.digest.encode()), dict[str, Mapping[str, Any]]()
+    for rollout in rollouts:
+        if rollout.drive is None:
+            raise RolloutError(f"scene {rollout.scene!r} of {card.id} has no drive; run the agent again")
+        sha.update(digest(rollout).encode())
+        worlds[rollout.scene] = rollout.drive.world
+    folder = cache_root() / "drives" / sha.hexdigest()[:32]
+    if not folder.is_dir():
+        with whole_folder(folder) as part:
+            for name, world in worlds.items():
+                save_scene(whole_scene(unpack(dict(world)), card, name), part, card.task.classes, "parquet")
+    return with_files(card, folder).model_copy(update={"detector": None})
+
+
+def _driven(scene: Scene, rollout: Rollout, card: Card) -> Drive:
+    """The drive without its recording."""
+    assert rollout.drive is not None
+    return replace(rollout.drive, world={})
