@@ -119,7 +119,8 @@ def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:
     """Rollout without tracks, hypotheses and forecasts; ``sizes``: others than 0, by the letters of `ARRAYS`."""
     size: dict[str | int, int] = {"F": frames, "F1": frames + 1, 2: 2, 3: 3, 7: 7}
     shapes = {name: [sizes.get(str(n), size.get(n, 0)) for n in shape] for name, (_, shape) in ARRAYS.items()}
-    return Rollout(scene, **{name: np.zeros(shape, ARRAYS[name][0]) for name, shape in shapes.items()})
+    arrays: dict[str, Any] = {name: np.zeros(shape, ARRAYS[name][0]) for name, shape in shapes.items()}
+    return Rollout(scene, **arrays)
 
 
 def drive_arrays(drive: Drive | None) -> dict[str, NDArray[Any]]:
