@@ -11,7 +11,7 @@ from ..drive.record import record_of
 from ..drive.scenes import DrivenScene, horizon, whole_scene
 from ..sources.base import section_of
 from ..sources.highway.driven import DrivenTraffic
-from ..sources.highway.source import seed_of, traffic_of
+from ..sources.highway.source import traffic_of
 from ..sources.highway.store import pack
 from ..sources.highway.world import RATE, HighwaySource, World
 from ..types import Ints, Observation, Scene, Task, to_metres
@@ -42,7 +42,7 @@ class DrivenEpisode(Episode):
     @classmethod
     def start(cls, card: Card, task: Task, name: str, number: int, rng: np.random.Generator | None) -> "DrivenEpisode":
         """The first frame of the drive ``name``; ``rng`` moves the frame of observations at random."""
-        traffic = DrivenTraffic(traffic_of(section_of(card, HighwaySource)), seed_of(name))
+        traffic = DrivenTraffic(traffic_of(section_of(card, HighwaySource)), int(name.rsplit("-", 1)[1]))
         shown = DrivenScene(card, name)
         scene = shown.now(traffic.world(last=True))
         local = LocalFrame.of(scene, rng)
