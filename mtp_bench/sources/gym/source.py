@@ -118,6 +118,6 @@ def traffic_of(section: GymSource) -> GymTraffic:
 def _file_of(module: str) -> Path:
     with suppress(ImportError):
         found = importlib.util.find_spec(module)
-        if found is not None and found.origin:
+        if found is not None and found.has_location and found.origin:
             return Path(found.origin)
     raise CardError(f"no module {module!r}, which [source] names; install it, or name its folder in PYTHONPATH")
