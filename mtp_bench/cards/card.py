@@ -83,7 +83,7 @@ class LaneSection(Section):
     pieces: Annotated[int, Field(ge=1, le=10_000)] = 96  # L
     points: Annotated[int, Field(ge=2, le=1000)] = 20  # Q
     step: Annotated[float, Field(gt=0, le=100)] = 2.0  # m between two points, at most
-    reach: Annotated[float, Field(gt=0, le=1000)] = 60.0  # m from the sensor
+    reach: Annotated[float, Field(gt=0, le=100)] = 60.0  # m from the sensor; maps end about 100 m from its whole way
 
 
 _SWITCH = BeforeValidator(lambda value: ({} if value else None) if isinstance(value, bool) else value)
