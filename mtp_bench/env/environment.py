@@ -206,7 +206,7 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         motion_noise=card.motion_noise or "",
         weights_of=card.weights_of or "",
         tracker={name: section.model_dump() for name, section in card.tracker.items()},
-        ego_motion=card.ego_motion,
+        ego_motion=card.source.traits.common_frame,
         velocity=card.velocity,
         lanes=card.lanes.pieces if card.lanes else 0,
         lane_points=card.lanes.points if card.lanes else 0,

@@ -33,7 +33,10 @@ def stored_noise(task: Task) -> NoiseTable:
     similar = [name for name in stored if _similarity(name, task) > 0]
     if not similar:
         raise UnknownNameError("motion noise", condition(task), stored, "fit it with `mtp-bench train`")
-    known = {name: sum(_knows(stored[name], class_name) for class_name in task.classes) for name in similar}
+    known = {
+        name: sum(kind in stored[name] or of_kind(kind, stored[name]) is not None for kind in task.classes)
+        for name in similar
+    }
     best = max(similar, key=lambda name: (known[name], _similarity(name, task)))
     rows = []
     for class_name in task.classes:
@@ -42,10 +45,6 @@ def stored_noise(task: Task) -> NoiseTable:
             raise UnknownNameError(f"class of motion noise {best!r}", class_name, stored[best])
         rows.append(stored[best][like])
     return noise_table(rows)
-
-
-def _knows(noise: Mapping[str, Noise], class_name: str) -> bool:
-    return class_name in noise or of_kind(class_name, noise) is not None
 
 
 def noise_table(rows: Sequence[Noise]) -> NoiseTable:

@@ -127,9 +127,6 @@ def control_names() -> list[str]:
 
 def _main_settings(settings: Sequence[Setting]) -> list[Setting]:
     """The setting of each submission that the main table shows: k samples, its own parameters, the most hypotheses."""
-
-    def by(setting: Setting) -> tuple[bool, bool, int]:
-        return preference(setting.budget, setting.label == setting.submission.name, setting.hypotheses or 0)
-
-    best = {setting.submission.name: setting for setting in sorted(settings, key=by)}
+    ordered = sorted(settings, key=lambda s: preference(s.budget, s.label == s.submission.name, s.hypotheses or 0))
+    best = {setting.submission.name: setting for setting in ordered}
     return [setting for setting in settings if best[setting.submission.name] is setting]
