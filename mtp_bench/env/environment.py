@@ -21,9 +21,8 @@ from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .checks import examine
-from .episode import Episode
+from .episode import RENDERERS, Episode, LiveEpisode, Renderer, live_episode
 from .feedback import Feedback
-from .live import RENDERERS, LiveEpisode, Renderer, live_episode
 from .observation import LocalFrame, make_feed
 from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space

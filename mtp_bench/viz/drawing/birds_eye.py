@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ...cards import Card
-from ...env.live import LiveEpisode
+from ...env.episode import LiveEpisode
 from ...geometry import rotate
 from ...scoring.forecasts import sample_weights
 from ...types import Floats, Scene, to_metres

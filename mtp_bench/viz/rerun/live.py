@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from gymnasium import logger
 
-from ...env.live import LiveEpisode
+from ...env.episode import LiveEpisode
 from ..replay import Replay
 from .entities import Log, log_answers, log_map, log_scene, trail_frames
 from .layout import live_layout
