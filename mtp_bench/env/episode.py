@@ -17,7 +17,7 @@ from .rollouts import RecordedAction, assemble, empty_rollout
 
 RENDERERS = {  # render mode -> class, imported when an env first renders
     "rgb_array": "mtp_bench.viz.drawing.birds_eye:EpisodePictures",
-    "rerun": "mtp_bench.viz.rerun.live:LiveRecording",
+    "rerun": "mtp_bench.viz.rerun.recording:LiveRecording",
 }
 
 

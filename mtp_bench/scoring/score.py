@@ -10,6 +10,7 @@ from ..cards import Card
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .bade import Cuts, capped_error, fixed_error
+from .events import separated_tracks, separated_truth
 from .forecasts import (
     Candidates,
     ForecastErrors,
@@ -20,7 +21,6 @@ from .forecasts import (
     final_errors,
     match_by_confidence,
 )
-from .holes import separated_tracks, separated_truth
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated

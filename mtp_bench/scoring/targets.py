@@ -11,8 +11,7 @@ from ..errors import DataError, ShapeError
 from ..geometry import rotate, wrap_angle
 from ..types import Bools, Floats, Ints, Ragged, Scene
 from .definitions import BLOCK_SECONDS, MOVING_SPEED, TURNING
-from .events import history
-from .holes import HOLES, LOST_TARGETS, pieces, separated, separated_truth
+from .events import HOLES, LOST_TARGETS, history, pieces, separated, separated_truth
 from .neutral import evaluated
 from .pairs import near_pairs
 

@@ -11,9 +11,8 @@ from ..env.episode import LiveEpisode
 from ..env.observation import true_ids
 from ..errors import RolloutError, UnknownNameError
 from ..scoring.bade import capped_error
-from ..scoring.events import object_history
+from ..scoring.events import object_history, pieces, separated_truth
 from ..scoring.forecasts import RecordedForecasts, candidates, final_errors, match_by_confidence, match_neutral_last
-from ..scoring.holes import pieces, separated_truth
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns

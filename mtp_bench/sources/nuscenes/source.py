@@ -11,9 +11,9 @@ from ...types import Floats, Scene, Truth
 from ..base import DataRoot, Work, class_ids, names_by_number, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
 from ..motion import looking_back
-from .detections import open_detections, scene_detections
 from .layout import CLASSES, DATASET, VERSIONS, NuScenesSource, detection_paths, require_maps, scenes_by_split
 from .store import open_tables
+from .submission import open_detections, scene_detections
 from .tables import SECOND
 
 RATE = 2.0  # Hz of the keyframes, nominal
