@@ -72,6 +72,8 @@ def log_tables(log: Path, rate: float, reach: float) -> dict[str, Columns]:
     names = {"timestamp_us": 1, "bounding_box_se3": 10, "track_token": 0, "label": 1, "num_lidar_points": 1}
     boxes, metadata = read_arrow(log / f"{BOXES}.arrow", names, f"{BOXES}.")
     time = boxes["timestamp_us"][:, 0]
+    if not (np.diff(time) > 0).all():
+        raise DataError(f"{log / BOXES}.arrow: the times of its rows do not increase, expected one row per frame")
     ego, posed, origin = _poses(log / f"{EGO}.arrow", time)
     own = SECOND / float(np.median(np.diff(time))) if len(time) > 1 else rate
     stride = max(1, round(own / rate))
