@@ -16,7 +16,7 @@ from typing import Any
 
 from mtp_bench.files import write_text
 from mtp_bench.parallel import Workers
-from mtp_bench.running.evaluate import EnvEvaluation
+from mtp_bench.running.compare import EnvEvaluation
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.settings import references_of, setting_of
 from mtp_bench.scoring import References

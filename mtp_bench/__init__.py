@@ -44,7 +44,7 @@ if _typing.TYPE_CHECKING:
     from .env.building import make_action as make_action
     from .env.environment import MTPEnv as MTPEnv
     from .running.compare import compare as compare
-    from .running.evaluate import evaluate as evaluate
+    from .running.compare import evaluate as evaluate
     from .running.stored import run as run
     from .running.stored import score as score
     from .scoring import Report as Report
@@ -68,8 +68,7 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         "cards": ("Card", "load_card"),
         "env.building": ("make_action",),
         "env.environment": ("MTPEnv",),
-        "running.compare": ("compare",),
-        "running.evaluate": ("evaluate",),
+        "running.compare": ("compare", "evaluate"),
         "running.stored": ("run", "score"),
         "scoring": ("Report",),
         "sources": ("load_scenes",),

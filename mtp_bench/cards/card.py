@@ -83,7 +83,7 @@ class LaneSection(Section):
     pieces: Annotated[int, Field(ge=1, le=10_000)] = 96  # L
     points: Annotated[int, Field(ge=2, le=1000)] = 20  # Q
     step: Annotated[float, Field(gt=0, le=100)] = 2.0  # m between two points, at most
-    reach: Annotated[float, Field(gt=0, le=1000)] = 60.0  # m from the sensor
+    reach: Annotated[float, Field(gt=0, le=100)] = 60.0  # m from the sensor; maps end about 100 m from its whole way
 
 
 class PlannerSection(Section):
@@ -182,11 +182,6 @@ class Card(Section):
         return self.source.traits.simulated
 
     @property
-    def ego_motion(self) -> bool:
-        """True if all frames share a frame of reference; else each is in its own sensor frame."""
-        return self.source.traits.common_frame
-
-    @property
     def has_ego(self) -> bool:
         """True if a vehicle carries the sensors; else the ego pose is a fixed place, so distances to it say little."""
         return self.source.traits.has_ego
@@ -215,7 +210,7 @@ class Card(Section):
 def check_consistency(card: Card, where: str) -> None:
     """Raise CardError, naming the card by ``where``, unless its sections fit each other."""
     check_detector(card, where)
-    if card.lanes is not None and not (card.source.traits.lanes and card.ego_motion):
+    if card.lanes is not None and not (card.source.traits.lanes and card.source.traits.common_frame):
         lacking = "whose frames have separate axes" if card.source.traits.lanes else "without a road map"
         raise CardError(f"{where}: lanes cannot be shown for source {card.source.name!r}, {lacking}; leave them out")
     seconds, needed = card.source.traits.scene_seconds, card.task.past + card.task.future

@@ -1,19 +1,52 @@
-"""Changed copies of a card: another split or detector, other detections, other scenes."""
+"""Cards by env id and from files, and changed copies: another split or detector, other detections, other scenes."""
 
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
+from .._bundle import bundled, card_ids
 from ..detector import load_profile, profile_names
 from ..detector.profile_file import profile_for
 from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, require_known
 from ..strict import read_toml, validate
 from ..types import Scene
-from .card import Card, DetectorSection, check_detector
-from .own import TEXTS, folder_digest, known_digest, own_digest, plain_name, scenes_digest, split_folder
-from .source import STORED_DETECTOR, FilesSource
+from .card import Card, DetectorSection, check_consistency, check_detector
+from .own import TEXTS, folder_digest, known_digest, own_digest, plain_name, resolve_folder, scenes_digest, split_folder
+from .source import STORED_DETECTOR, FilesSource, read_source
 
 VARIANTS = ("iid", "hard")  # of a card's own simulated detector
+
+
+def load_card(name: str | Path) -> Card:
+    """Read a card by env id or from a TOML file.
+
+    Raises UnknownNameError for an id that does not exist and CardError for content that is wrong, naming the key.
+    """
+    if not isinstance(name, (str, os.PathLike)):
+        raise CardError(f"the env is {name!r}, expected its id, the path of a card, or a card")
+    path = Path(name)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise CardError(f"no card file at {path}")
+    else:
+        require_known("environment", str(name), card_ids(), "`mtp-bench envs` lists them")
+        path = bundled("envs") / f"{name}.toml"
+    card = parse_card(read_toml(path, CardError), where=path.name)
+    if card.id != path.stem:
+        raise CardError(f"{path.name}: id is {card.id!r}, expected the file's stem {path.stem!r}")
+    if isinstance(card.source, FilesSource):
+        return card.model_copy(update={"source": resolve_folder(card.source, path.parent, card.lanes is not None)})
+    return card
+
+
+def parse_card(content: dict[str, Any], where: str = "card") -> Card:
+    """Validate the content of a card; errors name it by ``where``."""
+    content = {**content, "source": read_source(content.get("source"), where)}
+    card = validate(Card, content, where, CardError)
+    check_consistency(card, where)
+    return card
 
 
 def changed_card(

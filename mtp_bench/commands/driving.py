@@ -5,8 +5,8 @@ from pathlib import Path
 
 import typer
 
+from ..running.compare import EnvEvaluation
 from ..running.drives import compare_driving as run_comparison
-from ..running.evaluate import EnvEvaluation
 from ..running.options import RunOptions
 from ..tables import to_text
 from .output import STANDARD_OUTPUT, say, write_json, write_table

@@ -83,9 +83,8 @@ def show_report(
     ``names``: submissions that the verdict is about; None for a report of one agent, which has none.
     """
     from ..running.reading import skipped_line
-    from ..viz.terminal.notes import notes, warnings
     from ..viz.terminal.output import show, show_lines
-    from ..viz.terminal.tables import full_tables
+    from ..viz.terminal.tables import full_tables, notes, warnings
     from ..viz.terminal.verdict import short_verdict, verdict
 
     condition = report.condition

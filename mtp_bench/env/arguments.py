@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError, require_known
 from ..types import Scene
-from .live import RENDERERS
+from .episode import RENDERERS
 
 MOST_BYTES = 64 << 20  # of one action, and of one observation: they are sent between an agent and the env
 OBSERVE = ("detections", "truth", "associated", "tracks")

@@ -22,9 +22,8 @@ from ..sources import detected, open_source, with_tracks
 from ..types import Action, Observation, Rollout, Scene, Task
 from .arguments import EnvKeywords, checked, choose, own_scenes, require_room, size, wanted
 from .checks import examine
-from .episode import Episode
+from .episode import RENDERERS, Episode, LiveEpisode, Renderer, live_episode
 from .feedback import Feedback
-from .live import RENDERERS, LiveEpisode, Renderer, live_episode
 from .observation import LocalFrame, make_feed
 from .rollouts import RecordedAction, assemble, record_action
 from .spaces import ActionSpace, action_numbers, observation_numbers, observation_space
@@ -220,7 +219,7 @@ def _task(card: Card, observe: str, sizes: dict[str, int]) -> Task:
         motion_noise=card.motion_noise or "",
         weights_of=card.weights_of or "",
         tracker={name: section.model_dump() for name, section in card.tracker.items()},
-        ego_motion=card.ego_motion,
+        ego_motion=card.source.traits.common_frame,
         velocity=card.velocity,
         lanes=card.lanes.pieces if card.lanes else 0,
         lane_points=card.lanes.points if card.lanes else 0,

@@ -40,10 +40,6 @@ class LocalFrame:
         """Boxes [R, 7] of the scene in the local frame."""
         return transform_boxes(box, self.yaw, self.translation)
 
-    def places_to_local(self, place: Floats) -> Floats:
-        """Places [R, 2] of the scene in the local frame."""
-        return np.asarray(rotate(place, self.yaw) + self.translation[:2])
-
     def to_scene(self, box: Floats) -> Floats:
         """Boxes [R, 7] of the local frame in the scene's."""
         return transform_boxes(box, -self.yaw, -rotate(self.translation, -self.yaw))
@@ -105,6 +101,10 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
     count = np.bincount(in_frame[kept], minlength=scene.frames)
     pose = np.concatenate([scene.ego, np.zeros((scene.frames, 3))], axis=1)
     time = scene.time - scene.time[0]
+
+    def to_local(place: Floats) -> Floats:
+        return rotate(place, frame.yaw) + frame.translation[:2]
+
     return Feed(
         start=starts_of(count),
         size=task.detections,
@@ -117,7 +117,7 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
         time=time,
         dt=np.diff(time, prepend=-task.dt),
         dropped=shown.counts - count,
-        lanes=None if card.lanes is None else make_lane_feed(scene, frame.places_to_local, card.lanes),
+        lanes=None if card.lanes is None else make_lane_feed(scene, to_local, card.lanes),
     )
 
 

@@ -6,8 +6,7 @@ from ..agent import Forecasts, Frame, Tracks
 from ..errors import ShapeError
 from ..tracking.kernels.compile import kernel
 from ..types import Floats, Ints, Task
-from .kalman import NoiseTable, filtered, heading_frame, require_noise
-from .motion_noise import stored_noise
+from .kalman import NoiseTable, filtered, heading_frame, require_noise, stored_noise
 
 _NUMBERS = 7  # standard normal numbers per sample: 4 of the state, 2 of the acceleration; the last one is unused, but
 # without it every seed would draw other samples

@@ -12,8 +12,7 @@ from typing import Any
 from .. import notice
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
-from ..scoring.gaps import NO_GAP, NOT_KINEMATIC, UNSTATED
-from ..scoring.rank import SAW_TRUTH, guard, rank_text, ranks_among, why_not_on
+from ..scoring.rank import NO_GAP, NOT_KINEMATIC, SAW_TRUTH, UNSTATED, guard, rank_text, ranks_among, why_not_on
 from ..scoring.statistics import PairedDifference, gap_closed
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel

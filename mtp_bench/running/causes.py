@@ -16,7 +16,7 @@ from ..scoring.parts import PARTS, SceneParts, blame, error_parts, reference_err
 from ..scoring.table import agent_table
 from ..sources.cache import Arrays, read_arrays, write_arrays
 from ..submission.loader import load_submission
-from .evaluate import scores_of
+from .compare import scores_of
 from .options import DEFAULTS, RunOptions
 from .reference import frozen_reference, make_reference
 from .rollout_files import RUN_FILE

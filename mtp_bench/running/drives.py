@@ -19,7 +19,7 @@ from ..submission.manifest import Role
 from ..submission.objects import submission_of
 from ..tables import Table, counted
 from ..types import Drive, Rollout, Scene
-from .evaluate import EnvEvaluation
+from .compare import EnvEvaluation
 from .run import AgentFailedError, run_jobs
 from .settings import Setting, setting_of
 

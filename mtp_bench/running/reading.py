@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from ..cards import Card
-from ..scoring.holes import HOLES, LOST_TARGETS
+from ..scoring.events import HOLES, LOST_TARGETS
 from ..scoring.targets import left_out
 from ..sources import DataStatus, describe, open_source
 from ..tables import counted

@@ -14,12 +14,12 @@ from .events import find_events as find_events
 from .events import history as history
 from .frame import FrameScore as FrameScore
 from .frame import FrameScorer as FrameScorer
-from .gaps import References as References
 from .matching import match as match
 from .matching import match_sticky as match_sticky
 from .neutral import evaluated as evaluated
 from .neutral import unconfirmable as unconfirmable
 from .pairs import Pairs as Pairs
+from .rank import References as References
 from .rank import rank_by_error as rank_by_error
 from .report import Report as Report
 from .report import summarise as summarise

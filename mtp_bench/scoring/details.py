@@ -10,11 +10,10 @@ from ..cards import Card
 from ..errors import ShapeError
 from ..types import Bools, Floats
 from .definitions import CURVE_BUDGETS, DISTANCE_BINS, EPA_ALPHA, FORECAST_AP_GATES, PLANNING_SIGMA
-from .identity import hota, idf1
 from .rows import Bin, Clear, Details, Errors, Reliability, Tracking
 from .score import KINDS, Outcome
 from .statistics import ratio
-from .stream import StreamCounts
+from .stream import StreamCounts, hota, idf1
 from .table import AgentTable, run_errors
 
 OWN = ("own_ids", "own_frag", "all_h_ids", "all_h_frag")

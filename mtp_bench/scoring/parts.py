@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..types import Floats, Ints
-from .absence import AbsentCause
 from .statistics import ratio
 from .table import AgentScores, AgentTable, over_seeds
+from .targets import AbsentCause
 
 PARTS = {  # key of `Row` without "cost_" -> printed name; the first four are of references
     "ground_truth": "predictor",

@@ -1,16 +1,28 @@
-"""Rules of rank (docs/definitions, "Ranks"), the same for comparisons and records."""
+"""Rules of rank and shares of gaps that an agent closes (docs/definitions, "Ranks" and "Controls, and the gap closed").
+
+The gaps are to prediction from ground-truth tracks, and to perfect association.
+"""
 
 import itertools
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import require_shape
-from .definitions import GUARD, GUARD_IF_SIGNIFICANT, LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS
+from .definitions import (
+    GUARD,
+    GUARD_IF_SIGNIFICANT,
+    LARGEST_SHARE,
+    RANKED_OBJECTS,
+    RANKED_SUBSETS,
+    RANKED_UNITS,
+    Subset,
+)
 from .rows import Budget
-from .statistics import beyond_rounding, effective_number, paired_difference
+from .statistics import Gap, beyond_rounding, effective_number, gap_closed, paired_difference
+from .table import AgentScores, AgentTable
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
 ASSOCIATED = "saw which detections are of one object"
@@ -18,6 +30,11 @@ SAW_TRUTH = "saw the truth"
 _NEVER = {"truth": SAW_TRUTH, "associated": ASSOCIATED, "tracks": NOT_CAUSAL}  # modes that are never ranked
 ALONE = "one agent alone is not ranked"
 _DIGITS = 1e-9  # share of a weight or a number of objects by which the digits in a record may differ from it
+UNSTATED = "its manifest does not state gap_references"
+NOT_KINEMATIC = "its predictor is not that of stp"
+NOT_RUN = "its references were not run"
+NO_GAP = "the gap is not significantly above 0"
+NO_TARGETS = "no targets"
 
 
 def why_unranked(budget: Budget, samples: int, observe: str, unfinished: str = "") -> str | None:
@@ -112,3 +129,80 @@ def rank_text(place: int | None, span: tuple[int, int] | None) -> str | None:
     if place is None or span is None or span[0] == span[1]:
         return None if place is None else str(place)
     return f"{place} ({span_text(span)})"
+
+
+class References(NamedTuple):
+    """Runs with an agent's own predictor and presence model beside which it is measured; None: not run."""
+
+    single: AgentScores | None = None  # one hypothesis
+    ground_truth: AgentScores | None = None  # the same on ground-truth tracks
+    same_samples: AgentScores | None = None  # one hypothesis, all samples that several draw, reduced to k
+    associated_same_samples: AgentScores | None = None  # the same with perfect association of the detections
+    associated: AgentScores | None = None  # perfect association, with as many samples as the agent draws
+    tracks: AgentScores | None = None  # ground-truth tracks, with as many samples as the agent draws
+
+
+class Pair(NamedTuple):
+    """The tables between which a gap is closed; None if the agent is absent."""
+
+    stp: AgentTable | None  # of association: one hypothesis with all samples
+    truth: AgentTable | None  # of association: the same with perfect association
+
+
+class GapPairs(NamedTuple):
+    """The pairs between which an agent's gaps are closed, and reasons why one is missing."""
+
+    kinematic: Pair | None  # stp and truth_past; None if the agent has another predictor
+    own: Pair | None
+    association: Pair | None
+    why: str = NOT_RUN
+    why_association: str = NOT_RUN
+
+
+def pairs_of(
+    table: AgentTable, shared: Pair, references: Mapping[str, References | None], tables: Mapping[int, AgentTable]
+) -> GapPairs:
+    """Pairs of an agent; ``shared``: stp and truth_past, ``tables``: of all references, by the id of their scores."""
+    agent = table.setting.agent
+    if agent not in references:
+        return GapPairs(shared, None, None)
+    runs = references[agent]
+    if runs is None:
+        return GapPairs(None, None, None, UNSTATED, UNSTATED)
+    of = [None if each is None else tables[id(each)] for each in runs]
+    kinematic = runs.single is not None and shared.stp is not None and runs.single.agent == shared.stp.setting.agent
+    association, why = (None, SAW_TRUTH) if table.setting.observe == "truth" else (Pair(*of[2:4]), NOT_RUN)
+    why_kinematic = NOT_RUN if kinematic else NOT_KINEMATIC
+    return GapPairs(shared if kinematic else None, Pair(*of[:2]), association, why_kinematic, why)
+
+
+def gap_columns(table: AgentTable, subset: Subset, pairs: GapPairs) -> dict[str, Any]:
+    """Fields of a `Row`: shares of the gaps with intervals, and reasons of blank ones."""
+    gap, why = _closed(table, subset, pairs.kinematic, pairs.why)
+    same, _ = _closed(table, subset, pairs.own, NOT_RUN)
+    association, why_association = _closed(table, subset, pairs.association, pairs.why_association)
+    return {
+        "gap_closed": gap and gap.closed,
+        "gap_interval": gap and gap.interval,
+        "gap_blank_because": why,
+        "gap_closed_same_predictor": same and same.closed,
+        "gap_same_predictor_interval": same and same.interval,
+        "association_gap_closed": association and association.closed,
+        "association_gap_interval": association and association.interval,
+        "association_gap_blank_because": why_association,
+    }
+
+
+def _closed(table: AgentTable, subset: Subset, pair: Pair | None, missing: str) -> tuple[Gap | None, str | None]:
+    """The share of a gap that an agent closes, or the reason why it is undefined."""
+    high, low = pair or (None, None)
+    if high is None or low is None:
+        return None, missing
+    if len({each.setting.samples for each in (table, high, low)}) > 1:
+        return None, f"{table.setting.samples} samples per object, its references have {high.setting.samples}"
+    weight = table.unit_weight(table.weight[subset])
+    if not weight.any():
+        return None, NO_TARGETS
+    error, above, below = (each.errors(subset) for each in (table, high, low))
+    gap = gap_closed(error, above, below, weight)
+    return gap, None if gap is not None else NO_GAP

@@ -15,9 +15,8 @@ from ..errors import MtpBenchError
 from ..tables import Table, counted, to_html, to_text
 from .definitions import DEFINITIONS, Subset
 from .details import details
-from .gaps import GapPairs, Pair, References, gap_columns, pairs_of
 from .parts import ReferenceErrors, mean_costs, reference_errors
-from .rank import ALONE, guard, ranks_among, why_not_on, why_unranked
+from .rank import ALONE, GapPairs, Pair, References, gap_columns, guard, pairs_of, ranks_among, why_not_on, why_unranked
 from .rows import Details, PairedRow, Row
 from .scenes import rows_per_scene
 from .statistics import bootstrap_interval, effective_number, paired_difference, ratio

@@ -9,8 +9,8 @@ import numpy as np
 from ..cards import Card
 from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
-from .absence import absent_causes
 from .bade import Cuts, capped_error, fixed_error
+from .events import separated_tracks, separated_truth
 from .forecasts import (
     Candidates,
     ForecastErrors,
@@ -21,12 +21,11 @@ from .forecasts import (
     final_errors,
     match_by_confidence,
 )
-from .holes import separated_tracks, separated_truth
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
 from .stream import StreamCounts, stream_counts
-from .targets import find_targets, left_out, live_frames, recording_of, units
+from .targets import absent_causes, find_targets, left_out, live_frames, recording_of, units
 
 _MOST = np.finfo(np.float64).max
 KINDS = ("ids", "lost", "wrong", "reacquired")

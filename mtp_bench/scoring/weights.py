@@ -17,7 +17,7 @@ from ..cards import Card
 from ..errors import DataError, require_known
 from ..types import Bools, Rollout, Scene
 from .definitions import SUBSETS
-from .holes import separated_truth
+from .events import separated_truth
 from .lineage import hypotheses, lineage_events, match_hypotheses
 from .neutral import evaluated
 

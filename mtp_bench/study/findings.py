@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-from ..running.evaluate import scores_of
+from ..running.compare import scores_of
 from ..running.settings import Setting, references_of
 from ..scoring import AgentScores, Reference, References, Report, summarise
 from ..scoring.definitions import RANKED_UNITS, Subset

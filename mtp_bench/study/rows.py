@@ -5,8 +5,8 @@ from types import SimpleNamespace as Row
 
 from ..running.settings import Setting
 from ..scoring.definitions import Subset
-from ..scoring.gaps import NO_GAP
 from ..scoring.parts import FAULT_NAMES, FAULTS, PARTS
+from ..scoring.rank import NO_GAP
 from ..scoring.statistics import bootstrap_interval, ratio
 from ..tables import Column, Table
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events

@@ -23,7 +23,7 @@ from ..running.run import jobs_of, run_jobs
 from ..running.settings import Setting
 from ..running.stored import run_info
 from ..scoring import SceneScore, score_scene
-from ..scoring.holes import separated_truth
+from ..scoring.events import separated_truth
 from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from ..scoring.main_table import unchanged
 from ..scoring.neutral import evaluated

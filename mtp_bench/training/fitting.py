@@ -13,8 +13,7 @@ from ..errors import MtpBenchError
 from ..prediction.learned.local import Arrays
 from ..prediction.learned.network import Network, Sizes, Stage
 from ..running.options import require_seed
-from .augmentation import vary_detections, vary_tracks
-from .losses import LOSSES, Tensors, mode_distance
+from .losses import LOSSES, Tensors, mode_distance, vary_detections, vary_tracks
 
 EpochCallback = Callable[[int, float], object]  # number of an epoch, from 1 on, and its validation minADE, m
 

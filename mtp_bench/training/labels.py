@@ -7,7 +7,7 @@ import numpy as np
 from ..cards import Card
 from ..env.observation import Feed, LocalFrame
 from ..prediction.windows import TrackWindows
-from ..scoring.holes import pieces
+from ..scoring.events import pieces
 from ..scoring.neutral import evaluated, neutral_places
 from ..scoring.targets import find_targets
 from ..types import Bools, Floats, Ints, Scene

@@ -15,8 +15,7 @@ from .. import notice
 from ..agent import Tracker
 from ..env.environment import MTPEnv
 from ..errors import MtpBenchError, require_known
-from ..prediction.kalman import NoiseTable, filtered, heading_frame, rotation
-from ..prediction.motion_noise import noise_table, observed
+from ..prediction.kalman import NoiseTable, filtered, heading_frame, noise_table, observed, rotation
 from ..running.options import DEFAULTS, Fold, RunOptions
 from ..tracking import HypothesisTracker, TruthTracker
 from ..tracks import Tracks

@@ -13,7 +13,7 @@ from ..networks import VARIABLE as WEIGHTS_VARIABLE
 from ..networks import file_name, weights_folder
 from ..prediction.learned.local import local_future
 from ..prediction.learned.network import Network, Sizes, network_of, require_lanes
-from ..prediction.learned.weights import StoredWeights, write_weights
+from ..prediction.learned.predictor import StoredWeights, write_weights
 from ..running.options import DEFAULTS, Fold, RunOptions, held_out
 from ..types import Bools, Task
 from .fitting import EpochCallback, FittedNetwork, TrainingPlan, TrainingSet, device_of, fit

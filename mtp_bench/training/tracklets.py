@@ -19,7 +19,7 @@ from ..errors import MtpBenchError, require_known
 from ..parallel import parallel_map, reported
 from ..prediction.windows import LANES, Surroundings, TrackWindows, lanes_of, windows_of
 from ..running.options import DEFAULTS, Fold, RunOptions, asked, held_out
-from ..scoring.holes import pieces
+from ..scoring.events import pieces
 from ..sources import open_source
 from ..tracking import HypothesisTracker, TruthTracker
 from ..tracks import Tracks

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..geometry import wrap_angle
-from ..scoring.holes import pieces
+from ..scoring.events import pieces
 from ..scoring.matching import match
 from ..scoring.pairs import Pairs
 from ..scoring.parts import fault_of

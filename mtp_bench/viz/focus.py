@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scoring.displacement import floored
+from ..scoring.events import pieces
 from ..scoring.forecasts import sample_weights
-from ..scoring.holes import pieces
 from ..scoring.pairs import box_pairs
 from ..types import Bools, Floats, Ints, to_metres
 from .incident import Incident

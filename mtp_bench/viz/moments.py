@@ -8,8 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..errors import MtpBenchError, UnknownNameError
-from ..scoring.events import history
-from ..scoring.holes import separated_truth
+from ..scoring.events import history, separated_truth
 from ..scoring.pairs import near_pairs
 from ..scoring.parts import BELOW, PARTS, blame, named_parts
 from ..types import Bools, Floats, Ints

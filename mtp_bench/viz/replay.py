@@ -7,20 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import Card
-from ..env.live import LiveEpisode
+from ..env.episode import LiveEpisode
 from ..env.observation import true_ids
 from ..errors import RolloutError, UnknownNameError
-from ..scoring.absence import absent_causes
 from ..scoring.bade import capped_error
-from ..scoring.events import object_history
+from ..scoring.events import object_history, pieces, separated_truth
 from ..scoring.forecasts import RecordedForecasts, candidates, final_errors, match_by_confidence, match_neutral_last
-from ..scoring.holes import pieces, separated_truth
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
 from ..scoring.parts import PARTS, SceneParts, blame, named_parts, plain_parts
 from ..scoring.score import check_rollout
-from ..scoring.targets import find_targets, live_frames
+from ..scoring.targets import absent_causes, find_targets, live_frames
 from ..sources import CameraImage
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .answers import Answers

@@ -110,7 +110,7 @@ def test_shipped_cards_follow_the_protocol(env_id: str) -> None:
     if "KITTI" in env_id:
         assert task.event_gate.measure == "iou_3d"
         assert card.per_class(task.event_gate.threshold) == (0.5, 0.5, 0.5)
-        assert card.ego_motion == (env_id == "MTP-KITTI-v0")
+        assert card.source.traits.common_frame == (env_id == "MTP-KITTI-v0")
     else:
         assert task.event_gate.measure == "center_distance"
         for name in (task.classes[0], task.classes[-1]):

@@ -156,7 +156,7 @@ def test_ends_that_the_agent_does_not_take_are_told_before_anything_runs(
     folder = write_submission(tmp_path / "echo", tables="[compare]\ngap_references = { hypotheses = 1 }\n")
     agent = folder / "agent.py"
     agent.write_text(agent.read_text().replace(", **parameters", ""))
-    monkeypatch.setattr("mtp_bench.running.evaluate.EnvEvaluation.scores", None)
+    monkeypatch.setattr("mtp_bench.running.compare.EnvEvaluation.scores", None)
     text = "agent 'echo' cannot be built: unknown parameter of echo 'hypotheses': known are noise"
     with pytest.raises(SubmissionError, match=text):
         compare([folder], card, data=kitti)

@@ -9,9 +9,9 @@ import pytest
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import AgentScores, References, score_scene, summarise
-from mtp_bench.scoring.absence import AbsentCause
 from mtp_bench.scoring.parts import PARTS
 from mtp_bench.scoring.rows import Row
+from mtp_bench.scoring.targets import AbsentCause
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, with_detections
 
 SMALL = make_card(past=2, future=3, samples=1)

@@ -128,6 +128,7 @@ BROKEN: list[tuple[str, int, dict[str, Any], str]] = [  # file, its columns (0) 
     (BOXES, 0, {"label": [[1, 2, 1]] * FRAMES}, f"{BOXES}.label has other lengths of its lists than the columns bef"),
     (BOXES, 0, {"label": [1] * FRAMES}, "one cannot be read as a file of 123D: "),
     (BOXES, 0, {"timestamp_us": [START + 140_000 * t for t in range(FRAMES)]}, "one has 7.14 frames per second: exp"),
+    (BOXES, 0, {"timestamp_us": [START] * FRAMES}, f"{BOXES}.arrow: the times of its rows do not increase"),
     (EGO, 0, {"imu_se3": None}, f"{EGO}.arrow cannot be read as a file of 123D: no column '{EGO}.imu_se3', found: "),
     (EGO, 0, {"imu_se3": [[2.0] * 7] * 20}, f"{EGO}.arrow, pose 1: rotation is [2.0, 2.0, 2.0, 2.0], expected a unit"),
     (EGO, 0, {"timestamp_us": [5] * 20}, f"{EGO}.arrow: no frame of the boxes has a pose of the 0.1 s before it"),

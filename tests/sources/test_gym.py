@@ -74,6 +74,14 @@ def test_the_same_seed_gives_the_same_scene_after_others_changed_classes() -> No
         np.testing.assert_array_equal(array, first[name], err_msg=name)
 
 
+def test_no_lane_leads_back() -> None:
+    """Beside each of the four exits of intersection-v1, 4 m away, begins the entry of the same road."""
+    lanes = simulated("intersection-v1", 0.2).lanes
+    assert [len(lane.following) for lane in lanes].count(0) == 4
+    ends, starts = (np.array([lane.center[i + 1] - lane.center[i] for lane in lanes]) for i in (-2, 0))
+    assert all(ends[k] @ starts[after] > 0 for k, lane in enumerate(lanes) for after in lane.following)
+
+
 def test_policies() -> None:
     """The ego of merge-v0 starts with 30 m/s behind slower vehicles."""
     policies = "idm", "idle", f"{__name__}:faster"
@@ -112,8 +120,10 @@ def test_scenes_with_a_crash_are_left_out_and_counted(
         ({"id": "no_such_module:A-v0"}, "no module 'no_such_module', which"),
         ({"module": "no_such.module"}, "no module 'no_such.module', which"),
         ({"policy": "fast"}, "policy: got 'fast': expected 'idm', 'idle' or"),
+        ({"policy": "sys:exit"}, "no module 'sys', which"),
+        ({"id": "lane-keeping-v0"}, "lane-keeping-v0 with policy 'idm' cannot be simulated: AttributeError: "),
     ],
 )
 def test_wrong_cards(source: dict[str, Any], text: str) -> None:
-    with pytest.raises(CardError, match=text):
+    with pytest.raises((CardError, DataError), match=text):
         prepare(gym_card(**source))

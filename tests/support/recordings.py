@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtp_bench.types import Rollout, Scene
-from mtp_bench.viz.rerun.colors import packed, track_colors
+from mtp_bench.viz.rerun.shown import packed, track_colors
 
 Rows = dict[int, dict[str, Any]]
 

@@ -72,7 +72,8 @@ def runs(data_root: Path) -> Callable[[str, str], list[Run]]:
         source = open_source(card, data_root)
         scenes = [source.load(name) for name in source.names]
         boxes = (detection_image_boxes(root, scene, CLASSES) for scene in scenes)
-        return [Run(scene, read_annotations(root, scene, card.ego_motion), track(scene, assignment, box))
+        common = card.source.traits.common_frame
+        return [Run(scene, read_annotations(root, scene, common), track(scene, assignment, box))
                 for scene, box in zip(scenes, boxes, strict=True)]  # fmt: skip
 
     return make

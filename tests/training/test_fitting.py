@@ -15,8 +15,8 @@ from mtp_bench.prediction.learned.network import Network
 from mtp_bench.prediction.learned.ptp import Ptp
 from mtp_bench.prediction.learned.tracking_free import TrackingFree
 from mtp_bench.prediction.windows import Surroundings
-from mtp_bench.training.augmentation import vary_tracks
 from mtp_bench.training.fitting import FittedNetwork, TrainingPlan, TrainingSet, fit, ordered_batches, shuffled_batches
+from mtp_bench.training.losses import vary_tracks
 from mtp_bench.types import starts_of
 from tests.support.random_windows import SIZES, random_training_set, random_windows
 

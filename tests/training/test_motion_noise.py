@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.prediction import NoiseTable, motion_noise, stored_noise
-from mtp_bench.prediction.motion_noise import condition, noise_table
+from mtp_bench.prediction import NoiseTable, kalman, stored_noise
+from mtp_bench.prediction.kalman import condition, noise_table
 from mtp_bench.tracking import HypothesisTracker, TruthTracker
 from mtp_bench.training.motion_noise import as_toml, collect, fit_motion_noise, fit_scenes, forecast_score
 from mtp_bench.types import Bools, Floats
@@ -94,17 +94,17 @@ LIKE: dict[str, tuple[dict[str, Any], float]] = {
 
 @pytest.mark.parametrize("name", LIKE)
 def test_the_most_similar_condition_stands_in(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion_noise, "_read_folder", lambda _: STORE)
+    monkeypatch.setattr(kalman, "_read_folder", lambda _: STORE)
     changes, measurement = LIKE[name]
     assert stored_noise(kitti_task(**{"classes": ("car",), **changes})).measurement[0] == measurement
 
 
 def test_a_file_in_the_folder_is_a_domain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(motion_noise, "FOLDER", tmp_path)
+    monkeypatch.setattr(kalman, "FOLDER", tmp_path)
     rows = {"car": TRUE, "pedestrian": {**TRUE, "measurement": 0.03}}
     for domain, order in (("Aachen", "order = 2\n"), ("Mine", "order = 1\n"), ("Last", "")):
         (tmp_path / f"{domain}.toml").write_text(order + as_toml("lidar-world", rows))
-    assert list(motion_noise._read_folder(tmp_path)) == ["Mine-lidar-world", "Aachen-lidar-world", "Last-lidar-world"]
+    assert list(kalman._read_folder(tmp_path)) == ["Mine-lidar-world", "Aachen-lidar-world", "Last-lidar-world"]
     task = kitti_task(motion_noise="Mine", detector="lidar", classes=("pedestrian",))
     assert stored_noise(task).measurement.tolist() == [0.03]
 

@@ -12,12 +12,11 @@ import torch
 from mtp_bench.cards import Card, load_card
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.prediction.learned.network import network_of
-from mtp_bench.prediction.learned.weights import find_weights, read_weights, require_fit
+from mtp_bench.prediction.learned.predictor import find_weights, read_weights, require_fit
 from mtp_bench.running.options import Fold, RunOptions, fold_of, held_out
 from mtp_bench.tracking import HypothesisTracker
-from mtp_bench.training.augmentation import vary_tracks
 from mtp_bench.training.fitting import TrainingPlan
-from mtp_bench.training.losses import Tensors, mode_distance
+from mtp_bench.training.losses import Tensors, mode_distance, vary_tracks
 from mtp_bench.training.predictors import (
     TrainingRequest,
     _require_same_task,

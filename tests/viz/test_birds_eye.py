@@ -17,8 +17,7 @@ from mtp_bench.cards.card import LaneSection
 from mtp_bench.types import Lane, Scene
 from mtp_bench.viz import palette
 from mtp_bench.viz.drawing.birds_eye import EVENT_SECONDS, LARGEST, SIZE, windows_of
-from mtp_bench.viz.drawing.canvas import WHITE, Canvas
-from mtp_bench.viz.drawing.labels import callout, pointer
+from mtp_bench.viz.drawing.canvas import WHITE, Canvas, callout, pointer
 from mtp_bench.viz.drawing.video import pictures
 from mtp_bench.viz.framing import Window, arrows_of
 from mtp_bench.viz.replay import Replay, replay

@@ -14,10 +14,9 @@ from mtp_bench.scoring import SUBSETS, Report
 from mtp_bench.scoring.main_table import main_table
 from mtp_bench.scoring.rows import PairedRow, Row
 from mtp_bench.tables import Table, to_latex, to_text
-from mtp_bench.viz.terminal.notes import notes, warnings
 from mtp_bench.viz.terminal.output import TEXT_WIDTH, show, show_command, show_lines, show_table
 from mtp_bench.viz.terminal.paper import paper_figures, paper_gap
-from mtp_bench.viz.terminal.tables import chosen_table, full_tables, paper_table
+from mtp_bench.viz.terminal.tables import chosen_table, full_tables, notes, paper_table, warnings
 from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, short_verdict, verdict
 from tests.support.command_line import TERMINAL
 from tests.support.report_rows import detail, pair, row, rows

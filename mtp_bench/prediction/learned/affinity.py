@@ -9,8 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...types import Ints
-from ..windows import Surroundings, TrackWindows
 from .around import FINE, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear_shapes, mlp, namespace
 from .local import Arrays, one_hot
@@ -30,11 +28,8 @@ class AffinityNetwork:
 
     name = "affinity"
     around = True
+    inputs = staticmethod(around_inputs)
     recipe = Recipe(on="tracklets")
-
-    def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
-        """The detections around each window's present box, without its track."""
-        return around_inputs(windows, moment, seen, sizes)
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
         """The weights of `modes`, a perceptron for pairs of object and detection, and statistics of scores."""

@@ -1,28 +1,163 @@
-"""A network in an agent: NumPy alone, once per frame over the distinct windows of all tracks."""
+"""A network in an agent: NumPy alone, once per frame over the distinct windows of all tracks; and its file of weights.
 
-from dataclasses import replace
+A file holds safetensors with a model card; nothing in it is executed when it is read. It is searched for in the user's
+folder, then among those that ship, which are packed.
+"""
+
+import json
+import lzma
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...agent import Forecasts, Frame
 from ...errors import SubmissionError
+from ...files import open_regular, whole_file
+from ...networks import PACKED, SHIPPED, file_name, states_of, weights_folder
+from ...strict import parse_json
 from ...types import Task
 from ..windows import shown_as_truth, surroundings_of, windows_of
 from .around import detections_of_tracks
-from .local import to_absolute
-from .network import network_of, require_lanes
-from .weights import StoredWeights, find_weights, read_weights, require_fit
+from .local import Arrays, to_absolute
+from .network import Network, Sizes, network_of, require_lanes
 
+_FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 0, "lp": 1, "pb": 1}]  # pairs of bytes
+FORMAT = "mtp-bench weights 1"
+MOST_BYTES = 64 * 2**20  # of a file: more than any network here has
 ASSOCIATIONS = ("network", "track")
+
+
+@dataclass(frozen=True, eq=False)
+class StoredWeights:
+    """Content of a file of weights."""
+
+    weights: Arrays  # float32
+    network: str
+    sizes: Sizes
+    card: Mapping[str, Any]  # how they were trained, see `training.predictors.model_card`
+
+
+def find_weights(network: str, on: str, task: Task) -> Path:
+    """The file for a task: of its env, else of the env whose weights serve here too.
+
+    Raises SubmissionError, with the command that makes the file, if it is missing.
+    """
+    for env_id in filter(None, (task.env_id, task.weights_of)):
+        name = file_name(network, on, env_id)
+        for path in (weights_folder() / name, SHIPPED / f"{name}{PACKED}"):
+            if path.is_file():
+                return path
+    (state,) = states_of([f"{network}-{on}"], task.env_id, task.weights_of)
+    raise SubmissionError(
+        f"{task.env_id}: no weights {file_name(network, on, task.env_id)} in {weights_folder()}, and none ship; train "
+        f"them: {state.how}"
+    )
+
+
+def write_weights(path: Path, stored: StoredWeights) -> None:
+    """Write weights in half precision, as a whole or not at all. Raises OSError.
+
+    A file that ends in ".xz", as those that ship, is compressed, and its numbers are rounded to 7 bits of the fraction,
+    as in bfloat16: two thirds of the size.
+    """
+    from safetensors.numpy import save
+
+    content = {"format": FORMAT, "network": stored.network, "sizes": asdict(stored.sizes), "card": stored.card}
+    halves = {name: np.asarray(value, dtype=np.float16) for name, value in sorted(stored.weights.items())}
+    if path.suffix == PACKED:
+        halves = {name: rounded(value) for name, value in halves.items()}
+    data = save(halves, {"mtp_bench": json.dumps(content, sort_keys=True)})
+    with whole_file(path) as part:
+        part.write_bytes(lzma.compress(data, filters=_FILTERS) if path.suffix == PACKED else data)
+
+
+def rounded(values: NDArray[np.float16]) -> NDArray[np.float16]:
+    """The nearest numbers whose last three bits are 0, ties to even; finite ones stay finite."""
+    bits = values.view(np.uint16).astype(np.uint32)
+    near = (bits + 3 + (bits >> 3 & 1)) & ~np.uint32(7)
+    infinite = (near & 0x7C00) == 0x7C00
+    return np.where(infinite, bits & ~np.uint32(7), near).astype(np.uint16).view(np.float16)
+
+
+def read_weights(path: Path, network: Network) -> StoredWeights:
+    """The weights of ``network`` in a file; raises SubmissionError, naming what was got and what was expected."""
+    tensors, content = _read_tensors(path)
+    found = content.get("network")
+    if content.get("format") != FORMAT or found != network.name:
+        raise SubmissionError(f"{path}: weights of {found!r}, expected {network.name!r} in format {FORMAT!r}")
+    card = content.get("card", {})
+    if not isinstance(card, dict):
+        raise SubmissionError(f"{path}: its card is {type(card).__name__}, expected a table")
+    try:
+        sizes = Sizes(**{**content["sizes"], "classes": tuple(content["sizes"]["classes"])})
+        shapes = network.shapes(sizes)
+    except (KeyError, TypeError, ValueError) as error:
+        raise SubmissionError(f"{path}: does not state its sizes ({error})") from None
+    got = {name: value.shape for name, value in tensors.items()}
+    for name in sorted(shapes.keys() | got.keys()):
+        if shapes.get(name) != got.get(name):
+            raise SubmissionError(
+                f"{path}: {name} is {got.get(name, 'missing')}, expected {shapes.get(name, 'no such array')}"
+            )
+    for name, value in tensors.items():
+        if not np.isfinite(value).all():
+            raise SubmissionError(f"{path}: {name} holds numbers that are not finite")
+    return StoredWeights(tensors, network.name, sizes, card)
+
+
+def require_fit(sizes: Sizes, task: Task, path: Path) -> None:
+    """Raise SubmissionError unless weights of these sizes, in the file ``path``, are made for the task."""
+    expected = Sizes.of(task)
+    for class_name in expected.classes:
+        if class_name not in sizes.classes:
+            known = ", ".join(sizes.classes)
+            raise SubmissionError(f"{path}: made for {known}, but {task.env_id} has the class {class_name!r}")
+    for name in ("past", "future", "dt"):
+        if getattr(sizes, name) != getattr(expected, name):
+            raise SubmissionError(
+                f"{path}: made for {name} {getattr(sizes, name)}, but {task.env_id} has {getattr(expected, name)}"
+            )
+
+
+def _read_tensors(path: Path) -> tuple[Arrays, dict[str, Any]]:
+    """Arrays, float32, and the metadata of a file."""
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    try:
+        content = _read_bytes(path)
+        arrays = {name: value.astype(np.float32) for name, value in load(content).items()}
+        header = json.loads(content[8 : 8 + int.from_bytes(content[:8], "little")])
+        metadata = header.get("__metadata__", {}).get("mtp_bench", "{}")
+        return arrays, parse_json(metadata, str(path), SubmissionError)
+    except (OSError, lzma.LZMAError, SafetensorError, ValueError, TypeError, KeyError) as error:
+        raise SubmissionError(f"{path}: not a file of weights ({error})") from None
+
+
+def _read_bytes(path: Path) -> bytes:
+    """The unpacked content of a file."""
+    with open_regular(path) as stream:  # a FIFO would wait for ever
+        size = os.fstat(stream.fileno()).st_size
+        content = stream.read(MOST_BYTES)
+    if path.suffix == PACKED:
+        content = lzma.LZMADecompressor(lzma.FORMAT_XZ).decompress(content, MOST_BYTES + 1)
+        size = len(content)
+    if size > MOST_BYTES:
+        raise SubmissionError(f"{path}: {size} bytes, expected at most {MOST_BYTES}")
+    return content
 
 
 class LearnedPredictor:
     """Forecasts of a trained network.
 
     ``network``: its name, such as "modes". ``on``: what it was trained on, "truth" or "tracklets". ``weights``: your
-    own file; None: the one for the task's env, see `mtp_bench.prediction.learned.weights`. ``association``: of a
+    own file; None: the one for the task's env, see `find_weights`. ``association``: of a
     network that finds the object among the detections around it; "network": its input is all of them, "track": only
     those that the track took, as in a pipeline that tracks first.
 

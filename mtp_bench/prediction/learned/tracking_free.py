@@ -6,8 +6,6 @@ frames is described relative to the object's present box, and pooled by attentio
 
 import numpy as np
 
-from ...types import Ints
-from ..windows import Surroundings, TrackWindows
 from .around import FINE, ages, around_inputs, fitted_velocity, shares
 from .layers import Array, Weights, initial, linear, linear_shapes, mlp, namespace, relu, sigmoid
 from .local import Arrays, one_hot
@@ -31,11 +29,8 @@ class TrackingFree:
 
     name = "tracking_free"
     around = True
+    inputs = staticmethod(around_inputs)
     recipe = Recipe(epochs=40, on="tracklets")
-
-    def inputs(self, windows: TrackWindows, moment: Ints, seen: Surroundings, sizes: Sizes) -> Arrays:
-        """The detections around each window's present box, without its track."""
-        return around_inputs(windows, moment, seen, sizes)
 
     def shapes(self, sizes: Sizes) -> dict[str, tuple[int, ...]]:
         """Perceptrons for detections, their attention and all modes, and statistics of inputs and outputs."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import CardError, DataError
+from ...errors import CardError, DataError, MtpBenchError
 from ...types import Floats
 from ..highway.lanes import lane_map
 from ..highway.recording import course_velocity, right_handed, seen_from
@@ -46,17 +46,26 @@ def _environment(traffic: GymTraffic) -> Any:
 
 @contextmanager
 def _classes_kept(traffic: GymTraffic) -> Iterator[None]:
-    """Undo changes of the classes of vehicles, which some environments make: they would change other scenes."""
-    for module in ("highway_env", *traffic.modules):  # they register their environments
-        importlib.import_module(module)
-    from highway_env.vehicle.objects import RoadObject
+    """Undo changes of the classes of vehicles, which some environments make: they would change other scenes.
 
-    kinds = [RoadObject]
-    for kind in kinds:
-        kinds += [each for each in kind.__subclasses__() if each not in kinds]
-    before = [(kind, dict(vars(kind))) for kind in kinds]
+    Raises DataError for an error of the environment, or of a module that it needs.
+    """
+    before: list[tuple[Any, dict[str, Any]]] = []
     try:
+        for module in ("highway_env", *traffic.modules):  # they register their environments
+            importlib.import_module(module)
+        from highway_env.vehicle.objects import RoadObject
+
+        kinds = [RoadObject]
+        for kind in kinds:
+            kinds += [each for each in kind.__subclasses__() if each not in kinds]
+        before += [(kind, dict(vars(kind))) for kind in kinds]
         yield
+    except MtpBenchError:
+        raise
+    except Exception as error:
+        problem = f"{traffic.id} with policy {traffic.policy!r} cannot be simulated"
+        raise DataError(f"{problem}: {type(error).__name__}: {error}") from error
     finally:
         for kind, attributes in before:
             for name in [name for name, value in vars(kind).items() if attributes.get(name, kind) is not value]:

@@ -52,9 +52,13 @@ class GymScenes(TrafficScenes):
         section = section_of(card, GymSource)
         super().__init__(card, traffic_of(section), section.seeds)
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the scenes; simulates the seeds that are not in the cache. Raises DataError if none is left."""
+        return self._names
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
         kept = []
         with notice.work(f"simulating {self.store.traffic.id}") as work:
             work.started(len(self.missing()))
@@ -114,6 +118,6 @@ def traffic_of(section: GymSource) -> GymTraffic:
 def _file_of(module: str) -> Path:
     with suppress(ImportError):
         found = importlib.util.find_spec(module)
-        if found is not None and found.origin:
+        if found is not None and found.has_location and found.origin:
             return Path(found.origin)
     raise CardError(f"no module {module!r}, which [source] names; install it, or name its folder in PYTHONPATH")

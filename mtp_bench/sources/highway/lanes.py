@@ -85,7 +85,7 @@ class LaneGeometry:
 def lane_map(network: dict[LaneIndex, Any], loose: float = JOINT) -> tuple[Lane, ...]:
     """All lanes, right-handed with z up: centres and borders at most every 2 m, and the lanes that continue each.
 
-    ``loose``: metres to the nearest lane of the next road, which continues one that no lane joins.
+    ``loose``: metres to the nearest lane of the next road that does not lead back: it continues one that no lane joins.
     """
     index, lanes = tuple(network), tuple(network.values())
     centers = [_polyline(lane, 0.0) for lane in lanes]
@@ -95,7 +95,9 @@ def lane_map(network: dict[LaneIndex, Any], loose: float = JOINT) -> tuple[Lane,
         after = [j for j in range(len(lanes)) if index[j][0] == index[k][1]]
         gap = {j: float(np.linalg.norm(centers[j][0] - centers[k][-1])) for j in after}
         following = tuple(j for j in after if gap[j] < JOINT)
-        following = following or tuple(sorted((j for j in after if gap[j] < loose), key=lambda j: gap[j])[:1])
+        end = centers[k][-1] - centers[k][-2]
+        onward = [j for j in after if gap[j] < loose and end @ (centers[j][1] - centers[j][0]) > 0]  # not the way back
+        following = following or tuple(sorted(onward, key=lambda j: gap[j])[:1])
         result.append(Lane(centers[k], _polyline(lane, -half), _polyline(lane, half), following))
     return tuple(result)
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import fields, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,7 @@ class TrafficScenes:
         self.card, self.store = card, WorldStore(traffic)
         self.seeds = range(*getattr(seeds, card.source.split))
 
-    @cached_property
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the scenes, in the order of their seeds."""
         return tuple(map(self.name_of, self.seeds))

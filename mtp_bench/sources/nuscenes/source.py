@@ -11,9 +11,9 @@ from ...types import Floats, Scene, Truth
 from ..base import DataRoot, Work, class_ids, names_by_number, no_detections, require_classes, require_rate, section_of
 from ..cache import Arrays
 from ..motion import looking_back
-from .detections import open_detections, scene_detections
 from .layout import CLASSES, DATASET, VERSIONS, NuScenesSource, detection_paths, require_maps, scenes_by_split
-from .store import TableStore, open_tables
+from .store import open_tables
+from .submission import open_detections, scene_detections
 from .tables import SECOND
 
 RATE = 2.0  # Hz of the keyframes, nominal
@@ -35,14 +35,16 @@ class NuScenes:
         require_maps(self.root, card)
         paths = detection_paths(self.root, card)
         self.tables = open_tables(self.root, self.section.version)
-        splits = available_splits(self.tables, self.section.truth == "targets")
+        targets = self.tables.targets if self.section.truth == "targets" else None
+        listed = (name for i, name in enumerate(self.tables.scenes) if targets is None or targets[i])
+        splits = scenes_by_split(tuple(listed))  # with targets alone: only the scenes that have one
         self.names = splits.get(self.section.split, ())
         if not self.names:
-            listed = ", ".join(f"{split} ({len(names)})" for split, names in splits.items()) or "none"
-            targets = " with prediction targets" if self.section.truth == "targets" else ""
+            found = ", ".join(f"{split} ({len(names)})" for split, names in splits.items()) or "none"
+            needed = " with prediction targets" if self.section.truth == "targets" else ""
             raise DataError(
-                f"{self.root / self.section.version} has no scene of split {self.section.split!r}{targets}; splits "
-                f"with scenes: {listed}; choose one with --split or split="
+                f"{self.root / self.section.version} has no scene of split {self.section.split!r}{needed}; splits "
+                f"with scenes: {found}; choose one with --split or split="
             )
         self.detections = open_detections(paths, self.tables, self.names)
 
@@ -67,13 +69,6 @@ def prepare_nuscenes(card: Card, data: DataRoot, scenes: int | None, workers: in
     Raises DataError for everything that stops the card's scenes from being read.
     """
     return 1, (NuScenes(card, data).section.version for _ in range(1))
-
-
-def available_splits(tables: TableStore, targets: bool) -> dict[str, tuple[str, ...]]:
-    """Scenes of each split that has any, "all" the last; with ``targets`` only those with a prediction target."""
-    if not targets or tables.targets is None:
-        return scenes_by_split(tables.scenes)
-    return scenes_by_split([name for name, count in zip(tables.scenes, tables.targets, strict=True) if count])
 
 
 def scene_truth(arrays: Arrays, time: Floats, classes: Sequence[str], listed: bool) -> Truth:

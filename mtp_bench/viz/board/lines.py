@@ -18,7 +18,7 @@ from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
 from ...sources import package_of
 from ...tables import BLANK, Column, Table, columns_of
-from ..terminal.notes import parts_text
+from ..terminal.tables import parts_text
 from .columns import COLUMN, PAGE, best_text, further_columns
 from .drawings import WIDTH, bar_of, curve_chart, scale_of, scene_chart
 from .entries import Entry, empty_error, has_map, simulated

@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from ...cards import Card
-from ...env.live import LiveEpisode
+from ...env.episode import LiveEpisode
 from ...geometry import rotate
 from ...scoring.forecasts import sample_weights
 from ...types import Floats, Scene, to_metres
 from ..framing import TRAIL_SECONDS, Window, arrows_of
 from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, FORECAST, OTHER_TRACK, TRACK, TRUTH, Color
 from ..replay import Replay, ego_boxes
-from .canvas import EDGE, GRAY, Canvas, Outline
+from .canvas import EDGE, GRAY, LARGE, MIDDLE, SMALL, Canvas, Outline, callout, scale_bar
 from .column import Mark, Text, column
-from .labels import LARGE, MIDDLE, SMALL, callout, scale_bar
 
 SIZE = (960, 720)  # pixels
 PANEL = 230  # pixels of the width

@@ -15,9 +15,8 @@ from ..incident import KINDS
 from ..palette import BLACK, DIM
 from ..replay import ego_boxes
 from .birds_eye import VEHICLE, draw_lanes
-from .canvas import GRAY, Canvas, Outline
+from .canvas import GRAY, MIDDLE, Canvas, Outline, callout, pointer, scale_bar
 from .column import Mark
-from .labels import MIDDLE, callout, pointer, scale_bar
 
 OBJECT = Mark("{}, true box", Outline(ROLES["truth"], 2.5, heading=True))
 WAY = Mark("where it really goes", line=ROLES["truth"], width=4.0)

@@ -9,8 +9,7 @@ from PIL import Image, ImageDraw
 
 from ..framing import Window
 from ..palette import BLACK, Color
-from .canvas import FINER, GRAY, PAPER, Canvas, Outline, font, text_size
-from .labels import MIDDLE
+from .canvas import FINER, GRAY, MIDDLE, PAPER, Canvas, Outline, font, text_size
 
 LINE = 20  # pixels between two marks, if there is room
 BAR_LEFT, BAR = 150, 90  # pixels, of bars

@@ -8,15 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from ...scoring.events import history
-from ...scoring.holes import separated_truth
+from ...scoring.events import history, separated_truth
 from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
 from ..framing import arrows_of
 from ..palette import FALSE, Color
 from ..replay import Replay, ego_boxes
-from .colors import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, packed, pale, track_colors
 from .sdk import rr
-from .shown import drawable, object_names
+from .shown import (
+    BORDER,
+    CENTER,
+    DETECTION,
+    EGO,
+    NEUTRAL,
+    TRUTH,
+    Colors,
+    drawable,
+    object_names,
+    packed,
+    pale,
+    track_colors,
+)
 
 TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
 TRACK_FILL = "transparentfillmajorwireframe"

@@ -15,10 +15,9 @@ from ..incident import KINDS, MOMENT, Incident
 from ..palette import BLUE, ORANGE, PURPLE, TRUTH, VERMILLION, Color
 from ..replay import Replay
 from ..sentence import sentence
-from .colors import EVENTS, ROLES, SKY, SWITCH, UNKNOWN, UNTRACKED, Colors, packed, track_colors
 from .entities import Log
 from .sdk import rr
-from .shown import ShownAgent, drawable
+from .shown import EVENTS, ROLES, SKY, SWITCH, UNKNOWN, UNTRACKED, Colors, ShownAgent, drawable, packed, track_colors
 
 EVENT_FRAMES = 10  # frames that an event stays in the picture
 EVENT_SECONDS = 1.0  # that its mark on the time line lasts at least: so its name has room

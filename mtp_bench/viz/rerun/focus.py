@@ -16,11 +16,10 @@ from ..focus import Focus
 from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
 from ..pages import text_of
 from ..sentence import sentence
-from .colors import ROLES, SWITCH, Colors
 from .entities import EDGE as RING
 from .entities import EVENT, TRACK_FILL, Log
 from .sdk import rr
-from .shown import drawable
+from .shown import ROLES, SWITCH, Colors, drawable
 
 SIDES = {"truth": (0.0, 1.0), "now": (0.0, -1.0), "before": (-1.0, 0.0)}  # from a box to its name, if the way is (1, 0)
 BOLD, THIN, EDGE = -2.5, -0.6, -1.2  # half the width of lines: negative numbers are points of the screen

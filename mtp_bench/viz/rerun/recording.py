@@ -1,14 +1,19 @@
-"""Runs of a scene as a rerun recording: truth, detections, hypotheses, forecasts, events and counts over all frames.
+"""Runs of a scene as a rerun recording, and an episode while it is played, every frame as soon as it is answered.
 
 Positions are logged in the scene's frame of reference, as 32 bit floats: numbers read back are those of the rollout.
 A recording is the same for the same runs: no clock, no random name is in it.
 """
 
 import hashlib
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from gymnasium import logger
+
+from ...env.episode import LiveEpisode
 from ...env.rollouts import digest
 from ...errors import MtpBenchError
 from ...files import whole_file
@@ -16,15 +21,16 @@ from ..framing import frames_around
 from ..incident import Incident
 from ..pages import text_of
 from ..replay import Replay
-from .entities import EVENT, Log, log_answers, log_map, log_scene
+from .entities import EVENT, Log, log_answers, log_map, log_scene, trail_frames
 from .events import log_judgement
 from .focus import event_key, log_focus
-from .layout import layout
+from .layout import layout, live_layout
 from .sdk import rr
-from .shown import ShownAgent, drawable, shown_agents
+from .shown import TOP_HYPOTHESES, ShownAgent, drawable, shown_agents
 
 APPLICATION = "mtp_bench"
 _HERE = Path(__file__).parent
+_EPISODES = itertools.count(1)  # of this process: every episode has a place of its own in a recording
 
 
 def save_recording(path: str | Path, replays: Sequence[Replay], level: str = "top", at: Incident | None = None) -> None:
@@ -84,3 +90,41 @@ def _log_runs(recording: rr.RecordingStream, agents: Sequence[ShownAgent], level
     key = text_of(_HERE, "scene_key.md").format(agents=", ".join(run.agent for run in runs), scene=scene.name)
     key = drawable(event_key(focuses[0]) if focuses else key)
     recording.log("key", rr.TextDocument(key, media_type="text/markdown"), static=True)
+
+
+class LiveRecording:
+    """Renderer of an env: logs into rerun's active recording, that of `rerun.init`.
+
+    The entities of each episode lie under ``episode-1/``, ``episode-2/`` and so on.
+    """
+
+    def __init__(self) -> None:
+        self._recording = rr.get_data_recording()
+        self._episode: LiveEpisode | None = None
+        self._root = ""
+        if self._recording is None:  # not an error: Gymnasium's checker renders in every mode
+            logger.warn("nothing is shown: call rerun.init('mtp_bench', spawn=True) before, which opens a viewer")
+
+    def render(self, episode: LiveEpisode) -> None:
+        """Log ``episode.frame``; in evaluation mode nothing that derives from the truth."""
+        if self._recording is None:
+            return
+        scene, t = episode.scene, episode.frame
+        run = Replay.of_episode(episode, trail_frames(episode.card.task.rate))
+        hypotheses = range(min(TOP_HYPOTHESES, run.answers.hypotheses.member.shape[1]))
+        if self._episode is not episode:
+            self._episode, self._root = episode, f"episode-{next(_EPISODES)}/"
+            # the default: a layout that the user has sent or made stays
+            shown = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)  # their weights change
+            agent = ShownAgent(run, shown, root=self._root, shared=self._root)
+            layout = live_layout(agent)
+            self._recording.send_blueprint(layout, make_active=False, make_default=True)
+            log_map(self._recording, run, self._root)
+        log = Log(self._recording, scene, range(t, t + 1), self._root)
+        log_scene(log, run)
+        log_answers(replace(log, first=run.first), run, hypotheses, "top")
+
+    def close(self) -> None:
+        """Wait until everything has been sent; the viewer stays."""
+        if self._recording is not None:
+            self._recording.flush()

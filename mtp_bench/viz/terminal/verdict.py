@@ -10,8 +10,8 @@ from ...scoring.rows import Interval, PairedRow, Row
 from ...submission.loader import controls
 from ...submission.manifest import Role
 from ...tables import Column
-from .notes import REFERENCES, label_of
 from .paper import paper_gap
+from .tables import REFERENCES, label_of
 
 _ROLES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples", "several")
 STP, TRUTH, CONTROL, ASSOCIATED, SEVERAL = (controls()[role] for role in _ROLES)

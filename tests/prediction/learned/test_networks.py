@@ -24,8 +24,7 @@ from mtp_bench.prediction.learned.network import Network, networks
 from mtp_bench.prediction.learned.predictor import LearnedPredictor
 from mtp_bench.prediction.learned.tracking_free import support
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, shown_as_truth
-from mtp_bench.training.augmentation import vary_detections, vary_tracks
-from mtp_bench.training.losses import LOSSES
+from mtp_bench.training.losses import LOSSES, vary_detections, vary_tracks
 from mtp_bench.training.predictors import TrainingRequest, training_windows
 from mtp_bench.types import Floats, Ints, starts_of
 from tests.support.random_windows import NOTHING_SEEN, SIZES, random_windows
