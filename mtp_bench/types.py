@@ -159,7 +159,9 @@ class Drive:
     comfortable: bool  # within nuPlan's bounds
     acceleration: Floats  # [N] m/s2
     risk: Floats  # [F] chance of a contact along the profile that was driven, by the forecasts
-    cause: Ints  # [F] forecast object, a row of the frame, with the largest share of it; -1: none
+    cause: Ints  # [F] forecast object, a row of the frame, that most keeps the ego from driving freely; -1: none does
+    plan: Floats  # [F, T + 1, 2] m, places along the profile of each decision, from that of the decision on
+    hit: int  # number of the road user that the ego met; -1: none
     world: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # the recording, packed
 
 

@@ -19,7 +19,8 @@ def events(
     folder: FolderArgument,
     scene: Annotated[str | None, Option(help="Only this scene.")] = None,
     kind: Annotated[
-        list[str] | None, choice(KINDS, text="Only ids, lost, reacquired or spurious (false forecasts); repeatable.")
+        list[str] | None,
+        choice(KINDS, text="Only this kind, such as spurious (false forecasts); repeatable."),
     ] = None,
     sort: Annotated[
         str, choice(shown.ORDERS, text="time: by scene and frame; cost, confidence or length: the largest first.")
@@ -29,7 +30,7 @@ def events(
     env: RunCardOption = None,
     json_file: JsonOption = None,
 ) -> None:
-    """List identity switches, losses, re-acquisitions and false forecasts, and how to look at each."""
+    """List identity switches, losses, re-acquisitions, false forecasts and collisions, and how to look at each."""
     tally, rows = Tally(), list[Listed]()
     with reported("finding events") as progress:
         opened = open_run(folder, root, env)
@@ -45,4 +46,5 @@ def events(
         show("")
         show_lines([shown.CAPTION, shown.LOOK])
         show_command(listed[0].view)
+    show_lines(shown.collision_lines(opened.rollouts(scene)))
     show(shown.tally_line(tally, all_listed=len(listed) == len(rows)))

@@ -10,6 +10,7 @@ from ..running.stored import open_run
 from ..scoring.parts import BELOW, FAULTS, PARTS, named_parts
 from ..viz.moments import costs, moments
 from ..viz.played import replays
+from ..viz.terminal.event_table import collision_lines
 from ..viz.terminal.output import counted, show, show_command, show_lines, show_table
 from ..viz.terminal.worst_table import CAPTION, CAPTION_BELOW, UNSPLIT, WorstRow, run_line, worst_json, worst_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice, one_of
@@ -59,6 +60,7 @@ def worst(
         show("")
         show_lines([CAPTION_BELOW if below else CAPTION, LOOK])
         show_command(shown[0].view)
+    show_lines(collision_lines(opened.rollouts(scene)))
     share = sum(row.moment.cost for row in shown) / total if total else 0.0
     of_run = f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the {'part' if below else 'blame'}."
     show_lines([*([UNSPLIT.format(unsplit)] if unsplit else []), of_run, run_line(parts, len(opened.rollouts(scene)))])

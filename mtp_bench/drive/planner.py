@@ -45,8 +45,8 @@ class Plan:
 
     acceleration: float  # m/s2, until it decides again
     risk: float  # chance of a contact along the profile, weighed by its time
-    cause: int  # row of the object with the largest share of it, -1: none
-    s: Floats  # [T] m, stations of the ego along the profile
+    cause: int  # row of the object with the largest share in the risk of the profile of a free way, -1: it is driven
+    s: Floats  # [T + 1] m, stations of the ego along the profile, from now on
 
 
 class Planner:
@@ -107,8 +107,9 @@ class Planner:
         risk, cause = self._risks(stations, times, seen)
         score = (stations[:, -1] - s) / times[-1] - weigh.caution * risk
         score -= weigh.comfort * np.maximum(-self._first - 2.0, 0.0) + weigh.smoothness * np.abs(self._first)
-        best = int(np.argmax(score))
-        return Plan(float(self._first[best]), float(risk[best]), int(cause[best]), stations[best])
+        best, free = int(np.argmax(score)), int(np.argmax(score + weigh.caution * risk))
+        kept = -1 if best == free else int(cause[free])
+        return Plan(float(self._first[best]), float(risk[best]), kept, np.append(s, stations[best]))
 
     def _risks(self, stations: Floats, times: Floats, seen: Obstacles) -> tuple[Floats, Ints]:
         """Risk [C] of profiles with ``stations`` [C, T], and the object with the largest share of it."""

@@ -1,12 +1,15 @@
 """What happened in a drive: collision, near misses, hard braking without a cause, comfort, and way driven."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.signal import savgol_filter
 
 from ..sources.highway.driven import DrivenTraffic, Way
 from ..sources.highway.simulate import boxes_meet
 from ..sources.highway.world import CLASSES, RATE, World
-from ..types import Bools, Drive, Floats, Ints
+from ..types import Bools, Drive, Floats
+from .planner import Plan
 
 COLLISION_TIME = 0.95  # s: a shorter time to collision is a near miss (nuPlan)
 HARD = -3.0  # m/s2
@@ -17,11 +20,10 @@ _LOOKS = (0.3, 0.6, COLLISION_TIME)  # s ahead, at constant velocities
 _WINDOW = 15  # steps over which accelerations are smoothed before jerks are taken
 
 
-def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, risk: Floats, cause: Ints) -> Drive:
-    """The record of a drive that is over.
+def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, plans: Sequence[Plan]) -> Drive:
+    """The record of a drive until now.
 
-    ``stations`` [N + 1] m of the ego at each step, ``acceleration`` [N] m/s2 between them; ``risk`` and ``cause`` [F]
-    of the planner's decisions.
+    ``stations`` [N + 1] m of the ego at each step, ``acceleration`` [N] m/s2 between them; ``plans`` [F]: decisions.
     """
     world, hit = traffic.world(), traffic.collision
     speed = np.diff(stations) * RATE
@@ -36,8 +38,10 @@ def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, ri
         phantom_brakes=_runs((acceleration < HARD) & alone),
         comfortable=is_comfortable(acceleration, speed, np.interp(stations[:-1], traffic.way.s, traffic.way.heading)),
         acceleration=acceleration,
-        risk=risk,
-        cause=cause,
+        risk=np.array([plan.risk for plan in plans]),
+        cause=np.array([plan.cause for plan in plans]),
+        plan=traffic.way.at(np.array([plan.s for plan in plans]))[0],
+        hit=-1 if hit is None else hit.number,
     )
 
 

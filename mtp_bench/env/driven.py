@@ -6,7 +6,7 @@ import numpy as np
 
 from ..cards import Card
 from ..cards.card import DriveSection
-from ..drive.planner import Obstacles, Planner
+from ..drive.planner import Obstacles, Plan, Planner
 from ..drive.record import record_of
 from ..drive.scenes import DrivenScene, horizon, whole_scene
 from ..sources.base import section_of
@@ -14,7 +14,7 @@ from ..sources.highway.driven import DrivenTraffic
 from ..sources.highway.source import traffic_of
 from ..sources.highway.store import pack
 from ..sources.highway.world import RATE, HighwaySource, World
-from ..types import Ints, Observation, Scene, Task, to_metres
+from ..types import Drive, Ints, Observation, Scene, Task, to_metres
 from .episode import Episode
 from .observation import Feed, LocalFrame, make_feed
 from .rollouts import RecordedAction
@@ -36,7 +36,7 @@ class DrivenEpisode(Episode):
     planner: Planner = None  # type: ignore[assignment]
     stations: list[float] = field(default_factory=list)
     acceleration: list[float] = field(default_factory=list)
-    decided: list[tuple[float, int]] = field(default_factory=list)
+    plans: list[Plan] = field(default_factory=list)
     drop: list[int] = field(default_factory=list)
 
     @classmethod
@@ -95,7 +95,7 @@ class DrivenEpisode(Episode):
         self.actions.append(action)
         self.drop.append(int(self.feed.dropped[0]))
         plan = self.planner.decide(self.traffic.ego.s, float(self.traffic.ego.speed), obstacles(action, self.task.dt))
-        self.decided.append((plan.risk, plan.cause))
+        self.plans.append(plan)
         for _ in range(round(RATE * self.task.dt)):
             if not self.traffic.over:
                 self._drive(plan.acceleration)
@@ -117,10 +117,15 @@ class DrivenEpisode(Episode):
         self.stations.append(float(ego.s))
 
     def _finish(self) -> None:
-        risk, cause = (np.array(column) for column in zip(*self.decided, strict=True))
-        record = record_of(self.traffic, np.array(self.stations), np.array(self.acceleration), risk, cause)
         self.scene = self._scene_of(self.t)
-        self.drive = replace(record, world=pack(self._world_of(self.t)))
+        self.drive = replace(self._recorded(), world=pack(self._world_of(self.t)))
+
+    def record(self) -> Drive | None:
+        """The drive until now."""
+        return self._recorded() if self.plans else None
+
+    def _recorded(self) -> Drive:
+        return record_of(self.traffic, np.array(self.stations), np.array(self.acceleration), self.plans)
 
     def _world_of(self, frames: int) -> World:
         """The world until the last of ``frames`` frames that the agent saw."""

@@ -163,7 +163,8 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         episode = self._started()
         if self._live is None or self.card.drive is not None:
             scene, feed = episode.recording()
-            self._live = live_episode(self.card, scene, episode.frame, feed, episode.actions, self._evaluation)
+            live = live_episode(self.card, scene, episode.frame, feed, episode.actions, self._evaluation)
+            self._live = replace(live, drive=None if self._evaluation else episode.record())
         if self._renderer is None:
             self._renderer = resolve_name(RENDERERS[self.render_mode])()
         return self._renderer.render(self._live)

@@ -60,6 +60,10 @@ class Episode:
         """The scene, and what the agent is shown of it, for pictures."""
         return self.scene, self.feed
 
+    def record(self) -> Drive | None:
+        """The drive of a closed loop until now, for pictures."""
+        return self.drive
+
     @property
     def over(self) -> bool:
         """True after the action for the last frame."""
@@ -126,6 +130,7 @@ class LiveEpisode:
     scene: Scene  # its detections are those that the agent is shown; its truth is empty if it must not be seen
     actions: Sequence[RecordedAction]  # of the frames until now, in the scene's frame of reference
     dropped: Ints  # [F] detections that did not fit into the observation
+    drive: Drive | None = None  # of a closed loop, until now
 
     @property
     def frame(self) -> int:
@@ -137,7 +142,8 @@ class LiveEpisode:
         actions = self.actions[first:]
         if not actions:
             return empty_rollout(self.scene.name)
-        return assemble(self.scene.name, actions, self.dropped[first : first + len(actions)])
+        rollout = assemble(self.scene.name, actions, self.dropped[first : first + len(actions)])
+        return replace(rollout, drive=self.drive)
 
 
 def live_episode(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from ..scoring.parts import BELOW
 
-KINDS = ("ids", "lost", "reacquired", "spurious")  # the last: false forecasts
+KINDS = ("ids", "lost", "reacquired", "spurious", "collision")  # spurious: false forecasts; collision: of the ego
 MOMENT = "moment"  # kind of the incident of an object in a frame without an event
 
 

@@ -188,7 +188,7 @@ def replay(scene: Scene, rollout: Rollout, card: Card, agent: str = "", parts: S
         usual=parts.usual,
         unsplit=parts.unsplit,
     )
-    return replace(run, incidents=named([*_identity_incidents(run), *_runs(run)]))
+    return replace(run, incidents=named([*_identity_incidents(run), *_runs(run), *_collisions(run)]))
 
 
 def ego_boxes(ego: Floats) -> Floats:
@@ -263,6 +263,13 @@ def _runs(run: Replay) -> list[Incident]:
         )
         for i, j in zip(first, last, strict=True)
     ]
+
+
+def _collisions(run: Replay) -> list[Incident]:
+    """The collision of the ego of a closed loop, in the last frame before it."""
+    truth, drive = run.scene.truth, run.rollout.drive
+    rows = [] if drive is None else np.flatnonzero(truth.object_id == drive.hit)[-1:].tolist()
+    return [replace(run.moment(row), kind="collision") for row in rows]
 
 
 def _position(box: Floats) -> tuple[float, float, float]:

@@ -25,8 +25,7 @@ def sentence(focus: Focus) -> str:
     if at.object_id < 0:
         texts = _false_forecast(focus)
     else:
-        happened = {"ids": _switched, "lost": _lost, "reacquired": _switched, MOMENT: _followed}[at.kind](focus)
-        texts = [f"{_when(focus)} {focus.named} {happened}", _fitting(_evidence(focus)), _error(focus)]
+        texts = [f"{_when(focus)} {focus.named} {_HAPPENED[at.kind](focus)}", _fitting(_evidence(focus)), _error(focus)]
     texts[1:] = [text[0].upper() + text[1:] for text in texts[1:] if text]
     return _with_ids_in_file(f"{at.name}: {'. '.join(texts)}", run.scene.track_names)
 
@@ -76,6 +75,15 @@ def _switched(focus: Focus) -> str:
     return f"is found again after {_time(focus, at.frame, lost)}{_event(focus, at.object_id, lost)} by {by}"
 
 
+def _hit(focus: Focus) -> str:
+    drive = focus.replay.rollout.drive
+    assert drive is not None, "collisions are of drives"
+    how = (
+        f"{drive.seconds:.1f} s, {'' if drive.at_fault else 'not '}at fault, planned at a risk of {drive.risk[-1]:.0%}"
+    )
+    return f"is about to collide with the ego ({how}); it {_followed(focus)}"
+
+
 def _followed(focus: Focus) -> str:
     tracks, again = focus.followers(focus.at.frame, 0), focus.regained
     frames = int(np.argmin(np.append(tracks == tracks[0], False)))  # with this track, or without one
@@ -86,6 +94,9 @@ def _followed(focus: Focus) -> str:
     text = "has had no track so far" if always else f"has no track since {_time(focus, since)}"
     then = "and gets none" if again < 0 else f"then track {focus.follower(again)} from {_time(focus, again)} on"
     return f"{text}, {then}"
+
+
+_HAPPENED = {"ids": _switched, "lost": _lost, "reacquired": _switched, "collision": _hit, MOMENT: _followed}
 
 
 def _taker(focus: Focus, track: int, t: int) -> str:

@@ -95,7 +95,7 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
     cli.ok("events", events_run, *known, "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")
     assert (content["env"], content["agent"], content["scenes"]) == ("MTP-Small-v0", "drawn", 3)
-    ones = dict.fromkeys(("ids", "lost", "reacquired", "spurious"), 1)
+    ones = dict.fromkeys(("ids", "lost", "reacquired", "spurious"), 1) | {"collision": 0}
     assert content["counts"] == {**ones, "wrong": 0, "spurious_forecasts": 3}
     switch, *_, ghost = content["events"]
     assert switch.keys() <= json_keys.EVENT.keys(), "the page of keys explains them"

@@ -45,6 +45,7 @@ class Collision:
 
     frame: int
     class_id: int  # index into `world.CLASSES`
+    number: int  # of the road user
     at_fault: bool  # the ego moved, and was not hit from behind (nuPlan's rule)
     speed: float  # m/s of the ego
 
@@ -138,9 +139,8 @@ class DrivenTraffic:
         if hit and self.collision is None:
             other = sum(hit[0]) - own
             fault = self.ego.speed > _STANDING and not hit_from_behind(every[own], every[other])
-            classes = [v.traits.class_id for v in self._attempt.vehicles] + [CLASSES.index("pedestrian")] * len(people)
-            kind = classes[other] if other < len(classes) else CLASSES.index("car")
-            self.collision = Collision(self.frames - 1, kind, bool(fault), float(self.ego.speed))
+            kind, number = self._recording.identity(other)
+            self.collision = Collision(self.frames - 1, kind, number, bool(fault), float(self.ego.speed))
 
     def _ego_after_warm_up(self, rng: np.random.Generator) -> "_Ego | None":
         """Let the traffic run in until a vehicle can be the ego; None after a crash, or a long wait."""

@@ -41,6 +41,11 @@ class Recording:
         velocity = np.concatenate([course_velocity(vehicles), crowd.xy()[1]])
         self._rows.append(np.column_stack([box, velocity, classes, numbers, frame]))
 
+    def identity(self, row: int) -> tuple[int, int]:
+        """Class and number of a road user of the last frame, in the order vehicles, people, parked cars."""
+        kind, number = np.concatenate([self._rows[-1], self._parked_rows(1)])[row, 9:11].astype(np.int64).tolist()
+        return kind, number
+
     def world(
         self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rng: np.random.Generator
     ) -> World | str:

@@ -16,6 +16,7 @@ from ...scoring.forecasts import sample_weights
 from ...types import Floats, Scene, to_metres
 from ..framing import TRAIL_SECONDS, Window, arrows_of
 from ..palette import BLACK, DETECTION, EGO, EVENT, FALSE, FORECAST, OTHER_TRACK, TRACK, TRUTH, Color
+from ..plan import plan_at
 from ..replay import Replay, ego_boxes
 from .canvas import EDGE, GRAY, LARGE, MIDDLE, SMALL, Canvas, Outline, callout, scale_bar
 from .column import Mark, Text, column
@@ -49,6 +50,8 @@ def windows_of(scene: Scene, card: Card) -> list[Window]:
         low, high = np.quantile(places, 0.01, axis=0) - MARGIN, np.quantile(places, 0.99, axis=0) + MARGIN
         (x, y), (wide, tall) = (low + high) / 2, np.maximum(high - low, 2 * MARGIN)
         return [Window(float(x), float(y), float(wide), float(tall))] * scene.frames
+    if card.drive is not None:  # more frames will come
+        return [Window(x, y, LARGEST, LARGEST) for x, y in scene.ego[:, :2].tolist()]
     pose = scene.ego[seen.frame_of_rows]
     ahead, aside = rotate(xy - pose[:, :2], -pose[:, 3]).T
     rear, front = np.quantile(ahead, [0.05, 0.95]) if len(xy) else (0.0, 0.0)
@@ -73,6 +76,7 @@ def draw_frame(run: Replay, t: int, window: Window) -> NDArray[np.uint8]:
     draw_lanes(canvas, run)
     names = _draw_answers(canvas, run, t)
     _draw_boxes(canvas, run, t)
+    draw_plan(canvas, run, t)
     for _, xy in events:
         canvas.ring(canvas.pixels(xy), ring)
     image = canvas.finished()
@@ -102,6 +106,19 @@ def draw_lanes(canvas: Canvas, run: Replay) -> None:
         canvas.lines([] if lane.junction else [lane.left, lane.right], BORDER)
         canvas.lines([lane.center], CENTER_LINE, 0.5)
     canvas.lines([] if run.card.lanes is None else arrows_of(near), BORDER)
+
+
+def draw_plan(canvas: Canvas, run: Replay, t: int) -> None:
+    """The plan of the ego of a closed loop, the way that it drove, and a circle around the object that slows it."""
+    plan = plan_at(run, t)
+    if plan is None:
+        return
+    canvas.lines([run.scene.ego[:, :2]], EGO, 1.0, 110)
+    for step, hard in zip(zip(plan.path[:-1], plan.path[1:], strict=True), plan.hard, strict=True):
+        canvas.lines([np.array(step)], FALSE if hard else EGO, 3.5)
+    canvas.dot(canvas.pixels(plan.path[-1]), 4.0, EGO)
+    for box in plan.slower:
+        canvas.circle(canvas.pixels(box[:2]), 8.0 + 0.6 * float(box[4]) * canvas.scale, FALSE)
 
 
 def _draw_answers(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, str, Color]]:
@@ -165,6 +182,8 @@ def _heading(run: Replay, t: int) -> Iterator[Text]:
     yield run.card.id, MIDDLE, GRAY
     yield f"scene {scene.name}", MIDDLE, GRAY
     yield f"frame {t} of {scene.frames - 1}   {scene.time[t] - scene.time[0]:.1f} s", MIDDLE, BLACK
+    if (plan := plan_at(run, t)) is not None:
+        yield f"ego: {plan.acceleration:+.1f} m/s2, risk {plan.risk:.0%}", MIDDLE, BLACK
     weight = run.rollout.hypothesis_log_weight[answered]
     if np.isfinite(weight).sum() > 1:
         share = 100 * float(np.exp(weight[run.answers.hypotheses.best[answered]]))
@@ -178,6 +197,7 @@ def _heading(run: Replay, t: int) -> Iterator[Text]:
 def legend(run: Replay) -> list[Mark]:
     """Marks of this kind of picture with their meaning; the same for all frames of a video."""
     truth, complete = len(run.scene.truth.box) > 0, run.judged and run.scene.truth_complete
+    driven = run.card.drive is not None or run.rollout.drive is not None
     entries = [
         (truth, Mark("true box", TRACKED)),
         (truth and run.judged, Mark("true box, untracked", UNTRACKED)),
@@ -190,6 +210,9 @@ def legend(run: Replay) -> list[Mark]:
         (complete, Mark("false forecast", line=FALSE)),
         (run.judged, Mark("event")),
         (run.card.has_ego, Mark("ego", VEHICLE)),
+        (driven, Mark("its plan", line=EGO, width=3.5)),
+        (driven, Mark("it brakes hard", line=FALSE, width=3.5)),
+        (driven, Mark("object that slows it", line=FALSE, sign="circle")),
     ]
     return [mark for shown, mark in entries if shown]
 

@@ -14,7 +14,7 @@ from ..framing import ROLES, FocusFrame, Follower, Window, frame_of
 from ..incident import KINDS
 from ..palette import BLACK, DIM
 from ..replay import ego_boxes
-from .birds_eye import VEHICLE, draw_lanes
+from .birds_eye import VEHICLE, draw_lanes, draw_plan
 from .canvas import GRAY, MIDDLE, Canvas, Outline, callout, pointer, scale_bar
 from .column import Mark
 
@@ -80,6 +80,7 @@ class CloseUp:
             self._boxes(getattr(shown, name), mark)
         if focus.replay.card.has_ego:
             canvas.boxes(ego_boxes(focus.replay.scene.ego[shown.frame][None]), VEHICLE)
+            draw_plan(canvas, focus.replay, shown.frame)
         self._draw_paths()
         self._draw_boxes()
         self._draw_evidence()

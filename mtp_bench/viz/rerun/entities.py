@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...scoring.events import history, separated_truth
-from ...types import Bools, Floats, Ints, Scene, Truth, to_metres
+from ...types import Bools, Floats, Ints, Scene, Truth, starts_of, to_metres
 from ..framing import arrows_of
 from ..palette import FALSE, Color
+from ..plan import plan_at
 from ..replay import Replay, ego_boxes
 from .sdk import rr
 from .shown import (
@@ -29,7 +30,7 @@ from .shown import (
     track_colors,
 )
 
-TRAIL, FUTURE, FORECAST, EDGE = 0.14, 0.09, 0.035, 0.05  # m, half the width of lines
+TRAIL, FUTURE, FORECAST, EDGE, PLAN = 0.14, 0.09, 0.035, 0.05, 0.2  # m, half the width of lines
 TRACK_FILL = "transparentfillmajorwireframe"
 TRAIL_POINTS = 12
 TRAIL_RATE = 5.0  # Hz, at most: a longer trail of faster recordings has no more points
@@ -138,6 +139,22 @@ def log_scene(log: Log, run: Replay) -> None:
     log.boxes("world/det", detections.start, detections.box, _either(run.detection_false, FALSE, DETECTION))
 
 
+def log_plan(log: Log, run: Replay) -> None:
+    """Log the plans of the ego of a closed loop, red where it brakes hard, and the object that slows it."""
+    plans = [plan for t in range(run.first, run.frames) if (plan := plan_at(run, t)) is not None]
+    if not plans:
+        return
+    counts = [len(plan.hard) for plan in plans]
+    step = np.concatenate([np.stack([plan.path[:-1], plan.path[1:]], axis=1) for plan in plans])
+    height = np.full((*step.shape[:2], 1), float(np.median(run.scene.ego[:, 2])))
+    colors = _either(np.concatenate([plan.hard for plan in plans]), FALSE, EGO)
+    log.strips("world/plan", starts_of(counts), np.concatenate([step, height], axis=-1), colors, PLAN)
+    slower = np.concatenate([plan.slower for plan in plans])
+    labels = ["slows the ego"] * len(slower)
+    start = starts_of([len(plan.slower) for plan in plans])
+    log.boxes("world/slower", start, slower, _all(FALSE, len(slower)), labels, radius=3 * EDGE)
+
+
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
     """Start [F + 1] and points [R, future + 1, 3] of the evaluated objects' ways within the horizon, up to a gap.
 
@@ -161,6 +178,7 @@ def log_answers(log: Log, run: Replay, hypotheses: Iterable[int], level: str) ->
     False forecasts have an entity of their own, so that they can be hidden.
     """
     rollout, answers = run.rollout, run.answers
+    log_plan(log, run)
     for h in hypotheses:
         rows = np.flatnonzero(answers.hypotheses.member[:, h])
         start, ids = np.searchsorted(rows, rollout.track_start), rollout.track_id[rows]

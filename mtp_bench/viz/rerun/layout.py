@@ -48,7 +48,7 @@ class Eye:
         """
         world = f"/{agent.root}world"
         contents = [f"/{agent.shared}world/{path}" for path in (*SHARED, *(["det"] if detections else []))]
-        contents.append(f"{world}/events")
+        contents += [f"{world}/{name}" for name in ("events", "plan", "slower")]
         overrides: dict[Any, Any] = {f"{world}/false_forecast": rrb.EntityBehavior(visible=False)}
         if hypothesis is not None:
             contents += [f"{world}/{path}" for path in ("forecast", "false_forecast", f"hyp/{hypothesis:02d}/**")]

@@ -112,7 +112,7 @@ class LiveRecording:
         scene, t = episode.scene, episode.frame
         run = Replay.of_episode(episode, trail_frames(episode.card.task.rate))
         hypotheses = range(min(TOP_HYPOTHESES, run.answers.hypotheses.member.shape[1]))
-        if self._episode is not episode:
+        if self._episode is None or self._episode.actions is not episode.actions:
             self._episode, self._root = episode, f"episode-{next(_EPISODES)}/"
             # the default: a layout that the user has sent or made stays
             shown = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)  # their weights change

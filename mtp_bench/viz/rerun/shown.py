@@ -33,7 +33,7 @@ SKY: Color = (50, 145, 215)
 TRACKS: tuple[Color, ...] = (  # a prime number of them: the ids of a switch seldom share one
     ORANGE, SKY, PURPLE, BLUE, (140, 150, 70), (166, 112, 0), (150, 130, 240),
 )  # fmt: skip
-EVENTS = {"ids": SWITCH, "lost": FALSE, "reacquired": SKY, "spurious": UNKNOWN}
+EVENTS = {"ids": SWITCH, "lost": FALSE, "reacquired": SKY, "spurious": UNKNOWN, "collision": FALSE}
 ROLES: dict[str, Color] = {  # of a thing in an event
     "truth": TRUTH, "before": SKY, "now": NOW, "named": PURPLE, "detection": UNKNOWN, "ego": (140, 140, 150),
 }  # fmt: skip

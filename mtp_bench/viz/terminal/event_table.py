@@ -6,7 +6,7 @@ from typing import Any, Self
 
 from ...scoring.parts import parts_text
 from ...tables import BLANK, Column, Table
-from ...types import Scene
+from ...types import Rollout, Scene
 from ..incident import KINDS, Incident
 from ..replay import Replay
 from .output import command_line, counted
@@ -134,11 +134,19 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
         text += f"{counted(tally.forecasts, 'false forecast')} in {counted(count['spurious'], 'run')}"
     else:
         text += "false forecasts are not known, as there are objects outside the truth"
+    text += f"; {counted(count['collision'], 'collision')}" if count["collision"] else ""
     text += f"; {counted(tally.scenes, 'scene')}"
     if not all_listed and count["spurious"]:
         longest = f"The {LONGEST} longest runs of false forecasts of each scene are listed"
         text += f"\n{longest}; all of them: --kind spurious"
     return text
+
+
+def collision_lines(rollouts: Sequence[Rollout]) -> list[str]:
+    """A line per collision in the drives of a closed loop."""
+    hits = [(each.scene, each.drive) for each in rollouts if each.drive is not None and each.drive.collision]
+    end = {True: "at fault", False: "not at fault"}
+    return [f"scene {s}: collision at {d.seconds:.1f} s with a {d.collision}, {end[d.at_fault]}" for s, d in hits]
 
 
 def events_json(rows: Sequence[Listed], tally: Tally, env_id: str, agent: str) -> dict[str, Any]:
