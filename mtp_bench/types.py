@@ -147,7 +147,7 @@ class StoredTracks(Detections):
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What happened to the ego of a closed loop in one scene; N steps of the simulation, F decisions of the planner."""
+    """Record of the ego of a closed loop in one scene; N steps of the simulation, F decisions of the planner."""
 
     way: float  # m driven
     seconds: float

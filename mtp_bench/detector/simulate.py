@@ -20,7 +20,7 @@ from .visibility import Sensor, Visibility, visibility_of
 
 @dataclass(frozen=True, eq=False)
 class OpenScene:
-    """A scene that goes on: frame by frame it has the detections that it has at once, whatever comes later."""
+    """A scene that goes on: detections of a frame do not depend on later frames."""
 
     frames: int  # at most
     known: Truth  # true boxes whose classes and sizes false positives have

@@ -40,8 +40,8 @@ class Obstacles:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What the planner decided."""
+class Decision:
+    """The chosen profile."""
 
     acceleration: float  # m/s2, until it decides again
     risk: float  # chance of a contact along the profile, weighed by its time
@@ -100,7 +100,7 @@ class Planner:
         chosen: Floats = track[np.rint(times / _FINE).astype(np.int64)]
         return chosen.T
 
-    def decide(self, s: float, speed: float, seen: Obstacles) -> Plan:
+    def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
         """The best profile for an ego at ``s`` m with ``speed`` m/s."""
         weigh, times = self._weigh, seen.dt * np.arange(1, seen.path.shape[2] + 1)
         stations = self.profiles(s, speed, times)
@@ -109,7 +109,7 @@ class Planner:
         score -= weigh.comfort * np.maximum(-self._first - 2.0, 0.0) + weigh.smoothness * np.abs(self._first)
         best, free = int(np.argmax(score)), int(np.argmax(score + weigh.caution * risk))
         kept = -1 if best == free else int(cause[free])
-        return Plan(float(self._first[best]), float(risk[best]), kept, np.append(s, stations[best]))
+        return Decision(float(self._first[best]), float(risk[best]), kept, np.append(s, stations[best]))
 
     def _risks(self, stations: Floats, times: Floats, seen: Obstacles) -> tuple[Floats, Ints]:
         """Risk [C] of profiles with ``stations`` [C, T], and the object with the largest share of it."""

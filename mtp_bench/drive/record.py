@@ -1,4 +1,4 @@
-"""What happened in a drive: collision, near misses, hard braking without a cause, comfort, and way driven."""
+"""Record of a drive: collision, near misses, hard braking without a cause, comfort, and way driven."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from ..sources.highway.driven import DrivenTraffic, Way
 from ..sources.highway.simulate import boxes_meet
 from ..sources.highway.world import CLASSES, RATE, World
 from ..types import Bools, Drive, Floats
-from .planner import Plan
+from .planner import Decision
 
 COLLISION_TIME = 0.95  # s: a shorter time to collision is a near miss (nuPlan)
 HARD = -3.0  # m/s2
@@ -20,7 +20,7 @@ _LOOKS = (0.3, 0.6, COLLISION_TIME)  # s ahead, at constant velocities
 _WINDOW = 15  # steps over which accelerations are smoothed before jerks are taken
 
 
-def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, plans: Sequence[Plan]) -> Drive:
+def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, plans: Sequence[Decision]) -> Drive:
     """The record of a drive until now.
 
     ``stations`` [N + 1] m of the ego at each step, ``acceleration`` [N] m/s2 between them; ``plans`` [F]: decisions.
@@ -46,7 +46,7 @@ def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, pl
 
 
 def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools:
-    """Mask [N] of the steps whose time to collision is below `COLLISION_TIME`, with somebody ahead or beside."""
+    """Mask [N] of the steps whose time to collision is below `COLLISION_TIME`, with a road user ahead or beside."""
     truth, steps = world.truth, len(speed)
     frame = truth.frame_of_rows
     rows = np.flatnonzero((frame < steps) & (np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10))
@@ -65,7 +65,7 @@ def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools
 
 
 def occupied(world: World, way: Way, stations: Floats, size: tuple[float, float]) -> Bools:
-    """Mask [N + 1] of the steps at which somebody is on the way, or right beside it, within `FREE` m of the bumper."""
+    """Mask [N + 1] of the steps with a road user on the way, or right beside it, within `FREE` m of the bumper."""
     truth = world.truth
     frame = truth.frame_of_rows
     rows = np.flatnonzero(np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10)

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..cards import Card
 from ..cards.card import DriveSection
-from ..drive.planner import Obstacles, Plan, Planner
+from ..drive.planner import Decision, Obstacles, Planner
 from ..drive.record import record_of
 from ..drive.scenes import DrivenScene, horizon, whole_scene
 from ..sources.base import section_of
@@ -36,7 +36,7 @@ class DrivenEpisode(Episode):
     planner: Planner = None  # type: ignore[assignment]
     stations: list[float] = field(default_factory=list)
     acceleration: list[float] = field(default_factory=list)
-    plans: list[Plan] = field(default_factory=list)
+    plans: list[Decision] = field(default_factory=list)
     drop: list[int] = field(default_factory=list)
 
     @classmethod
@@ -90,7 +90,7 @@ class DrivenEpisode(Episode):
         return self.drive is not None
 
     def take(self, action: RecordedAction) -> float:
-        """Plan on the action, and let the world move to the next frame; the metres driven, less `CRASH`."""
+        """Decision on the action, and let the world move to the next frame; the metres driven, less `CRASH`."""
         before = self.stations[-1]
         self.actions.append(action)
         self.drop.append(int(self.feed.dropped[0]))

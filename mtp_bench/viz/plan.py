@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sources.highway.world import RATE
-from ..types import Bools, Drive, Floats
+from ..types import Bools, Floats
 from .replay import Replay
 
 HARD = -3.0  # m/s2
@@ -28,11 +28,8 @@ def plan_at(run: Replay, t: int) -> ShownPlan | None:
     if drive is None or t >= len(drive.plan):
         return None
     now = float(drive.acceleration[t * round(RATE / run.card.task.rate)])
-    start, cause = run.rollout.objects.rows(t - run.first).start, int(drive.cause[t])
-    slower = run.rollout.object_box[start + cause : start + cause + (cause >= 0)].astype(np.float64)
-    return ShownPlan(drive.plan[t], _hard(drive, t, now, 1.0 / run.card.task.rate), now, float(drive.risk[t]), slower)
-
-
-def _hard(drive: Drive, t: int, now: float, dt: float) -> Bools:
-    speed = np.hypot(*np.diff(drive.plan[t], axis=0).T) / dt  # [T] m/s, means of the steps
-    return np.append(now, np.diff(speed) / dt) < HARD
+    speed = np.hypot(*np.diff(drive.plan[t], axis=0).T) * run.card.task.rate  # [T] m/s, means of the steps
+    hard = np.append(now, np.diff(speed) * run.card.task.rate) < HARD
+    boxes, cause = run.rollout.object_box[run.rollout.objects.rows(t - run.first)], int(drive.cause[t])
+    slower = boxes[cause : cause + 1].astype(np.float64) if cause >= 0 else np.zeros((0, 7))
+    return ShownPlan(drive.plan[t], hard, now, float(drive.risk[t]), slower)

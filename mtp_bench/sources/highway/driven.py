@@ -1,4 +1,4 @@
-"""Traffic with an ego that is driven from outside: it keeps to its way, others react to it as to anybody."""
+"""Traffic with an ego that is driven from outside: it keeps to its way, and others react to it."""
 
 from dataclasses import dataclass
 from typing import Any

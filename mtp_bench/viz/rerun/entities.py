@@ -144,15 +144,13 @@ def log_plan(log: Log, run: Replay) -> None:
     plans = [plan for t in range(run.first, run.frames) if (plan := plan_at(run, t)) is not None]
     if not plans:
         return
-    counts = [len(plan.hard) for plan in plans]
     step = np.concatenate([np.stack([plan.path[:-1], plan.path[1:]], axis=1) for plan in plans])
     height = np.full((*step.shape[:2], 1), float(np.median(run.scene.ego[:, 2])))
     colors = _either(np.concatenate([plan.hard for plan in plans]), FALSE, EGO)
-    log.strips("world/plan", starts_of(counts), np.concatenate([step, height], axis=-1), colors, PLAN)
-    slower = np.concatenate([plan.slower for plan in plans])
-    labels = ["slows the ego"] * len(slower)
-    start = starts_of([len(plan.slower) for plan in plans])
-    log.boxes("world/slower", start, slower, _all(FALSE, len(slower)), labels, radius=3 * EDGE)
+    every = np.arange(len(plans) + 1) * len(plans[0].hard)
+    log.strips("world/plan", every, np.concatenate([step, height], axis=-1), colors, PLAN)
+    slower, start = np.concatenate([plan.slower for plan in plans]), starts_of([len(plan.slower) for plan in plans])
+    log.boxes("world/slower", start, slower, _all(FALSE, len(slower)), ["slows the ego"] * len(slower), radius=3 * EDGE)
 
 
 def true_futures(truth: Truth, future: int) -> tuple[Ints, NDArray[np.float32]]:
