@@ -195,6 +195,15 @@ class Card(Section):
         noise = self.detector.resolved
         return all(noise.noise(name).velocity is not None for name in self.task.classes)
 
+    def require_same_scenes(self, why: str, instead: str = "") -> None:
+        """Raise CardError for a closed loop, as each agent drives in a world of its own.
+
+        ``why``: what a loop does not have. ``instead``: what to do; empty: compare how agents drive.
+        """
+        if self.drive is not None:
+            advice = instead or "`mtp-bench compare` sets agents side by side by how they drive"
+            raise CardError(f"{self.id} is a closed loop, {why}: {advice}")
+
     def stored(self) -> dict[str, Any]:
         """The card as JSON that `parse_card` reads again, with the paths of its files on this machine."""
         content = self.model_dump(mode="json")  # null values too: a detector that was taken away stays away

@@ -64,6 +64,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self._target_frames = given["target_frames"]
         if self._target_frames and self._evaluation:
             raise MtpBenchError("target_frames is for training, not for evaluation: a score needs every frame")
+        for name in ("fresh_noise", "target_frames", "track_file"):
+            if given[name]:
+                self.card.require_same_scenes(f"which takes no {name}", "leave it out")
         self._feedback = Feedback(self.task) if given["strict"] else None
         self._source = open_source(self.card, data)
         if given["track_file"] is not None:
@@ -135,8 +138,9 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         return episode.observe(), reward, episode.over, False, episode.info()
 
     def reward_of(self, action: Action) -> float:
-        """The reward that an action for the last observation would have, without a step."""
+        """The reward that an action for the last observation would have, without a step; CardError in a closed loop."""
         episode = self._started()
+        self.card.require_same_scenes("whose rewards are known after the step alone", "step() returns them")
         return episode.score(self._recorded(episode, action)).reward
 
     def rollout(self) -> Rollout:

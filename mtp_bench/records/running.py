@@ -69,6 +69,7 @@ def plan_run(submission: Submission, env_id: str, options: RunOptions) -> Plan:
         )
     options.require_usable([submission])
     env = MTPEnv(env_id, evaluation=True, data=options.data, **options.shown_to(submission))
+    env.card.require_same_scenes("of which there are no records yet")
     keywords = setting_of(submission, env.card).env_keywords(env.card)
     del keywords["observe"]  # the record has it in a field of its own
     names = ranked_scenes(env.card, env.scene_names)

@@ -126,6 +126,7 @@ def verify(
         return Verification(path, record, "scored", notes=(f"{stated}: its rollouts are not scored again",))
     options = replace(options, split=None, scenes=None)
     card = options.card(env_id or record.env.id)
+    card.require_same_scenes("of which there are no records yet")
     now = {"id": card.id, "card_digest": card.digest, "split": card.source.split}
     stale = tuple(differences("env", record.env.model_dump(include={*now}), now))
     if stale:

@@ -43,6 +43,7 @@ def evaluate(
     Raises MtpBenchError for errors that the user can mend, such as an agent that fails.
     """
     with EnvEvaluation.opened("evaluating", env_id, options, keywords) as evaluation:
+        evaluation.card.require_same_scenes("in which agents do not meet the same scenes")
         setting = setting_of(submission_of(agent), evaluation.card)
         evaluation.options.require_usable([setting.submission])
         return evaluation.report(evaluation.scores([setting], caught=False), [setting])[0]
@@ -163,6 +164,7 @@ def compare(
 
 def _compared(evaluation: EnvEvaluation, agents: Sequence[object], full: bool) -> Comparison:
     card, role = evaluation.card, controls()
+    card.require_same_scenes("in which agents do not meet the same scenes")
     hidden = {role[each] for each in _IN_FULL} - {each for each in agents if isinstance(each, str)}
     settings = all_settings([*control_names(), *agents], card)
     if not full:

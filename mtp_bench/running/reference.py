@@ -102,6 +102,7 @@ def make_reference(
 
     Raises CardError unless that baseline takes the parameters ``assignment`` and ``forecasts``.
     """
+    card.require_same_scenes("whose event weights are those of one run", "`mtp-bench score` makes them")
     submission = load_submission(card.reference or controls()["single"])
     parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
     plain: list[_PlainRun]

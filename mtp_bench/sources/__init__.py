@@ -1,7 +1,7 @@
 """Sources of scenes: recorded logs in their official layouts and simulated traffic, as `mtp_bench.types.Scene`."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
@@ -19,6 +19,18 @@ from .stored_tracks import find_tracks
 Note = Callable[[str], object]
 
 
+@dataclass(frozen=True)
+class _Drives:
+    """Scenes of a closed loop: names alone, as each agent drives in a world of its own."""
+
+    env_id: str
+    names: tuple[str, ...]
+
+    def load(self, name: str) -> Scene:
+        """Raise DataError."""
+        raise DataError(f"{self.env_id} has no scene {name!r} before an agent drives in it: run one, and open its run")
+
+
 def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     """Find the scenes that ``card`` names, without reading them.
 
@@ -28,7 +40,7 @@ def open_source(card: Card, data: str | Path | None = None) -> SceneSource:
     with notice.work(f"opening {card.id}", around=True):
         found = package_of(card).open(card, data)
     if card.drive is not None:
-        return ChangedScenes(found, lambda scene: _refuse_driven(scene, card))
+        return _Drives(card.id, found.names)
     with_lanes = (lambda scene: scene) if card.lanes is None else (lambda scene: _with_lanes(scene, card, data))
     return ChangedScenes(found, lambda scene: with_lanes(detected(usable(scene), card)))
 
@@ -38,6 +50,7 @@ def with_tracks(source: SceneSource, card: Card, data: str | Path | None, path: 
 
     ``card`` and ``data``: those that ``source`` was opened with. Raises DataError if ``path`` holds no tracks for it.
     """
+    card.require_same_scenes("which takes no stored tracks", "they are of other scenes than those that agents drive in")
     read = find_tracks(package_of(card), card, data, path)
     return ChangedScenes(source, lambda scene: usable(read(scene)))
 
@@ -107,11 +120,6 @@ def prepare(card: Card, data: str | Path | None = None, scenes: int | None = Non
         work.started(count)
         for name in names:
             work.done(name)
-
-
-def _refuse_driven(scene: Scene, card: Card) -> Scene:
-    """Raise DataError: another world than that of a drive."""
-    raise DataError(f"{card.id} has no scene {scene.name!r} before an agent drives in it: run one, and open its run")
 
 
 def _with_lanes(scene: Scene, card: Card, data: str | Path | None) -> Scene:

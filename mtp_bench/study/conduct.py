@@ -85,6 +85,7 @@ def find(names: Sequence[str], env_id: str | Card, folder: Path, options: RunOpt
     """Run and score everything that a study needs; the progress counts all of it."""
     hypotheses = QUICK_HYPOTHESES if quick else HYPOTHESES
     card = options.card(env_id)
+    card.require_same_scenes("of which there is no study")
     plan = make_plan(names, card, hypotheses, hypotheses[-1:] if quick else hypotheses[1:])
     options.require_usable([setting.submission for setting in plan.equal])
     scenes = options.chosen(open_source(card, options.data).names)

@@ -38,6 +38,7 @@ def open_split(env_id: str, options: RunOptions, without: Fold | None = None, aw
     scenes that are left out. The first scenes are taken of those that are left.
     """
     card = options.card(env_id)
+    card.require_same_scenes("without scenes to fit to", f"fit on {card.weights_of or 'an environment without a loop'}")
     source = open_source(card, options.data)
     fold = () if without is None else held_out(source.names, without)
     names = options.chosen([name for name in source.names if name not in fold and name not in away])
