@@ -95,6 +95,7 @@ class PlannerSection(Section):
     smoothness: Annotated[float, Field(ge=0)] = 0.05  # m/s of progress per m/s2
     margin: Annotated[float, Field(ge=0)] = 0.3  # m around the boxes
     growth: Annotated[float, Field(ge=0)] = 0.05  # m/s, of the margin over the forecast
+    headway: Annotated[float, Field(ge=0)] = 0.6  # s, to those who drive ahead
 
 
 class DriveSection(Section):

@@ -1,32 +1,37 @@
 """The fixed planner of the closed loop: of some speed profiles along the ego's way it drives the best one.
 
 A profile is an acceleration for a second and another one after it. Its risk is the chance that the ego's box, grown by
-a margin, meets a forecast one, by the weights of the samples and the confidence of the objects; early contacts count
-more. Risk, progress and comfort are weighed by `PlannerSection`. Rear-end contacts are left to those behind.
+a margin, meets a forecast one, by the weights of the samples and the confidence of the objects. Early contacts count
+more, and those of a standing ego, which are not its fault, less. A time gap is kept to those who drive ahead; those who
+follow the ego are left out. Risk, progress and comfort are weighed by `PlannerSection`.
 
 The family is that of PDM-Closed (Dauner et al. 2023, "Parting with misconceptions about learning-based vehicle motion
 planning"): proposals along a line, scored by a forecast.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from ..cards.card import PlannerSection
 from ..sources.highway.driven import Way
-from ..types import Floats, Ints
+from ..types import Bools, Floats, Ints
 
 FIRST = np.array([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5])  # m/s2, in the first second
 THEN = np.array([-4.0, -2.0, 0.0, 1.5])  # m/s2, later
 PHASE = 1.0  # s
-_FINE = 0.1  # s, step of a profile
-_CELL = 0.5  # m, of the grid that finds the station next to a place
-_ASIDE = 7.0  # m from the way, beyond which nothing is met
+_FINE, _COARSE = 0.25, 0.5  # s, longest step of a profile; time between the forecast places that count
+_UNLIKELY = 0.002  # weight of a sample below which it does not count
+_CELL = 1.0  # m, of the grid that finds the station next to a place, and of the table of speeds
+_ASIDE = 9.0  # m from the way, beyond which nothing is met
 _DISCS = 3  # that cover a box
 _SLOWER = 1.5  # m/s2, braking for lower limits ahead
 _STILL = 0.5  # m/s; slower objects keep their heading
+_HARMLESS, _HARMFUL = 0.15, 4.0  # weight of a contact of the standing ego; m/s from which the weight is 1
+_OPENING = 2.0  # s in which the time gap to those ahead may be opened
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +49,20 @@ class Decision:
     """The chosen profile."""
 
     acceleration: float  # m/s2, until it decides again
-    risk: float  # chance of a contact along the profile, weighed by its time
+    risk: float  # chance of a contact along the profile, weighed by its time and speed
     cause: int  # row of the object with the largest share in the risk of the profile of a free way, -1: it is driven
     s: Floats  # [T + 1] m, stations of the ego along the profile, from now on
+
+
+@dataclass(frozen=True)
+class _Contacts:
+    """Stretches of the way [M], from ``low`` to ``high`` m, in which the ego touches a forecast box."""
+
+    low: Floats
+    high: Floats
+    step: Ints  # of the forecast
+    sample: Ints  # object times K plus k, ascending
+    leads: Bools  # the object drives ahead in the direction of the way
 
 
 class Planner:
@@ -56,6 +72,8 @@ class Planner:
         self._way, self._size, self._weigh = way, size, parameters
         first, then = np.meshgrid(FIRST, THEN, indexing="ij")
         self._first, self._then = first.ravel(), then.ravel()
+        self._effort = parameters.comfort * np.maximum(-self._first - 2.0, 0.0)
+        self._effort += parameters.smoothness * np.abs(self._first)
 
     @cached_property
     def _allowed(self) -> Floats:
@@ -66,102 +84,131 @@ class Planner:
         return np.sqrt(square)
 
     @cached_property
+    def _tops(self) -> Floats:
+        """The same, every `_CELL` m from the start of the way."""
+        return np.interp(np.arange(0.0, self._way.s[-1] + _CELL, _CELL), self._way.s, self._allowed)
+
+    @cached_property
     def _grid(self) -> tuple[Floats, Ints]:
         """Lower corner [2] and stations of the cells around the way, -1 where the way is far."""
         low = self._way.xy.min(axis=0) - _ASIDE - _CELL
-        shape = np.ceil((self._way.xy.max(axis=0) + _ASIDE + _CELL - low) / _CELL).astype(np.int64) + 1
-        reach = np.arange(-round(_ASIDE / _CELL) - 1, round(_ASIDE / _CELL) + 2)
-        around = np.stack(np.meshgrid(reach, reach, indexing="ij"), axis=-1).reshape(-1, 2)
-        cells = np.unique(
-            (np.floor((self._way.xy - low) / _CELL).astype(np.int64)[::4, None] + around).reshape(-1, 2), axis=0
-        )
-        cells = cells[((cells >= 0) & (cells < shape)).all(axis=1)]
-        grid = np.full(shape, -1)
-        grid[tuple(cells.T)] = KDTree(self._way.xy).query(low + (cells + 0.5) * _CELL)[1]
+        near = np.zeros(np.ceil((self._way.xy.max(axis=0) + _ASIDE - low) / _CELL).astype(np.int64) + 1, dtype=np.bool_)
+        wide = round(_ASIDE / _CELL)
+        for x, y in ((self._way.xy[::2] - low) / _CELL).astype(np.int64).tolist():
+            near[max(x - wide, 0) : x + wide + 1, max(y - wide, 0) : y + wide + 1] = True
+        grid = np.full(near.shape, -1)
+        grid[near] = KDTree(self._way.xy).query(low + (np.argwhere(near) + 0.5) * _CELL)[1]
         return low, grid
 
     def allowed(self, s: float) -> float:
         """Highest speed at ``s`` m along the way, m/s."""
         return float(np.interp(s, self._way.s, self._allowed))
 
-    def profiles(self, s: float, speed: float, times: Floats) -> Floats:
-        """Stations [C, T] at ``times`` [T] s of all profiles that begin at ``s`` m with ``speed`` m/s."""
-        steps = round(float(times[-1]) / _FINE)
+    def profiles(self, s: float, speed: float, dt: float, steps: int) -> tuple[Floats, Floats]:
+        """Stations [C, T + 1] and speeds of all profiles, every ``dt`` s from now, at ``s`` m with ``speed`` m/s."""
+        parts = ceil(dt / _FINE - 1e-6)
+        fine = dt / parts
         place, pace = np.full(len(self._first), s), np.full(len(self._first), speed)
-        track = np.empty((steps + 1, len(self._first)))
-        track[0] = s
-        for k in range(steps):
-            gain = self._first if k * _FINE < PHASE else self._then
-            top = np.interp(place, self._way.s, self._allowed)
-            faster = np.clip(pace + gain * _FINE, 0.0, np.maximum(top, pace - 2 * _SLOWER * _FINE))
-            place = place + (pace + faster) / 2 * _FINE
+        stations, speeds = np.empty((2, steps + 1, len(self._first)))
+        stations[0], speeds[0] = place, pace
+        gains = self._first * fine, self._then * fine
+        for k in range(steps * parts):
+            cell = np.minimum((place / _CELL).astype(np.int64), len(self._tops) - 1)
+            top = np.maximum(self._tops[cell], pace - 2 * _SLOWER * fine)
+            faster = np.maximum(np.minimum(pace + gains[k * fine > PHASE - 1e-6], top), 0.0)
+            place = place + (pace + faster) * (fine / 2)
             pace = faster
-            track[k + 1] = place
-        chosen: Floats = track[np.rint(times / _FINE).astype(np.int64)]
-        return chosen.T
+            if (k + 1) % parts == 0:
+                stations[(k + 1) // parts], speeds[(k + 1) // parts] = place, pace
+        return stations.T, speeds.T
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
         """The best profile for an ego at ``s`` m with ``speed`` m/s."""
-        weigh, times = self._weigh, seen.dt * np.arange(1, seen.path.shape[2] + 1)
-        stations = self.profiles(s, speed, times)
-        risk, cause = self._risks(stations, times, seen)
-        score = (stations[:, -1] - s) / times[-1] - weigh.caution * risk
-        score -= weigh.comfort * np.maximum(-self._first - 2.0, 0.0) + weigh.smoothness * np.abs(self._first)
-        best, free = int(np.argmax(score)), int(np.argmax(score + weigh.caution * risk))
+        every = max(int(_COARSE / seen.dt + 1e-6), 1)
+        dt, path = seen.dt * every, seen.path[:, :, every - 1 :: every]
+        stations, speeds = self.profiles(s, speed, dt, path.shape[2])
+        thinned = replace(seen, path=path, dt=dt)
+        contacts = self._contacts(s, float(stations[:, -1].max()), thinned)
+        risk, cause = self._risks(stations, speeds, contacts, thinned)
+        wish = (stations[:, -1] - s) / (dt * path.shape[2]) - self._effort
+        best, free = int(np.argmax(wish - self._weigh.caution * risk)), int(np.argmax(wish))
         kept = -1 if best == free else int(cause[free])
-        return Decision(float(self._first[best]), float(risk[best]), kept, np.append(s, stations[best]))
+        time = seen.dt * np.arange(seen.path.shape[2] + 1)
+        shown = np.interp(time, dt * np.arange(path.shape[2] + 1), stations[best])
+        return Decision(float(self._first[best]), float(risk[best]), kept, shown)
 
-    def _risks(self, stations: Floats, times: Floats, seen: Obstacles) -> tuple[Floats, Ints]:
-        """Risk [C] of profiles with ``stations`` [C, T], and the object with the largest share of it."""
-        count, none = len(stations), np.full(len(stations), -1)
-        if not len(seen.box):
-            return np.zeros(count), none
-        low, high, step, sample = self._contacts(times, seen)
-        if not len(step):
-            return np.zeros(count), none
-        at = stations[:, step]
-        first = np.where((at >= low) & (at <= high), times[step], np.inf)  # [C, M]
-        group, start = np.unique(sample, return_index=True)  # ``sample`` ascends
-        chance = np.exp(-np.minimum.reduceat(first, start, axis=1) / self._weigh.patience)
-        chance *= seen.weight.ravel()[group]
+    def _risks(self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles) -> tuple[Floats, Ints]:
+        """Risk [C] of profiles with ``stations`` and ``speeds`` [C, T + 1], and the object with most of it."""
+        if not len(met.step):
+            return np.zeros(len(stations)), np.full(len(stations), -1)
+        times = seen.dt * np.arange(1, stations.shape[1])
+        here, before = stations[:, 1:], stations[:, :-1]
+        nose = here + self._weigh.headway * speeds[:, 1:] * np.minimum(times / _OPENING, 1.0)
+        front = np.where(met.leads, nose[:, met.step], here[:, met.step])  # [C, M]
+        back = np.where(met.leads, before[:, met.step], here[:, met.step])  # a leader may be passed in one step
+        harm = np.minimum(_HARMLESS + (1 - _HARMLESS) * speeds[:, 1:] / _HARMFUL, 1.0)
+        harm = np.exp(-times / self._weigh.patience) * harm
+        each = np.where((front >= met.low) & (back <= met.high), harm[:, met.step], 0.0)
+        group, start = np.unique(met.sample, return_index=True)
+        chance = np.maximum.reduceat(each, start, axis=1) * seen.weight.ravel()[group]
         owner, begin = np.unique(group // seen.weight.shape[1], return_index=True)
         share = np.minimum(np.add.reduceat(chance, begin, axis=1), 1.0)
         risk = 1.0 - np.prod(1.0 - share, axis=1)
         return risk, np.where(risk > 0, owner[share.argmax(axis=1)], -1)
 
-    def _contacts(self, times: Floats, seen: Obstacles) -> tuple[Floats, Floats, Ints, Ints]:
-        """Stretches of the way [M], from ``low`` to ``high`` m, in which the ego touches a forecast box.
-
-        With the time step and the sample (object times K plus k) of each, in the order of samples.
-        """
-        objects, samples, steps, _ = seen.path.shape
-        before = np.concatenate(
-            [np.broadcast_to(seen.box[:, None, None, :2], (objects, samples, 1, 2)), seen.path], axis=2
-        )
-        move = np.diff(before, axis=2)
-        moves = np.hypot(move[..., 0], move[..., 1]) > _STILL * seen.dt
-        heading = np.where(moves, np.arctan2(move[..., 1], move[..., 0]), seen.box[:, None, None, 3])
+    def _contacts(self, s: float, end: float, seen: Obstacles) -> _Contacts:
+        """Contacts that an ego between ``s`` and ``end`` m can have."""
+        _, samples, steps, _ = seen.path.shape
         length, width = seen.box[:, 4], seen.box[:, 5]
-        along = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS * length[:, None]  # [O, discs]
+        follows = self._follows(s, seen)
+        station = self._station(seen.path.reshape(-1, 2))
+        counts = (seen.weight > _UNLIKELY) & ~follows[:, None]
+        near = (station >= 0) & np.repeat(counts.ravel(), steps)
+        row = np.flatnonzero(near)
+        here = self._way.s[station[row]]
+        row = row[(here > s - 2 * _ASIDE) & (here < end + 3 * _ASIDE)]
+        owner, step = row // (samples * steps), row % steps
+        heading = self._headings(row, seen)
+        along = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS * length[owner, None]  # [n, discs]
         direction = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-        disc = seen.path[..., None, :] + along[:, None, None, :, None] * direction[..., None, :]
+        disc = seen.path.reshape(-1, 2)[row, None] + along[..., None] * direction[:, None]
+        ahead, aside, tangent = self._beside(disc.reshape(-1, 2))
+        grown = self._weigh.margin + self._weigh.growth * seen.dt * (step + 1)
+        reach = np.repeat(np.hypot(width / 2, length / (2 * _DISCS))[owner] + grown, _DISCS)
+        meets = np.flatnonzero(aside < self._size[1] / 2 + reach)
+        of = meets // _DISCS
+        ahead, reach = ahead[meets], self._size[0] / 2 + reach[meets]
+        leads = np.cos(heading[of] - tangent[meets]) > 0.5
+        return _Contacts(ahead - reach, np.where(leads, ahead, ahead + reach), step[of], row[of] // steps, leads)
+
+    def _follows(self, s: float, seen: Obstacles) -> Bools:
+        """Mask [O] of objects behind the ego on its way."""
+        ahead, aside, tangent = self._beside(seen.box[:, :2])
+        same_way = np.cos(seen.box[:, 3] - tangent) > 0.5
+        return (ahead < s) & same_way & (aside < (self._size[1] + seen.box[:, 5]) / 2)
+
+    def _headings(self, row: Ints, seen: Obstacles) -> Floats:
+        """Headings [n] of the forecast places in the rows [n] of the flat paths."""
+        samples, steps = seen.path.shape[1:3]
+        place, owner = seen.path.reshape(-1, 2), row // (samples * steps)
+        before = np.where((row % steps == 0)[:, None], seen.box[owner, :2], place[row - 1])
+        move = place[row] - before
+        moves = np.hypot(move[:, 0], move[:, 1]) > _STILL * seen.dt
+        return np.where(moves, np.arctan2(move[:, 1], move[:, 0]), seen.box[owner, 3])
+
+    def _station(self, place: Floats) -> Ints:
+        """Points of the way next to places [n, 2], -1 where it is far."""
         corner, grid = self._grid
-        cell = np.floor((disc.reshape(-1, 2) - corner) / _CELL).astype(np.int64)
+        cell = np.floor((place - corner) / _CELL)
         inside = ((cell >= 0) & (cell < grid.shape)).all(axis=1)
-        near = np.full(len(cell), -1)
-        near[inside] = grid[tuple(cell[inside].T)]
-        row = np.flatnonzero(near >= 0)
-        station, place = near[row], disc.reshape(-1, 2)[row]
-        sample, step = row // (steps * _DISCS), row // _DISCS % steps
-        owner = sample // samples
+        column = np.where(inside[:, None], cell, 0).astype(np.int64)
+        return np.where(inside, grid[column[:, 0], column[:, 1]], -1)
+
+    def _beside(self, place: Floats) -> tuple[Floats, Floats, Floats]:
+        """Stations, distances to the way and headings of the way for places [n, 2]; inf where it is far."""
+        station = self._station(place)
         tangent = self._way.heading[station]
         away = place - self._way.xy[station]
-        ahead = self._way.s[station] + away[:, 0] * np.cos(tangent) + away[:, 1] * np.sin(tangent)
-        aside = np.abs(away[:, 1] * np.cos(tangent) - away[:, 0] * np.sin(tangent))
-        radius = np.hypot(width / 2, length / (2 * _DISCS))[owner]
-        grown = self._weigh.margin + self._weigh.growth * times[step]
-        meets = aside < self._size[1] / 2 + radius + grown
-        same_way = np.cos(heading.reshape(-1)[row // _DISCS] - tangent) > 0.5
-        reach = self._size[0] / 2 + radius + grown
-        low, high = ahead - reach, np.where(same_way, ahead, ahead + reach)
-        return low[meets], high[meets], step[meets], sample[meets]
+        cos, sin = np.cos(tangent), np.sin(tangent)
+        aside = np.where(station >= 0, np.abs(away[:, 1] * cos - away[:, 0] * sin), np.inf)
+        return self._way.s[station] + away[:, 0] * cos + away[:, 1] * sin, aside, tangent

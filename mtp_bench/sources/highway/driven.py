@@ -10,7 +10,7 @@ from ...types import Floats
 from .lanes import NO_LANE, lane_map
 from .networks import RoadMap
 from .recording import Recording
-from .simulate import ATTEMPTS, HARDEST, Attempt, overlapping
+from .simulate import ATTEMPTS, HARDEST, Attempt, boxes_meet, overlapping
 from .vehicles import Driver
 from .world import CLASSES, RATE, WARM_UP, Traffic, World
 
@@ -88,6 +88,8 @@ class DrivenTraffic:
             found = self._ego_after_warm_up(np.random.default_rng([seed, number, 6]))
             if found is not None:
                 self.ego = found
+                if self._attempt.drivers.rules is not None:
+                    self._attempt.drivers.rules.driven = found.number
                 break
         else:
             raise DataError(f"{traffic.scenario}, seed {seed}: no vehicle can be the ego in {ATTEMPTS} attempts")
@@ -120,7 +122,7 @@ class DrivenTraffic:
     def step(self, acceleration: float) -> None:
         """Drive for 1 / `RATE` seconds at ``acceleration`` m/s2, from -`simulate.HARDEST` up, and record the frame."""
         self.ego.wanted = max(float(acceleration), -HARDEST)
-        self._attempt.step(self._attempt.boxes()[0])
+        self._attempt.step(self._vehicles)
         if self.ego not in self._attempt.vehicles:  # at the end of its route it would leave
             self._attempt.vehicles.append(self.ego)
         self._record()
@@ -130,14 +132,17 @@ class DrivenTraffic:
         return self._recording.seen_from(self.ego.number, self.lanes, last, frames)
 
     def _record(self) -> None:
-        vehicles, people, parked = self._attempt.boxes()
+        self._vehicles, people, parked = self._attempt.boxes()
+        vehicles = self._vehicles
         self._recording.add(self._attempt.vehicles, vehicles, self._attempt.crowd, people)
         self.frames += 1
         own = self._attempt.vehicles.index(self.ego)
         every = np.concatenate([vehicles, people, parked])
-        hit = [pair for pair in overlapping(every).tolist() if own in pair]
-        if hit and self.collision is None:
-            other = sum(hit[0]) - own
+        reach = np.hypot(every[:, 4], every[:, 5]) / 2
+        near = np.flatnonzero(np.hypot(*(every[:, :2] - every[own, :2]).T) < reach + reach[own])
+        hit = near[boxes_meet(every[near], every[np.full(len(near), own)]) & (near != own)]
+        if len(hit) and self.collision is None:
+            other = int(hit[0])
             fault = self.ego.speed > _STANDING and not hit_from_behind(every[own], every[other])
             kind, number = self._recording.identity(other)
             self.collision = Collision(self.frames - 1, kind, number, bool(fault), float(self.ego.speed))

@@ -78,6 +78,7 @@ class Crowd:
         self._target, self._rng, self._behaviour = most, rng, behaviour
         self.people: list[Person] = []
         self._made = self._groups = 0
+        self._xy: tuple[Floats, Floats] | None = None  # until somebody moves or comes
         self._origin = np.array([c.origin for c in self._crossings], dtype=np.float64).reshape(-1, 2)
         self._axes = np.array(
             [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings], dtype=np.float64
@@ -90,10 +91,12 @@ class Crowd:
 
     def xy(self) -> tuple[Floats, Floats]:
         """Places and velocities ``[M, 2]`` in the frame of the road."""
-        crossing = self._crossing_numbers()
-        own = np.array([(p.place, p.velocity) for p in self.people], dtype=np.float64).reshape(-1, 2, 2)
-        turned = own @ self._axes[crossing]
-        return self._origin[crossing] + turned[:, 0], turned[:, 1]
+        if self._xy is None:
+            crossing = self._crossing_numbers()
+            own = np.array([(p.place, p.velocity) for p in self.people], dtype=np.float64).reshape(-1, 2, 2)
+            turned = own @ self._axes[crossing]
+            self._xy = self._origin[crossing] + turned[:, 0], turned[:, 1]
+        return self._xy
 
     def _crossing_numbers(self) -> Ints:
         return np.array([p.crossing for p in self.people], dtype=np.int64)
@@ -122,6 +125,7 @@ class Crowd:
         self._advance(dt, free)
         self._move(dt, vehicles, self._pavement)
         self.people = [p for p in self.people if p.stage != LEAVING or len(p.ahead) > 1 or p.remaining > _GONE]
+        self._xy = None
         if len(self.people) < self._target and self._rng.uniform() < dt / 1.5:
             self._add_group(ARRIVING, 1.0)
 
@@ -157,6 +161,7 @@ class Crowd:
             if strolls or stage == ARRIVING:
                 person.passed = points[: -len(ahead)]
             self.people.append(person)
+        self._xy = None
         self._groups += 1
 
     def _new_person(self, crossing: int, way: walking.Footway, k: int, stage: int, place: Floats, ahead: list[Floats],

@@ -25,6 +25,7 @@ _BESIDE = 1.7  # m from the middle of a vehicle's path to a pedestrian outside o
 _ON_FOOT = 1.0  # s between a vehicle and a pedestrian
 _OVERSHOT = 3.0  # m; a vehicle that stopped this far behind the line still waits
 _SLOW = 1.0  # m/s; a slower vehicle may stay in its place
+_FIRM = (3.0, 5.0)  # m/s2, braking before a line: of the driven vehicle, and of others who see it come
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,7 @@ class RightOfWay:
 
     passages: tuple[Passage, ...]
     first_in_first_out: bool
+    driven: int = -1  # number of a vehicle that cannot be told to wait; others let it pass where it cannot stop
     _granted: dict[int, Orders] = field(default_factory=dict)  # vehicles to let go first
     _asked: dict[int, float] = field(default_factory=dict)  # time
     _vehicles: dict[int, _Approach] = field(default_factory=dict)
@@ -74,6 +76,7 @@ class RightOfWay:
         stop = np.full(len(state), np.inf)
         waiting = self._first_waiting(state)
         self._grant(waiting, walks, claimed, time)
+        self._let_pass(self._vehicles.get(self.driven))
         index = {vehicle.number: i for i, vehicle in enumerate(state.vehicles)}
         for number, yields in self._granted.items():  # the oldest right first: others wait for those who wait
             me = self._vehicles[number]
@@ -163,6 +166,21 @@ class RightOfWay:
                 else:
                     return None
         return yields, before
+
+    def _let_pass(self, me: _Approach | None) -> None:
+        """Give the driven vehicle the right of way where it can no longer stop, and others who can stop the duty to."""
+        if me is None or me.rear > self.passages[me.route].end:
+            return
+        reach, passage = me.front + me.speed**2 / (2 * _FIRM[0]), self.passages[me.route]
+        if reach > passage.line:
+            self._granted.setdefault(self.driven, [])
+        for number, orders in self._granted.items() if self.driven in self._granted else ():
+            other = self._vehicles[number]
+            for zone in passage.zones.get(other.route, ()) if number != self.driven else ():
+                order = (self.driven, zone.mirrored)
+                stops = other.front + other.speed**2 / (2 * _FIRM[1]) < zone.other_start
+                if reach > zone.start and stops and order not in orders:
+                    orders.append(order)
 
     def _can_go_before(self, me: _Approach, other: _Approach, zone: ConflictZone) -> bool:
         if self.first_in_first_out or other.front > zone.other_start:
