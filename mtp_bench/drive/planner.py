@@ -200,7 +200,7 @@ class Planner:
         """Points of the way next to places [n, 2], -1 where it is far."""
         corner, grid = self._grid
         cell = np.floor((place - corner) / _CELL)
-        inside = ((cell >= 0) & (cell < grid.shape)).all(axis=1)
+        inside = np.asarray(((cell >= 0) & (cell < grid.shape)).all(axis=1))
         column = np.where(inside[:, None], cell, 0).astype(np.int64)
         return np.where(inside, grid[column[:, 0], column[:, 1]], -1)
 
