@@ -1,4 +1,4 @@
-"""Makes the pictures of `docs/visualization/why.md`: the costliest event of a kind, by the plain baseline.
+"""Makes the pictures of `docs/visualization/why.md` (the costliest event of a kind) and `docs/environment/driving.md`.
 
     python docs/make_pictures.py               # simulated traffic, into docs/pictures
     python docs/make_pictures.py --real FOLDER # recordings under MTP_BENCH_DATA, into FOLDER
@@ -14,10 +14,14 @@ import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
+from PIL import Image
+
 import mtp_bench
 from mtp_bench.running.stored import open_run
+from mtp_bench.viz.drawing.birds_eye import draw_frame
 from mtp_bench.viz.drawing.report import save_report
 from mtp_bench.viz.focus import Focus
+from mtp_bench.viz.framing import Window
 from mtp_bench.viz.played import PlayedRun
 from mtp_bench.viz.sentence import sentence
 from mtp_bench.viz.terminal.event_table import Listed, in_order
@@ -45,6 +49,22 @@ REAL = {
 }
 
 
+TURN = "MTP-Drive-Intersection-v0", "intersection-010001"  # of `docs/environment/driving.md`
+SHOWN, AROUND = range(22), 50.0  # frames, and m that are shown around the ego
+
+
+def drive(path: Path) -> None:
+    """Let the plain baseline drive the left turn, as WebP at twice the real speed."""
+    env_id, scene = TURN
+    with tempfile.TemporaryDirectory() as folder:
+        mtp_bench.run("stp", env_id, folder, scenes=[scene])
+        opened = open_run(Path(folder))
+        run = PlayedRun(opened).replay(opened.first(), opened.drawn(scene))
+    windows = [Window(x, y, AROUND, AROUND) for x, y in run.scene.ego[:, :2].tolist()]
+    images = [Image.fromarray(draw_frame(run, t, windows[t])).resize((720, 540)) for t in SHOWN]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=250, loop=0, quality=30, method=4)
+
+
 def take(shot: Shot, path: Path) -> str:
     """Run the plain baseline on the scene and draw its costliest event of this kind; the sentence about it."""
     with tempfile.TemporaryDirectory() as folder:
@@ -59,13 +79,15 @@ def take(shot: Shot, path: Path) -> str:
 
 def main() -> None:
     """Make all pictures of one of the two sets."""
-    parser = argparse.ArgumentParser(description="pictures of docs/visualization/why.md")
+    parser = argparse.ArgumentParser(description="pictures of the pages")
     parser.add_argument("--real", type=Path, metavar="FOLDER", help="pictures of recordings, into this folder")
     folder = parser.parse_args().real
     for name, shot in (SIMULATED if folder is None else REAL).items():
         target = HERE if folder is None else folder
         target.mkdir(parents=True, exist_ok=True)
         print(f"{target / name}.png: {take(shot, target / f'{name}.png')}")
+    if folder is None:
+        drive(HERE / "driving.webp")
 
 
 if __name__ == "__main__":

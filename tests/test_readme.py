@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from mtp_bench import card_ids, load_card, load_submission
 from mtp_bench._bundle import baseline_names
 from mtp_bench.cards import DetectorSection, TaskSection
+from mtp_bench.cards.card import PlannerSection
 from mtp_bench.cards.source import SOURCES, source_class
 from tests.conftest import REPOSITORY
 from tests.support.command_line import CommandLine
@@ -114,6 +115,7 @@ def test_the_table_of_card_keys_is_complete(repository: Path) -> None:
     sections: list[type[BaseModel]] = [*map(source_class, SOURCES), DetectorSection]
     unwritten = ("seeds", "detections_sha256", "detections_file", "scenes")  # of --detections, and of `with_scenes`
     keys += [key for section in sections for key in section.model_fields if key not in unwritten]
+    keys += ["drive", *(f"drive.planner.{key}" for key in PlannerSection.model_fields)]
     keys += [f"seeds.{split}" for split in ("train", "val", "test")]
     for key in keys:
         assert f"`{key}`" in documented or f"`source.{key}`" in documented, key

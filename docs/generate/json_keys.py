@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import BaseModel
 
+from mtp_bench.scoring.driving import DrivingRow
 from mtp_bench.scoring.rows import Bin, Clear, Details, Errors, PairedRow, Reliability, Row, Tracking
 from mtp_bench.tables import Column, columns_of
 
@@ -80,11 +81,17 @@ MOMENT = {  # of `worst --json`
 EVENT = {  # of `events --json`
     **_WHERE,
     "event": "Name, as `--at` takes it.",
-    "kind": "`ids`, `lost`, `reacquired` or `spurious`.",
+    "kind": "`ids`, `lost`, `reacquired`, `spurious` or `collision`.",
     "time": "Time since the begin of the scene, seconds.",
     "position": "Place of the object, metres, frame of the scene.",
     "wrong": "True for a loss whose track is still output, outside the gate.",
     "error_before": "Error of the object in the frame before, metres.",
+}
+
+DRIVING = {  # of `compare --json` on a closed loop
+    "env": "Id of the environment.",
+    "rows": "A row per agent, the best drive score first.",
+    "failures": "Agents that failed, with the reason.",
 }
 
 PAGE = "definitions/json.md"
@@ -118,8 +125,18 @@ def page() -> str:
         "The file of worst --json": WORST,
         "moments[] of worst --json": MOMENT,
         "events[] of events --json": EVENT,
+        "The file of compare --json on a closed loop": DRIVING,
     }
-    return "\n".join([*parts, *(_table(title, _plain(keys)) for title, keys in plain.items())])
+    parts += [_table(title, _plain(keys)) for title, keys in plain.items()]
+    return "\n".join([*parts, _table("rows[] of a closed loop", driving_keys())])
+
+
+def driving_keys() -> dict[str, tuple[str, str, str]]:
+    """Unit, direction and meaning of each key of a row of driving."""
+    known = {"agent": "Name of the agent.", "scenes": "Number of scenes."}
+    columns = columns_of(DrivingRow)
+    words = [c.help or known.get(c.key, "Its interval at 95 %.") for c in columns]
+    return {c.key: (c.unit, c.arrow, text) for c, text in zip(columns, words, strict=True)}
 
 
 def keys_of(kind: type[BaseModel]) -> dict[str, tuple[str, str, str]]:

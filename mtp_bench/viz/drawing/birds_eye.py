@@ -183,7 +183,7 @@ def _heading(run: Replay, t: int) -> Iterator[Text]:
     yield f"scene {scene.name}", MIDDLE, GRAY
     yield f"frame {t} of {scene.frames - 1}   {scene.time[t] - scene.time[0]:.1f} s", MIDDLE, BLACK
     if (plan := plan_at(run, t)) is not None:
-        yield f"ego: {plan.acceleration:+.1f} m/s2, risk {plan.risk:.0%}", MIDDLE, BLACK
+        yield f"ego: {round(plan.acceleration, 1) + 0.0:+.1f} m/s2, risk {plan.risk:.0%}", MIDDLE, BLACK
     weight = run.rollout.hypothesis_log_weight[answered]
     if np.isfinite(weight).sum() > 1:
         share = 100 * float(np.exp(weight[run.answers.hypotheses.best[answered]]))
