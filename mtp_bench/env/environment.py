@@ -135,7 +135,7 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         episode = self._started()
         reward = episode.take(self._recorded(episode, action))
         self._render_each()
-        return episode.observe(), reward, episode.over, False, episode.info()
+        return episode.observe(), 0.0 if self._evaluation else reward, episode.over, False, episode.info()
 
     def reward_of(self, action: Action) -> float:
         """The reward that an action for the last observation would have, without a step; CardError in a closed loop."""

@@ -46,9 +46,9 @@ def write_card(folder: Path, content: str = CARD) -> str:
     return str(path)
 
 
-def write_short_card(folder: Path, env_id: str) -> str:
+def write_short_card(folder: Path, env_id: str, seconds: float = 3.0) -> str:
     """Card of a simulated env with two short scenes of little traffic."""
-    lines = {"seconds": "seconds = 3.0", "vehicles": "vehicles = 8", "val": "val = [10000, 10002]"}
+    lines = {"seconds": f"seconds = {seconds}", "vehicles": "vehicles = 8", "val": "val = [10000, 10002]"}
     text = (bundled("envs") / f"{env_id}.toml").read_text()
     path = folder / f"{env_id}.toml"
     path.write_text("\n".join(lines.get(line.split(" = ")[0], line) for line in text.splitlines()))

@@ -140,12 +140,11 @@ class DrivenTraffic:
         every = np.concatenate([vehicles, people, parked])
         reach = np.hypot(every[:, 4], every[:, 5]) / 2
         near = np.flatnonzero(np.hypot(*(every[:, :2] - every[own, :2]).T) < reach + reach[own])
-        hit = near[boxes_meet(every[near], every[np.full(len(near), own)]) & (near != own)]
-        if len(hit) and self.collision is None:
-            other = int(hit[0])
-            fault = self.ego.speed > _STANDING and not hit_from_behind(every[own], every[other])
-            kind, number = self._recording.identity(other)
-            self.collision = Collision(self.frames - 1, kind, number, bool(fault), float(self.ego.speed))
+        met = near[boxes_meet(every[near], every[np.full(len(near), own)]) & (near != own)].tolist()
+        if met and self.collision is None:
+            faults = [other for other in met if is_at_fault(every[own], float(self.ego.speed), every[other])]
+            kind, number = self._recording.identity((faults or met)[0])
+            self.collision = Collision(self.frames - 1, kind, number, bool(faults), float(self.ego.speed))
 
     def _ego_after_warm_up(self, rng: np.random.Generator) -> "_Ego | None":
         """Let the traffic run in until a vehicle can be the ego; None after a crash, or a long wait."""
@@ -214,6 +213,11 @@ def way_of(road_map: RoadMap, routes: Any, route: int) -> Way:
     s, xy, limit, number = (np.concatenate(column) for column in zip(*parts, strict=True))
     along = np.gradient(xy, axis=0)
     return Way(s, xy, np.unwrap(np.arctan2(along[:, 1], along[:, 0])), limit, number)
+
+
+def is_at_fault(ego: Floats, speed: float, other: Floats) -> bool:
+    """True for a contact of boxes ``[7]`` at ``speed`` m/s of the ego unless it stood, or was hit from behind."""
+    return speed > _STANDING and not hit_from_behind(ego, other)
 
 
 def hit_from_behind(ego: Floats, other: Floats) -> bool:

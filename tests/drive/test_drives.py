@@ -1,0 +1,153 @@
+"""Drives as an env, in another process, stored, scored and compared."""
+
+import json
+import shutil
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import SyncVectorEnv
+
+from mtp_bench import MTPEnv, load_scenes
+from mtp_bench.env.rollouts import digest
+from mtp_bench.errors import DataError, MtpBenchError, RolloutError
+from mtp_bench.running.drives import recorded_card
+from mtp_bench.running.stored import open_run
+from mtp_bench.sources.base import section_of
+from mtp_bench.sources.cache import content_hash
+from mtp_bench.sources.highway.driven import DrivenTraffic
+from mtp_bench.sources.highway.source import traffic_of
+from mtp_bench.sources.highway.store import pack
+from mtp_bench.sources.highway.world import HighwaySource
+from mtp_bench.types import Drive, Rollout
+from tests.drive.test_traffic import elsewhere
+from tests.support.command_line import CommandLine, write_submission
+from tests.support.small_scenes import empty_action, make_echo
+
+SMALL: dict[str, Any] = {"samples": 2, "tracks": 8, "objects": 8, "hypotheses": 2, "detections": 40}
+NAME = "intersection-010000"
+
+
+def play(card: str, **keywords: Any) -> tuple[MTPEnv, Rollout, Drive, float]:
+    """The env after a drive on forecasts along the headings of detections, and the sum of rewards."""
+    env, total, over = MTPEnv(card, **keywords), 0.0, False
+    agent = make_echo(env.task)
+    agent.reset(env.task)
+    observation, _ = env.reset(seed=0, options={"scene": NAME})
+    while not over:
+        observation, reward, over, _, _ = env.step(agent.act(observation))
+        total += reward
+    rollout = env.rollout()
+    assert rollout.drive is not None
+    return env, rollout, rollout.drive, total
+
+
+def digest_of(card: str) -> str:
+    return digest(play(card)[1])
+
+
+def test_the_same_drive_again(drive_card: str) -> None:
+    env, rollout, drive, total = play(drive_card)
+    assert total == pytest.approx(drive.way - 100.0 * drive.at_fault)
+    assert digest_of(drive_card) == digest(rollout) == elsewhere(digest_of, drive_card)
+    assert digest(replace(rollout, drive=replace(drive, way=drive.way + 1e-9))) != digest(rollout)
+    _, _, moved, _ = play(drive_card, rigid_motion=True)  # forecasts are rounded to centimetres after it
+    np.testing.assert_array_equal(moved.acceleration, drive.acceleration)
+    np.testing.assert_allclose(moved.risk, drive.risk, atol=0.02)
+    traffic = DrivenTraffic(traffic_of(section_of(env.card, HighwaySource)), 10000)
+    for gain in drive.acceleration:
+        traffic.step(gain)
+    replayed = traffic.world(frames=5 * rollout.frames - 4)
+    assert content_hash(pack(replayed)) == content_hash(dict(drive.world))
+
+
+def test_evaluation_shows_nothing_of_the_truth_and_has_pictures(drive_card: str) -> None:
+    env = MTPEnv(drive_card, evaluation=True, render_mode="rgb_array", **SMALL)
+    _, info = env.reset(options={"scene": NAME})
+    known, ways, pictures = set(info), [], []
+    for stops in (False, True):  # an agent that sees nothing, and one with an object right ahead
+        observation, _ = env.reset(options={"scene": NAME})
+        over = False
+        while not over:
+            action = empty_action(env.task)
+            if stops:
+                action["object_valid"][0], action["forecast_log_weight"][0] = 1, 0.0
+                x, y, _, yaw = observation["ego_pose"]
+                action["object_box"][0, :2] = x + 8.0 * np.cos(yaw), y + 8.0 * np.sin(yaw)
+            observation, reward, over, truncated, info = env.step(action)
+            assert (set(info), reward, truncated) == (known, 0.0, False)
+            if info["frame"] in (1, 4):
+                pictures.append(env.render())
+        ways.append(env.rollout().drive.way)  # type: ignore[union-attr]
+    assert known == {"frame", "dropped_detections", "invalid_tracks", "invalid_hypotheses", "invalid_objects"}
+    assert ways[1] < ways[0] / 2
+    assert [picture.shape for picture in pictures if picture is not None] == [(720, 960, 3)] * 4
+    assert not np.array_equal(pictures[0], pictures[1])  # type: ignore[arg-type]
+
+
+def test_gymnasium_checker_and_a_vector_env(drive_card: str) -> None:
+    spec = EnvSpec(
+        id="MTP-Drive-v0", entry_point="mtp_bench:MTPEnv", kwargs={"card": drive_card, "data": None, **SMALL}
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gym.make(spec).unwrapped)
+    envs = SyncVectorEnv([lambda: gym.make(spec)] * 2)
+    envs.action_space.seed(0)
+    envs.reset(seed=[1, 2])
+    for _ in range(4):
+        observation, reward, *_ = envs.step(envs.action_space.sample())
+        assert envs.observation_space.contains(observation)
+        assert np.isfinite(reward).all()
+
+
+def test_what_a_closed_loop_does_not_have(drive_card: str) -> None:
+    with pytest.raises(DataError, match="before an agent drives in it: run one, and open its run"):
+        next(load_scenes(drive_card))
+    with pytest.raises(MtpBenchError, match="which takes no fresh_noise"):
+        MTPEnv(drive_card, fresh_noise=True)
+
+
+def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None:
+    folder, agent = tmp_path / "run", write_submission(tmp_path / "echo")
+    cli.ok("run", agent, "--env", drive_card, "--scenes", "1", "-o", folder)
+    opened = open_run(folder)
+    (rollout,), (env, _, drive, _) = opened.run.rollouts, play(drive_card)
+    for name in ("acceleration", "risk", "cause"):
+        np.testing.assert_array_equal(getattr(rollout.drive, name), getattr(drive, name))
+    stored, driven = opened.scene(NAME), env.scene
+    for mine, own in ((stored.truth, driven.truth), (stored.detections, driven.detections)):
+        for name, value in vars(own).items():
+            np.testing.assert_array_equal(getattr(mine, name), value, name)
+    np.testing.assert_array_equal(stored.ego, driven.ego)
+    assert stored.frames == rollout.frames
+    cli.ok("score", folder, "--json", tmp_path / "score.json")
+    assert json.loads((tmp_path / "score.json").read_text())["rows"][0]["targets"] > 0
+    assert NAME in cli.ok("events", folder)
+    with pytest.raises(RolloutError, match="has no drive; run the agent again"):
+        recorded_card(MTPEnv(drive_card).card, [replace(rollout, drive=None)])
+    for name in ("drive_way", "world_ego"):
+        changed = Path(shutil.copytree(folder, tmp_path / name)) / f"{NAME}.npz"
+        with np.load(changed) as content:
+            arrays = {key: content[key] + 1 if key == name else content[key] for key in content.files}
+        np.savez(changed, **arrays)
+        with pytest.raises(RolloutError, match=NAME):
+            open_run(changed.parent)
+
+
+def test_comparison_with_an_agent_that_fails(drive_card: str, tmp_path: Path, cli: CommandLine) -> None:
+    bodies, file = {"echo": "pass", "fails": "raise ValueError('no idea')"}, tmp_path / "compared.json"
+    agents = [write_submission(tmp_path / name, name, body=body) for name, body in bodies.items()]
+    output = cli("compare", *agents, "--env", drive_card, "--scenes", "1", "--seeds", "1", "--json", file)
+    assert (output.status, output.err) == (1, f"fails: failed on scene '{NAME}' at frame 0: ValueError: no idea\n")
+    content = json.loads(file.read_text())
+    rows = {row["agent"]: row for row in content["rows"]}
+    assert (list(content["failures"]), set(rows)) == (["fails"], {"echo", "stp", "truth_past"})
+    assert (rows["truth_past"]["progress"], rows["stp"]["difference"]) == (1.0, None)
+    assert "how forecasts drive" in output.out

@@ -1,0 +1,116 @@
+"""The fixed planner on a straight way along x: what makes it stop or yield, and what it does not mind."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike
+
+from mtp_bench.cards.card import PlannerSection
+from mtp_bench.drive.planner import Obstacles, Planner
+from mtp_bench.env.driven import obstacles
+from mtp_bench.sources.highway.driven import Way
+from mtp_bench.sources.highway.simulate import boxes_meet
+from mtp_bench.types import Floats
+from tests.support.small_scenes import decode, full_action, task
+
+SIZE, LIMIT = (4.5, 1.8), 10.0  # m, m/s
+S = np.arange(0.0, 300.0, 0.5)
+WAY = Way(S, np.stack([S, 0 * S], axis=1), 0 * S, np.full(len(S), LIMIT), np.zeros(len(S), dtype=np.int64))
+PLANNER = Planner(WAY, SIZE, PlannerSection())
+
+
+def car(x: float, y: float = 0.0, heading: float = 0.0) -> list[float]:
+    return [x, y, 0.75, heading, 4.5, 1.8, 1.5]
+
+
+def moving(boxes: ArrayLike = (), velocity: ArrayLike = (0.0, 0.0), confidence: float = 1.0) -> Obstacles:
+    """Boxes at a constant velocity, with one sample each of 12 half seconds."""
+    box = np.array(boxes, dtype=np.float64).reshape(-1, 7)
+    far = 0.5 * np.arange(1, 13)[:, None] * np.broadcast_to(velocity, (len(box), 1, 1, 2))
+    return Obstacles(box, box[:, None, None, :2] + far, np.full((len(box), 1), confidence), 0.5)
+
+
+NOBODY = moving()
+
+
+def drive(seen: Callable[[float], Obstacles], seconds: float, speed: float) -> Floats:
+    """Stations and speeds [N, 2] at 10 Hz of an ego that decides every half second."""
+    s, rows = 0.0, []
+    for step in range(round(10 * seconds)):
+        if step % 5 == 0:
+            wanted = PLANNER.decide(s, speed, seen(step / 10)).acceleration
+        gain = min(wanted, (PLANNER.allowed(s) - speed) / 0.3) if wanted > -2.0 else wanted  # as `DrivenEpisode` does
+        s, speed = s + speed / 10, speed + max(gain, -10 * speed) / 10
+        rows.append((s, speed))
+    return np.array(rows)
+
+
+def same(first: Obstacles, second: Obstacles) -> bool:
+    """True if an ego that drives 8 m/s at 20 m decides the same on both."""
+    plans = [PLANNER.decide(20.0, 8.0, seen) for seen in (first, second)]
+    return plans[0].acceleration == plans[1].acceleration and plans[0].risk == plans[1].risk
+
+
+def test_with_nobody_it_drives_at_the_allowed_speed() -> None:
+    speed = drive(lambda t: NOBODY, 15.0, 0.0)[:, 1]
+    assert (np.diff(speed) > -1e-9).all()
+    assert LIMIT - 0.2 < speed[100:].min() <= speed.max() <= LIMIT
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2, np.pi])
+def test_it_stops_before_a_standing_obstacle(heading: float) -> None:
+    rows = drive(lambda t: moving(car(60.0, 0.0, heading)), 25.0, 8.0)
+    assert rows[-1, 1] < 1e-9
+    assert 0.3 < 60.0 - SIZE[heading == np.pi / 2] / 2 - rows[-1, 0] - SIZE[0] / 2 < 6.0
+    assert np.diff(rows[:, 1]).min() > -0.31, "it brakes in time"
+
+
+def test_it_yields_to_somebody_who_crosses() -> None:
+    """A car is on the way, 30 m ahead, when an ego at 8 to 10 m/s comes there."""
+    crossing = np.array([car(30.0, -26.0 + 7.5 * step / 10, np.pi / 2) for step in range(121)])
+    rows = drive(lambda t: moving(crossing[round(10 * t)], (0.0, 7.5)), 12.0, 8.0)
+    blind = drive(lambda t: NOBODY, 12.0, 8.0)
+    for own, meets in ((rows, False), (blind, True)):
+        assert boxes_meet(np.array([car(s) for s in own[:, 0]]), crossing[1:]).any() == meets
+    assert rows[:, 1].min() < 6.0
+    assert rows[-1, 0] > 60.0, "it goes on afterwards"
+
+
+@pytest.mark.xfail(strict=False, reason="the planner counts forecasts of those behind that run through the ego")
+@pytest.mark.parametrize("speed", [0.0, 8.0, 14.0])
+def test_somebody_behind_in_its_lane_does_not_matter(speed: float) -> None:
+    assert same(moving(car(12.0), (speed, 0.0)), NOBODY)
+
+
+@pytest.mark.xfail(strict=False, reason="where no profile is free the planner takes the fastest one")
+def test_it_brakes_where_a_contact_ahead_cannot_be_avoided() -> None:
+    assert PLANNER.decide(20.0, 8.0, moving([car(12.0), car(26.0), car(40.0, 12.0)])).acceleration <= -4.5
+
+
+@pytest.mark.xfail(strict=False, reason="where no profile is free the planner takes the fastest one")
+def test_forecasts_everywhere_stop_it() -> None:
+    boxes = [car(x, y) for x in np.arange(-20.0, 150.0, 4.0) for y in np.arange(-6.0, 7.0, 2.0)]
+    for speed, way in ((0.0, 1.0), (8.0, 8.0)):
+        rows = drive(lambda t: moving(boxes), 10.0, speed)
+        assert rows[-1, 0] < way
+        assert rows[-1, 1] < 1e-9
+
+
+def test_absent_samples_nan_and_no_confidence_never_matter() -> None:
+    """Two objects beside the way; one has a third sample across it, which is absent or not a number."""
+    rules = task(future=12)
+    action = full_action(replace(rules, future=3))
+    action["forecast"] = np.zeros((rules.objects, rules.samples, 12, 2), dtype=np.float32)
+    action["object_box"][:2, :2] = [[35.0, 5.0], [5.0, 5.0]]
+    usual = obstacles(decode(action, rules), 0.5)
+    for value in (-5.0, np.nan, 1e30):
+        action["forecast"][0, 2, :, 1] = value
+        assert same(obstacles(decode(action, rules), 0.5), usual)
+    action["forecast"][0, 2, :, 1], action["forecast_log_weight"][0, 2] = -5.0, 0.0
+    assert not same(obstacles(decode(action, rules), 0.5), usual)
+    action["object_confidence"][:] = 0.0
+    assert same(obstacles(decode(action, rules), 0.5), NOBODY)
+    action["object_box"][0, 0] = np.nan
+    assert len(obstacles(decode(action, rules), 0.5).box) == 1
