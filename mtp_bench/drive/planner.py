@@ -3,7 +3,8 @@
 A profile is an acceleration for a second and another one after it. Its risk is the chance that the ego's box, grown by
 a margin, meets a forecast one, by the weights of the samples and the confidence of the objects. Early contacts count
 more, and those of a standing ego, which are not its fault, less. A time gap is kept to those who drive ahead; those who
-follow the ego are left out. Risk, progress and comfort are weighed by `PlannerSection`.
+follow the ego are left out. Risks by all objects are added up, and where none of the profiles keeps clear of somebody
+ahead in the lane, the ego brakes hardest. Risk, progress and comfort are weighed by `PlannerSection`.
 
 The family is that of PDM-Closed (Dauner et al. 2023, "Parting with misconceptions about learning-based vehicle motion
 planning"): proposals along a line, scored by a forecast.
@@ -31,6 +32,7 @@ _DISCS = 3  # that cover a box
 _SLOWER = 1.5  # m/s2, braking for lower limits ahead
 _STILL = 0.5  # m/s; slower objects keep their heading
 _HARMLESS, _HARMFUL = 0.15, 4.0  # weight of a contact of the standing ego; m/s from which the weight is 1
+_LIKELY = 0.5  # risk by somebody ahead in the lane, from which the ego brakes hardest if no profile has less
 _OPENING = 2.0  # s in which the time gap to those ahead may be opened
 
 
@@ -129,18 +131,21 @@ class Planner:
         stations, speeds = self.profiles(s, speed, dt, path.shape[2])
         thinned = replace(seen, path=path, dt=dt)
         contacts = self._contacts(s, float(stations[:, -1].max()), thinned)
-        risk, cause = self._risks(stations, speeds, contacts, thinned)
+        share, owner = self._shares(stations, speeds, contacts, thinned)
         wish = (stations[:, -1] - s) / (dt * path.shape[2]) - self._effort
-        best, free = int(np.argmax(wish - self._weigh.caution * risk)), int(np.argmax(wish))
-        kept = -1 if best == free else int(cause[free])
+        best, free = int(np.argmax(wish - self._weigh.caution * share.sum(axis=1))), int(np.argmax(wish))
+        if (self._leads(s, seen)[owner] & (share.min(axis=0) > _LIKELY)).any():
+            best = 0  # it brakes hardest
+        kept = -1 if best == free or not share[free].any() else int(owner[share[free].argmax()])
+        risk = 1.0 - float(np.prod(1.0 - share[best]))
         time = seen.dt * np.arange(seen.path.shape[2] + 1)
         shown = np.interp(time, dt * np.arange(path.shape[2] + 1), stations[best])
-        return Decision(float(self._first[best]), float(risk[best]), kept, shown)
+        return Decision(float(self._first[best]), risk, kept, shown)
 
-    def _risks(self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles) -> tuple[Floats, Ints]:
-        """Risk [C] of profiles with ``stations`` and ``speeds`` [C, T + 1], and the object with most of it."""
+    def _shares(self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles) -> tuple[Floats, Ints]:
+        """Risk [C, n] of profiles with ``stations`` and ``speeds`` [C, T + 1] by each of n objects, and their rows."""
         if not len(met.step):
-            return np.zeros(len(stations)), np.full(len(stations), -1)
+            return np.zeros((len(stations), 0)), np.zeros(0, dtype=np.int64)
         times = seen.dt * np.arange(1, stations.shape[1])
         here, before = stations[:, 1:], stations[:, :-1]
         nose = here + self._weigh.headway * speeds[:, 1:] * np.minimum(times / _OPENING, 1.0)
@@ -152,9 +157,7 @@ class Planner:
         group, start = np.unique(met.sample, return_index=True)
         chance = np.maximum.reduceat(each, start, axis=1) * seen.weight.ravel()[group]
         owner, begin = np.unique(group // seen.weight.shape[1], return_index=True)
-        share = np.minimum(np.add.reduceat(chance, begin, axis=1), 1.0)
-        risk = 1.0 - np.prod(1.0 - share, axis=1)
-        return risk, np.where(risk > 0, owner[share.argmax(axis=1)], -1)
+        return np.minimum(np.add.reduceat(chance, begin, axis=1), 1.0), owner
 
     def _contacts(self, s: float, end: float, seen: Obstacles) -> _Contacts:
         """Contacts that an ego between ``s`` and ``end`` m can have."""
@@ -186,6 +189,11 @@ class Planner:
         ahead, aside, tangent = self._beside(seen.box[:, :2])
         same_way = np.cos(seen.box[:, 3] - tangent) > 0.5
         return (ahead < s) & same_way & (aside < (self._size[1] + seen.box[:, 5]) / 2)
+
+    def _leads(self, s: float, seen: Obstacles) -> Bools:
+        """Mask [O] of objects ahead of the ego in its lane."""
+        ahead, aside, _ = self._beside(seen.box[:, :2])
+        return (ahead > s) & (aside < (self._size[1] + seen.box[:, 5]) / 2)
 
     def _headings(self, row: Ints, seen: Obstacles) -> Floats:
         """Headings [n] of the forecast places in the rows [n] of the flat paths."""

@@ -78,18 +78,15 @@ def test_it_yields_to_somebody_who_crosses() -> None:
     assert rows[-1, 0] > 60.0, "it goes on afterwards"
 
 
-@pytest.mark.xfail(strict=False, reason="the planner counts forecasts of those behind that run through the ego")
 @pytest.mark.parametrize("speed", [0.0, 8.0, 14.0])
 def test_somebody_behind_in_its_lane_does_not_matter(speed: float) -> None:
     assert same(moving(car(12.0), (speed, 0.0)), NOBODY)
 
 
-@pytest.mark.xfail(strict=False, reason="where no profile is free the planner takes the fastest one")
 def test_it_brakes_where_a_contact_ahead_cannot_be_avoided() -> None:
     assert PLANNER.decide(20.0, 8.0, moving([car(12.0), car(26.0), car(40.0, 12.0)])).acceleration <= -4.5
 
 
-@pytest.mark.xfail(strict=False, reason="where no profile is free the planner takes the fastest one")
 def test_forecasts_everywhere_stop_it() -> None:
     boxes = [car(x, y) for x in np.arange(-20.0, 150.0, 4.0) for y in np.arange(-6.0, 7.0, 2.0)]
     for speed, way in ((0.0, 1.0), (8.0, 8.0)):
