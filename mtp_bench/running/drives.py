@@ -52,6 +52,8 @@ def compare_driving(agents: Sequence[object], evaluation: EnvEvaluation) -> Driv
     An agent that fails in any scene is named in ``failures``; MtpBenchError if a control fails.
     """
     role, card = controls(), evaluation.card
+    if evaluation.options.track_file is not None:
+        card.require_same_scenes("which takes no stored tracks", "leave --tracks out")
     names = dict.fromkeys([*(role[each] for each in CONTROLS), *agents])
     settings = [setting_of(submission_of(agent), card) for agent in names]
     drives, failures = drives_of(settings, evaluation)
