@@ -133,7 +133,8 @@ class Planner:
         contacts = self._contacts(s, float(stations[:, -1].max()), thinned)
         share, owner = self._shares(stations, speeds, contacts, thinned)
         wish = (stations[:, -1] - s) / (dt * path.shape[2]) - self._effort
-        best, free = int(np.argmax(wish - self._weigh.caution * share.sum(axis=1))), int(np.argmax(wish))
+        score = np.round(wish - self._weigh.caution * share.sum(axis=1), 9)  # ties do not hang on last bits
+        best, free = int(np.argmax(score)), int(np.argmax(np.round(wish, 9)))
         if (self._leads(s, seen)[owner] & (share.min(axis=0) > _LIKELY)).any():
             best = 0  # it brakes hardest
         kept = -1 if best == free or not share[free].any() else int(owner[share[free].argmax()])

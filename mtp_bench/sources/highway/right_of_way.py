@@ -168,7 +168,7 @@ class RightOfWay:
         return yields, before
 
     def _let_pass(self, me: _Approach | None) -> None:
-        """Give the driven vehicle the right of way where it can no longer stop, and others who can stop the duty to."""
+        """Give the driven vehicle the right of way where it can no longer stop; vehicles that can stop let it pass."""
         if me is None or me.rear > self.passages[me.route].end:
             return
         reach, passage = me.front + me.speed**2 / (2 * _FIRM[0]), self.passages[me.route]
