@@ -49,7 +49,7 @@ def import_logs(
     logs = [source] if (source / f"{BOXES}.arrow").exists() else sorted(source.glob(f"*/{BOXES}.arrow"))
     if not logs:
         splits = sorted({path.parents[1].name for path in source.glob(f"*/*/{BOXES}.arrow")})
-        advice = f"; {', '.join(splits)} hold logs in it: name one" if splits else ""
+        advice = f"; logs are in {', '.join(splits)}: name one" if splits else ""
         expected = f"expected a log of 123D, or a folder of logs such as a split{advice}"
         raise DataError(f"{source} has no {BOXES}.arrow, {expected}")
     with new_folder(folder.expanduser().absolute()) as part:
