@@ -105,8 +105,8 @@ TracksOption = Annotated[
     Path | None,
     Option(
         "--tracks",
-        help="Stored tracks, for agents that observe them: a nuScenes tracking submission (.json), or a folder of "
-        "KITTI results (.txt) or tables (.csv, .parquet), one per scene.",
+        help="Stored tracks, for agents that observe them: a tracking submission of nuScenes (.json) or Argoverse 2 "
+        "(.feather), or a folder of KITTI results (.txt) or tables (.csv, .parquet), one per scene.",
     ),
 ]
 RunCardOption = Annotated[

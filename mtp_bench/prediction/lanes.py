@@ -70,7 +70,8 @@ def bend_limits(paths: Floats, chance: Floats, limit: Floats) -> None:
             for s in range(len(path)):
                 a, b, c = path[max(s - 2, 0)], path[s], path[min(s + 2, len(path) - 1)]
                 ux, uy, vx, vy = b[0] - a[0], b[1] - a[1], c[0] - b[0], c[1] - b[1]
-                bend = abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy)) / (2 * STEP)
+                turn = abs(np.arctan2(ux * vy - uy * vx, ux * vx + uy * vy))
+                bend = turn / (2 * STEP) if 0 < s < len(path) - 1 else 0.0  # atan2(0, -0) is pi
                 speed[s] = np.sqrt(_SWERVE / max(bend, 1e-4))
             for s in range(len(path) - 2, -1, -1):
                 speed[s] = min(speed[s], np.sqrt(speed[s + 1] ** 2 + 2 * _BRAKING * STEP))

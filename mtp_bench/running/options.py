@@ -135,7 +135,7 @@ class RunOptions:
         if self.track_file is not None and not any(each.compare.observe == "tracks" for each in submissions):
             names = ", ".join(dict.fromkeys(each.name for each in submissions))
             advice = 'run given_tracks, or a submission with observe = "tracks" under [compare]'
-            raise MtpBenchError(f"stored tracks are named, but {names} do not observe them; {advice}")
+            raise MtpBenchError(f"stored tracks are named, which are not shown to {names}; {advice}")
 
     def card(self, env: str | Card) -> Card:
         """The card of an env with the changes; raises CardError, UnknownNameError."""

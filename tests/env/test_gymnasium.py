@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -15,6 +16,9 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import mtp_bench
 from mtp_bench import MTPEnv
+from mtp_bench.cards import load_card, with_split
+from mtp_bench.sources import load_scenes
+from mtp_bench.sources.base import lane_around
 from tests.support.small_scenes import CARD_ID
 
 SMALL: dict[str, Any] = {"samples": 2, "tracks": 3, "objects": 2, "hypotheses": 2, "detections": 4}
@@ -53,7 +57,13 @@ TRAINING: dict[str, dict[str, Any]] = {
 
 
 def make_here(env_id: str) -> gym.Env[Any, Any]:
-    """The env on scenes that there are: of nuScenes only training scenes, of simulated traffic the first one."""
+    """The env on scenes that there are: of nuScenes only training scenes, of simulated traffic the first one.
+
+    The map expansion of nuScenes is never there: a lane along the way of the ego stands in.
+    """
+    if env_id == "MTP-nuScenes-Lanes-v0":
+        scene = next(load_scenes(with_split(load_card("MTP-nuScenes-v0"), "train")))
+        return gym.make(env_id, scenes=[replace(scene, lanes=(lane_around(scene.ego[:, :2], False),))])
     if env_id in NEEDS_NO_DATA:
         return gym.make(env_id, scenes=MTPEnv(env_id).scene_names[:1])
     return gym.make(env_id, **TRAINING.get(env_id, {}))

@@ -10,6 +10,7 @@ from mtp_bench.agent import Frame
 from mtp_bench.geometry import rotate
 from mtp_bench.prediction import KinematicPredictor, LanePredictor
 from mtp_bench.prediction.lane_paths import LanePaths, lane_paths
+from mtp_bench.prediction.lanes import bend_limits
 from mtp_bench.types import Floats, Ints, Observation
 from tests.support.tracking_scenes import kitti_task, tracks_with_past
 
@@ -143,6 +144,14 @@ def test_six_of_ten_samples_follow_lanes_with_several_speeds() -> None:
     slower = futures(-5, 0.0, 12.0)[0, :6]
     steps = np.linalg.norm(np.diff(slower[slower[:, -1, 1] > 1], axis=1), axis=2)
     assert (steps.min(axis=1) < 3.5).all(), "12 m/s is too fast for the bend"
+
+
+def test_a_straight_road_has_no_bend_in_any_direction() -> None:
+    straight = np.stack([np.arange(0.0, 30.0, 2.0), np.zeros(15)], axis=1)
+    ways = np.array([[rotate(straight, turn)] for turn in (0.5, 2.0, 3.5, 5.0)])
+    limit = np.empty(ways.shape[:3])
+    bend_limits(ways, np.ones((4, 1)), limit)
+    assert limit.min() > 100.0
 
 
 def test_who_has_no_lane_is_free() -> None:

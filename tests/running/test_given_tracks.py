@@ -124,7 +124,7 @@ def test_the_command_exports_readable_tracks(cli: CommandLine, known: list[str],
 
 def test_stored_tracks_have_no_record(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
     options = RunOptions(kitti, seeds=(0,), track_file=tracks)
-    for name, message in (("given_tracks", "it has no record"), ("stp", "stp do not observe them")):
+    for name, message in (("given_tracks", "it has no record"), ("stp", "which are not shown to stp")):
         with pytest.raises(MtpBenchError, match=message):
             submit(name, card, options, tmp_path)
     labels = write_submission(tmp_path / "echo", tables='[compare]\nobserve = "associated"\n')

@@ -115,7 +115,7 @@ def test_scenes_with_a_crash_are_left_out_and_counted(
     ("source", "text"),
     [
         ({"config": {}}, "task.rate is 2 Hz, expected 15 Hz or a whole part of it; or set config"),
-        ({"id": "nowhere-v0"}, "source.id: .*nowhere"),
+        ({"id": "nowhere-v0"}, "source.id: got 'nowhere-v0', expected an id .*registers .*nowhere"),
         ({"id": "CartPole-v1", "config": {}}, "CartPole-v1 is not an environment of highway-env"),
         ({"id": "no_such_module:A-v0"}, "no module 'no_such_module', which"),
         ({"module": "no_such.module"}, "no module 'no_such.module', which"),

@@ -48,7 +48,10 @@ def import_logs(
     found, source = Counter[str](), source.expanduser().absolute()
     logs = [source] if (source / f"{BOXES}.arrow").exists() else sorted(source.glob(f"*/{BOXES}.arrow"))
     if not logs:
-        raise DataError(f"{source} has no {BOXES}.arrow, expected a log of 123D, or a folder of logs such as a split")
+        splits = sorted({path.parents[1].name for path in source.glob(f"*/*/{BOXES}.arrow")})
+        advice = f"; logs are in {', '.join(splits)}: name one" if splits else ""
+        expected = f"expected a log of 123D, or a folder of logs such as a split{advice}"
+        raise DataError(f"{source} has no {BOXES}.arrow, {expected}")
     with new_folder(folder.expanduser().absolute()) as part:
         for log in (path if path.is_dir() else path.parent for path in logs):
             scene = part / file_stem(log.name)

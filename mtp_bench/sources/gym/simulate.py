@@ -38,7 +38,8 @@ def _environment(traffic: GymTraffic) -> Any:
             warnings.simplefilter("ignore")  # older versions of an environment are wanted, too
             env = gymnasium.make(traffic.id, disable_env_checker=True, **config).unwrapped
     except gymnasium.error.Error as error:
-        raise CardError(f"source.id: {error}") from None
+        expected = "an id that highway-env or [source]'s module registers when it is imported (gymnasium.register)"
+        raise CardError(f"source.id: got {traffic.id!r}, expected {expected}: {error}") from None
     if getattr(env, "road", None) is None or getattr(env, "vehicle", None) is None:
         raise CardError(f"source.id: {traffic.id} is not an environment of highway-env: it has no road or no vehicle")
     return env
