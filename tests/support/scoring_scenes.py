@@ -195,7 +195,7 @@ def end_to_end(scenes: Sequence[Scene], step: float) -> Scene:
 
 def answers_end_to_end(rollouts: Sequence[Rollout]) -> Rollout:
     """The rollout of scenes that stand end to end."""
-    names = [column.name for column in fields(Rollout) if column.name != "scene"]
+    names = [column.name for column in fields(Rollout) if column.name not in ("scene", "drive")]
     whole: dict[str, Any] = {name: np.concatenate([getattr(rollout, name) for rollout in rollouts]) for name in names}
     for name in ("track", "object"):
         whole[f"{name}_start"] = starts_of(np.concatenate([np.diff(getattr(r, f"{name}_start")) for r in rollouts]))
