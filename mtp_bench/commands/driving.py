@@ -16,7 +16,7 @@ from .shown import Shown
 def compare_driving(agents: Sequence[str], env: str, options: RunOptions, shown: Shown, json_file: Path | None) -> None:
     """Let agents drive in the scenes of ``env`` and print one table."""
     with EnvEvaluation.opened("driving", env, options, {}) as evaluation:
-        result = run_comparison(agents, evaluation)
+        result = run_comparison(agents, evaluation, shown.full)
     write_json(json_file, {"env": result.env, "rows": result.table.records, "failures": result.failures})
     if json_file != STANDARD_OUTPUT:
         print(to_text(result.table))

@@ -28,6 +28,7 @@ SENTENCE = (
     "comfort (2). Differences to stp are paired by scene."
 )
 CONTROLS: tuple[Role, ...] = ("ground_truth", "single")  # roles of baselines that every comparison runs
+IN_FULL: tuple[Role, ...] = ("standing", "blind")  # lower references
 
 
 @dataclass(frozen=True)
@@ -46,15 +47,16 @@ class DrivingComparison:
         return Table("driving", f"{self.env}, {counted(scenes, 'scene')}: how forecasts drive", SENTENCE, self.rows)
 
 
-def compare_driving(agents: Sequence[object], evaluation: EnvEvaluation) -> DrivingComparison:
+def compare_driving(agents: Sequence[object], evaluation: EnvEvaluation, full: bool = False) -> DrivingComparison:
     """Let each agent drive in the scenes of a closed loop, beside stp and ground-truth tracks.
 
-    An agent that fails in any scene is named in ``failures``; MtpBenchError if a control fails.
+    ``full``: also beside the lower references, every detection as standing and no objects. An agent that fails in any
+    scene is named in ``failures``; MtpBenchError if a control fails.
     """
     role, card = controls(), evaluation.card
     if evaluation.options.track_file is not None:
         card.require_same_scenes("which takes no stored tracks", "leave --tracks out")
-    names = dict.fromkeys([*(role[each] for each in CONTROLS), *agents])
+    names = dict.fromkeys([*(role[each] for each in CONTROLS + IN_FULL * full), *agents])
     settings = [setting_of(submission_of(agent), card) for agent in names]
     drives, failures = drives_of(settings, evaluation)
     for each in CONTROLS:
