@@ -3,11 +3,11 @@
     python benchmarks/driving.py measure --env MTP-Drive-Intersection-v0 --scenes 40 -o FOLDER [--attacks]
     python benchmarks/driving.py show FOLDER [--json figures.json]
 
-`measure`: every agent drives in each scene. The scene in which ground-truth tracks drove is then forecast by every agent
-open loop, without its own driving. It keeps one file per scene, and goes on where it was stopped. `show`: drive score,
-bADE of the open loop over all targets, on identity switches, and near the ego (targets weighted by
-exp(-approach^2 / (2 sigma^2)), as in PI-ADE). Tau is 1 where the agent of less error always drives better. Intervals
-resample scenes, the same for both numbers. `--attacks` adds those of `driving_attacks.py`.
+`measure`: every agent drives in each scene, and forecasts, open loop, the scene in which ground-truth tracks drove. It
+keeps one file per scene, and goes on where it was stopped. `show`: drive score, and bADE of the open loop over all
+targets, on identity switches, and near the ego (targets weighted by exp(-approach^2 / (2 sigma^2)), as in PI-ADE). Tau
+is 1 where the agent of less error always drives better. Intervals resample scenes, the same for both numbers.
+`--attacks` adds those of `driving_attacks.py`.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def _sums(table: AgentTable, scenes: int) -> dict[str, tuple[Array, Array]]:
 
 
 def kendall_tau(first: Array, second: Array) -> Array:
-    """Kendall's tau-b [B] over the agents of each column of ``first`` and ``second`` [A, B]; 0 where one is constant."""
+    """Kendall's tau-b [B] over the agents of each column of ``first`` and ``second`` [A, B]; 0 for constant columns."""
     i, j = np.triu_indices(len(first), 1)
     a, b = np.sign(first[i] - first[j]), np.sign(second[i] - second[j])
     size = np.sqrt((a != 0).sum(0) * (b != 0).sum(0))
@@ -168,9 +168,7 @@ def agreement(score: Array, sums: Array, weight: Array) -> dict[str, float]:
     scenes = score.shape[1]
     whole, drawn = np.arange(scenes)[None], np.random.default_rng(0).integers(scenes, size=(RESAMPLES, scenes))
     ones = np.ones(scenes)
-    tau, resampled = (
-        kendall_tau(_means(score, ones, rows), -_means(sums, weight, rows)) for rows in (whole, drawn)
-    )
+    tau, resampled = (kendall_tau(_means(score, ones, rows), -_means(sums, weight, rows)) for rows in (whole, drawn))
     low, high = np.quantile(resampled, [0.025, 0.975])
     return {"tau": float(tau[0]), "low": float(low), "high": float(high)}
 
@@ -220,7 +218,8 @@ def shown(given: argparse.Namespace) -> None:
     for agent, row in made["rows"].items():
         seen = [f"{value:.3f}" for value in row["seen"].values()] if row["p"] is not None else ["", ""]
         table.add_row(
-            agent, _cell(row["drive_score"], row["interval"]), _cell(row["difference"], row["difference_interval"], "+"),
+            agent, _cell(row["drive_score"], row["interval"]),
+            _cell(row["difference"], row["difference_interval"], "+"),
             "" if row["p"] is None else f"{row['p']:.3f}", *seen, _cell(row["collisions"], row["collisions_interval"]),
             f"{row['any_collision']:.1f}", f"{row['near_misses']:.0f}", f"{row['progress']:.3f}",
             f"{row['phantom_brakes']:.0f}", f"{row['comfort']:.2f}",
@@ -228,7 +227,8 @@ def shown(given: argparse.Namespace) -> None:
         )  # fmt: skip
     console.print(table)
     for group, taus in made["tau"].items():
-        cells = [f"{n} {t['tau']:.2f} [{t['low']:.2f}, {t['high']:.2f}]" for n, t in taus.items() if isinstance(t, dict)]
+        found = {name: tau for name, tau in taus.items() if isinstance(tau, dict)}
+        cells = [f"{name} {tau['tau']:.2f} [{tau['low']:.2f}, {tau['high']:.2f}]" for name, tau in found.items()]
         half = f"drive score between halves of the scenes {taus['between halves']:.2f}"
         console.print(f"tau, {group}, {taus['agents']} agents: {'; '.join(cells)}; {half}")
     if given.json:

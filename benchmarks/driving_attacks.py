@@ -80,7 +80,7 @@ def late(task: Task) -> Agent:
 
 def sure(task: Task) -> Agent:
     """The objects of stp, all with confidence 1."""
-    return Changed(task, lambda now, before, frame: {**now, "object_confidence": np.ones_like(now["object_confidence"])})
+    return Changed(task, lambda now, before, frame: {**now, "object_confidence": np.ones(task.objects, np.float32)})
 
 
 def _moved(action: Action) -> np.ndarray:
