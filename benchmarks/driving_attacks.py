@@ -12,7 +12,7 @@ import numpy as np
 from mtp_bench import Action, Agent, Observation, Task, load_submission, make_action
 
 GRID = 16  # objects along each side of the square around the ego
-STEP = 6.0  # m between them
+STEP = 4.0  # m between them, too little to drive through
 AWAY = 200.0  # m
 
 
