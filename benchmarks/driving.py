@@ -145,7 +145,7 @@ def _sums(table: AgentTable, scenes: int) -> dict[str, tuple[Array, Array]]:
     }
 
     def summed(values: Array) -> Array:
-        return np.bincount(table.scene, weights=values, minlength=scenes)
+        return np.bincount(table.scene, weights=values, minlength=scenes).astype(np.float64)
 
     return {name: (summed(error * weight), summed(weight)) for name, (error, weight) in measures.items()}
 
