@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from mtp_bench import Card, Task, card_ids, load_card
-from mtp_bench.cards import TaskSection
 from mtp_bench.cards.card import LaneSection
 from mtp_bench.env.action import FIELDS
+from mtp_bench.env.driven import CRASH
 from mtp_bench.env.spaces import action_numbers, observation_space
 from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.sources import describe
@@ -74,7 +74,7 @@ def page(card: Card) -> str:
         "What it answers. [`mtp_bench.make_action`](../reference/environment.md) makes it from arrays without padding.",
         _actions(rules(card)),
         "## Reward",
-        _reward(card.task),
+        _reward(card),
         "## Arguments",
         ARGUMENTS,
         "## Data and licence",
@@ -129,6 +129,7 @@ def _properties(card: Card) -> str:
         **({"Lanes": lanes_of(card.lanes)} if card.lanes else {}),
         "A track follows an object": f"{measure}: {per_class(task.event_gate.threshold)}",
         "A forecast belongs to it": f"distance of centres, m, at most: {per_class(task.forecast_gate)}",
+        **({"Closed loop": "forecasts drive the ego: [driving](driving.md)"} if card.drive is not None else {}),
         "Miss error c": f"{per_class(task.miss_error)} (m)",
         "An action has": f"{action_numbers(rules(card)):,} numbers".replace(",", " "),
     }
@@ -182,7 +183,10 @@ def _range(space: object) -> str:
     return f"{low.min():g} to {high.max():g}"
 
 
-def _reward(task: TaskSection) -> str:
+def _reward(card: Card) -> str:
+    if card.drive is not None:
+        return f"Metres that the ego drives, less {CRASH:g} for a collision at fault ([driving](driving.md))."
+    task = card.task
     half = {name: value / 2 for name, value in task.miss_error.items()}
     return (
         f"Minus the error of the frame ([what that is](index.md#reward)). A target that is not forecast costs "
