@@ -36,7 +36,6 @@ class DrivingRow:
     phantom_brakes: Annotated[float, Column("phantom", better="lower", format=".1f", help="Hard brakes, free way.")]
     goal_seconds: Annotated[float | None, Column("to goal", "s", better="lower", help="Mean, if reached.")]
     comfort: Annotated[float, Column(unit="share", better="higher", help="Scenes within nuPlan's bounds of comfort.")]
-    error: Annotated[float | None, Column("bADE", "m", better="lower", help="In its own episodes.")] = None
     scenes: Annotated[int, Column()] = 0
 
 
@@ -46,7 +45,6 @@ class AgentDrives:
 
     agent: str
     drives: Mapping[str, Sequence[Drive]]
-    error: float | None = None  # m, bADE in its own episodes
 
 
 def scene_score(drive: Drive, reference: float) -> float:
@@ -97,6 +95,5 @@ def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None
         phantom_brakes=float(np.mean([100.0 * drive.phantom_brakes for drive, _ in every])),
         goal_seconds=float(np.mean(goals)) if goals else None,
         comfort=float(np.mean([drive.comfortable for drive, _ in every])),
-        error=agent.error,
         scenes=len(reference),
     )
