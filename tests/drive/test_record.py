@@ -99,10 +99,10 @@ def test_rows_are_paired_by_scene() -> None:
     stp = AgentDrives("stp", {name: [of(50.0)] for name in reference})
     good = {name: [of(60.0 + 4 * i), of(100.0)] for i, name in enumerate(reference)}
     good["s7"] = [of(50.0, "car", True, near=2), of(100.0, "bus")]
-    first, last = driving_rows([stp, AgentDrives("good", good, 1.5)], reference, stp)
+    first, last = driving_rows([stp, AgentDrives("good", good)], reference, stp)
     scores = np.array([(7 + (1.6 + 0.04 * i) * 2.5) / 12 for i in range(7)] + [0.5])
     test = sign_flip_test(scores - 9.5 / 12)
-    assert (first.agent, first.error, last.agent, last.difference, last.p) == ("good", 1.5, "stp", None, None)
+    assert (first.agent, last.agent, last.difference, last.p) == ("good", "stp", None, None)
     assert first.interval == pytest.approx(bootstrap_interval(scores, np.ones(8)))
     assert first.difference_interval == pytest.approx(test.interval)
     means = scores.mean(), scores.mean() - 9.5 / 12, test.p
