@@ -25,8 +25,7 @@ def apply(diff: str, root: Path) -> set[str]:
         text = (root / name).read_text()
         line = f"{context[1:]}\n"
         assert text.count(line) == 1, f"{name} has not once the line {line!r}"
-        added = "".join(f"{line[1:]}\n" for line in lines)
-        (root / name).write_text(text.replace(line, line + added))
+        (root / name).write_text(text.replace(line, line + "".join(f"{line[1:]}\n" for line in lines)))
         changed.add(name)
     return changed
 

@@ -68,8 +68,7 @@ def test_an_example_of_the_reference_prints_what_is_shown(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    code = (FOLDER / f"reference/{name}.py").read_text()
-    exec(compile(code, name, "exec"), {"__name__": "__main__"})
+    exec(compile((FOLDER / f"reference/{name}.py").read_text(), name, "exec"), {"__name__": "__main__"})
     assert capsys.readouterr().out == (OUTPUTS / f"reference/{name}.txt").read_text()
 
 

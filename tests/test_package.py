@@ -74,8 +74,7 @@ def test_the_import_loads_nothing_heavy() -> None:
 
 
 def test_every_card_is_registered_once() -> None:
-    registered = {env_id for env_id in gym.registry if env_id.startswith("MTP-")}
-    assert registered == set(mtp_bench.card_ids())
+    assert {env_id for env_id in gym.registry if env_id.startswith("MTP-")} == set(mtp_bench.card_ids())
     out = python(
         "import warnings; warnings.simplefilter('error')\n"
         "import importlib, mtp_bench; importlib.reload(mtp_bench)\n"
@@ -148,8 +147,7 @@ def test_rollouts_and_secrets_stay_out_of_the_wheel(repository: Path, tmp_path: 
         path.touch()
     hook = runpy.run_path(str(repository / "hatch_build.py"))["LeaderboardHook"]
     data: dict[str, dict[str, str]] = {"force_include": {}}
-    building = hook(str(tmp_path), {}, None, None, "", "wheel")
-    building.initialize("standard", data)
+    hook(str(tmp_path), {}, None, None, "", "wheel").initialize("standard", data)
     names = sorted(data["force_include"].values())
     assert names == [f"mtp_bench/_bundled/leaderboard/{name}" for name in public]
 
@@ -168,8 +166,7 @@ def test_the_installed_wheel_works_without_the_checkout(wheel: Path, tmp_path: P
     file, envs, digest, ids, baselines, digests = json.loads(out)
     assert Path(file).is_relative_to(tmp_path)
     assert Path(envs).is_relative_to(tmp_path)
-    assert digest == mtp_bench.load_card("MTP-KITTI-v0").digest
-    assert tuple(ids) == mtp_bench.card_ids()
+    assert (digest, tuple(ids)) == (mtp_bench.load_card("MTP-KITTI-v0").digest, mtp_bench.card_ids())
     assert tuple(baselines) == _bundle.baseline_names()
     assert digests == [mtp_bench.load_submission(name).digest for name in _bundle.baseline_names()]
 

@@ -65,8 +65,7 @@ def test_the_examples_run(repository: Path, capsys: pytest.CaptureFixture[str]) 
     for text in blocks(repository / "README.md", "python"):
         exec(compile(text, "README.md", "exec"), {})
     printed = capsys.readouterr().out
-    assert "min_ade" in printed
-    assert "StandingStill" in printed
+    assert all(text in printed for text in ("min_ade", "StandingStill"))
 
 
 def test_the_example_of_the_detector_runs(repository: Path) -> None:

@@ -199,8 +199,7 @@ def test_forecasts_that_do_not_fit_the_frame(shape: tuple[int, ...], row: Any, m
 
 
 def test_a_pool_has_a_row_once_with_the_mass_of_its_hypotheses() -> None:
-    row = np.array([[3, 3, 1], [-1, 2, -1], [0, 0, 0]])
-    pools = make_pools(row, np.log([0.5, 0.3, 0.2]))
+    pools = make_pools(np.array([[3, 3, 1], [-1, 2, -1], [0, 0, 0]]), np.log([0.5, 0.3, 0.2]))
     assert (pools.start.tolist(), pools.row.tolist()) == ([0, 2, 3, 4], [1, 3, 2, 0])
     np.testing.assert_allclose(np.exp(pools.log_mass), [0.2, 0.8, 0.3, 1.0])
     assert len(make_pools(np.zeros((0, 3), dtype=int), np.log([0.5, 0.3, 0.2])).row) == 0

@@ -27,8 +27,7 @@ def test_other_stored_detections_of_nuscenes_by_name() -> None:
     other = changed_card(card, "val", "centerpoint")
     assert isinstance(other.source, NuScenesSource)
     assert (other.source.detector, other.source.split, other.detector) == ("centerpoint", "val", None)
-    assert other.detector_name == "centerpoint"
-    assert len({card.digest, with_split(card, "val").digest, other.digest}) == 3
+    assert (other.detector_name, len({card.digest, with_split(card, "val").digest, other.digest})) == ("centerpoint", 3)
 
 
 def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: Path) -> None:
@@ -47,8 +46,7 @@ def test_a_file_of_detections_counts_by_its_content_not_by_its_place(tmp_path: P
 
 
 def test_another_detector_takes_the_place_of_wildtracks_stored_detections_too() -> None:
-    card = load_card("MTP-WILDTRACK-v0")
-    other = with_detector(card, "hard")
+    other = with_detector(load_card("MTP-WILDTRACK-v0"), "hard")
     assert isinstance(other.source, WildtrackSource)
     assert (other.source.detector, other.detector_name) == (None, "wildtrack_mvdet-hard")
     assert parse_card(other.stored()).digest == other.digest, "a stored run of it can be opened"
@@ -67,8 +65,7 @@ def test_the_digest_covers_the_noise_behind_a_name() -> None:
     profile = load_profile("nuscenes_megvii")
     inline = put(simulated_content(), "detector", {"noise": profile.model_dump(exclude_none=True), "reach": 60.0})
     changed = put(inline, "detector.noise.dt", 0.4)
-    digests = {parse_card(card).digest for card in (simulated_content(), inline, changed)}
-    assert len(digests) == 3
+    assert len({parse_card(card).digest for card in (simulated_content(), inline, changed)}) == 3
 
 
 def test_a_profile_without_the_class_is_an_error() -> None:

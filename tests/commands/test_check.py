@@ -31,8 +31,7 @@ def edit(folder: Path, old: str, new: str, file: str = "agent.py") -> None:
 
 def test_a_sound_submission_passes(folder: Path, cli: CommandLine, tmp_path: Path) -> None:
     out = cli.ok("check", folder, "--scenes", 1, "--json", tmp_path / "check.json")
-    assert "mine on MTP-Intersection-v0" in out
-    assert "mine passes; next: `mtp-bench compare" in out
+    assert all(text in out for text in ("mine on MTP-Intersection-v0", "mine passes; next: `mtp-bench compare"))
     content = read_json(tmp_path / "check.json")
     assert {finding["level"] for finding in content["findings"]} == {"ok"}
     assert [finding["check"] for finding in content["findings"]][-1] == "gateway"
@@ -45,8 +44,7 @@ def test_what_only_the_gateway_sees(folder: Path, cli: CommandLine) -> None:
         patch.setenv("CHECK_ME", "1")
         output = cli("check", folder, "--scenes", 1)
     assert output.error == "mine does not pass: 1 error, see the table"
-    assert "crashed" in output.out
-    assert "no environment" in output.out
+    assert all(text in output.out for text in ("crashed", "no environment"))
 
 
 UNSAFE = {
@@ -73,8 +71,7 @@ def test_what_the_gateway_says_becomes_findings(card: str, kitti: str) -> None:
     one, two = run_scenes(make_echo, card, {"data": kitti}, ["0001", "0006"])
     (sound,) = gateway_findings([run(one), run(two)], [one, two])
     assert (sound.level, sound.got) == ("ok", "2 scenes in a process of its own: 3 MiB at most")
-    hung = run(two, malformed=1, status="hung", reason="no answer")
-    found = gateway_findings([run(one), hung], [one, one])
+    found = gateway_findings([run(one), run(two, malformed=1, status="hung", reason="no answer")], [one, one])
     assert [finding.got for finding in found] == ["hung: no answer", "1 answers malformed"]
     assert {(finding.level, finding.where) for finding in found} == {("error", "scene 0006")}
     (other,) = gateway_findings([run(one)], [two])

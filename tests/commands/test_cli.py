@@ -42,8 +42,7 @@ def registered() -> dict[str, Any]:
 
 
 def python(code: str, *arguments: str, **keywords: Any) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(command, text=True, check=False, **keywords)
+    return subprocess.run([sys.executable, "-c", code, *arguments], text=True, check=False, **keywords)
 
 
 def test_the_commands_are_those_of_the_design() -> None:
@@ -102,18 +101,14 @@ def test_settings_of_numba_here_are_refused(cli: CommandLine, tmp_path: Path, mo
 
 
 WRONG_USAGE = {
-    "no command": [],
-    "too large a number": ["compare", "stp", "--env", "e", "--seeds", "1" + 25 * "0"],
-    "an empty word": ["verify", ""],
-    "an empty value": ["run", "stp", "--env", "e", "--output="],
-    "unknown command": ["comapre"],
-    "unknown option": ["envs", "--jsno", "a.json"],
-    "no agent": ["run", "--env", "MTP-KITTI-v0", "-o", "run"],
-    "no output": ["run", "stp", "--env", "MTP-KITTI-v0"],
+    "no command": [], "too large a number": ["compare", "stp", "--env", "e", "--seeds", "1" + 25 * "0"],
+    "an empty word": ["verify", ""], "an empty value": ["run", "stp", "--env", "e", "--output="],
+    "unknown command": ["comapre"], "unknown option": ["envs", "--jsno", "a.json"],
+    "no agent": ["run", "--env", "MTP-KITTI-v0", "-o", "run"], "no output": ["run", "stp", "--env", "MTP-KITTI-v0"],
     "no seed": ["compare", "stp", "--env", "MTP-KITTI-v0", "--seeds", "0"],
     "a table of another form": ["board", "--table", "table.xls"],
     "more scenes than are checked": ["check", "stp", "--scenes", "10"],
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("arguments", WRONG_USAGE.values(), ids=WRONG_USAGE.keys())
@@ -205,8 +200,7 @@ def test_data(cli: CommandLine, tmp_path: Path, kitti: str) -> None:
     printed = cli.ok("data", "--data", kitti, "--json", tmp_path / "a.json")
     content = read_json(tmp_path / "a.json")
     assert list(content) == list(card_ids())
-    assert "complete" in printed
-    assert "found: 3 scenes, 20 frames" in printed
+    assert all(text in printed for text in ("complete", "found: 3 scenes, 20 frames"))
     assert printed.count("licence: CC BY-NC-SA 3.0 (Geiger et al.)") == 1
     first = content["MTP-KITTI-v0"]
     assert (first["usable"], first["missing"], first["problems"], first["counts"]["scenes"]) == (True, [], [], 3)
@@ -253,8 +247,7 @@ def test_train_fits_the_training_split(cli: CommandLine, tmp_path: Path, card: s
 
 
 def test_the_progress_bar_keeps_to_the_error_stream_of_a_terminal(tmp_path: Path, card: str, training: str) -> None:
-    pty = pytest.importorskip("pty")
-    terminal, side = pty.openpty()
+    terminal, side = pytest.importorskip("pty").openpty()
     arguments = ["train", "motion-noise", "--env", card, "--data", training]
     code = "from mtp_bench import notice; notice.SILENT_SECONDS = 0; from mtp_bench.commands.app import main; main()"
     environment = {**os.environ, "TERM": "xterm", "MTP_BENCH_QUIET": "0"}

@@ -79,8 +79,7 @@ def test_a_stored_run_has_the_same_table(mine: Path, cli: CommandLine, known: li
     cli.ok("score", tmp_path / "run", *known, "--per-scene", scenes)
     with scenes.open() as file:
         lines = list(csv.DictReader(file))
-    keys = {key.split(" [")[0] for key in lines[0]}
-    assert keys - json_keys.PER_SCENE.keys() < set(Row.model_fields)
+    assert {key.split(" [")[0] for key in lines[0]} - json_keys.PER_SCENE.keys() < set(Row.model_fields)
     assert sum(float(line["bADE_sum"]) for line in lines) == pytest.approx(
         content["rows"][0]["error"] * content["rows"][0]["targets"]
     )

@@ -26,8 +26,7 @@ from tests.support.recordings import read
 def folder(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
     """A stored run of the small card."""
     folder = tmp_path_factory.mktemp("stored")
-    agent = write_submission(folder / "echo")
-    stored.run(str(agent), card, folder / "run", RunOptions(kitti))
+    stored.run(str(write_submission(folder / "echo")), card, folder / "run", RunOptions(kitti))
     return folder / "run"
 
 
@@ -46,8 +45,7 @@ def test_a_recording_is_written(cli: CommandLine, folder: Path, known: list[str]
 
 def test_runs_of_other_cards(cli: CommandLine, folder: Path, known: list[str], kitti: str, tmp_path: Path) -> None:
     run = load_run(folder)
-    info = run.info.model_copy(update={"card_digest": "0" * 16})
-    save_run(tmp_path / "other", info, run.rollouts)
+    save_run(tmp_path / "other", run.info.model_copy(update={"card_digest": "0" * 16}), run.rollouts)
     error = cli("view", folder, tmp_path / "other", *known, "--save", tmp_path / "a.rrd").error
     assert load_card(known[1]).digest in error
     assert "0" * 16 in error

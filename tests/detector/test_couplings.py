@@ -95,8 +95,7 @@ def test_false_positives_stand_in_families_and_live() -> None:
     assert together(few) < 0.12
     assert together(many) > 0.4
     assert len(many.box) == pytest.approx(len(few.box), rel=0.25)
-    brief = detect(truth, profile_of(free={**FREE, "survive": 0.0}), sensor=AHEAD)
-    assert followed(few) > 3 * followed(brief)
+    assert followed(few) > 3 * followed(detect(truth, profile_of(free={**FREE, "survive": 0.0}), sensor=AHEAD))
 
 
 def together(found: Detections) -> float:
@@ -133,6 +132,5 @@ def test_false_positives_beside_an_object_follow_it() -> None:
 def test_a_duplicate_needs_its_original() -> None:
     truth = cars(200, 20)
     beside = {**NEAR, "offset": (0.5,) * 11}
-    missed = profile_of(near=beside, quality={"location": (-9, 0, 0, 0, 0, 0, 0)})
-    assert len(detect(truth, missed).box) == 0
+    assert len(detect(truth, profile_of(near=beside, quality={"location": (-9, 0, 0, 0, 0, 0, 0)})).box) == 0
     assert len(detect(truth, profile_of(near=beside)).box) > 200 * 20

@@ -59,8 +59,7 @@ def test_headings_have_the_stated_robust_deviation_and_the_shape_of_t4() -> None
 def test_flips_are_a_chain(steps: int) -> None:
     flipped = np.abs(errors(dt=steps * DT, heading={"flip": 0.03, "flip_again": 0.4})[..., 3]) > np.pi / 2
     share = 0.03 / (1 - 0.4 + 0.03)
-    assert flipped[0].mean() == pytest.approx(share, abs=0.03)
-    assert flipped.mean() == pytest.approx(share, abs=0.004)
+    assert (flipped[0].mean(), flipped.mean()) == (pytest.approx(share, abs=0.03), pytest.approx(share, abs=0.004))
     again = share + (1 - share) * 0.37**steps
     assert (flipped[1:] & flipped[:-1]).sum() / flipped[:-1].sum() == pytest.approx(again, abs=0.03)
 
@@ -72,8 +71,7 @@ def test_sizes_err_mostly_with_the_object_and_heights_in_every_frame() -> None:
     np.testing.assert_allclose(error[..., 4:].std((0, 1)), size["deviation"], rtol=0.1)
     assert np.corrcoef(error[:-1, :, 4].ravel(), error[1:, :, 4].ravel())[0, 1] == pytest.approx(0.9, abs=0.03)
     assert abs(np.corrcoef(error[0, :, 4], error[0, :, 5])[0, 1]) < 0.2  # each side errs on its own
-    assert error[..., 2].mean() == pytest.approx(0.1, abs=0.01)
-    assert error[..., 2].std() == pytest.approx(0.2, rel=0.02)
+    assert (error[..., 2].mean(), error[..., 2].std()) == (pytest.approx(0.1, abs=0.01), pytest.approx(0.2, rel=0.02))
     least = errors(size={"mean": (-9.0, -9.0, -9.0)})[0, 0, 4:] + np.array([4.0, 2.0, 1.6])
     np.testing.assert_allclose(least, [1.2, 0.6, 0.48])
 

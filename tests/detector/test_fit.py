@@ -104,8 +104,7 @@ def test_couplings_come_back(scenes: list[Scene], refit: Profile) -> None:
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
 def test_skewed_numbers(share: float) -> None:
     """Drawn, distributed and dense alike; mean 0, variance 1."""
-    rng = np.random.default_rng(0)
-    normal, tail = rng.standard_normal((2, 200_000))
+    normal, tail = np.random.default_rng(0).standard_normal((2, 200_000))
     numbers = skewed(normal, exponential(tail), share)
     assert (numbers.mean(), numbers.var()) == pytest.approx((0.0, 1.0), abs=0.02)
     for value in (-1.5, -0.5, 0.0, 1.0, 3.0):

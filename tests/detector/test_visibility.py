@@ -99,8 +99,7 @@ def test_the_occlusion_level_follows_the_visible_fraction(visible: float, level:
     # The far wall spans 45 degrees to each side; the near one hides all of it but an angle on the left.
     top = 5 * np.tan(np.pi / 4 - visible * np.pi / 2)
     truth = _truth([[_wall(10.0, -10.0, 10.0), _wall(5.0, -20.0, float(top))]])
-    seen = visibility_of(truth, np.zeros((1, 4)), ALL_AROUND)
-    assert seen.occlusion.tolist() == [level, 0]
+    assert visibility_of(truth, np.zeros((1, 4)), ALL_AROUND).occlusion.tolist() == [level, 0]
 
 
 def test_distance_and_bearing_are_relative_to_the_ego_of_the_frame() -> None:

@@ -14,9 +14,9 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import SyncVectorEnv
 
-from mtp_bench import MTPEnv, load_scenes
+from mtp_bench import MTPEnv
 from mtp_bench.env.rollouts import digest
-from mtp_bench.errors import DataError, MtpBenchError, RolloutError
+from mtp_bench.errors import RolloutError
 from mtp_bench.running.drives import recorded_card
 from mtp_bench.running.stored import open_run
 from mtp_bench.sources.base import section_of
@@ -63,8 +63,7 @@ def test_the_same_drive_again(drive_card: str) -> None:
     traffic = DrivenTraffic(traffic_of(section_of(env.card, HighwaySource)), 10000)
     for gain in drive.acceleration:
         traffic.step(gain)
-    replayed = traffic.world(frames=5 * rollout.frames - 4)
-    assert content_hash(pack(replayed)) == content_hash(dict(drive.world))
+    assert content_hash(pack(traffic.world(frames=5 * rollout.frames - 4))) == content_hash(dict(drive.world))
 
 
 def test_evaluation_shows_nothing_of_the_truth_and_has_pictures(drive_card: str) -> None:
@@ -105,13 +104,6 @@ def test_gymnasium_checker_and_a_vector_env(drive_card: str) -> None:
         observation, reward, *_ = envs.step(envs.action_space.sample())
         assert envs.observation_space.contains(observation)
         assert np.isfinite(reward).all()
-
-
-def test_what_a_closed_loop_does_not_have(drive_card: str) -> None:
-    with pytest.raises(DataError, match="before an agent drives in it: run one, and open its run"):
-        next(load_scenes(drive_card))
-    with pytest.raises(MtpBenchError, match="which takes no fresh_noise"):
-        MTPEnv(drive_card, fresh_noise=True)
 
 
 def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None:

@@ -77,8 +77,7 @@ def test_what_does_not_fit_is_left_out_the_least_likely_first() -> None:
         score=np.ones(4), detection=np.arange(4), past=np.zeros((4, 10, 7)), past_valid=np.ones((4, 10), dtype=bool),
         member=np.array([[1, 0, 0, 1], [0, 0, 1, 1], [0, 1, 0, 0]], dtype=bool), log_weight=np.log([0.5, 0.3, 0.2]),
     )  # fmt: skip
-    small = task(tracks=3, hypotheses=2, objects=1)
-    action = make_action(small, BOX, CLASS, FUTURE, tracks=tracks)
+    action = make_action(task(tracks=3, hypotheses=2, objects=1), BOX, CLASS, FUTURE, tracks=tracks)
     assert (action["track_id"].tolist(), action["track_class"].tolist()) == ([10, 12, 13], [0, 1, 0])
     assert action["hypothesis_member"].tolist() == [[1, 0, 1], [0, 1, 1]]
     np.testing.assert_allclose(np.exp(action["hypothesis_log_weight"]), [0.5, 0.3])

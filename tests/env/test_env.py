@@ -17,13 +17,7 @@ from mtp_bench.errors import DataError, MtpBenchError, RolloutError, UnknownName
 from mtp_bench.scoring import live_frames, score_scene
 from mtp_bench.types import Rollout, Scene
 from tests.env.conftest import MakeEnv
-from tests.support.small_scenes import (
-    Action,
-    EchoAgent,
-    bare_scene,
-    empty_action,
-    make_scene,
-)
+from tests.support.small_scenes import Action, EchoAgent, bare_scene, empty_action, make_scene
 
 INFO = ["frame", "dropped_detections", "invalid_tracks", "invalid_hypotheses", "invalid_objects"]
 METRICS = ["targets", "covered", "min_ade", "false_forecasts", "cost_missed", "cost_false", "cost_error"]
@@ -55,11 +49,9 @@ def echo_rollout(env: MTPEnv, **reset: Any) -> Rollout:
 
 
 def test_the_first_ego_pose_is_the_origin_and_time_starts_at_zero(make_env: MakeEnv) -> None:
-    env = make_env(make_scene())
-    observation, info = env.reset()
+    observation, info = make_env(make_scene()).reset()
     np.testing.assert_allclose(observation["ego_pose"], 0, atol=1e-6)
-    assert float(observation["time"]) == 0.0
-    assert float(observation["dt"]) == 0.1
+    assert (float(observation["time"]), float(observation["dt"])) == (0.0, 0.1)
     # The car is 0.1 m ahead along the scene's x axis, which runs 0.5 rad to the right of the ego heading.
     want = [0.1 * np.cos(0.5), -0.1 * np.sin(0.5), -0.2, -0.5, 4, 1.8, 1.5]
     np.testing.assert_allclose(observation["detection_box"][0], want, atol=1e-6)
@@ -77,8 +69,7 @@ def test_every_frame_and_the_one_after_the_last_lie_in_the_space(keywords: dict[
     assert len(seen) == 9
     for t, (observation, info) in enumerate(seen):
         assert env.observation_space.contains(observation)
-        metrics = info.pop("episode_metrics", None)
-        assert (metrics is not None) == (t == 8 and "evaluation" not in keywords)
+        assert (info.pop("episode_metrics", None) is not None) == (t == 8 and "evaluation" not in keywords)
         assert list(info) == (INFO if "evaluation" in keywords else [*INFO, "scene", *METRICS])
         assert all(type(value) in (int, float) for value in info.values())
         assert info["frame"] == t
@@ -90,8 +81,7 @@ def test_every_frame_and_the_one_after_the_last_lie_in_the_space(keywords: dict[
 
 def test_more_detections_than_rows_the_best_stay_in_order_and_the_rest_is_counted(make_env: MakeEnv) -> None:
     env = make_env(make_scene(empty=(1,)), detections=2)
-    scene = env.reset()[0]
-    assert scene["detection_score"].tolist() == [3.0, 1.0]
+    assert env.reset()[0]["detection_score"].tolist() == [3.0, 1.0]
     seen, _ = play(env, lambda observation: empty_action(env.task))
     assert [info["dropped_detections"] for _, info in seen] == [1, 0, 1, 1, 1, 1, 1, 1, 0]
     assert env.rollout().dropped.tolist() == [1, 0, 1, 1, 1, 1, 1, 1]
@@ -106,21 +96,16 @@ def with_box(row: int, column: int | slice, value: float) -> Scene:
 
 
 BAD_DETECTION = {
-    "NaN": (0, 1, np.nan),
-    "infinite": (0, 0, np.inf),
-    "far away": (0, 0, 2e5),
-    "too large": (0, 4, 150.0),
-    "negative size": (0, 5, -1.0),
-    "beyond single precision": (0, 0, 1e300),
-}
+    "NaN": (0, 1, np.nan), "infinite": (0, 0, np.inf), "far away": (0, 0, 2e5), "too large": (0, 4, 150.0),
+    "negative size": (0, 5, -1.0), "beyond single precision": (0, 0, 1e300),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", BAD_DETECTION, ids=str)
 def test_a_detection_outside_of_the_space_is_left_out_and_counted(case: str, make_env: MakeEnv) -> None:
     env = make_env(with_box(*BAD_DETECTION[case]))
     observation, info = env.reset()
-    assert observation["detection_valid"].sum() == 2
-    assert info["dropped_detections"] == 1
+    assert (observation["detection_valid"].sum(), info["dropped_detections"]) == (2, 1)
     assert env.observation_space.contains(observation)
 
 
@@ -130,8 +115,7 @@ def test_true_boxes_come_as_detections_with_their_ids(make_env: MakeEnv) -> None
     neutral[1::3] = True  # the second car becomes a van
     env = make_env(replace(scene, truth=replace(scene.truth, neutral=neutral)), observe="truth")
     observation, _ = env.reset()
-    assert env.task.observe == "truth"
-    assert observation["detection_id"].tolist() == [7, 5, -1, -1, -1, -1]
+    assert (env.task.observe, observation["detection_id"].tolist()) == ("truth", [7, 5, -1, -1, -1, -1])
     assert observation["detection_score"].tolist() == [1, 1, 0, 0, 0, 0]
     np.testing.assert_allclose(np.hypot(*observation["detection_box"][0, :2]), 0, atol=1e-6)
     assert not observation["detection_velocity"].any()  # the task says that velocity is not measured
@@ -199,8 +183,7 @@ def test_an_episode_of_target_frames_earns_what_the_whole_one_does_there(make_en
     seen, rewards = play(whole, echo(whole))
     env = make_env(make_scene(), make_scene("short", frames=4), target_frames=True)
     part, earned = play(env, echo(env), options={"scene": "one"})
-    assert [info["frame"] for _, info in part] == [1, 2, 3, 4, 5]
-    assert earned == rewards[1:5]
+    assert ([info["frame"] for _, info in part], earned) == ([1, 2, 3, 4, 5], rewards[1:5])
     assert part[-1][1]["episode_metrics"] == seen[-1][1]["episode_metrics"]
     assert [float(past["time"]) for past in env.past] == [0.0]
     np.testing.assert_array_equal(env.past[0]["detection_box"], seen[0][0]["detection_box"])
@@ -282,9 +265,7 @@ def test_the_rollout_holds_the_answer_in_the_frame_of_the_scene(make_env: MakeEn
     assert rollout.seconds.tolist() == [0.0] * 8
 
 
-def test_a_random_turn_and_shift_changes_what_is_seen_but_neither_answers_nor_rewards(
-    make_env: MakeEnv,
-) -> None:
+def test_a_random_turn_and_shift_changes_what_is_seen_but_neither_answers_nor_rewards(make_env: MakeEnv) -> None:
     plain = make_env(make_scene())
     _, rewards = play(plain, echo(plain))
     still = plain.rollout()
@@ -386,8 +367,7 @@ def test_an_answer_that_cannot_be_read_is_a_false_forecast_per_detection(make_en
     for nothing in unreadable:
         _, rewards = play(env, lambda observation, said=nothing: said)  # type: ignore[misc]
         assert rewards[1] == rewards[3] == -(3 * 2.0 + 3 * 1.0)
-        assert rewards[2] == -3 * 2.0
-        assert sum(rewards) == -fixed_error(env)
+        assert (rewards[2], sum(rewards)) == (-3 * 2.0, -fixed_error(env))
 
 
 def other_truth(scene: Scene) -> Scene:

@@ -99,10 +99,7 @@ def test_a_spec_survives_json(env_id: str, observe: str, kitti: str) -> None:
     again = gym.make(EnvSpec.from_json(made.spec.to_json()))
     for env in (made.unwrapped, again.unwrapped):
         assert isinstance(env, MTPEnv)
-        assert env.task.env_id == env_id
-        assert env.task.observe == observe
-        assert env.task.samples == 3
-        assert env.scene_names == (scene,)
+        assert (env.task.env_id, env.task.observe, env.task.samples, env.scene_names) == (env_id, observe, 3, (scene,))
     first, second = made.reset(seed=3)[0], again.reset(seed=3)[0]
     for key in first:
         np.testing.assert_array_equal(first[key], second[key])
@@ -146,8 +143,7 @@ def test_wrappers_of_gymnasium(name: str, card: str, kitti: str) -> None:
         observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
         assert np.isfinite(float(reward))
         over = terminated or truncated
-    assert truncated == (name == "TimeLimit")
-    assert ("episode" in info) == (name == "RecordEpisodeStatistics")
+    assert (truncated, "episode" in info) == (name == "TimeLimit", name == "RecordEpisodeStatistics")
     assert ("episode_metrics" in info) == terminated
     env.close()
 
@@ -171,15 +167,13 @@ def test_vector_envs(kind: str, mode: AutoresetMode, card: str, kitti: str) -> N
     try:
         envs.action_space.seed(0)
         observation, info = envs.reset(seed=[1, 2], options={"scene": "0006"})
-        assert observation["detection_box"].shape == (2, 6, 7)
-        assert observation["time"].shape == (2,)
+        assert (observation["detection_box"].shape, observation["time"].shape) == ((2, 6, 7), (2,))
         for t in range(9):  # the scene has 7 frames: the eighth step is an automatic reset in mode "next step"
             assert envs.observation_space.contains(observation)
             observation, reward, terminated, truncated, info = envs.step(envs.action_space.sample())
             assert np.isfinite(reward).all()
             assert not truncated.any()
-            assert terminated.tolist() == [t == 6] * 2
-            assert info["dropped_detections"].tolist() == [0, 0]
+            assert (terminated.tolist(), info["dropped_detections"].tolist()) == ([t == 6] * 2, [0, 0])
             if t == 6:
                 last = info.get("final_info", info)
                 assert ("final_info" in info) == (mode == AutoresetMode.SAME_STEP)

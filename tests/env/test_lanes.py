@@ -45,8 +45,7 @@ def make_env(tmp_path: Path) -> Callable[..., MTPEnv]:
 
 
 def test_pieces_share_end_points_and_know_their_successors(make_env: Callable[..., MTPEnv]) -> None:
-    env = make_env()
-    seen, _ = env.reset()
+    seen, _ = make_env().reset()
     turned = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
     here = seen["lane_point"] @ turned.T + [20, 10]  # back in the frame of the scene
     shown = [here[i][seen["lane_valid"][i] == 1] for i in range(4)]

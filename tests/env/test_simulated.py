@@ -20,8 +20,7 @@ SIMULATED = ("MTP-Intersection-v0", "MTP-Roundabout-v0", "MTP-Merge-v0", "MTP-Hi
 
 def first_scene(env_id: str, **keywords: Any) -> MTPEnv:
     """The env with nothing but its first scene, the same in all tests: it is generated once."""
-    known = MTPEnv(env_id).scene_names
-    return MTPEnv(env_id, scenes=known[:1], **keywords)
+    return MTPEnv(env_id, scenes=MTPEnv(env_id).scene_names[:1], **keywords)
 
 
 @pytest.mark.parametrize("env_id", SIMULATED)

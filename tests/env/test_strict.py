@@ -48,21 +48,15 @@ def misspelt(action: Action) -> None:
 
 # Mistakes in an action that is right otherwise, in the order of docs/environment/errors.md; None: no action at all.
 WRONG: dict[str, Break | None] = {
-    "`None`": None,
-    "no forecasts": drop("forecast"),
-    "a misspelt key": misspelt,
+    "`None`": None, "no forecasts": drop("forecast"), "a misspelt key": misspelt,
     "no axis of samples": lambda action: action.__setitem__("forecast", action["forecast"][:, 0]),
-    "classes as floats": cast("object_class", float),
-    "NaN in a forecast": put("forecast", (0, 0, 0, 0), np.nan),
+    "classes as floats": cast("object_class", float), "NaN in a forecast": put("forecast", (0, 0, 0, 0), np.nan),
     "a score as confidence": put("object_confidence", 0, 3.0),
     "padding as an object": both(put("object_valid", 3, 1), put("object_box", 3, 0.0)),
-    "class -1": put("object_class", 0, -1),
-    "forecasts of kilometres": put("forecast", (0, 0), 1000.0),
-    "absolute coordinates": absolute,
-    "degrees": degrees,
-    "one id twice": put("track_id", slice(0, 2), 123456),
+    "class -1": put("object_class", 0, -1), "forecasts of kilometres": put("forecast", (0, 0), 1000.0),
+    "absolute coordinates": absolute, "degrees": degrees, "one id twice": put("track_id", slice(0, 2), 123456),
     "an object without samples": put("forecast_log_weight", 0, -np.inf),
-}
+}  # fmt: skip
 WARNED = list(WRONG)[-4:]  # the action space cannot express them, or they are legal
 MISTAKES = {**{name: case.change for name, case in CASES.items() if case.counted[2]}, **WRONG}
 
@@ -189,8 +183,7 @@ def test_nothing_is_said_of_an_action_from_the_action_space(make_env: MakeEnv) -
 
 def silent_play(agent: str, env: MTPEnv) -> int:
     """Frames of the first scene that a baseline plays, at most 150; whatever is said becomes an error."""
-    name = env.scene_names[0]
-    observation, _ = env.reset(seed=0, options={"scene": name})
+    observation, _ = env.reset(seed=0, options={"scene": env.scene_names[0]})
     player = load_submission(agent).build(agent_task(env, 0))
     player.reset(agent_task(env, 0))
     over, frames = False, 0

@@ -45,8 +45,7 @@ def test_it_follows_the_cars(case: tuple[Path, dict[str, str]], card: str, kitti
     # scores are too low for ByteTrack to start a track.
     folder, parameters = case
     env = MTPEnv(card, kitti)
-    agent = load_submission(folder).build(agent_task(env, 0), **parameters)
-    rollout = run_scene(agent, env, "0001", 0)
+    rollout = run_scene(load_submission(folder).build(agent_task(env, 0), **parameters), env, "0001", 0)
     first, last = rollout.tracks.rows(2), rollout.tracks.rows(8)
     names = {tuple(sorted(rollout.track_id[rows].tolist())) for rows in (first, last)}
     assert len(names) == 1
@@ -61,8 +60,7 @@ def test_the_command_runs_it(case: tuple[Path, dict[str, str]], card: str, kitti
 
 
 def _scored(env: MTPEnv, scene: str, folder: str | Path, parameters: dict[str, str]) -> SceneScore:
-    agent = load_submission(folder).build(agent_task(env, 0), **parameters)
-    rollout = run_scene(agent, env, scene, 0)
+    rollout = run_scene(load_submission(folder).build(agent_task(env, 0), **parameters), env, scene, 0)
     return score_scene(env.scene, rollout, env.card)
 
 

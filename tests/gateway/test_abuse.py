@@ -176,8 +176,7 @@ def test_processes_of_agents_can_be_found(court: Court, agents: Path) -> None:
 
 def test_floods_are_read_away(court: Court) -> None:
     run = court.run("def act(self, observation):\n    print('x' * 4_000_000)\n    return self.honest(observation)")
-    assert run.status == "finished"
-    assert digest(run.rollout) == digest(court.honest())
+    assert (run.status, digest(run.rollout)) == ("finished", digest(court.honest()))
 
 
 FILLS = """
@@ -208,8 +207,7 @@ def test_nothing_is_unpickled(court: Court) -> None:
     pickled = f"cbuiltins\nexec\n(Vopen({str(marker)!r}, 'w')\ntR.".encode()
     for name in ("weights.pkl", "agent.pkl", "weights.safetensors", "weights.npz"):
         (folder / name).write_bytes(pickled)
-    run = court.run(HONEST)
-    assert run.status == "finished"
+    assert court.run(HONEST).status == "finished"
     assert not marker.exists()
 
 

@@ -105,14 +105,10 @@ def test_an_unanswered_frame_and_an_empty_answer_have_different_seals() -> None:
 
 
 ARRAYS = {
-    "numbers": np.arange(6, dtype=np.float32).reshape(2, 3),
-    "turned": np.arange(6.0).reshape(2, 3).T,
-    "scalar": np.float64(3.5),
-    "empty": np.zeros((0, 7)),
-    "mask": np.array([True, False]),
-    "list": [1, 2, 3],
+    "numbers": np.arange(6, dtype=np.float32).reshape(2, 3), "turned": np.arange(6.0).reshape(2, 3).T,
+    "scalar": np.float64(3.5), "empty": np.zeros((0, 7)), "mask": np.array([True, False]), "list": [1, 2, 3],
     "big-endian": np.arange(3, dtype=">i4"),
-}
+}  # fmt: skip
 
 
 def parts(message: bytes) -> tuple[bytes, bytes]:
@@ -144,15 +140,10 @@ def test_only_numbers_are_sent(value: object) -> None:
 
 
 BROKEN = {
-    "object dtype": [["a", "|O", [1]]],
-    "negative": [["a", "<f4", [-1, -1]]],
-    "too long": [["a", "<f4", [3]]],
-    "too short": [["a", "<f4", [1]]],
-    "overflow": [["a", "<f4", [2**39] * 4]],
-    "no shape": [["a", "<f4"]],
-    "true": [["a", "<f4", [True, 2]]],
-    "no list": 3,
-}
+    "object dtype": [["a", "|O", [1]]], "negative": [["a", "<f4", [-1, -1]]], "too long": [["a", "<f4", [3]]],
+    "too short": [["a", "<f4", [1]]], "overflow": [["a", "<f4", [2**39] * 4]], "no shape": [["a", "<f4"]],
+    "true": [["a", "<f4", [True, 2]]], "no list": 3,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("entries", BROKEN.values(), ids=BROKEN)

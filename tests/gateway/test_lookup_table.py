@@ -45,8 +45,7 @@ def test_a_lookup_table_helps_only_in_the_world_that_it_knows(court: Court) -> N
     np.savez(folder / "table.npz", **seen(court))  # type: ignore[arg-type]  # pyright: ignore[reportArgumentType]
     errors = []
     for keywords, seed in (({}, 0), ({"rigid_motion": True}, 0), ({"rigid_motion": True}, 1)):
-        given = {"data": court.data, **keywords}
-        run = run_isolated(folder, court.card, given, SCENE, seed, limits=QUICK)
+        run = run_isolated(folder, court.card, {"data": court.data, **keywords}, SCENE, seed, limits=QUICK)
         assert run.status == "finished", run.reason
         errors.append(court.error(run.rollout))
     honest = court.error(court.honest())

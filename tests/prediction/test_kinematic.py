@@ -86,8 +86,7 @@ def test_samples_have_the_mean_and_covariance_of_the_model(class_id: int) -> Non
     past = arc(speed=3.0, rate=0.4)[None]
     past[..., :2] += rng.normal(0, 0.1, (1, 10, 2))
     valid = np.array([[True, True, False, True, True, True, False, True, True, False]])
-    tracks = tracks_with_past(past, valid, np.array([class_id]))
-    samples = predict(tracks, samples=40_000)[0]
+    samples = predict(tracks_with_past(past, valid, np.array([class_id])), samples=40_000)[0]
     heading = past[0, -1, 3]
     axes = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
     state, cov = textbook(heading_frame(past, np.array([heading]))[0], valid[0], class_id, NOISE)
@@ -109,8 +108,7 @@ def test_a_single_sample_is_the_mean() -> None:
     tracks = tracks_with_past(arc(speed=3.0, rate=0.2)[None])
     single, many = predict(tracks, samples=1), predict(tracks, samples=20_000)
     np.testing.assert_array_equal(single, predict(tracks, samples=1, draw=[7]))
-    spread = many.std(axis=1).max()
-    np.testing.assert_allclose(single[:, 0], many.mean(axis=1), atol=0.05 * spread)
+    np.testing.assert_allclose(single[:, 0], many.mean(axis=1), atol=0.05 * many.std(axis=1).max())
 
 
 def test_equal_windows_and_draws_give_equal_samples() -> None:
@@ -156,8 +154,7 @@ def hedged(samples: int, past: int = 10) -> Floats:
     """Futures [samples, T, 2] of one track that is bent, of a hedged predictor."""
     predictor = HedgedPredictor()
     predictor.reset(replace(TASK, k=samples, samples=samples, past=past))
-    tracks = tracks_with_past(arc(3.0, 1.0)[None])
-    return np.asarray(predictor.predict(Frame(0, tracks, ())).samples[0])
+    return np.asarray(predictor.predict(Frame(0, tracks_with_past(arc(3.0, 1.0)[None]), ())).samples[0])
 
 
 @pytest.mark.parametrize(("samples", "shares"), [(20, [5, 5, 5, 4]), (7, [2, 2, 1, 1]), (3, [1, 1]), (1, [1])])
@@ -174,8 +171,7 @@ def test_pasts_are_cut_to_what_the_task_gives() -> None:
 
 
 def test_a_shorter_past_is_the_past_cut_off() -> None:
-    rng = np.random.default_rng(2)
-    past = arc(3.0, 0.3)[None] + rng.normal(0, 0.05, (1, 10, 7))
+    past = arc(3.0, 0.3)[None] + np.random.default_rng(2).normal(0, 0.05, (1, 10, 7))
     valid = np.ones((1, 10), dtype=bool)
     valid[0, :7] = False
     np.testing.assert_array_equal(predict(tracks_with_past(past), past=3), predict(tracks_with_past(past, valid)))

@@ -60,8 +60,7 @@ def test_a_path_goes_on_along_successors_and_straight_on_behind_the_last_one() -
     np.testing.assert_allclose([on[0], on[1], left[0]], [54.5, 0, 32], atol=1e-4)
     beyond = paths(40, -0.5, 0.0)  # the lane ends at 58 m
     np.testing.assert_allclose(beyond.points[0, 0, [0, -1]], [[40, 0], [100, 0]], atol=1e-4)
-    assert beyond.offset[0, 0] == pytest.approx(-0.5)
-    assert paths(-5.5, 0.8, 0.1, most=1).valid.tolist() == [[True]]
+    assert (beyond.offset[0, 0], paths(-5.5, 0.8, 0.1, most=1).valid.tolist()) == (pytest.approx(-0.5), [[True]])
 
 
 @pytest.mark.parametrize(
@@ -77,12 +76,9 @@ def test_a_path_goes_on_along_successors_and_straight_on_behind_the_last_one() -
         (-5.0, 9.0, 0.0, 30.0, 0),
     ],
 )
-def test_paths_are_on_lanes_near_in_the_direction_of_travel(
-    x: float, y: float, heading: float, metres: float, count: int
-) -> None:
+def test_paths_are_on_near_lanes_along_travel(x: float, y: float, heading: float, metres: float, count: int) -> None:
     found = paths(x, y, heading, metres)
-    assert found.valid.sum() == count
-    assert found.chance.sum() == pytest.approx(float(count > 0))
+    assert (found.valid.sum(), found.chance.sum()) == (count, pytest.approx(float(count > 0)))
     assert not found.points[~found.valid].any()
 
 

@@ -37,8 +37,7 @@ def short() -> Any:
 @pytest.fixture(scope="module")
 def driven(short: Any) -> Rollout:
     env = MTPEnv(short, evaluation=True, rigid_motion=True)
-    agent = load_submission("stp").build(agent_task(env, 0))
-    return run_scene(agent, env, SCENE, 0)
+    return run_scene(load_submission("stp").build(agent_task(env, 0)), env, SCENE, 0)
 
 
 def test_an_agent_in_a_process_of_its_own_drives_as_in_this_one(short: Any, driven: Rollout) -> None:
@@ -89,9 +88,9 @@ CALLS: dict[str, tuple[Callable[[Any], object], str]] = {
     "compare": (lambda card: compare(["stp"], card), "do not meet the same scenes"),
     "windows": (lambda card: windows(DRIVE), "without scenes to fit to"),
     "target_frames": (lambda card: MTPEnv(card, target_frames=True), "no target_frames"),
-    "fresh_noise": (lambda card: MTPEnv(card, fresh_noise=True), "no fresh_noise"),
+    "fresh_noise": (lambda card: MTPEnv(card, fresh_noise=True), "which takes no fresh_noise"),
     "track_file": (lambda card: MTPEnv(card, observe="tracks", track_file="."), "no track_file"),
-    "load_scenes": (lambda card: next(load_scenes(card)), "before an agent drives"),
+    "load_scenes": (lambda card: next(load_scenes(card)), "before an agent drives in it: run one, and open its run"),
 }
 
 

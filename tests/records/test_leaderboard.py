@@ -73,9 +73,7 @@ def test_no_place_contradicts_its_number_and_no_interval_its_test(entries: list[
     assert placed > LEAST
 
 
-def test_the_pages_are_made_of_the_records(
-    repository: Path, tmp_path: Path, cli: CommandLine, entries: list[Entry]
-) -> None:
+def test_pages_are_made_of_records(repository: Path, tmp_path: Path, cli: CommandLine, entries: list[Entry]) -> None:
     """The board, and the tables of RESULTS.md and the README. To mend it: make pages."""
     committed, copy = repository / "leaderboard", tmp_path / "leaderboard"
     made = ("index.*", "*.rollouts", "*.part")

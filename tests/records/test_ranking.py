@@ -149,7 +149,6 @@ def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
     assert [gap is None for gap in gaps] == [gap is None for gap in expected]
     known = [np.array([gap for gap in side if gap is not None]) for side in (gaps, expected)]
     np.testing.assert_allclose(known[0], known[1], rtol=1e-9)  # records round their sums
-    ranks = {row.place for row in report.rows}
-    assert {None, 1, 2, 3} <= ranks
+    assert {None, 1, 2, 3} <= {row.place for row in report.rows}
     assert "over all targets its bADE is above that of stp" in {why for _, why in places}
     assert any(gap is not None for gap in gaps)

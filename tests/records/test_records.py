@@ -160,8 +160,7 @@ def test_places_follow_the_error() -> None:
 
 
 def test_units_rank_not_scenes() -> None:
-    part = scene_part("a", 10, *EIGHT)
-    assert ranks(write_record(1.0, per_scene=[part.model_dump()])) == [1]
+    assert ranks(write_record(1.0, per_scene=[scene_part("a", 10, *EIGHT).model_dump()])) == [1]
 
 
 def on_events(record: Record) -> Record:
@@ -227,8 +226,7 @@ def test_so_it_does_on_event_subsets_that_rank(subset: str, factor: float, worse
 
 
 def test_who_dies_where_nobody_could_know_is_told_without_a_name() -> None:
-    whole = {0: [scene_run("a"), scene_run("b")]}
-    require_answered(whole, "a", "of hidden scenes")
+    require_answered({0: [scene_run("a"), scene_run("b")]}, "a", "of hidden scenes")
     cut = {0: [scene_run("x1", "crashed", "it fell in x1"), scene_run("x2", "rejected", "no")]}
     with pytest.raises(RecordError, match=r"^a: 2 runs of hidden scenes .* \(crashed, rejected\), expected 0$"):
         require_answered(cut, "a", "of hidden scenes")
@@ -258,8 +256,7 @@ def test_status_of_a_record(scenes: int, reasons: list[str], status: tuple[str, 
 
 def test_a_manifest_tells_of_every_number_but_not_of_rounding() -> None:
     scene = make_scene()
-    shifted = replace(scene, ego=scene.ego + 1e-11)
-    assert scene_digest(shifted) == scene_digest(scene)
+    assert scene_digest(replace(scene, ego=scene.ego + 1e-11)) == scene_digest(scene)
     box = scene.truth.box.copy()
     box[3, 0] += 0.001
     for other in (

@@ -120,8 +120,7 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     kept = HighwayTraffic(load_card(short)).store
     assert kept.read(10000) is not None
     assert not kept.path(sealed.seeds.first).exists(), "a hidden scene can be read in the cache"
-    level = path.with_name(f"{ENV}.level.json")
-    assert str(sealed.seeds.first) not in level.read_text()
+    assert str(sealed.seeds.first) not in path.with_name(f"{ENV}.level.json").read_text()
     said = cli.ok(*arguments, "--sign", key, "--signer", "tester")
     assert f"hidden since {signed.statement.date}, signed by tester" in said
     cli.ok("verify", path, "--env", short, "--jobs", 1)  # the times are still those of its own rollouts

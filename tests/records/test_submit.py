@@ -112,8 +112,7 @@ def test_the_commit_of_a_submission(submission: Path, card: str, kitti: str, tmp
     assert "--commit: got 'main', expected 7 to 64 hex digits" in cli(*words, "--commit", "main").err
     cli.ok(*words, "--commit", "0123abc")
     record = load_record(tmp_path / f"{CARD_ID}.json")
-    assert record.submission.commit == "0123abc"
-    assert record.submission.digest == load_submission(submission).digest
+    assert (record.submission.commit, record.submission.digest) == ("0123abc", load_submission(submission).digest)
     path = tmp_path / f"{CARD_ID}.json"
     assert verify(path, RunOptions(kitti), card, submission=submission, rerun=True).holds
 
@@ -175,8 +174,7 @@ def test_the_command_says_what_differs(cli: CommandLine, path: Path, card: str, 
     found = path.parent / "found.txt"
     output = cli("verify", path, "--env", card, "--data", kitti, "--jobs", 1, "--json", found)
     assert output.error == f"{path}: 1 difference to what was found here"
-    assert "rows[0].minADE" in output.out
-    assert "does not hold" in output.out
+    assert all(text in output.out for text in ("rows[0].minADE", "does not hold"))
     verdict = read_json(found)["records"][0]
     assert (verdict["holds"], verdict["level"]) == (False, "scored")
     assert verdict["differences"][0]["what"] == "rows[0].minADE"
@@ -185,8 +183,7 @@ def test_the_command_says_what_differs(cli: CommandLine, path: Path, card: str, 
 def test_a_changed_rollout_does_not_hold(path: Path, card: str, kitti: str) -> None:
     folder = path.with_suffix(".rollouts") / "seed-0"
     run = load_run(folder)
-    first = run.rollouts[0]
-    first.forecast[0] = 0
+    run.rollouts[0].forecast[0] = 0
     save_run(folder, run.info, run.rollouts)  # with a digest that fits
     checked = verify(path, RunOptions(kitti), card)
     assert [difference.what for difference in checked.differences] == ["hashes.rollouts"]

@@ -23,15 +23,13 @@ def submission(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def outcomes(printed: str) -> list[int]:
     """Numbers of all records by outcome: made, kept, not here, failed."""
-    last = next(line.split() for line in printed.splitlines() if line.startswith("all "))
-    return list(map(int, last[1:5]))
+    return list(map(int, next(line.split() for line in printed.splitlines() if line.startswith("all "))[1:5]))
 
 
 def test_every_baseline_on_every_environment_the_ends_of_gaps_first() -> None:
     listed = inventory()
     names = [piece.submission.name for piece in listed if piece.env == "MTP-nuScenes-v0"]
-    assert names[:2] == ["stp", "truth_past"]
-    assert sorted([*names, "given_tracks"]) == sorted(baseline_names())
+    assert (names[:2], sorted([*names, "given_tracks"])) == (["stp", "truth_past"], sorted(baseline_names()))
     envs = list(dict.fromkeys(piece.env for piece in listed))
     recordable = [env_id for env_id in card_ids() if load_card(env_id).drive is None]
     assert sorted(envs) == recordable
@@ -90,8 +88,7 @@ def test_says_why(cli: CommandLine, tmp_path: Path, card: str, kitti: str, monke
     out = tmp_path / "records"
     done = cli("submit", "--all", "stp_modes", "--env", card, "--data", kitti, "--jobs", 1, "-o", out)
     assert done.status == 1  # it was the only one
-    assert f"stp_modes on {card}: not here: " in done.err
-    assert "mtp-bench train predictor modes" in done.err
+    assert all(text in done.err for text in (f"stp_modes on {card}: not here: ", "mtp-bench train predictor modes"))
     done = cli("submit", "--all", "stp", "--env", card, "--data", tmp_path, "-o", out)
     assert (done.status, f"stp on {card}: not here: no data: " in done.err) == (1, True)
     assert not out.exists()

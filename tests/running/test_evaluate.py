@@ -68,8 +68,7 @@ def test_results_are_told_scene_by_scene_and_add_up_to_those_of_the_report(card:
     assert [each.min_ade for each in told] == [row["minADE"] for row in rows]
     assert sum(row["bADE_sum"] for row in rows) / sum(row["targets"] for row in rows) == report.rows[0].error
     assert rows[2]["bADE"] is None, "a scene without targets"
-    frame = report.to_frame()
-    assert frame.set_index("subset").loc["all", "error"] == report.rows[0].error
+    assert report.to_frame().set_index("subset").loc["all", "error"] == report.rows[0].error
     assert "Report on MTP-Small-v0, 2 scenes, 2 seeds, 1 agent\n" in repr(report)
     assert str(report).startswith("MTP-Small-v0, 2 scenes, 2 seeds: m, less is better")
     assert "<table" in report._repr_html_()

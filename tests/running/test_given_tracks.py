@@ -85,8 +85,7 @@ def test_tracks_without_scores_are_counted_for_the_user(
 def test_the_run_tells_where_its_tracks_were(card: str, kitti: str, tracks: str, tmp_path: Path) -> None:
     moved = Path(tracks).rename(tmp_path / "tracks")
     try:
-        options = RunOptions(kitti, scenes=1, track_file=str(moved))
-        stored.run("given_tracks", card, tmp_path / "run", options)
+        stored.run("given_tracks", card, tmp_path / "run", RunOptions(kitti, scenes=1, track_file=str(moved)))
     finally:
         moved.rename(tracks)
     assert stored.score(tmp_path / "run", RunOptions(kitti), card)  # what was said is enough for that

@@ -63,8 +63,7 @@ def test_every_sixth_run_has_the_same_assignment_and_cut() -> None:
     fitted = replace(fit_perturbation([matched_detections(scene, CARD)], 2), sigma_xy=(0, 0), sigma_yaw=(0, 0))
     kinds: Counter[tuple[str, int]] = Counter()
     for run in range(RUNS):
-        left = perturbed(scene, fitted, run).detections
-        share = (left.class_id == WALKER).sum() / FRAMES
+        share = (perturbed(scene, fitted, run).detections.class_id == WALKER).sum() / FRAMES
         kind = int(np.argmin(np.abs(np.array([0.95, 0.855, 0.7125]) - share)))
         assert kind == run // 2 % 3
         kinds[assignment_of(run), kind] += 1
@@ -73,11 +72,9 @@ def test_every_sixth_run_has_the_same_assignment_and_cut() -> None:
 
 def test_detections_are_dropped_and_moved_by_that_much() -> None:
     scene = scene_of(0.2, 0.03)
-    still = Perturbation((0.3, 0.1), (0.05, 0.1), ((0, 0), (0, 0)))
-    moved = perturbed(scene, still, 0)
+    moved = perturbed(scene, Perturbation((0.3, 0.1), (0.05, 0.1), ((0, 0), (0, 0))), 0)
     assert moved.truth is scene.truth
-    count = len(scene.detections.box)
-    assert 0.93 < len(moved.detections.box) / count < 0.97
+    assert 0.93 < len(moved.detections.box) / len(scene.detections.box) < 0.97
     false = moved.detections.box[moved.detections.score == 9]
     offset = false - [200, 0, 0, 0, 4, 2, 1.5]
     assert offset[:, :2].std() == pytest.approx(0.3, rel=0.1)

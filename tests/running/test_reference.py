@@ -100,8 +100,7 @@ def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str,
     scenes = scenes_of(shipped, kitti)
     made = reference_for(other, scenes, RunOptions(kitti))
     assert (made.frozen, made.card) == (False, other.digest)
-    content = json.loads(path.read_text())
-    assert len(content["scenes"]) == len(scenes)
+    assert len(json.loads(path.read_text())["scenes"]) == len(scenes)
     part = make_reference(load_card(shipped), scenes[:1], RunOptions(kitti))
     assert part.of(scenes[0]).targets == frozen.of(scenes[0]).targets
     assert not part.holds(scenes)

@@ -85,8 +85,7 @@ def test_scores_as_compared(agent: str, seed: int, cli: CommandLine, tmp_path: P
     rows = compare([agent], shipped, RunOptions(kitti, seeds=[seed])).report.to_json()["rows"]
     hypotheses = 20 if agent == "mtp" else 1  # more than the 3 of the card
     same = [r for r in rows if (r["agent"], r["hypotheses"], r["budget"]) == (agent, hypotheses, "equal")]
-    assert len(same) == len(SUBSETS)
-    assert without_times(scored) == without_times(same)
+    assert (len(same), without_times(scored)) == (len(SUBSETS), without_times(same))
     lost = next(row for row in scored if row["subset"] == "paper_frag")
     assert (lost["events"], lost["targets"]) == (6, 2)
 

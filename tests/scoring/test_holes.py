@@ -72,8 +72,7 @@ def test_each_side_of_a_hole_counts_as_a_scene(seed: int) -> None:
     want = summed([score_scene(*clip, CARD) for clip in zip(scenes, rollouts, strict=True)])
     for name, value in summed([whole]).items():
         np.testing.assert_allclose(value, want[name], atol=1e-9, err_msg=name)
-    assert whole.skipped == left_out(scene, CARD)
-    assert whole.skipped[HOLES] == 2
+    assert (whole.skipped, whole.skipped[HOLES]) == (left_out(scene, CARD), 2)
     crossing = score_scene(end_to_end(scenes, 0.1), rollout, CARD)
     assert sum(crossing.own_events.values()) > sum(whole.own_events.values())
     assert len(crossing) == len(whole) + whole.skipped[LOST_TARGETS]

@@ -19,8 +19,7 @@ GATE = np.array([2.0, 1.0])
 
 
 def tracking(*scores: SceneScore) -> Tracking:
-    setting = AgentScores("agent", 3, scores[0].samples, "equal", (scores,))
-    return summarise([setting], CARD).details[0].tracking
+    return summarise([AgentScores("agent", 3, scores[0].samples, "equal", (scores,))], CARD).details[0].tracking
 
 
 def crowd(seed: int) -> tuple[Scene, Rollout]:

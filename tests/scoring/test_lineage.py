@@ -74,8 +74,7 @@ def events(tracks: list[list[Thing]], weight: Any, h: int, truth: list[list[Thin
 def test_a_change_of_rank_is_no_switch() -> None:
     # two hypotheses with different ids exchange their ranks and their weights every frame
     tracks = [[held(1, 0, t % 2), held(2, 0, 1 - t % 2)] for t in range(5)]
-    weight = [[-1, -2] if t % 2 else [-2, -1] for t in range(5)]
-    got, found = events(tracks, weight, 2)
+    got, found = events(tracks, [[-1, -2] if t % 2 else [-2, -1] for t in range(5)], 2)
     assert found.parent[1:].tolist() == [[1, 0]] * 4
     assert not got.ids.any()
     assert not got.lost.any()
@@ -96,8 +95,7 @@ def test_a_fragment_is_remembered_along_the_lineage() -> None:
 def test_who_says_nothing_goes_on_from_the_best_hypothesis() -> None:
     # hypothesis 0 is the best and holds the object, hypothesis 1 holds nothing; in frames 2 and 3 nothing is said
     tracks = [[held(1, 0, 0)], [held(1, 0, 0)], [], [], [held(1, 0, 0)]]
-    weight = [[-0.1, -3], [-0.1, -3], [NEVER, NEVER], [NEVER, NEVER], [-0.1, -3]]
-    got, found = events(tracks, weight, 2)
+    got, found = events(tracks, [[-0.1, -3], [-0.1, -3], [NEVER, NEVER], [NEVER, NEVER], [-0.1, -3]], 2)
     assert (found.parent[2:].tolist(), np.flatnonzero(got.lost[:, 0]).tolist()) == ([[0, 0]] * 3, [2])
     assert np.flatnonzero(got.reacquired[:, 0]).tolist() == [4]
 
@@ -120,11 +118,9 @@ ABSENT = {
 @pytest.mark.parametrize(("seen", "stream", "want"), ABSENT.values(), ids=ABSENT.keys())
 def test_a_frame_with_no_or_a_neutral_object_has_no_event(seen: str, stream: str, want: tuple[list[int], ...]) -> None:
     truth = [[] if c == "." else [Thing(5, 0, 0, neutral=c == "n")] for c in seen]
-    tracks = [[] if c == "-" else [held(int(c), 0, 0)] for c in stream]
-    got, _ = events(tracks, [[0]] * len(seen), 1, truth)
+    got, _ = events([[] if c == "-" else [held(int(c), 0, 0)] for c in stream], [[0]] * len(seen), 1, truth)
     frame = make_scene(truth).truth.frame_of_rows
-    found = tuple(frame[getattr(got, kind)[:, 0]].tolist() for kind in ("ids", "lost", "reacquired"))
-    assert found == want
+    assert tuple(frame[getattr(got, kind)[:, 0]].tolist() for kind in ("ids", "lost", "reacquired")) == want
 
 
 def test_frames_in_which_the_lineage_is_guessed_are_counted() -> None:

@@ -70,8 +70,7 @@ def test_a_row_by_hand() -> None:
     assert got.plain_error == pytest.approx((0.5 + 4) / 2)  # the walker is missing
     assert got.fixed_error == pytest.approx((0.5 + 4 + 5) / 2)
     # budgets are 0.2, 0.4, ... 2 false forecasts: up to one the agent is silent for the rest, at 7 m
-    assert got.error == pytest.approx(0.2 * 7 + 0.8 * 2.25)
-    assert got.missed == pytest.approx(0.2 * 7 + 0.8 * 2)
+    assert (got.error, got.missed) == (pytest.approx(0.2 * 7 + 0.8 * 2.25), pytest.approx(0.2 * 7 + 0.8 * 2))
     assert got.localisation == pytest.approx(0.8 * 0.25)
     assert got.error_by_score == got.error  # there are no detections: all alike
     assert (got.targets, got.objects, got.scenes, got.events, got.seeds) == (2, 2, 1, None, 1)
@@ -81,8 +80,7 @@ def test_a_row_by_hand() -> None:
     ids = row(report, "ids")
     assert ids.error == ids.plain_error == pytest.approx((0.5 + 3 * 4) / 4)  # at STP's two false forecasts
     assert ids.fixed_error is None
-    assert (ids.events, ids.targets, ids.objects) == (1.0, 2, 2)
-    assert ids.effective_targets == pytest.approx(16 / 10)
+    assert ((ids.events, ids.targets, ids.objects), ids.effective_targets) == ((1.0, 2, 2), pytest.approx(16 / 10))
     lost = row(report, "lost")
     assert (lost.error, lost.events, lost.targets) == (None, 0, 0)
     paper = row(report, "paper_ids")
@@ -138,8 +136,7 @@ def test_differences_to_the_controls() -> None:
         assert (got.scenes, got.effective_units) == (12, pytest.approx(12))
     got = row(report, agent=2)
     assert got.difference_to_stp == pytest.approx(-0.2)  # half of the targets are cars
-    assert got.difference_interval == pytest.approx((-0.2, -0.2))
-    assert got.p == 2 / 2**12
+    assert (got.difference_interval, got.p) == (pytest.approx((-0.2, -0.2)), 2 / 2**12)
     pairs: dict[Any, PairedRow] = {(p.agent, p.other, p.subset): p for p in report.paired}
     pair = pairs["half", "stp", "all"]
     assert (pair.error, pair.interval, pair.p) == (got.difference_to_stp, got.difference_interval, got.p)
@@ -172,8 +169,7 @@ def test_confidence_against_what_is_there() -> None:
 
 
 def test_bins_and_planning() -> None:
-    report = summarise([agent("a", [answer(0.5)])], CARD)
-    detail = report.details[0]
+    detail = summarise([agent("a", [answer(0.5)])], CARD).details[0]
     bins = {(b.by, b.bin): b for b in detail.bins}
     assert [b for _, b in bins] == [
         "0-5 m", "5-10 m", "10-15 m", "15-30 m", "30-50 m", "beyond 50 m", "car", "pedestrian", "moving", "static",
@@ -182,8 +178,7 @@ def test_bins_and_planning() -> None:
     assert bins["distance", "30-50 m"].errors.error == bins["distance", "30-50 m"].errors.plain_error == 4.0
     assert bins["distance", "5-10 m"].errors.minADE is None
     assert (bins["motion", "moving"].errors.targets, bins["motion", "static"].errors.targets) == (0, 2)
-    assert bins["class", "car"].EPA == 1.0
-    assert bins["class", "pedestrian"].EPA == 0.0
+    assert (bins["class", "car"].EPA, bins["class", "pedestrian"].EPA) == (1.0, 0.0)
     near, far = math.exp(-0.5), math.exp(-50.0)
     assert pytest.approx((near * 0.5 + far * 4.0) / (near + far)) == detail.PI_ADE
     assert detail.EPA == 0.5

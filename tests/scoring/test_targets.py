@@ -48,8 +48,7 @@ def test_distance_and_approach_are_those_to_the_ego_of_each_frame() -> None:
     ego = np.zeros((5, 4))
     ego[:, 0] = [0, 1, 0, 3.2, 0]  # passes at x = 3.2 beside the object at (3, 2)
     targets = find_targets(replace(scene, ego=ego), CARD)
-    assert targets.distance.tolist() == [2.0]
-    assert targets.approach[0] == pytest.approx(np.hypot(0.2, 2.0))
+    assert (targets.distance.tolist(), targets.approach[0]) == ([2.0], pytest.approx(np.hypot(0.2, 2.0)))
 
 
 PATHS = {
@@ -64,8 +63,7 @@ PATHS = {
 
 @pytest.mark.parametrize(("x", "moving"), PATHS.values(), ids=PATHS.keys())
 def test_moving_is_the_straight_displacement_over_the_future(x: tuple[float, ...], moving: bool) -> None:
-    scene = make_scene([[Thing(1, place, 0.0)] for place in x])
-    assert find_targets(scene, CARD).moving.tolist() == [moving]
+    assert find_targets(make_scene([[Thing(1, place, 0.0)] for place in x]), CARD).moving.tolist() == [moving]
 
 
 def test_moving_is_measured_in_the_world_where_every_frame_has_its_own_frame_of_reference() -> None:
@@ -94,9 +92,7 @@ TURNS = {
 
 
 @pytest.mark.parametrize(("yaw", "turning"), TURNS.values(), ids=TURNS.keys())
-def test_turning_is_the_change_of_heading_in_the_world_at_the_end_of_the_future(
-    yaw: tuple[float, ...], turning: bool
-) -> None:
+def test_turning_is_the_change_of_heading_in_the_world_at_the_end(yaw: tuple[float, ...], turning: bool) -> None:
     scene = make_scene(line("xxxxx"))
     scene.truth.box[:, 3] = yaw
     assert find_targets(scene, CARD).turning.tolist() == [turning]
@@ -124,8 +120,7 @@ BLOCKS = {
 
 @pytest.mark.parametrize(("frames", "rate", "want"), BLOCKS.values(), ids=BLOCKS.keys())
 def test_blocks_are_few_equal_and_at_most_20_s(frames: int, rate: float, want: list[int]) -> None:
-    scene = replace(make_scene([[]] * frames), time=np.arange(frames) / rate)
-    block = units(scene, with_task(CARD, rate=rate))
+    block = units(replace(make_scene([[]] * frames), time=np.arange(frames) / rate), with_task(CARD, rate=rate))
     assert np.bincount(block, minlength=len(want)).tolist() == want
     assert (np.diff(block) >= 0).all()
 
@@ -133,18 +128,14 @@ def test_blocks_are_few_equal_and_at_most_20_s(frames: int, rate: float, want: l
 @pytest.mark.parametrize(("frames", "blocks"), [(41, 1), (44, 2)])
 def test_a_hole_counts_as_one_period(frames: int, blocks: int) -> None:
     time = np.cumsum(0.5 + 0.1 * np.sin(np.arange(frames))) + 30.0 * (np.arange(frames) > 20)  # it jitters too
-    block = units(replace(make_scene([[]] * frames), time=time), with_task(CARD, rate=2.0))
-    assert block.max() + 1 == blocks
+    assert units(replace(make_scene([[]] * frames), time=time), with_task(CARD, rate=2.0)).max() + 1 == blocks
 
 
 # scenes, units
 RECORDED = {
-    "MTP-nuScenes-mini-v0": (10, 10),
-    "MTP-WILDTRACK-v0": (4, 4),
-    "MTP-PETS-v0": (4, 4),
-    "MTP-KITTI-v0": (11, 25),
+    "MTP-nuScenes-mini-v0": (10, 10), "MTP-WILDTRACK-v0": (4, 4), "MTP-PETS-v0": (4, 4), "MTP-KITTI-v0": (11, 25),
     "MTP-KITTI-5Hz-v0": (11, 25),
-}
+}  # fmt: skip
 
 
 @pytest.mark.data

@@ -26,8 +26,7 @@ STREAMS = {  # one object for five frames: the track that it has in each; switch
 
 def events_of(stream: str) -> Any:
     tracks = [[] if c == "-" else [Thing(int(c), 0, 0)] for c in stream]
-    scene = make_scene([[Thing(5, 0, 0)]] * len(stream))
-    return tracking_events(scene, make_rollout(tracks, future=1), CARD)
+    return tracking_events(make_scene([[Thing(5, 0, 0)]] * len(stream)), make_rollout(tracks, future=1), CARD)
 
 
 @pytest.mark.parametrize("stream", STREAMS)
@@ -77,8 +76,7 @@ def test_a_file_holds_the_same_and_no_scene(reference: Reference, tmp_path: Path
     assert again.digest == reference.digest
     for subset in WEIGHED:
         assert np.array_equal(again.weight("s", subset), reference.weight("s", subset))
-    assert again.of("s").stp_events == (2, 1, 1)
-    assert (again.of("s").false_forecasts, again.of("s").forecasts) == (3, 7)
+    assert (again.of("s").stp_events, (again.of("s").false_forecasts, again.of("s").forecasts)) == ((2, 1, 1), (3, 7))
     text = path.read_text()
     content = json.loads(text)
     assert list(content["scenes"]) == sorted(hashlib.sha256(f"{CARD.id}/{n}".encode()).hexdigest()[:16] for n in "sz")
@@ -91,12 +89,9 @@ def test_a_file_holds_the_same_and_no_scene(reference: Reference, tmp_path: Path
 def test_everything_in_it_is_in_the_digest(reference: Reference) -> None:
     scene = reference.of("s")
     changed = [
-        replace(scene, counts=np.asarray(scene.counts + 1, dtype=np.uint8)),
-        replace(scene, stp=~scene.stp),
-        replace(scene, stp_events=(2, 1, 2)),
-        replace(scene, false_forecasts=4),
-        replace(scene, forecasts=8),
-    ]
+        replace(scene, counts=np.asarray(scene.counts + 1, dtype=np.uint8)), replace(scene, stp=~scene.stp),
+        replace(scene, stp_events=(2, 1, 2)), replace(scene, false_forecasts=4), replace(scene, forecasts=8),
+    ]  # fmt: skip
     key = scene_key(CARD.id, "s")
     others = [replace(reference, scenes={**reference.scenes, key: one}) for one in changed]
     others += [reference_of_streams(**{name: "x"}) for name in ("env", "card", "definitions", "agent")]
@@ -138,9 +133,7 @@ BROKEN: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize(("change", "message"), BROKEN.values(), ids=BROKEN.keys())
-def test_a_broken_file_is_one_error_that_names_file_and_key(
-    reference: Reference, tmp_path: Path, change: Any, message: str
-) -> None:
+def test_a_broken_file_is_named_with_its_key(reference: Reference, tmp_path: Path, change: Any, message: str) -> None:
     path = tmp_path / "reference.json"
     write_reference(path, reference)
     path.write_text(change(json.loads(path.read_text())))

@@ -206,13 +206,9 @@ def test_lanes_and_images_are_for_pictures_alone(tmp_path: Path, base: Card) -> 
 
 
 LANES = [
-    "lane,x,y,junction,following",
-    "turn,9,0,true,",
-    "turn,9,5,0,",
-    "way,0,0,0,way turn",
-    "way,4,0,0,",
+    "lane,x,y,junction,following", "turn,9,0,true,", "turn,9,5,0,", "way,0,0,0,way turn", "way,4,0,0,",
     "way,9,0,0,turn",
-]
+]  # fmt: skip
 IMAGES = [
     "frame,camera,file,width,height,p00,p01,p02,p03,p10,p11,p12,p13,p20,p21,p22,p23",
     *(f"{frame},front,{frame}.png,64,48,0,1,2,3,4,5,6,7,8,9,10,11" for frame in (6, 4)),

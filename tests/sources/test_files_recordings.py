@@ -19,12 +19,9 @@ from mtp_bench.types import Rollout, Scene
 from tests.support.own_scenes import assert_same
 
 SCENES = {
-    "MTP-KITTI-v0": "0006",
-    "MTP-KITTI-noego-v0": "0012",
-    "MTP-nuScenes-mini-v0": "scene-0061",
-    "MTP-PETS-v0": None,
+    "MTP-KITTI-v0": "0006", "MTP-KITTI-noego-v0": "0012", "MTP-nuScenes-mini-v0": "scene-0061", "MTP-PETS-v0": None,
     "MTP-WILDTRACK-v0": None,
-}
+}  # fmt: skip
 
 
 def played(card: Card, name: str, data: str) -> tuple[Scene, Rollout, SceneScore]:
@@ -81,9 +78,7 @@ def test_tables_of_a_recording_score_as_its_original(form: str, tmp_path: Path, 
         ("MTP-PETS-v0", "mot3d2015/train/PETS09-S2L1/det", "wildtrack_mvdet"),
     ],
 )
-def test_where_detections_are_missing_the_offer_works(
-    env_id: str, lost: str, profile: str, tmp_path: Path, data_root: Path
-) -> None:
+def test_an_offer_of_detections_works(env_id: str, lost: str, profile: str, tmp_path: Path, data_root: Path) -> None:
     root = without(data_root, lost, tmp_path)
     with pytest.raises(DataError) as caught:
         MTPEnv(env_id, str(root))
@@ -92,8 +87,7 @@ def test_where_detections_are_missing_the_offer_works(
     status = read_status(load_card(env_id), root)
     assert any(offer in line for line in (*status.notes, *status.missing))
     card = changed_card(load_card(env_id), detector=profile)
-    name = MTPEnv(card, str(root)).scene_names[0]
-    scene, _, score = played(card, name, str(root))
+    scene, _, score = played(card, MTPEnv(card, str(root)).scene_names[0], str(root))
     assert scene.simulated
     assert score.forecasts > 0
 

@@ -69,8 +69,7 @@ def test_shape_of_a_world(name: str, world: World) -> None:
     assert truth.eligible.all()
     assert not truth.neutral.any()
     for t in range(frames):
-        numbers = truth.object_id[truth.rows(t)]
-        assert (np.diff(numbers) > 0).all()
+        assert (np.diff(truth.object_id[truth.rows(t)]) > 0).all()
     assert np.unique(truth.object_id).tolist() == list(range(truth.object_id.max() + 1))
     present = len(truth.box) / frames
     assert present > 0.8 * (traffic.vehicles + traffic.pedestrians)
@@ -142,8 +141,7 @@ def test_the_ego_moves_and_is_not_in_the_truth(world: World) -> None:
     assert np.hypot(step[:, 0], step[:, 1]).max() < 4.0
     assert np.hypot(*(world.ego[-1, :2] - world.ego[0, :2])) > 20.0
     assert (world.ego[:, 2] == 1.7).all()
-    frame = world.truth.frame_of_rows
-    away = np.hypot(*(world.truth.box[:, :2] - world.ego[frame, :2]).T)
+    away = np.hypot(*(world.truth.box[:, :2] - world.ego[world.truth.frame_of_rows, :2]).T)
     assert away.min() > 0.8
 
 

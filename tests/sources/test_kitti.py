@@ -154,8 +154,7 @@ def test_odometry_replaces_the_gps_unit_where_it_is_given(root: Path) -> None:
     """Camera poses: one metre forward per frame; the GPS/IMU unit says that we stand."""
     rows = [f"1 0 0 0 0 1 0 0 0 0 1 {t}" for t in range(SIX)]
     write(root / "poses_orbslam3/0000.txt", *rows)
-    scene = load(root)
-    np.testing.assert_allclose(scene.ego, [[t, 0, 0, 0] for t in range(SIX)], atol=1e-12)
+    np.testing.assert_allclose(load(root).ego, [[t, 0, 0, 0] for t in range(SIX)], atol=1e-12)
     write(root / "poses_orbslam3/0000.txt", *rows[:-1])
     with pytest.raises(DataError, match=r"poses_orbslam3.0000\.txt has 5 rows, but .* has 6"):
         load(root)
@@ -183,8 +182,7 @@ def test_the_world_is_known_where_every_frame_has_its_own_frame_of_reference(roo
 def test_classes_neighbours_and_other_types(root: Path) -> None:
     kinds = ["Car", "Van", "Truck", "Pedestrian", "Person", "Person_sitting", "Cyclist", "Tram", "Misc"]
     rows = [label(2, i, kind, 0, 1, 10 + i, 0) for i, kind in enumerate(kinds)]
-    ignored = "2 -1 DontCare -1 -1 -10 1 2 3 4 -1000 -1000 -1000 -10 -1 -1 -1"
-    write(root / LABELS, *rows, ignored)
+    write(root / LABELS, *rows, "2 -1 DontCare -1 -1 -10 1 2 3 4 -1000 -1000 -1000 -10 -1 -1 -1")
     truth = load(root).truth
     expected = [(0, 0, False), (1, 0, True), (3, 1, False), (4, 1, True), (5, 1, True), (6, 2, False)]
     got = list(zip(truth.object_id.tolist(), truth.class_id.tolist(), truth.neutral.tolist(), strict=True))

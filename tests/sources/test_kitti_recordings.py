@@ -48,8 +48,7 @@ def medians(folder: Path, names: Iterable[str]) -> dict[str, list[float]]:
 
 
 def test_sizes_of_classes_are_medians_outside_the_validation_split(data_root: Path) -> None:
-    names = open_source(with_split(CARD, "train"), data_root).names
-    want = medians(data_root / "kitti_tracking", names)
+    want = medians(data_root / "kitti_tracking", open_source(with_split(CARD, "train"), data_root).names)
     assert {name: list(size) for name, size in BOX_SIZES.items()} == want
 
 

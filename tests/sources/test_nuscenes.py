@@ -35,8 +35,7 @@ def test_frames_and_ego(data: Path) -> None:
 
 def test_every_box(data: Path) -> None:
     truth, names = scene(data).truth, ["scene-0003-car", "scene-0003-police", "scene-0003-walker"]
-    assert scene(data).object_names == dict(enumerate(names))
-    assert truth.start.tolist() == [0, 3, 6, 7, 9]
+    assert (scene(data).object_names, truth.start.tolist()) == (dict(enumerate(names)), [0, 3, 6, 7, 9])
     assert truth.object_id.tolist() == [0, 2, 1, 0, 2, 1, 0, 0, 2]  # car, walker, police by token; the dog is not used
     assert truth.class_id.tolist() == [0, 1, 0, 0, 1, 0, 0, 0, 1]
     assert truth.neutral.tolist() == [False, False, True, False, False, True, False, False, False]
@@ -117,8 +116,7 @@ def test_boxes_without_a_point_are_neutral(data: Path, counts: dict[str, int], n
     """As in the official evaluation; a target of the prediction challenge is one all the same."""
     tables = make_tables()
     before = scene(data, SCENES[0]).truth.neutral
-    box = next(each for each in tables["sample_annotation"] if each["token"] == f"{SCENES[0]}-car-t1")
-    box.update(counts)
+    next(each for each in tables["sample_annotation"] if each["token"] == f"{SCENES[0]}-car-t1").update(counts)
     write_tables(data, tables)
     found = scene(data, SCENES[0]).truth
     changed = np.flatnonzero(found.neutral != before)

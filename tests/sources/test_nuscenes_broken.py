@@ -134,13 +134,10 @@ def test_prediction_targets(data: Path, content: Any) -> None:
 
 
 TEXTS = {
-    "empty": "",
-    "nested too deeply": "[" * 100_000,
-    "nested too deeply in a skipped value": '[{"x": ' + "[" * 100_000,
-    "no list": '{"a": 1}',
-    "no record": "[1, 2]",
+    "empty": "", "nested too deeply": "[" * 100_000,
+    "nested too deeply in a skipped value": '[{"x": ' + "[" * 100_000, "no list": '{"a": 1}', "no record": "[1, 2]",
     "bytes that are no text": b'[{"token": "\xff\xfe"}]',
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)

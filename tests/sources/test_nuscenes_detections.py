@@ -113,8 +113,7 @@ def test_flat_boxes_are_left_out_and_counted(data: Path) -> None:
 
 
 def test_scenes_that_are_not_covered(data: Path) -> None:
-    content = make_detections(SCENES[1:])
-    write_json(stored(data), content)
+    write_json(stored(data), make_detections(SCENES[1:]))
     expected = (
         r"megvii_all\.json: no entry for sample 'scene-0301-t0' of scene-0301: detections cover 2 of the 3 scenes; "
         r"choose another split with --split"

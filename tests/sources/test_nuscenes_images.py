@@ -71,9 +71,7 @@ BROKEN: dict[str, tuple[str, dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize(("table", "change", "text"), BROKEN.values(), ids=BROKEN)
-def test_a_broken_table_leaves_them_out_with_one_note(
-    table: str, change: dict[str, Any], text: str, seen: Path
-) -> None:
+def test_a_broken_table_leaves_them_out_with_a_note(table: str, change: dict[str, Any], text: str, seen: Path) -> None:
     path = seen / "nuscenes" / VERSION / f"{table}.json"
     *others, last = read(path)  # of CAM_BACK
     write_json(path, [*others, {**last, **change}])

@@ -72,8 +72,7 @@ def test_without_the_expansion_nothing_is_read(data: Path) -> None:
 
 def test_agents_see_the_lanes_and_what_continues_them(mapped: Path, cli: CommandLine) -> None:
     card = nuscenes_card().model_copy(update={"lanes": LaneSection()})
-    env = MTPEnv(card, str(mapped))
-    seen, _ = env.reset()
+    seen, _ = MTPEnv(card, str(mapped)).reset()
     pieces = int((seen["lane_valid"].sum(axis=1) > 0).sum())
     assert pieces == 5  # two of 60 m in pieces of 38 m, and the bend
     ends = {i: seen["lane_point"][i][seen["lane_valid"][i] == 1][[0, -1]] for i in range(pieces)}

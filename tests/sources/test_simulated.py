@@ -33,8 +33,7 @@ def test_a_moving_frame_of_reference_changes_nothing_that_is_detected() -> None:
     np.testing.assert_array_equal(found.class_id, expected.class_id)
     np.testing.assert_allclose(found.score, expected.score, atol=1e-9)
     pose = world[found.frame_of_rows]
-    back = transform_boxes(found.box, pose[:, 3], pose[:, :3])
-    off = back - expected.box
+    off = transform_boxes(found.box, pose[:, 3], pose[:, :3]) - expected.box
     off[:, 3] = wrap_angle(off[:, 3])
     np.testing.assert_allclose(off, 0, atol=1e-9)
     assert detected(moving, CARD, seed=0).truth is own

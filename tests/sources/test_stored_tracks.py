@@ -126,8 +126,7 @@ def test_flat_tracks_are_left_out_and_counted(form: str, kitti: str, card: str, 
 
 def test_camera_fields_are_the_inverse_of_sensor_boxes(tmp_path: Path) -> None:
     box = np.random.default_rng(0).uniform(0.5, 3.0, (20, 7))
-    fields = camera_fields(box)
-    np.testing.assert_allclose(sensor_boxes(fields), box)
+    np.testing.assert_allclose(sensor_boxes(camera_fields(box)), box)
 
 
 # ---- wrong files

@@ -62,8 +62,7 @@ def test_ground_plane(root: Path, cell: tuple[int, int], place: tuple[float, flo
 
 
 @pytest.mark.parametrize(
-    ("split", "first"),
-    [("train", (0, 200, 400, 600, 800, 1000)), ("val", (1200, 1400, 1600, 1800)), ("test", (1800,))],
+    ("split", "first"), [("train", (0, 200, 400, 600, 800, 1000)), ("val", (1200, 1400, 1600, 1800)), ("test", (1800,))]
 )
 def test_splits(root: Path, split: str, first: tuple[int, ...]) -> None:
     source = Wildtrack(wildtrack_card(split=split), root)
@@ -87,8 +86,7 @@ def test_as_places_keeps_places_and_scores_alone() -> None:
     """Boxes turned, sized and lifted as a simulation may do it; the second row differs in its place only."""
     box = np.array([[1.0, 2.0, 9.0, 1.5, 3.0, 2.0, 1.0], [-4.0, 30.0, 0.875, 0.0, 0.6, 0.6, 1.75]])
     start, class_id, score = np.array([0, 1, 2]), np.array([0, 0]), np.array([0.3, 0.4])
-    given = Detections(start, box, np.zeros((2, 2)), class_id, score)
-    places = as_places(given)
+    places = as_places(Detections(start, box, np.zeros((2, 2)), class_id, score))
     np.testing.assert_array_equal(places.box, [[1, 2, 0.875, 0, 0.6, 0.6, 1.75], box[1]])
     assert (places.start is start, places.score is score) == (True, True)
 

@@ -129,8 +129,7 @@ def test_broken_files(damage: Callable[[Path], object], made: list[int], capsys:
     assert store.read(5) is None
     assert same(store.get(5), good)
     assert store.read(5) is not None
-    assert made == [5, 5]
-    assert capsys.readouterr().err == f"mtp_bench: {store.path(5)} was damaged and is made anew\n"
+    assert (made, capsys.readouterr().err) == ([5, 5], f"mtp_bench: {store.path(5)} was damaged and is made anew\n")
 
 
 def test_secret_worlds_lie_apart_and_nobody_else_lists_them() -> None:
@@ -179,8 +178,7 @@ def test_an_object_is_a_target_once_it_has_been_in_view() -> None:
     rows = world(0).truth
     visible = np.ones(len(rows.box))
     visible[rows.object_id == 7] = 0.0
-    hidden_until = np.flatnonzero(rows.object_id == 9)[:12]
-    visible[hidden_until] = 0.04
+    visible[np.flatnonzero(rows.object_id == 9)[:12]] = 0.04
     seen = ever_seen(rows, visible)
     assert seen[rows.object_id == 4].all()
     assert not seen[rows.object_id == 7].any()

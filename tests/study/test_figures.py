@@ -30,8 +30,7 @@ def test_words_are_read_on_their_ground() -> None:
 
 
 def painted(axis: Axes) -> None:
-    intervals = [(2.0, 4.0), None, (0.5, 1.5)]
-    series = Series("one & other", [1, 2, 3], [3.0, None, 1.0], "blue", "line", intervals)
+    series = Series("one & other", [1, 2, 3], [3.0, None, 1.0], "blue", "line", [(2.0, 4.0), None, (0.5, 1.5)])
     draw_panel(axis, Panel([series], "hypotheses H", "error, m"))
 
 

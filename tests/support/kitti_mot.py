@@ -56,8 +56,7 @@ class Annotations:
 
     def ignored(self, class_name: str) -> Bools:
         """Rows that count neither as found nor as missed."""
-        beside = np.isin(self.labels.type, NEIGHBOURS[class_name])
-        return beside | hidden_in_image(self.labels)
+        return np.isin(self.labels.type, NEIGHBOURS[class_name]) | hidden_in_image(self.labels)
 
 
 def hidden_in_image(labels: LabelRows) -> Bools:
@@ -119,7 +118,6 @@ def excused(image_box: Floats, areas: Floats) -> Bools:
     """Rows whose image box [R, 4] is low, or more than half of it in one of the DontCare areas [A, 4]."""
     low = image_box[:, 3] - image_box[:, 1] <= LEAST_HEIGHT
     corner = np.maximum(image_box[:, None, :2], areas[None, :, :2])
-    other = np.minimum(image_box[:, None, 2:], areas[None, :, 2:])
-    common = np.maximum(other - corner, 0.0).prod(axis=2)
+    common = np.maximum(np.minimum(image_box[:, None, 2:], areas[None, :, 2:]) - corner, 0.0).prod(axis=2)
     size = (image_box[:, 2:] - image_box[:, :2]).prod(axis=1)
     return np.asarray(low | (common > 0.5 * size[:, None]).any(axis=1))

@@ -20,12 +20,10 @@ NOTHING_SEEN = Surroundings(
 def random_windows(counts: Sequence[int] = (3, 1, 6), seed: int = 0) -> tuple[TrackWindows, Ints]:
     """Windows of frames with so many tracks, close to each other in bends, and the frame [n] of each."""
     rng, past, n = np.random.default_rng(seed), SIZES.past, sum(counts)
-    first = rng.integers(0, past, n)
-    alive = np.arange(past) >= first[:, None]
+    alive = np.arange(past) >= rng.integers(0, past, n)[:, None]
     time = (np.arange(past) - past + 1)[None] * SIZES.dt
     yaw = rng.uniform(-np.pi, np.pi, n)[:, None] + rng.normal(0, 0.3, n)[:, None] * time
-    speed = rng.uniform(0, 4, n)[:, None]
-    moved = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1) * (speed * time)[:, :, None]
+    moved = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1) * (rng.uniform(0, 4, n)[:, None] * time)[:, :, None]
     box = np.zeros((n, past, 7))
     box[:, :, :2] = rng.uniform(-6, 6, (n, 1, 2)) + moved
     box[:, :, 3], box[:, :, 4:] = yaw, rng.uniform(1, 4, (n, 1, 3))

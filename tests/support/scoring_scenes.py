@@ -207,8 +207,7 @@ def _rows_of_all(tables: Sequence[Any]) -> Any:
 
 
 def _boxes(things: Iterable[Thing]) -> Array:
-    rows = [[t.x, t.y, 0.0, 0.0, 4.0, 2.0, 1.5] for t in things]
-    return np.array(rows, dtype=np.float64).reshape(-1, 7)
+    return np.array([[t.x, t.y, 0.0, 0.0, 4.0, 2.0, 1.5] for t in things], dtype=np.float64).reshape(-1, 7)
 
 
 def _starts(frames: Sequence[Sequence[Thing]]) -> Array:

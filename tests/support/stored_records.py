@@ -146,8 +146,7 @@ def ships_of(*records: Record, simulated: bool = False) -> Ships:
             for scene in record.per_scene
         }
         of_card = record.env.card_digest, simulated, record.samples
-        ships = Shipped(*of_card, float("inf"), record.reference.hash, sums)
-        known.setdefault(record.env.id, ships)
+        known.setdefault(record.env.id, Shipped(*of_card, float("inf"), record.reference.hash, sums))
     return known.get
 
 

@@ -54,10 +54,8 @@ def test_the_board_shows_it_and_records_without_it_load() -> None:
         "4.321",
         "",
     ]
-    script = board_files(entries).parts[f"{MAIN}.js"]
-    with_it, without = script.splitlines()
-    assert "jerk" in with_it
-    assert "4.321" in with_it
+    with_it, without = board_files(entries).parts[f"{MAIN}.js"].splitlines()
+    assert all(text in with_it for text in ("jerk", "4.321"))
     assert "jerk" not in without
 
 

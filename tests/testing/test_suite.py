@@ -174,5 +174,4 @@ CARDS: dict[str, tuple[str, str, str, str]] = {
 
 @pytest.mark.parametrize(("old", "new", "level", "text"), CARDS.values(), ids=CARDS)
 def test_faults_of_a_card_are_found(old: str, new: str, level: str, text: str, kitti: str, tmp_path: Path) -> None:
-    found = only(check_card(write_card(tmp_path, CARD.replace(old, new)), kitti), level)
-    assert text in found.got
+    assert text in only(check_card(write_card(tmp_path, CARD.replace(old, new)), kitti), level).got

@@ -40,8 +40,7 @@ def box(x: float, y: float = 0.0) -> list[float]:
 def test_what_is_remembered_of_a_track() -> None:
     # A car moves along x, is undetected in frame 2 and coasts there.
     frames = [frame((0, 0, CAR)), frame((1, 0, CAR)), frame(), frame((3, 0, CAR))]
-    said = scripted(*([("a", box(x + 0.2), 0.9)] for x in (0, 1, 2, 3)))
-    *_, missed, last = played(said, frames)
+    *_, missed, last = played(scripted(*([("a", box(x + 0.2), 0.9)] for x in (0, 1, 2, 3))), frames)
     assert (missed.detection.tolist(), last.detection.tolist(), last.track_id.tolist()) == ([-1], [0], [0])
     assert last.hits is not None
     assert last.age is not None
@@ -64,8 +63,7 @@ def test_what_was_not_said_moved_steadily_or_is_not_known(away: int, x: list[flo
     frames = [frame((0, 0, CAR)), *[frame()] * away, frame((3, 0, CAR))]
     last = played(scripted([(7, box(0), 1)], *[[]] * away, [(7, box(3), 1)]), frames)[-1]
     assert last.past_detection is not None
-    assert last.past[0, -4:, 0].tolist() == pytest.approx(x)
-    assert last.past_detection[0, -4:].tolist() == taken
+    assert (last.past[0, -4:, 0].tolist(), last.past_detection[0, -4:].tolist()) == (pytest.approx(x), taken)
 
 
 def test_an_id_in_another_class_is_another_identity() -> None:

@@ -35,19 +35,16 @@ NOTHING = frame()
 # Of one object, X a detection and . none; below, the track that is output: its id, lower case where it took no
 # detection, and . for no output. Car: min_hits 3, max_age 2. Pedestrian: 1 and 4.
 LIVES = {
-    "first frame": (CAR, "X", "A"),
-    "a recording does not wait for its first tracks": (CAR, "XXXX", "AAAA"),
+    "first frame": (CAR, "X", "A"), "a recording does not wait for its first tracks": (CAR, "XXXX", "AAAA"),
     "later births wait for three detections": (CAR, "...XXXX", ".....AA"),
     "one frame without a detection is bridged": (CAR, "XXXX.XX", "AAAAaAA"),
     "two end a track": (CAR, "XXXX..XXXX", "AAAAa...BB"),
     "they do not count as detections": (CAR, "....XX.XX", ".......AA"),
     "unconfirmed and unseen twice: never output": (CAR, "....XX..XX", ".........."),
-    "no detection ever": (CAR, ".....", "....."),
-    "pedestrians are output at once": (PEDESTRIAN, "..X", "..A"),
-    "pedestrians survive three": (PEDESTRIAN, "X...X", "AaaaA"),
-    "but not four": (PEDESTRIAN, "X....X", "Aaaa.B"),
+    "no detection ever": (CAR, ".....", "....."), "pedestrians are output at once": (PEDESTRIAN, "..X", "..A"),
+    "pedestrians survive three": (PEDESTRIAN, "X...X", "AaaaA"), "but not four": (PEDESTRIAN, "X....X", "Aaaa.B"),
     "cyclists": (CYCLIST, "...XXX...X....", ".....AaaaAaaa."),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", LIVES)

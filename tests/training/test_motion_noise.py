@@ -142,5 +142,4 @@ def test_windows_of_a_tracker() -> None:
 
 def test_a_fit_to_scenes_leaves_out_classes_without_windows() -> None:
     rows = fit_scenes([make_scene(frames=12)], replace(RULES, classes=("car", "pedestrian", "cyclist")))
-    assert list(rows) == ["car", "pedestrian"]
-    assert list(rows["car"]) == [field.name for field in fields(NoiseTable)]
+    assert (list(rows), list(rows["car"])) == (["car", "pedestrian"], [field.name for field in fields(NoiseTable)])

@@ -128,8 +128,7 @@ def test_a_varied_batch_is_the_same_motion_seen_otherwise() -> None:
     np.testing.assert_allclose(out["counts"][cut, 0].exp(), out["alive"][cut].sum(dim=1), rtol=1e-5)
     turned = torch.linalg.det(torch.stack([out["future"][:, 0], out["future"][:, 1]], dim=-1))
     plain = torch.linalg.det(torch.stack([batch["future"][:, 0], batch["future"][:, 1]], dim=-1))
-    mirrored = (turned * plain < 0).sum()
-    assert n / 4 < mirrored < 3 * n / 4
+    assert n / 4 < (turned * plain < 0).sum() < 3 * n / 4
 
 
 def test_the_distance_of_a_mode_counts_known_frames_alone() -> None:
@@ -174,9 +173,7 @@ def test_envs_that_are_not_alike(name: str, value: object) -> None:
         _require_same_task(task(), task(**{name: value}))
 
 
-def test_no_env_teaches_what_a_fold_of_another_one_holds_out(
-    found: Windows, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_env_teaches_what_a_fold_holds_out(found: Windows, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The envs have some scenes in common, and draw their own folds by other lots."""
     some, more = write_card(tmp_path), tmp_path / "MTP-More-v0.toml"
     more.write_text(Path(some).read_text().replace("MTP-Small-v0", "MTP-More-v0"))
@@ -199,9 +196,7 @@ def test_no_env_teaches_what_a_fold_of_another_one_holds_out(
         assert not any(away & set(names) for names in learnt.values())
 
 
-def test_weights_lie_where_agents_look_whatever_the_card_is_called(
-    found: Windows, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_weights_lie_where_agents_look(found: Windows, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A card may be given as a path; agents know the id of its env."""
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "weights"))
     path, card = train_predictor(

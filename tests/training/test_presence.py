@@ -120,8 +120,7 @@ def test_labels_are_those_of_the_rule_for_forecasts() -> None:
 
 def test_the_quality_of_probabilities() -> None:
     got = quality(np.array([0.05, 0.05, 0.95, 1.0]), np.array([False, True, True, True]))
-    assert (got["rows"], got["auc"]) == (4, round(2.5 / 3, 4))
-    assert got["reliability"] == [[0.05, 0.5, 2], [0.975, 1.0, 2]]
+    assert (got["rows"], got["auc"], got["reliability"]) == (4, round(2.5 / 3, 4), [[0.05, 0.5, 2], [0.975, 1.0, 2]])
     assert quality(np.array([0.5]), np.array([True]))["auc"] == 0.5
 
 

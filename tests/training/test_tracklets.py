@@ -166,8 +166,7 @@ def test_a_fold_takes_a_scene_out_of_all_envs_that_show_it(tmp_path: Path) -> No
         parts = both.split((number, 4))
         learnt, away = ({both.names[scene] for scene in part.scene.tolist()} for part in parts)
         (name,) = {one.names[scene] for scene in one.split((number, 4))[1].scene.tolist()}
-        assert away == {f"MTP-Small-v0 {name}", f"MTP-SmallRaw-v0 {name}"}
-        assert len(learnt) == 6
+        assert (away, len(learnt)) == ({f"MTP-Small-v0 {name}", f"MTP-SmallRaw-v0 {name}"}, 6)
 
 
 def test_from_a_data_root(tmp_path: Path) -> None:

@@ -28,14 +28,10 @@ from tests.support.small_scenes import EchoAgent, MemorySource, write_card
 
 CARD = make_card()
 COLORS = {
-    "truth": palette.TRUTH,
-    "detection": palette.DETECTION,
-    "track": palette.TRACK,
-    "other hypothesis": palette.OTHER_TRACK,
-    "forecast": palette.FORECAST,
-    "false": palette.FALSE,
+    "truth": palette.TRUTH, "detection": palette.DETECTION, "track": palette.TRACK,
+    "other hypothesis": palette.OTHER_TRACK, "forecast": palette.FORECAST, "false": palette.FALSE,
     "event": palette.EVENT,
-}
+}  # fmt: skip
 Picture = NDArray[np.uint8]
 
 
@@ -163,8 +159,7 @@ def test_the_camera_goes_along_with_the_ego_and_never_changes_its_size() -> None
     scene = seen_scene([(30.0, 0.0)], speed=10.0)
     windows = windows_of(scene, CARD)
     first, last = windows[0], windows[4]
-    assert (last.x - first.x, last.y - first.y) == (40.0, 0.0)
-    assert (first.wide, first.high) == (last.wide, last.high)
+    assert ((last.x - first.x, last.y - first.y), (first.wide, first.high)) == ((40.0, 0.0), (last.wide, last.high))
     assert first.x > scene.ego[0, 0], "most is ahead"
     assert first.wide <= 2 * LARGEST
 

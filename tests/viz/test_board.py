@@ -168,9 +168,7 @@ def test_hidden_scenes_rank_and_the_public_error_stands_beside(tmp_path: Path) -
     assert (alone.place, alone.why, alone.public_error) == (None, "not scored on hidden scenes yet", None)
 
 
-def test_rows_hold_numbers_ranges_levels_and_reasons(
-    page: Page, html: str, files: BoardFiles, entries: list[Entry]
-) -> None:
+def test_rows_hold_numbers_levels_and_reasons(page: Page, html: str, files: BoardFiles, entries: list[Entry]) -> None:
     first, stp = page.entries[3], page.entries[7]
     assert (first["rank"], first["error"], first["level"]) == ("1 (1–2)", "0.742", "re-run by tester")
     assert (first["difference"], stp["difference"]) == ("−0.326", "–")
@@ -213,8 +211,7 @@ def test_the_page_needs_no_network(html: str, page: Page) -> None:
     (policy,) = [meta["content"] for meta in page.all("meta") if meta.get("http-equiv")]
     assert policy is not None
     assert policy.startswith("default-src 'none'; style-src 'sha256-")
-    assert "unsafe" not in policy
-    assert "script-src 'self'" not in policy
+    assert not any(text in policy for text in ("unsafe", "script-src 'self'"))
 
 
 def test_what_was_trained_on_scored_scenes_is_said_where_ranks_are_shown() -> None:
@@ -223,8 +220,7 @@ def test_what_was_trained_on_scored_scenes_is_said_where_ranks_are_shown() -> No
     knows = made_up("knows", 0.5, training_data=["nuScenes: split train", note])
     entries = board_of(made_up("stp", 1.0), knows)
     files = board_files(entries)
-    assert re.findall(r'<span class="why"><bdi>(.*?)</bdi>', files.page) == [note]
-    assert files.page.count("0.50†") == 1
+    assert (re.findall(r'<span class="why"><bdi>(.*?)</bdi>', files.page), files.page.count("0.50†")) == ([note], 1)
     assert files.page.count("†") == 2  # the cell, and what the mark means
     rows = json.loads(files.parts[f"{MAIN}.json"])["rows"]
     assert {row["submission"]: row["trained_on_scored"] for row in rows} == {"knows": note, "stp": None}
@@ -260,8 +256,7 @@ def test_turning_targets_are_a_column_that_older_records_leave_blank() -> None:
     assert not list(inconsistencies(new))
     files = board_files(board_of(old, new))
     rows = {row["submission"]: row for row in json.loads(files.parts[f"{MAIN}.json"])["rows"]}
-    assert rows["new"]["turning"] == pytest.approx(1.54, rel=0.01)
-    assert rows["old"]["turning"] is None
+    assert (rows["new"]["turning"], rows["old"]["turning"]) == (pytest.approx(1.54, rel=0.01), None)
     assert rows["old"]["place"] == 1  # their rows of other subsets compare
     assert rows["new"]["place"] == 2
     assert "turning" in pieces_of(files)[f"{MAIN}/new"]
@@ -368,8 +363,7 @@ def test_a_link_is_never_a_script(link: str) -> None:
     details = pieces_of(board_files(board_of(made_up("a"), links=[link])))[f"{MAIN}/a"]
     (address,) = [a["href"] for a in Page(details).all("a") if not (a["href"] or "").startswith("#")]
     assert address is not None
-    assert ":" not in address
-    assert " " not in address
+    assert not any(text in address for text in (":", " "))
     assert address.startswith("./")
 
 
@@ -379,8 +373,7 @@ def test_the_scale_of_differences_holds_the_ranked_and_zero() -> None:
     assert scale.low <= -0.4
     assert scale.high >= 0.0
     assert len(scale.ticks) <= MOST_TICKS + 1
-    assert scale.x(scale.low) == PAD
-    assert scale.x(scale.high) == WIDTH - PAD
+    assert (scale.x(scale.low), scale.x(scale.high)) == (PAD, WIDTH - PAD)
     off = bar_of(scale, PairedDifference(3.0, (2.5, 3.5), 0.01))
     assert off is not None
     assert off["above"]
@@ -406,14 +399,11 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
     return tmp_path / "records", mine
 
 
-def test_the_command_prints_ranks_and_writes_a_page(
-    folders: tuple[Path, Path], tmp_path: Path, cli: CommandLine
-) -> None:
+def test_the_command_prints_and_writes_a_page(folders: tuple[Path, Path], tmp_path: Path, cli: CommandLine) -> None:
     records, mine = folders
     page, content = tmp_path / "out.html", tmp_path / "out.json"
     out = cli.ok("board", "--records", records, "--with", mine, "-o", page, "--json", content)
-    assert "mine (added)" in out
-    assert "4 records" in out
+    assert all(text in out for text in ("mine (added)", "4 records"))
     rows: dict[str, list[dict[str, Any]]] = read_json(content)
     shown = [(r["submission"], r["place"], r["added"]) for r in rows["MTP-WILDTRACK-k10-v0"]]
     assert shown == [("good", 1, False), ("mine", 2, True), ("poor", 3, False)]
@@ -429,15 +419,12 @@ def test_nothing_is_cut_off_at_80_columns(tmp_path: Path) -> None:
     assert max(map(len, printed)) <= 80
     assert not [line for line in printed if "…" in line]
     row = next(line for line in printed if line.startswith("forest_of_maybe"))
-    heading = next(line for line in printed if line.startswith("agent"))
-    assert "* p<.05" in heading, "what the star means"
+    assert "* p<.05" in next(line for line in printed if line.startswith("agent")), "what the star means"
     assert " ".join(row.split()) == "forest_of_maybe 1–2 0.744 0.690–0.797 −0.324* 1.16"
     assert any(line.startswith("short_of_breath (3/4 scenes)") for line in printed)
 
 
-def test_the_command_reads_and_shows_one_env_and_the_same_record_once(
-    folders: tuple[Path, Path], cli: CommandLine
-) -> None:
+def test_the_command_shows_one_env_and_the_same_record_once(folders: tuple[Path, Path], cli: CommandLine) -> None:
     records, _ = folders
     (records / "good" / f"{MAIN}.json").write_text("broken")
     mini = "MTP-nuScenes-mini-v0"
@@ -447,9 +434,7 @@ def test_the_command_reads_and_shows_one_env_and_the_same_record_once(
     assert "added" not in out
 
 
-def test_a_record_made_again_is_shown_in_the_place_of_the_earlier_one(
-    folders: tuple[Path, Path], tmp_path: Path, cli: CommandLine
-) -> None:
+def test_a_record_made_again_replaces_the_earlier(folders: tuple[Path, Path], tmp_path: Path, cli: CommandLine) -> None:
     """Side by side they would count twice in the ranks of others."""
     records, _ = folders
     (again,) = write_records(tmp_path / "again", made_up("poor", 0.2))
@@ -460,16 +445,13 @@ def test_a_record_made_again_is_shown_in_the_place_of_the_earlier_one(
     assert shown == [("poor", 1, True), ("good", 2, False)]
 
 
-def test_the_command_names_a_missing_folder_and_a_broken_record(
-    tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_folders_and_broken_records(tmp_path: Path, cli: CommandLine, monkeypatch: pytest.MonkeyPatch) -> None:
     assert "no such folder of records" in cli("board", "--records", tmp_path / "none").error
     (path,) = write_records(tmp_path / "records", made_up("a"))
     path.write_text(path.read_text().replace("finished", "perfect"))
     write_records(tmp_path / "records", made_up("sound"))
     printed = cli.ok("board", "--records", tmp_path / "records")
-    assert "refused: " in printed
-    assert "sound" in printed
+    assert all(text in printed for text in ("refused: ", "sound"))
     strict = cli("board", "--records", tmp_path / "records", "--strict").error
     assert strict.startswith("1 record refused, the first: ")
     monkeypatch.setattr("mtp_bench.commands.board.record_paths", lambda *_: pytest.fail("all records were read before"))

@@ -82,16 +82,14 @@ def sorted_by(browser: Browser) -> list[list[str]]:
 
 
 def test_it_opens_by_rank_a_click_sorts_and_another_turns_the_order(opened: Browser) -> None:
-    assert names(opened) == RANKED + UNRANKED
-    assert sorted_by(opened) == [["rank", "ascending"]]
+    assert (names(opened), sorted_by(opened)) == (RANKED + UNRANKED, [["rank", "ascending"]])
     assert opened.script(COUNT) == "13 entries"
     opened.click(header("error"))
     assert sorted_by(opened) == [["error", "ascending"]]
     best, last = ["truth_past", "pooled_many", *RANKED], ["sleeper", "short_of_breath"]  # no number; partial
     assert names(opened) == best + last
     opened.click(header("error"))
-    assert sorted_by(opened) == [["error", "descending"]]
-    assert names(opened) == best[::-1] + last
+    assert (sorted_by(opened), names(opened)) == ([["error", "descending"]], best[::-1] + last)
     assert not opened.script(HEADINGS)
     opened.click(header("rank"))
     assert opened.script(HEADINGS) == ["truth_past", "pooled_many"]

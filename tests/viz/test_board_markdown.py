@@ -31,8 +31,7 @@ def test_an_environment_has_a_row_per_entry(entries: list[Entry]) -> None:
     assert text.endswith("\n\n<!-- /table -->\nafter\n")
     headings, _, first, *_ = rows_of(text)
     assert headings[:4] == ["agent", "rank", "bADE (m) all targets ↓", "to stp (m) difference ↓"]
-    assert first[0] == "`braided_paths`"
-    assert first[1] == "1 (1–2)"
+    assert (first[0], first[1]) == ("`braided_paths`", "1 (1–2)")
     assert first[2].startswith("0.742 [0.")
     assert [row[0] for row in rows_of(text)[2:]] == [f"`{entry.name}`" for entry in entries if entry.env == MAIN]
     assert filled(text, entries, "page.md") == text
@@ -63,8 +62,7 @@ def test_costs_are_differences_of_controls_and_references() -> None:
 def test_shares_of_the_error_by_cause_are_those_of_the_file_and_add_up() -> None:
     measured = json.loads(PARTS_FILE.read_text(encoding="utf-8"))
     for row in measured:
-        assert list(row["parts"]) == list(PARTS)
-        assert sum(row["parts"].values()) == pytest.approx(row["error"], abs=1e-9)
+        assert (list(row["parts"]), sum(row["parts"].values())) == (list(PARTS), pytest.approx(row["error"], abs=1e-9))
         assert (row["definitions"], row["card"]) == (DEFINITIONS, load_card(row["env"]).digest)
     headings, _, *rows = rows_of(filled(marked("parts"), [], "page.md"))
     assert headings == ["environment", "agent", "scenes; seeds", "bADE (m) ↓", *PARTS.values()]
@@ -78,7 +76,6 @@ def test_records_of_earlier_definitions_fill_a_table_that_has_no_others() -> Non
     old = made_up("old", 0.5, scorer={"definitions": "2.0"})
     headings, _, only = rows_of(filled(marked(f"env {MAIN}"), board_of(old), "page.md"))
     assert (headings[0], only[0]) == ("agent (definitions 2.0)", "`old`")
-    across = rows_of(filled(marked("all of old"), board_of(old), "page.md"))
-    assert across[2][0] == f"{MAIN} (definitions 2.0)"
+    assert rows_of(filled(marked("all of old"), board_of(old), "page.md"))[2][0] == f"{MAIN} (definitions 2.0)"
     new = filled(marked(f"env {MAIN}"), board_of(old, made_up("new")), "page.md")
     assert [row[0] for row in rows_of(new)[2:]] == ["`new`"]

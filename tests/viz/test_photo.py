@@ -95,8 +95,7 @@ def test_the_row_shows_the_image_and_the_boxes(seen: Replay) -> None:
     for role in ("truth", "before"):  # the track now lies under the true box
         assert near(row, ROLES[role]) > 50, role
     whole = round((HEIGHT - CAPTION) * PIXELS[0] / PIXELS[1])
-    gap = row.crop((whole, CAPTION, whole + GAP, HEIGHT))
-    assert near(gap, PAPER, 1) == GAP * (HEIGHT - CAPTION)
+    assert near(row.crop((whole, CAPTION, whole + GAP, HEIGHT)), PAPER, 1) == GAP * (HEIGHT - CAPTION)
 
 
 @pytest.mark.parametrize("content", [b"", b"no image", b"\xff\xd8\xff\xe0 cut off"], ids=["empty", "text", "cut off"])

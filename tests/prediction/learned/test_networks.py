@@ -10,13 +10,7 @@ import torch
 from mtp_bench.errors import SubmissionError
 from mtp_bench.prediction.kalman import rotation
 from mtp_bench.prediction.learned.affinity import AffinityNetwork, soft_past
-from mtp_bench.prediction.learned.around import (
-    around_inputs,
-    detections_of_tracks,
-    fitted_velocity,
-    nearest,
-    shares,
-)
+from mtp_bench.prediction.learned.around import around_inputs, detections_of_tracks, fitted_velocity, nearest, shares
 from mtp_bench.prediction.learned.layers import lstm, lstm_shapes
 from mtp_bench.prediction.learned.local import Arrays, local_future, local_inputs, mean_velocity, to_absolute
 from mtp_bench.prediction.learned.modes import LEAST_SPREAD, spread_of
@@ -304,8 +298,7 @@ def test_the_nearest_detections_are_kept_and_the_reach_grows_with_age() -> None:
     # Ten detections ahead of an object that looks along y, 1 m apart, the farthest first; one frame.
     box = np.zeros((10, 7))
     box[:, 1], box[:, 4:] = np.arange(10, 0, -1), 1
-    here = np.array([0, 0, 0, np.pi / 2, 4, 2, 1.5])
-    windows = windows_with(np.tile(here, (1, 4, 1)), np.array([0]))
+    windows = windows_with(np.tile(np.array([0, 0, 0, np.pi / 2, 4, 2, 1.5]), (1, 4, 1)), np.array([0]))
     seen = table(box, np.zeros(10, dtype=int), np.array([10]), np.array([0]))
     rows = nearest(windows, np.array([0]), seen, 0, 0.0)
     assert rows[0].tolist() == [9, 8, -1, -1, -1, -1]  # 1 and 2 m away
@@ -356,8 +349,7 @@ def test_support_counts_the_frames_that_agree() -> None:
     position[0, :, 0, 0] = [-6, -4, -2, 0]
     position[0, 0, 1] = [-5, 8]
     near = np.array([[[1.0, 1], [1, 0], [1, 0], [1, 0]]])
-    age = np.array([1.5, 1.0, 0.5, 0.5])[None, :, None, None]
-    got = support(-position / age, position, near, 0.5)[0]
+    got = support(-position / np.array([1.5, 1.0, 0.5, 0.5])[None, :, None, None], position, near, 0.5)[0]
     assert got[:3, 0] == pytest.approx([3, 3, 3])
     assert got[0, 1] == pytest.approx(1, abs=0.2)  # itself alone
     assert (got[3], got[1, 1]) == (pytest.approx([0, 0]), 0)

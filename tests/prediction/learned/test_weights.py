@@ -64,8 +64,7 @@ def file(tmp_path: Path) -> Path:
 def test_weights_come_back_in_half_precision(file: Path) -> None:
     stored = read_weights(file, network_of("modes"))
     weights = started(network_of("modes"))
-    assert stored.sizes == SIZES
-    assert stored.card == {"present": True}
+    assert (stored.sizes, stored.card) == (SIZES, {"present": True})
     for name, value in weights.items():
         np.testing.assert_array_equal(stored.weights[name], value.astype(np.float16))
 
@@ -140,9 +139,7 @@ def test_classes_are_matched_by_name(file: Path) -> None:
 
 
 @pytest.mark.parametrize("trained_on", ["truth", "tracklets"])
-def test_a_network_that_learnt_on_true_pasts_gets_no_scores(
-    file: Path, trained_on: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_network_of_true_pasts_gets_no_scores(file: Path, trained_on: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither of tracks nor of the detections around them."""
     rewritten(file, card={"on": trained_on})
     shown: list[float] = []
@@ -164,8 +161,7 @@ def test_a_network_that_learnt_on_true_pasts_gets_no_scores(
 def test_an_agent_whose_tracker_associates(network: str, tmp_path: Path) -> None:
     """Beside a track, detections of another class that it does not take change nothing, as they do for a network."""
     file = tmp_path / "weights.safetensors"
-    weights = started(network_of(network))
-    write_weights(file, StoredWeights(weights, network, SIZES, {"on": "tracklets"}))
+    write_weights(file, StoredWeights(started(network_of(network)), network, SIZES, {"on": "tracklets"}))
     changed = []
     for association in ("network", "track"):
         told = []
@@ -183,14 +179,11 @@ FILES = sorted(SHIPPED.glob(f"*.safetensors{PACKED}"))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.name.split(".")[0])
-def test_they_are_of_simulated_traffic_and_serve_their_envs(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_they_are_of_simulated_traffic_of_envs(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path))
     name, on, env_id = file.name.split(".")[0].split("-", 2)
     card = read_weights(file, network_of(name)).card
-    assert card["env"].split(", ")[0].replace("-Lanes", "") == env_id
-    assert card["on"] == on
+    assert (card["env"].split(", ")[0].replace("-Lanes", ""), card["on"]) == (env_id, on)
     for trained_on in card["env"].split(", "):
         assert load_card(trained_on).simulated
     others = [other for other in card_ids() if load_card(other).weights_of == env_id]
