@@ -257,8 +257,7 @@ def test_turning_targets_are_a_column_that_older_records_leave_blank() -> None:
     files = board_files(board_of(old, new))
     rows = {row["submission"]: row for row in json.loads(files.parts[f"{MAIN}.json"])["rows"]}
     assert (rows["new"]["turning"], rows["old"]["turning"]) == (pytest.approx(1.54, rel=0.01), None)
-    assert rows["old"]["place"] == 1  # their rows of other subsets compare
-    assert rows["new"]["place"] == 2
+    assert (rows["old"]["place"], rows["new"]["place"]) == (1, 2)  # their rows of other subsets compare
     assert "turning" in pieces_of(files)[f"{MAIN}/new"]
     assert "turning" in to_text(board_tables(board_of(old, new))[0][0])
     assert "turning" not in board_files(board_of(old)).parts[f"{MAIN}.csv"]
@@ -429,9 +428,8 @@ def test_the_command_shows_one_env_and_the_same_record_once(folders: tuple[Path,
     (records / "good" / f"{MAIN}.json").write_text("broken")
     mini = "MTP-nuScenes-mini-v0"
     out = cli.ok("board", "--records", records, "--env", mini, "--with", records / "other" / f"{mini}.json", "--strict")
-    assert "MTP-WILDTRACK-k10-v0" not in out
     assert sum("other" in line for line in out.splitlines()) == 1
-    assert "added" not in out
+    assert not any(text in out for text in ("MTP-WILDTRACK-k10-v0", "added"))
 
 
 def test_a_record_made_again_replaces_the_earlier(folders: tuple[Path, Path], tmp_path: Path, cli: CommandLine) -> None:
