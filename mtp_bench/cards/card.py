@@ -223,6 +223,9 @@ def check_consistency(card: Card, where: str) -> None:
     if card.lanes is not None and not (card.source.traits.lanes and card.source.traits.common_frame):
         lacking = "whose frames have separate axes" if card.source.traits.lanes else "without a road map"
         raise CardError(f"{where}: lanes cannot be shown for source {card.source.name!r}, {lacking}; leave them out")
+    if card.drive is not None and (card.source.name != "highway" or not card.has_ego):
+        got = f"source {card.source.name!r}{'' if card.has_ego else ' with a fixed sensor'}"
+        raise CardError(f"{where}: drive is set, but nothing drives in {got}, expected 'highway' with sensor = \"ego\"")
     seconds, needed = card.source.traits.scene_seconds, card.task.past + card.task.future
     if seconds is not None and seconds * card.task.rate < needed:
         raise CardError(

@@ -15,6 +15,8 @@ from .shown import Shown
 
 def compare_driving(agents: Sequence[str], env: str, options: RunOptions, shown: Shown, json_file: Path | None) -> None:
     """Let agents drive in the scenes of ``env`` and print one table."""
+    if shown.columns or shown.subsets:
+        options.card(env).require_same_scenes("which has one table of driving", "leave --columns and --subsets out")
     with EnvEvaluation.opened("driving", env, options, {}) as evaluation:
         result = run_comparison(agents, evaluation, shown.full)
     write_json(json_file, {"env": result.env, "rows": result.table.records, "failures": result.failures})

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import savgol_filter
 
-from ..sources.highway.driven import DrivenTraffic, Way
+from ..sources.highway.driven import STANDING, DrivenTraffic, Way
 from ..sources.highway.simulate import boxes_meet
 from ..sources.highway.world import CLASSES, RATE, World
 from ..types import Bools, Drive, Floats
@@ -51,7 +51,7 @@ def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools
     frame = truth.frame_of_rows
     rows = np.flatnonzero((frame < steps) & (np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10))
     frame = frame[rows]
-    yaw, moves = world.ego[frame, 3], speed[frame] > 0.05
+    yaw, moves = world.ego[frame, 3], speed[frame] > STANDING
     ahead = _along(truth.box[rows, :2] - world.ego[frame, :2], yaw) > 0
     near = np.zeros(len(rows), dtype=bool)
     for seconds in _LOOKS:

@@ -21,7 +21,7 @@ from .rollouts import RecordedAction
 
 CRASH = 100.0  # m of way that a collision at fault costs as reward
 _EASY = 0.3  # s in which the speed of the way is taken up
-_GENTLE = -2.0  # m/s2; the planner's stronger braking is never eased
+_GENTLE = -2.0  # m/s2; the planner's stronger braking is never eased, and a speed too high is lost by no more
 _MOST = 2.0  # m/s2
 
 
@@ -90,7 +90,7 @@ class DrivenEpisode(Episode):
         return self.drive is not None
 
     def take(self, action: RecordedAction) -> float:
-        """Decision on the action, and let the world move to the next frame; the metres driven, less `CRASH`."""
+        """Plan on the action and let the world move to the next frame; the metres driven, less `CRASH`."""
         before = self.stations[-1]
         self.actions.append(action)
         self.drop.append(int(self.feed.dropped[0]))
@@ -109,10 +109,10 @@ class DrivenEpisode(Episode):
 
     def _drive(self, wanted: float) -> None:
         ego = self.traffic.ego
-        if wanted > _GENTLE:  # at the speed of the way the rest of the profile is not needed
-            wanted = min(wanted, (self.planner.allowed(ego.s) - float(ego.speed)) / _EASY)
-        wanted = round(float(np.clip(wanted, -8.0, _MOST)), 6)
-        self.traffic.step(wanted)
+        if wanted > _GENTLE:  # at the speed of the way the rest of the profile is not needed, and above it none is
+            eased = (self.planner.allowed(ego.s) - float(ego.speed)) / _EASY
+            wanted = min(wanted, max(eased, _GENTLE))
+        self.traffic.step(round(min(wanted, _MOST), 6))
         self.acceleration.append(float(ego.action["acceleration"]))
         self.stations.append(float(ego.s))
 

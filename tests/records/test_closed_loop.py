@@ -68,6 +68,7 @@ COMMANDS = {
     "predictor": ("train predictor modes", "without scenes to fit to: fit on MTP-Intersection-v0"),
     "noise": ("fit-noise", "without scenes to fit to: fit on MTP-Intersection-v0"),
     "compare": ("compare stp --tracks .", "takes no stored tracks: leave --tracks out"),
+    "columns": ("compare stp --columns error", "one table of driving: leave --columns"),
     "tracks": ("import tracks . -o tables", "takes no stored tracks"),
 }
 

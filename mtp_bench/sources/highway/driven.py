@@ -20,7 +20,7 @@ _AWAY = ((8.0, 60.0), (60.0, 200.0))  # m from the place where the ego meets the
 _WAIT = 20.0  # s after the warm-up, in which a vehicle may become the ego
 _NEAREST = 3  # vehicles among which the ego is drawn
 _LONGEST = 5.6  # m, of the ego
-_STANDING = 0.05  # m/s: nuPlan's threshold
+STANDING = 0.05  # m/s: nuPlan's threshold
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,7 +217,7 @@ def way_of(road_map: RoadMap, routes: Any, route: int) -> Way:
 
 def is_at_fault(ego: Floats, speed: float, other: Floats) -> bool:
     """True for a contact of boxes ``[7]`` at ``speed`` m/s of the ego unless it stood, or was hit from behind."""
-    return speed > _STANDING and not hit_from_behind(ego, other)
+    return speed > STANDING and not hit_from_behind(ego, other)
 
 
 def hit_from_behind(ego: Floats, other: Floats) -> bool:
