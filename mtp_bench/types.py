@@ -145,6 +145,9 @@ class StoredTracks(Detections):
     object_id: Ints  # [R] identity within the scene, from 0; one of them has one class, and one box in a frame
 
 
+HARD_BRAKING = -3.0  # m/s2
+
+
 @dataclass(frozen=True, eq=False)
 class Drive:
     """Record of the ego of a closed loop in one scene; N steps of the simulation, F decisions of the planner."""

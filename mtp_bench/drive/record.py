@@ -8,11 +8,10 @@ from scipy.signal import savgol_filter
 from ..sources.highway.driven import STANDING, DrivenTraffic, Way
 from ..sources.highway.simulate import boxes_meet
 from ..sources.highway.world import CLASSES, RATE, World
-from ..types import Bools, Drive, Floats
+from ..types import HARD_BRAKING, Bools, Drive, Floats
 from .planner import Decision
 
 COLLISION_TIME = 0.95  # s: a shorter time to collision is a near miss (nuPlan)
-HARD = -3.0  # m/s2
 FREE = 30.0  # m ahead on the way without anybody: hard braking there has no cause
 LIMITS = {"braking": -4.05, "gaining": 2.40, "across": 4.89, "jerk": 4.13}  # m/s2, m/s3: nuPlan's bounds of comfort
 _BESIDE = 1.0  # m from the ego's strip
@@ -35,7 +34,7 @@ def record_of(traffic: DrivenTraffic, stations: Floats, acceleration: Floats, pl
         collision="" if hit is None else CLASSES[hit.class_id],
         at_fault=hit is not None and hit.at_fault,
         near_misses=_runs(near_misses(world, speed, traffic.size)),
-        phantom_brakes=_runs((acceleration < HARD) & alone),
+        phantom_brakes=_runs((acceleration < HARD_BRAKING) & alone),
         comfortable=is_comfortable(acceleration, speed, np.interp(stations[:-1], traffic.way.s, traffic.way.heading)),
         acceleration=acceleration,
         risk=np.array([plan.risk for plan in plans]),
