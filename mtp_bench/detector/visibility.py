@@ -12,6 +12,7 @@ from ..types import Bools, Floats, Ints, Truth
 VISIBLE = (0.8, 0.4, 0.05)
 PARTLY, LARGELY, HIDDEN = 1, 2, 3
 _TINY = 1e-12
+_HAIR = 1e-6  # rad, far above rounding
 _TURN = 2 * np.pi
 
 
@@ -65,11 +66,8 @@ def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:
 
 def visible_fractions(truth: Truth, ego: Floats) -> Floats:
     """Unoccluded share ``[R]`` of each true box, 0 to 1; ``ego`` ``[F, 2 or more]`` x y: the sensor in each frame."""
-    visible = np.ones(len(truth.box))
-    for t in range(len(ego)):
-        rows = truth.rows(t)
-        visible[rows] = visible_fraction(truth.box[rows], ego[t, :2])
-    return visible
+    frame = truth.frame_of_rows
+    return _visible(truth.box, frame, ego[frame, :2])
 
 
 def visible_fraction(box: Floats, sensor: Floats) -> NDArray[np.float64]:
@@ -78,18 +76,23 @@ def visible_fraction(box: Floats, sensor: Floats) -> NDArray[np.float64]:
     The ends of all boxes cut the circle into sectors; a ray through the middle of each finds its nearest box, which is
     exact for boxes that do not overlap. A box that contains the sensor is fully visible and hides no other box.
     """
+    return _visible(box, np.zeros(len(box), dtype=np.int64), np.tile(np.asarray(sensor)[:2], (len(box), 1)))
+
+
+def _visible(box: Floats, frame: Ints, sensor: Floats) -> NDArray[np.float64]:
+    """`visible_fraction` in many frames at once: boxes ``[R, 7]``, their frames, ascending, and sensors ``[R, 2]``."""
     middle, half, inside = _angular_intervals(box, sensor)
-    share = np.ones(len(box))
-    outside = ~inside
-    if int(outside.sum()) > 1:
-        share[outside] = _first_in_sectors(box[outside], sensor, middle[outside], half[outside])
+    share, outside = np.ones(len(box)), ~inside
+    outside[outside] = np.bincount(frame[outside])[frame[outside]] > 1  # one alone is fully visible
+    if outside.any():
+        share[outside] = _first_in_sectors(*(x[outside] for x in (box, frame, sensor, middle, half)))
     return share
 
 
 def _angular_intervals(box: Floats, sensor: Floats) -> tuple[Floats, Floats, Bools]:
-    """Middle and half width of the angle of each box, rad, and a mask of boxes that contain the sensor: ``[M]``."""
-    to_corner = bev_corners(box) - np.asarray(sensor)[:2]
-    bearing = np.arctan2(box[:, 1] - sensor[1], box[:, 0] - sensor[0])
+    """Middle and half width of the angle of each box, rad, and a mask of boxes that contain the sensor: ``[R]``."""
+    to_corner = bev_corners(box) - sensor[:, None]
+    bearing = np.arctan2(box[:, 1] - sensor[:, 1], box[:, 0] - sensor[:, 0])
     offset = wrap_angle(np.arctan2(to_corner[..., 1], to_corner[..., 0]) - bearing[:, None])
     low, high = offset.min(-1), offset.max(-1)
     along, across = _in_box_frame(box, sensor)
@@ -98,31 +101,50 @@ def _angular_intervals(box: Floats, sensor: Floats) -> tuple[Floats, Floats, Boo
 
 
 def _in_box_frame(box: Floats, sensor: Floats) -> tuple[Floats, Floats]:
-    """Position of the sensor along and across each box, from its centre, metres: ``[M]`` each."""
+    """Position of the sensor along and across each box, from its centre, metres: ``[R]`` each."""
     cos, sin = np.cos(box[:, 3]), np.sin(box[:, 3])
-    dx, dy = sensor[0] - box[:, 0], sensor[1] - box[:, 1]
+    dx, dy = sensor[:, 0] - box[:, 0], sensor[:, 1] - box[:, 1]
     return cos * dx + sin * dy, cos * dy - sin * dx
 
 
-def _first_in_sectors(box: Floats, sensor: Floats, middle: Floats, half: Floats) -> Floats:
-    """Visible share of boxes ``[M, 7]`` that do not contain the sensor: ``[M]``."""
-    ends = np.sort(np.remainder(np.concatenate([middle - half, middle + half]), _TURN))
-    width = np.diff(ends, append=ends[0] + _TURN)
+def _first_in_sectors(box: Floats, frame: Ints, sensor: Floats, middle: Floats, half: Floats) -> Floats:
+    """Visible share of boxes ``[R, 7]`` that do not contain the sensor: ``[R]``."""
+    ends = np.remainder(np.concatenate([middle - half, middle + half]), _TURN)
+    ends = ends[np.lexsort((ends, np.tile(frame, 2)))]
+    first, count = 2 * np.searchsorted(frame, frame), 2 * np.bincount(frame)[frame]  # sectors of each box's frame
+    last = np.append(np.flatnonzero(np.diff(frame)), len(frame) - 1)
+    following = np.append(ends[1:], 0.0)
+    following[2 * last + 1] = ends[first[last]] + _TURN
+    width = following - ends
     ray = ends + width / 2
-    hit = np.abs(wrap_angle(ray[:, None] - middle)) <= half
-    distance = np.where(hit, _entry_distance(ray, box, sensor), np.inf)
-    first = distance.argmin(1)
-    any_hit = hit.any(1)
-    angle = np.bincount(first[any_hit], weights=width[any_hit], minlength=len(box))
+    # rays that can hit a box: those of the sectors from a little before its first end to a little after its second one
+    sorted_ends = ends + 8.0 * np.repeat(frame, 2)
+    begin, end = (
+        np.searchsorted(sorted_ends, np.remainder(angle, _TURN) + 8.0 * frame, side="right") - 1 - first
+        for angle in (middle - half - _HAIR, middle + half + _HAIR)
+    )
+    rays = np.minimum((end - begin - 1) % count + 2, count)
+    other = np.repeat(np.arange(len(box)), rays)
+    step = np.arange(len(other)) - np.repeat(np.cumsum(rays) - rays, rays)
+    sector = first[other] + (begin[other] + step) % count[other]
+    hit = np.abs(wrap_angle(ray[sector] - middle[other])) <= half[other]
+    other, sector = other[hit], sector[hit]
+    distance = _entry_distance(ray[sector], other, box, sensor)
+    nearest = np.full(len(ray), np.inf)
+    np.minimum.at(nearest, sector, distance)
+    seen = np.flatnonzero(distance == nearest[sector])[::-1]  # of equally near boxes the first one
+    owner = np.full(len(ray), -1)
+    owner[sector[seen]] = other[seen]
+    angle = np.bincount(owner[owner >= 0], weights=width[owner >= 0], minlength=len(box))
     return np.minimum(angle / np.maximum(2 * half, _TINY), 1.0)
 
 
-def _entry_distance(ray: Floats, box: Floats, sensor: Floats) -> Floats:
-    """Distance at which rays ``[n]`` (directions, rad) enter boxes ``[M, 7]`` that they hit: ``[n, M]`` metres."""
-    turn = ray[:, None] - box[:, 3]
-    entry = np.full(turn.shape, -np.inf)
+def _entry_distance(ray: Floats, other: Ints, box: Floats, sensor: Floats) -> Floats:
+    """Distance at which rays ``[n]`` (directions, rad) enter the boxes ``other`` ``[n]`` that they hit: ``[n]`` m."""
+    turn = ray - box[other, 3]
+    entry = np.full(len(turn), -np.inf)
     along, across = _in_box_frame(box, sensor)
     for start, step, size in ((along, np.cos(turn), box[:, 4]), (across, np.sin(turn), box[:, 5])):
         inverse = 1.0 / np.where(np.abs(step) < _TINY, _TINY, step)
-        np.maximum(entry, -start * inverse - np.abs(inverse) * (size / 2), out=entry)
+        np.maximum(entry, -start[other] * inverse - np.abs(inverse) * (size[other] / 2), out=entry)
     return entry
