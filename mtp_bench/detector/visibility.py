@@ -85,7 +85,9 @@ def _visible(box: Floats, frame: Ints, sensor: Floats) -> NDArray[np.float64]:
     share, outside = np.ones(len(box)), ~inside
     outside[outside] = np.bincount(frame[outside])[frame[outside]] > 1  # one alone is fully visible
     if outside.any():
-        share[outside] = _first_in_sectors(*(x[outside] for x in (box, frame, sensor, middle, half)))
+        share[outside] = _first_in_sectors(
+            box[outside], frame[outside], sensor[outside], middle[outside], half[outside]
+        )
     return share
 
 
