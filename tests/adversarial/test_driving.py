@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import kendalltau
 
-from benchmarks.driving import TRUTH, Measured, figures, kendall_tau, measure_scene
 from benchmarks.driving_attacks import ATTACKS, AWAY
+from benchmarks.driving_figures import Measured, figures, kendall_tau
+from benchmarks.driving_measure import TRUTH, measure_scene
 from mtp_bench import Action, Agent, MTPEnv, evaluate, load_card, load_submission
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.stored import open_run
@@ -106,15 +107,15 @@ def test_figures_of_two_scenes(short: str, tmp_path: Path) -> None:
     card = load_card(short)
     for name in MTPEnv(card).scene_names:
         measure_scene(card, name, [*AGENTS, "everywhere"], tmp_path)
-    (tmp_path / "env.txt").write_text(short)
+    (tmp_path / "env.txt").write_text(f"{card.digest} {short}")
     made = figures(Measured(tmp_path))
     assert made["scenes"] == 2
-    assert set(made["rows"]) == {*AGENTS, "everywhere"}
-    assert "errors" not in made["rows"]["everywhere"]
+    assert set(made["rows"]) == {*AGENTS}
+    assert set(made["attacks"]) == {"stp", "everywhere"}
     near = [made["rows"][agent]["errors"]["bADE near the ego"] for agent in (TRUTH, "blind")]
     assert near[0] < near[1]
     assert made["tau"]["all"]["agents"] == 4
-    assert -1.0 <= made["tau"]["all"]["bADE"]["low"] <= made["tau"]["all"]["bADE"]["high"] <= 1.0
+    assert -1.0 <= made["tau"]["all"]["measures"]["bADE"]["low"] <= 1.0
 
 
 def test_tau_is_that_of_scipy() -> None:
