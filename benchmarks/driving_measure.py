@@ -197,14 +197,15 @@ def moments(env: MTPEnv, rollout: Rollout) -> Moments:
     events = np.stack([frame[row], kind, ahead[row], left[row], scene.truth.class_id[row]], axis=1)
     moving = near & (np.hypot(*scene.truth.velocity.T) > MOVING)
     step = np.minimum((np.arange(scene.frames) * RATE * env.task.dt).round().astype(int), len(speed) - 1)
-    phantom, missed = np.zeros(0), np.zeros(0)
+    phantom: Array = np.zeros(0)
+    missed: Array = np.zeros(0)
     if drive.phantom_brakes:
         alone = ~occupied(traffic.world(), traffic.way, stations, traffic.size)[:-1]
         phantom = _starts((drive.acceleration < HARD_BRAKING) & alone)
     if drive.near_misses:
         missed = _starts(near_misses(traffic.world(), speed, traffic.size))
-    counts = [np.bincount(frame[mask], minlength=scene.frames).astype(float) for mask in (near, moving)]
-    return Moments(events.astype(float), *counts, speed[step], phantom, missed)
+    objects, moved = (np.bincount(frame[mask], minlength=scene.frames).astype(float) for mask in (near, moving))
+    return Moments(events.astype(float), objects, moved, speed[step], phantom, missed)
 
 
 def _around_ego(scene: Scene) -> tuple[Array, Array, Ints]:
