@@ -24,7 +24,7 @@ from ..types import Bools, Floats, Ints
 FIRST = np.array([-8.0, -6.0, -4.5, -3.0, -2.0, -1.0, 0.0, 0.7, 1.5])  # m/s2, in the first second
 THEN = np.array([-4.0, -2.0, 0.0, 1.5])  # m/s2, later
 PHASE = 1.0  # s
-_FINE, _COARSE = 0.25, 0.5  # s, longest step of a profile; time between the forecast places that count
+_DENSE = 0.3  # s, longest time between two forecast places that count
 _UNLIKELY = 0.002  # weight of a sample below which it does not count
 _CELL = 1.0  # m, of the grid that finds the station next to a place, and of the table of speeds
 _ASIDE = 9.0  # m from the way, beyond which nothing is met
@@ -65,6 +65,19 @@ class _Contacts:
     step: Ints  # of the forecast
     sample: Ints  # object times K plus k, ascending
     leads: Bools  # the object drives ahead in the direction of the way
+
+
+def _evened(seen: Obstacles) -> Obstacles:
+    """The forecast at places about `_DENSE` s apart: some left out, or more put in between on straight lines."""
+    if seen.dt <= _DENSE:
+        every = int(_DENSE / seen.dt + 1e-6)
+        return replace(seen, path=seen.path[:, :, every - 1 :: every], dt=seen.dt * every)
+    parts = ceil(seen.dt / _DENSE - 1e-6)
+    now = np.broadcast_to(seen.box[:, None, None, :2], (*seen.path.shape[:2], 1, 2))
+    before = np.concatenate([now, seen.path[:, :, :-1]], axis=2)[:, :, :, None]
+    share = np.arange(1, parts + 1)[:, None] / parts
+    path = before + share * (seen.path[:, :, :, None] - before)
+    return replace(seen, path=path.reshape(*seen.path.shape[:2], -1, 2), dt=seen.dt / parts)
 
 
 class Planner:
@@ -108,30 +121,23 @@ class Planner:
 
     def profiles(self, s: float, speed: float, dt: float, steps: int) -> tuple[Floats, Floats]:
         """Stations [C, T + 1] and speeds of all profiles, every ``dt`` s from now, at ``s`` m with ``speed`` m/s."""
-        parts = ceil(dt / _FINE - 1e-6)
-        fine = dt / parts
-        place, pace = np.full(len(self._first), s), np.full(len(self._first), speed)
         stations, speeds = np.empty((2, steps + 1, len(self._first)))
-        stations[0], speeds[0] = place, pace
-        gains = self._first * fine, self._then * fine
-        for k in range(steps * parts):
+        stations[0], speeds[0] = s, speed
+        gains = self._first * dt, self._then * dt
+        for k, (place, pace) in enumerate(zip(stations[:-1], speeds[:-1], strict=True)):
             cell = np.minimum((place / _CELL).astype(np.int64), len(self._tops) - 1)
-            top = np.maximum(self._tops[cell], pace - 2 * _SLOWER * fine)
-            faster = np.maximum(np.minimum(pace + gains[k * fine > PHASE - 1e-6], top), 0.0)
-            place = place + (pace + faster) * (fine / 2)
-            pace = faster
-            if (k + 1) % parts == 0:
-                stations[(k + 1) // parts], speeds[(k + 1) // parts] = place, pace
+            top = np.maximum(self._tops[cell], pace - 2 * _SLOWER * dt)
+            faster = np.maximum(np.minimum(pace + gains[k * dt > PHASE - 1e-6], top), 0.0)
+            stations[k + 1], speeds[k + 1] = place + (pace + faster) * (dt / 2), faster
         return stations.T, speeds.T
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
         """The best profile for an ego at ``s`` m with ``speed`` m/s."""
-        every = max(int(_COARSE / seen.dt + 1e-6), 1)
-        dt, path = seen.dt * every, seen.path[:, :, every - 1 :: every]
+        even = _evened(seen)
+        dt, path = even.dt, even.path
         stations, speeds = self.profiles(s, speed, dt, path.shape[2])
-        thinned = replace(seen, path=path, dt=dt)
-        contacts = self._contacts(s, float(stations[:, -1].max()), thinned)
-        share, owner = self._shares(stations, speeds, contacts, thinned)
+        contacts = self._contacts(s, float(stations[:, -1].max()), even)
+        share, owner = self._shares(stations, speeds, contacts, even)
         wish = (stations[:, -1] - s) / (dt * path.shape[2]) - self._effort
         score = np.round(wish - self._weigh.caution * share.sum(axis=1), 9)  # ties do not hang on last bits
         best, free = int(np.argmax(score)), int(np.argmax(np.round(wish, 9)))
