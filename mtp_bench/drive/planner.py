@@ -33,6 +33,7 @@ _SLOWER = 1.5  # m/s2, braking for lower limits ahead
 _STILL = 0.5  # m/s; slower objects keep their heading
 _HARMLESS, _HARMFUL = 0.15, 4.0  # weight of a contact of the standing ego; m/s from which the weight is 1
 _LIKELY = 0.5  # risk by somebody ahead in the lane, from which the ego brakes hardest if no profile has less
+_CLOSE = 0.5  # weight of the time gap alone, against a contact
 _OPENING = 2.0  # s in which the time gap to those ahead may be opened
 
 
@@ -160,7 +161,8 @@ class Planner:
         back = np.where(met.leads, before[:, met.step], here[:, met.step])  # a leader may be passed in one step
         harm = np.minimum(_HARMLESS + (1 - _HARMLESS) * speeds[:, 1:] / _HARMFUL, 1.0)
         harm = np.exp(-times / self._weigh.patience) * harm
-        each = np.where((front >= met.low) & (back <= met.high), harm[:, met.step], 0.0)
+        close = np.where(here[:, met.step] >= met.low, 1.0, _CLOSE)
+        each = np.where((front >= met.low) & (back <= met.high), close * harm[:, met.step], 0.0)
         group, start = np.unique(met.sample, return_index=True)
         chance = np.maximum.reduceat(each, start, axis=1) * seen.weight.ravel()[group]
         owner, begin = np.unique(group // seen.weight.shape[1], return_index=True)
