@@ -90,12 +90,13 @@ class PlannerSection(Section):
     """Weights of the planner that drives the ego (`mtp_bench.drive.planner`); fitted on training seeds."""
 
     caution: Annotated[float, Field(ge=0)] = 60.0  # m/s of progress that a certain contact now costs
-    patience: Annotated[float, Field(gt=0)] = 3.0  # s, by which a later contact counts less
+    patience: Annotated[float, Field(gt=0)] = 2.0  # s, by which a later contact counts less
     comfort: Annotated[float, Field(ge=0)] = 0.4  # m/s of progress per m/s2 of braking beyond 2
     smoothness: Annotated[float, Field(ge=0)] = 0.05  # m/s of progress per m/s2
     margin: Annotated[float, Field(ge=0)] = 0.3  # m around the boxes
     growth: Annotated[float, Field(ge=0)] = 0.05  # m/s, of the margin over the forecast
     headway: Annotated[float, Field(ge=0)] = 0.6  # s, to those who drive ahead
+    pace: Annotated[float, Field(gt=0, le=1)] = 1.0  # share of the speed limits that is driven at most
 
 
 class DriveSection(Section):

@@ -78,7 +78,7 @@ def _evened(seen: Obstacles) -> Obstacles:
     before = np.concatenate([now, seen.path[:, :, :-1]], axis=2)[:, :, :, None]
     share = np.arange(1, parts + 1)[:, None] / parts
     path = before + share * (seen.path[:, :, :, None] - before)
-    return replace(seen, path=path.reshape(*seen.path.shape[:2], -1, 2), dt=seen.dt / parts)
+    return replace(seen, path=path.reshape(*seen.path.shape[:2], parts * seen.path.shape[2], 2), dt=seen.dt / parts)
 
 
 class Planner:
@@ -94,7 +94,8 @@ class Planner:
     @cached_property
     def _allowed(self) -> Floats:
         """Speed [n] at each station from which the limits ahead can be met, m/s."""
-        square, gained = self._way.limit.astype(np.float64) ** 2, 2 * _SLOWER * np.diff(self._way.s)
+        limit = self._weigh.pace * self._way.limit.astype(np.float64)
+        square, gained = limit**2, 2 * _SLOWER * np.diff(self._way.s)
         for i in range(len(square) - 2, -1, -1):
             square[i] = min(square[i], square[i + 1] + gained[i])
         return np.sqrt(square)
