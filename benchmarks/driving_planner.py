@@ -47,7 +47,8 @@ def measure_scene(card: Card, name: str, agents: list[str]) -> tuple[list[Drive]
 def own_driver(card: Card, seed: int) -> tuple[float, bool]:
     """The way, m, of an ego that takes the accelerations of traffic's own driver model, and whether it collided."""
     traffic = DrivenTraffic(traffic_of(section_of(card, HighwaySource)), seed)
-    ego, start = traffic.ego, traffic.ego.s
+    ego: Any = traffic.ego
+    start = ego.s
     ego.act = lambda action=None: setattr(ego, "wanted", max(float(action["acceleration"]), -8.0))
     while not traffic.over and traffic.frames <= float(card.source.traits.scene_seconds or 0) * RATE:
         traffic.step(0.0)
