@@ -11,7 +11,7 @@ from .lanes import NO_LANE, lane_map
 from .networks import RoadMap
 from .recording import Recording
 from .simulate import ATTEMPTS, HARDEST, Attempt, boxes_meet, overlapping
-from .vehicles import Driver
+from .vehicles import Driver, round_states
 from .world import CLASSES, RATE, WARM_UP, Traffic, World
 
 _STEP = 0.5  # m between two points of a way
@@ -58,16 +58,15 @@ class _Ego(Driver):
         self.way, self.s, self.wanted = way, s, 0.0
         self._place()
 
-    def act(self, action: dict[str, float] | str | None = None) -> None:
-        """Do nothing: the acceleration comes from outside."""
-
-    def step(self, dt: float) -> None:
-        """Move by ``dt`` seconds."""
+    def take(self, *state: Any) -> None:
+        """Move for 1 / `RATE` seconds on the way, whatever the driver model's new ``state`` is."""
+        dt = 1.0 / RATE
         gain = max(self.wanted, -float(self.speed) / dt)
         self.action = {"steering": 0.0, "acceleration": gain}
         self.s = min(self.s + float(self.speed) * dt, float(self.way.s[-1]))
         self.speed = float(self.speed) + gain * dt
         self._place()
+        round_states([self])
 
     def _place(self) -> None:
         place, heading = self.way.at(np.array(self.s))

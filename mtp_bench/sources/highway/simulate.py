@@ -17,7 +17,7 @@ from .networks import RoadMap, build_map
 from .pedestrians import Crowd
 from .recording import Recording
 from .right_of_way import RightOfWay
-from .vehicles import Driver, Entries, draw_parked_boxes, round_states, vehicle_boxes
+from .vehicles import Driver, Entries, draw_parked_boxes, move_vehicles, vehicle_boxes
 from .world import RATE, WARM_UP, ScenarioName, Traffic, World
 
 ATTEMPTS = 50
@@ -121,11 +121,8 @@ class _Drivers:
         acceleration = self._acceleration(state, step)
         before = np.array([vehicle.action["steering"] for vehicle in state.vehicles])
         angle = steering_angles(state, self._map.geometry, self._routes, before, 1.0 / RATE)
-        for vehicle, steering, gain in zip(state.vehicles, angle.tolist(), acceleration.tolist(), strict=True):
-            vehicle.act({"steering": steering, "acceleration": gain})
-        for vehicle in state.vehicles:  # as `Road.step`, without its empty handling of collisions
-            vehicle.step(1.0 / RATE)
-        round_states(state.vehicles)
+        states = (state.xy, state.heading, state.speed, state.wheelbase)
+        move_vehicles(state.vehicles, *states, (angle, acceleration))
         if self.rules is not None:
             self._crowd.step(1.0 / RATE, obstacles, self.rules.free_to_walk)
         return [state.vehicles[i] for i in np.flatnonzero(state.finished)]

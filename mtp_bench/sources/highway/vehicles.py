@@ -9,7 +9,7 @@ import numpy as np
 from ...types import Floats
 from .library import Vehicle
 from .networks import Kerb, RoadMap
-from .world import CLASSES, FILLED, LEAVING
+from .world import CLASSES, FILLED, LEAVING, RATE
 
 LONG = 6.6  # m; longer vehicles do not turn at the intersection
 _SHARES = {"urban": (0.66, 0.12, 0.10, 0.07, 0.05), "fast": (0.62, 0.13, 0.05, 0.17, 0.03)}  # in the order of _SIZES
@@ -53,7 +53,7 @@ class VehicleTraits:
 
 
 class Driver(Vehicle):  # type: ignore[misc]
-    """A vehicle that follows its last ``act``: steering angle in rad, acceleration in m/s2.
+    """A vehicle whose state is set from outside, as all vehicles are moved at once (`move_vehicles`).
 
     ``LENGTH`` is the wheelbase, which highway-env's bicycle model turns by; the box has the size of ``traits``.
     """
@@ -76,28 +76,57 @@ class Driver(Vehicle):  # type: ignore[misc]
         self.route = -1
         self.lane_number = -1
         self.parameters = astuple(traits)
+        self.size = (traits.length, traits.width, traits.height)
 
-    def on_state_update(self) -> None:
-        """Do nothing: `driving.observe` finds the lanes of all vehicles at once."""
+    def take(self, position: Floats, heading: float, speed: float, steering: float, acceleration: float) -> None:
+        """Take a new state, and the action that led to it."""
+        self.position, self.heading, self.speed = position, heading, speed
+        self.action = {"steering": steering, "acceleration": acceleration}
 
-    def handle_collisions(self, other: Any, dt: float = 0.0) -> None:
-        """Do nothing: highway-env's response would move the vehicles."""
+
+def move_vehicles(
+    vehicles: Sequence[Driver], xy: Floats, heading: Floats, speed: Floats, wheelbase: Floats, action: tuple[Floats, Floats]
+) -> None:
+    """Move all vehicles for 1 / `RATE` seconds, by highway-env's bicycle model.
+
+    ``xy`` ``[N, 2]``, ``heading``, ``speed`` and ``wheelbase`` ``[N]``: of the ``vehicles``; ``action``: their steering
+    angles and accelerations ``[N]``.
+    """
+    steering, gain = action
+    dt, most = 1.0 / RATE, Vehicle.MAX_SPEED
+    slip = np.arctan(1 / 2 * np.tan(steering))
+    gain = np.where(speed > most, np.minimum(gain, most - speed), gain)
+    course = np.stack([np.cos(heading + slip), np.sin(heading + slip)], axis=1)
+    heading = heading + speed * np.sin(slip) / (wheelbase / 2) * dt
+    states = _rounded(xy + speed[:, None] * course * dt, heading, speed + gain * dt)
+    for vehicle, *state in zip(vehicles, *states, steering.tolist(), gain.tolist(), strict=True):
+        vehicle.take(*state)
 
 
 def round_states(vehicles: Sequence[Driver]) -> None:
     """Round states to 1e-6, so that differences between processors in the last bits cannot grow."""
-    place = np.round(np.array([v.position for v in vehicles], dtype=np.float64).reshape(-1, 2), 6) + 0.0
-    heading = np.remainder(np.array([v.heading for v in vehicles], dtype=np.float64) + np.pi, 2 * np.pi) - np.pi
-    for vehicle, position, angle in zip(vehicles, place, heading.tolist(), strict=True):
-        vehicle.position, vehicle.heading = position, round(angle, 6) + 0.0
-        vehicle.speed = round(float(vehicle.speed), 6) + 0.0
+    heading, speed = np.array([(v.heading, v.speed) for v in vehicles], dtype=np.float64).reshape(-1, 2).T
+    for vehicle, *state in zip(vehicles, *_rounded(places(vehicles), heading, speed), strict=True):
+        vehicle.position, vehicle.heading, vehicle.speed = state
+
+
+def _rounded(place: Floats, heading: Floats, speed: Floats) -> tuple[Floats, list[float], list[float]]:
+    heading = np.remainder(heading + np.pi, 2 * np.pi) - np.pi
+    angles, speeds = ([round(value, 6) + 0.0 for value in column.tolist()] for column in (heading, speed))
+    return np.round(place, 6) + 0.0, angles, speeds
+
+
+def places(vehicles: Sequence[Driver]) -> Floats:
+    """Places ``[N, 2]`` of vehicles."""
+    return np.concatenate([np.empty(0), *(v.position for v in vehicles)]).reshape(-1, 2)
 
 
 def vehicle_boxes(vehicles: Sequence[Driver]) -> Floats:
     """Boxes ``[N, 7]`` of vehicles in highway-env's frame (y down)."""
-    sizes = [(v.traits.length, v.traits.width, v.traits.height) for v in vehicles]
-    rows = [(*v.position.tolist(), h / 2, v.heading, l, w, h) for v, (l, w, h) in zip(vehicles, sizes, strict=True)]
-    return np.array(rows, dtype=np.float64).reshape(-1, 7)
+    box = np.empty((len(vehicles), 7))
+    box[:, :2] = places(vehicles)
+    box[:, 2:] = np.array([(v.size[2] / 2, v.heading, *v.size) for v in vehicles], dtype=np.float64).reshape(-1, 5)
+    return box
 
 
 def draw_traits(fast: bool, rng: np.random.Generator) -> VehicleTraits:
