@@ -49,8 +49,9 @@ class OrnsteinUhlenbeck:
             drawn = self._spread * self._rng.standard_normal(missing + _DRAWN_AHEAD)
             self._value = np.concatenate([self._value, np.round(drawn, 6)])
         moved = self._decay * self._value[numbers] + self._push * self._rng.standard_normal(len(numbers))
-        self._value[numbers] = np.round(moved, 6)
-        return self._value[numbers]
+        moved = moved.round(6)
+        self._value[numbers] = moved
+        return moved
 
 
 class _RandomPhases:
@@ -66,16 +67,19 @@ class _RandomPhases:
 
     def step(self, numbers: Ints) -> tuple[Bools, Floats]:
         """Mask of ``numbers`` ``[n]`` in a phase, and the strength of their phases."""
-        missing = max(int(numbers.max(initial=-1)) + 1 - len(self._left), 0)
-        self._left, self._strength = (np.append(values, np.zeros(missing)) for values in (self._left, self._strength))
+        missing = int(numbers.max(initial=-1)) + 1 - len(self._left)
+        if missing > 0:
+            more = np.zeros(missing + _DRAWN_AHEAD)
+            self._left, self._strength = (np.append(values, more) for values in (self._left, self._strength))
         draw = self._rng.uniform(size=(3, len(numbers)))
         left = self._left[numbers] - self._dt
         begins = (left <= 0) & (draw[0] < self._chance)
         (shortest, longest), (weak, strong) = self._duration, self._range
         left = np.where(begins, shortest + (longest - shortest) * draw[1], left)
         self._left[numbers] = left
-        self._strength[numbers] = np.where(begins, weak + (strong - weak) * draw[2], self._strength[numbers])
-        return left > 0, self._strength[numbers]
+        strength = np.where(begins, weak + (strong - weak) * draw[2], self._strength[numbers])
+        self._strength[numbers] = strength
+        return left > 0, strength
 
 
 class DriverBehaviour:
@@ -133,9 +137,8 @@ class PedestrianBehaviour:
         if self._rng.uniform() < _STANDING:
             self._stops[group] = float(self._rng.uniform(*_LONG))
 
-    def step(self, groups: Ints) -> None:
-        """Advance all ``groups`` ``[M]``, one per person, by ``dt`` seconds."""
-        present = np.unique(groups).tolist()
+    def step(self, present: list[int]) -> None:
+        """Advance the ``present`` groups, in the order of their numbers, by ``dt`` seconds."""
         draw = self._rng.uniform(size=(len(present), 5))
         self._stops = {group: left - self._dt for group, left in self._stops.items() if left > 0}
         self._hesitations = {group: left - self._dt for group, left in self._hesitations.items() if left > 0}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints
+from ...types import Bools, Floats
 from . import walking
 from .behaviour import PedestrianBehaviour
 from .networks import Pavement, RoadMap
@@ -65,9 +65,18 @@ class Person:
         """True if the last point before the crossing is next."""
         return self.stage == ARRIVING and len(self.ahead) == 1
 
-    def at_kerb(self) -> bool:
-        """True if the person waits, or is near enough to walk on without a stop."""
-        return self.stage == WAITING or (self.comes_to_kerb() and self.remaining < _LOOKS)
+
+class _Columns:
+    """What does not change of M people."""
+
+    def __init__(self, people: list[Person], origin: Floats, axes: Floats) -> None:
+        self.people = people
+        self.number, self.group, crossing = (
+            np.array([getattr(p, name) for p in people], dtype=np.int64) for name in ("number", "group", "crossing")
+        )
+        self.origin, self.axes = origin[crossing], axes[crossing]
+        self.pace = np.array([p.pace for p in people])
+        self.size = np.array([(p.size[2] / 2, 0.0, *p.size) for p in people]).reshape(-1, 5)  # z yaw l w h
 
 
 class Crowd:
@@ -79,6 +88,7 @@ class Crowd:
         self.people: list[Person] = []
         self._made = self._groups = 0
         self._xy: tuple[Floats, Floats] | None = None  # until somebody moves or comes
+        self._columns = _Columns([], np.empty((0, 2)), np.empty((0, 2, 2)))
         self._origin = np.array([c.origin for c in self._crossings], dtype=np.float64).reshape(-1, 2)
         self._axes = np.array(
             [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings], dtype=np.float64
@@ -92,19 +102,19 @@ class Crowd:
     def xy(self) -> tuple[Floats, Floats]:
         """Places and velocities ``[M, 2]`` in the frame of the road."""
         if self._xy is None:
-            crossing = self._crossing_numbers()
-            own = np.array([(p.place, p.velocity) for p in self.people], dtype=np.float64).reshape(-1, 2, 2)
-            turned = own @ self._axes[crossing]
-            self._xy = self._origin[crossing] + turned[:, 0], turned[:, 1]
+            if self._columns.people != self.people:
+                self._columns = _Columns([*self.people], self._origin, self._axes)
+            turned = _points([v for p in self.people for v in (p.place, p.velocity)]).reshape(-1, 2, 2)
+            turned = turned @ self._columns.axes
+            self._xy = self._columns.origin + turned[:, 0], turned[:, 1]
         return self._xy
-
-    def _crossing_numbers(self) -> Ints:
-        return np.array([p.crossing for p in self.people], dtype=np.int64)
 
     def boxes(self) -> Floats:
         """Boxes ``[M, 7]`` in the frame of the road (y down)."""
-        rows = [(p.size[2] / 2, p.heading, *p.size) for p in self.people]
-        return np.column_stack([self.xy()[0], np.array(rows, dtype=np.float64).reshape(-1, 5)])
+        box = np.empty((len(self.people), 7))
+        box[:, :2], box[:, 2:] = self.xy()[0], self._columns.size
+        box[:, 3] = [p.heading for p in self.people]
+        return box
 
     def walks(self) -> list[CrossingPedestrian]:
         """People on a crossing."""
@@ -118,13 +128,16 @@ class Crowd:
         """Move all people by ``dt`` seconds around vehicles (boxes ``[N, 7]``), and let new people come."""
         if self._pavement is None:
             return
-        self._behaviour.step(np.array([p.group for p in self.people], dtype=np.int64))
-        for p in self.people:
+        self._behaviour.step(sorted({p.group for p in self.people}))
+        for p in self.people if self._behaviour.turning else ():
             if p.group in self._behaviour.turning and p.passed and p.stage in (ARRIVING, LEAVING):
                 p.ahead, p.passed, p.stage = p.passed[::-1], [], LEAVING
         self._advance(dt, free)
         self._move(dt, vehicles, self._pavement)
-        self.people = [p for p in self.people if p.stage != LEAVING or len(p.ahead) > 1 or p.remaining > _GONE]
+        far = (self._remaining() > _GONE).tolist()
+        self.people = [
+            p for p, goes_on in zip(self.people, far, strict=True) if goes_on or p.stage != LEAVING or len(p.ahead) > 1
+        ]
         self._xy = None
         if len(self.people) < self._target and self._rng.uniform() < dt / 1.5:
             self._add_group(ARRIVING, 1.0)
@@ -183,20 +196,25 @@ class Crowd:
 
     def _advance(self, dt: float, free: Callable[[CrossingPedestrian], bool]) -> None:
         """Move all people on to the next stage; a group steps on the road together."""
-        for p in self.people:
-            if len(p.ahead) > 1 and p.remaining < _CORNER:
+        velocity = _points([p.velocity for p in self.people])
+        slow = (np.hypot(velocity[:, 0], velocity[:, 1]) < 0.3).tolist()
+        at_kerb = set()  # those who wait, or are near enough to walk on without a stop
+        for p, remaining, stands in zip(self.people, self._remaining().tolist(), slow, strict=True):
+            if len(p.ahead) > 1 and remaining < _CORNER:
                 p.passed += p.ahead[:1] if p.passed else []
                 p.ahead = p.ahead[1:]
-            if p.comes_to_kerb() and p.remaining < (_QUEUED if np.hypot(*p.velocity) < 0.3 else _NEAR):
+                remaining = p.remaining
+            if p.comes_to_kerb() and remaining < (_QUEUED if stands else _NEAR):
                 p.stage = WAITING
             elif p.stage == WAITING:
                 p.waited += dt
             elif p.stage == CROSSING and (p.far_point[0] - p.place[0]) * p.direction < 0.2:
                 p.stage, p.ahead = LEAVING, p.departure
-        for group in sorted({p.group for p in self.people if p.at_kerb()}):
+            if p.stage == WAITING or (p.comes_to_kerb() and remaining < _LOOKS):
+                at_kerb.add(p.number)
+        for group in sorted(self._behaviour.ready):
             members = [p for p in self.people if p.group == group]
-            ready = group in self._behaviour.ready
-            if ready and all(p.at_kerb() for p in members) and all(free(self._walk(p)) for p in members):
+            if all(p.number in at_kerb for p in members) and all(free(self._walk(p)) for p in members):
                 for p in members:
                     p.stage, p.passed = CROSSING, []
 
@@ -204,25 +222,38 @@ class Crowd:
         if not self.people:
             return
         place, velocity = self.xy()
-        crossing = self._crossing_numbers()
-        axes, origin = self._axes[crossing], self._origin[crossing]
-        goal = origin + np.einsum("ni,nij->nj", np.array([p.goal for p in self.people]), axes)
-        group = np.array([p.group for p in self.people])
-        number = np.array([p.number for p in self.people])
-        beside = np.array([p.stage != CROSSING for p in self.people])
+        columns = self._columns
+        axes, origin, group, number = columns.axes, columns.origin, columns.group, columns.number
+        goal = origin + np.einsum("ni,nij->nj", _points([p.goal for p in self.people]), axes)
+        stage = np.array([p.stage for p in self.people])
+        beside = stage != CROSSING
         way = self._behaviour.turned(goal - place, number, ~beside)
-        pace = self._behaviour.pace(np.array([p.pace for p in self.people]), number, group, ~beside)
-        new = walking.limit_length(velocity + dt * walking.social_force(place, velocity, way, pace, group), 1.25 * pace)
-        new = walking.slow_at_kerb(place, walking.slow_before_others(place, new, vehicles, dt), pavement, beside)
+        pace = self._behaviour.pace(columns.pace, number, group, ~beside)
+        pairs, outlines = walking.pairs_of(place), walking.Outlines(vehicles)
+        before = outlines.clearance(place)
+        new = walking.limit_length(velocity + dt * walking.social_force(pairs, velocity, way, pace, group), 1.25 * pace)
+        new = walking.slow_before_others(place, pairs, new, outlines, before, dt)
+        new = walking.slow_at_kerb(place, new, pavement, beside)
         new = velocity + walking.limit_length(new - velocity, _HARDEST * dt)
         moved = walking.keep_off_road(walking.push_apart(place + dt * new), pavement, beside)
-        moved = walking.keep_out_of_vehicles(place, moved, vehicles)
+        moved = walking.keep_out_of_vehicles(place, before, moved, outlines)
         new = (moved - place) / dt
         own = np.round(np.einsum("nij,nkj->nki", axes, np.stack([moved - origin, new], axis=1)), 6) + 0.0
-        waiting = np.array([p.stage == WAITING for p in self.people])
-        heading = _turned_headings(np.array([p.heading for p in self.people]), new, goal - moved, waiting)
+        heading = np.array([p.heading for p in self.people])
+        heading = _turned_headings(heading, new, goal - moved, stage == WAITING)
         for p, (own_place, own_velocity), course in zip(self.people, own, heading.tolist(), strict=True):
             p.place, p.velocity, p.heading = own_place, own_velocity, course
+
+
+    def _remaining(self) -> Floats:
+        """`Person.remaining` of all people ``[M]``."""
+        way = _points([p.ahead[0] for p in self.people]) - _points([p.place for p in self.people])
+        return np.hypot(way[:, 0], way[:, 1])
+
+
+def _points(rows: list[Floats]) -> Floats:
+    """An array ``[n, 2]`` of points."""
+    return np.concatenate([np.empty(0), *rows]).reshape(-1, 2)
 
 
 def _turned_headings(heading: Floats, velocity: Floats, to_goal: Floats, waiting: Bools) -> Floats:

@@ -32,6 +32,7 @@ _ROOM = 0.65  # m to it, where people stop
 _EASY = 2.5  # m/s2, braking of people before each other and before vehicles
 _STRONGEST = 3.0  # m/s2 of force
 _TINY = 1e-9
+Pairs = tuple[Floats, Floats, Floats]  # as `pairs_of`
 
 
 @dataclass(frozen=True)
@@ -132,18 +133,18 @@ def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
     return outwards, pavement.radius - _SIDEWALK_EDGE - distance
 
 
-def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats, group: Ints) -> Floats:
+def social_force(pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, group: Ints) -> Floats:
     """Acceleration ``[M, 2]``, m/s2, of people on foot.
 
-    ``place`` ``[M, 2]`` m, ``velocity`` ``[M, 2]`` m/s, ``to_goal`` ``[M, 2]`` vector to the goal, ``pace`` ``[M]``
+    ``pairs``: of their places, ``velocity`` ``[M, 2]`` m/s, ``to_goal`` ``[M, 2]`` vector to the goal, ``pace`` ``[M]``
     desired speed, ``group`` ``[M]`` number of the group.
     """
     far = np.hypot(to_goal[:, 0], to_goal[:, 1])
     wanted = to_goal / np.maximum(far, _TINY)[:, None] * np.minimum(pace, far / _SLOWING)[:, None]
-    between, gap, unit = _pairs(place)
+    between, gap, unit = pairs
     ahead = wanted / np.maximum(np.hypot(wanted[:, 0], wanted[:, 1]), _TINY)[:, None]
-    facing = -(ahead[:, None, :] * unit).sum(axis=2)
-    friends: Bools = (group[:, None] == group) & np.isfinite(gap)
+    facing = -_dot(ahead[:, None, :], unit)
+    friends: Bools = (group[:, None] == group) & (gap < np.inf)
     strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
     strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
     push: Floats = (strength[..., None] * unit).sum(axis=1)
@@ -155,12 +156,17 @@ def social_force(place: Floats, velocity: Floats, to_goal: Floats, pace: Floats,
     return limit_length(force, _STRONGEST)
 
 
-def _pairs(place: Floats, least: float = _TINY) -> tuple[Floats, Floats, Floats]:
+def pairs_of(place: Floats, least: float = _TINY) -> Pairs:
     """Vectors from every person to every other ``[M, M, 2]``, their lengths (inf to oneself), and unit vectors."""
     between = place[:, None] - place
     gap = np.hypot(between[..., 0], between[..., 1])
-    np.fill_diagonal(gap, np.inf)
-    return between, gap, between / np.where(np.isinf(gap), 1.0, np.maximum(gap, least))[..., None]
+    unit = between / np.maximum(gap, least)[..., None]  # 0 to oneself
+    gap.reshape(-1)[:: len(gap) + 1] = np.inf
+    return between, gap, unit
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
 
 
 def limit_length(vector: Floats, most: Floats | float) -> Floats:
@@ -169,21 +175,25 @@ def limit_length(vector: Floats, most: Floats | float) -> Floats:
     return vector * np.minimum(1.0, most / np.maximum(length, _TINY))[:, None]
 
 
-def slow_before_others(place: Floats, velocity: Floats, vehicles: Floats, dt: float) -> Floats:
-    """Velocities ``[M, 2]`` at which people can stop before each other and vehicles (boxes ``[N, 7]``)."""
-    _, gap, unit = _pairs(place)
-    own = -(velocity[:, None, :] * unit).sum(axis=2)  # approaching speed
-    other = own.T
-    allowed = np.sqrt(2.0 * _EASY * np.maximum(np.where(np.isinf(gap), 0.0, gap) - APART, 0.0))
-    excess = np.maximum(own + other - allowed, 0.0)
-    excess *= np.maximum(own, 0.0) / np.maximum(np.maximum(own, 0.0) + np.maximum(other, 0.0), _TINY)
+def slow_before_others(
+    place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", before: Floats, dt: float
+) -> Floats:
+    """Velocities ``[M, 2]`` at which people can stop before each other and ``vehicles``.
+
+    ``pairs``: of ``place``; ``before`` ``[M, N]``: clearance of it to the vehicles.
+    """
+    _, gap, unit = pairs
+    own = -_dot(velocity[:, None, :], unit)  # approaching speed
+    allowed = np.sqrt(2.0 * _EASY * np.maximum(gap - APART, 0.0))
+    excess = np.maximum(own + own.T - allowed, 0.0)
+    closing = np.maximum(own, 0.0)
+    excess *= closing / np.maximum(closing + closing.T, _TINY)
     worst = np.argmax(excess, axis=1)
     rows = np.arange(len(place))
     velocity = velocity + excess[rows, worst, None] * unit[rows, worst]
-    if len(vehicles) == 0:
+    if before.size == 0:
         return velocity
-    before = _clearance(place, vehicles)
-    coming = (before - _clearance(place + dt * velocity, vehicles)) / dt
+    coming = (before - vehicles.clearance(place + dt * velocity)) / dt
     allowed = np.sqrt(2.0 * _EASY * np.maximum(before - _ROOM, 0.0))
     share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(axis=1)
     return np.asarray(velocity * share[:, None])
@@ -192,7 +202,7 @@ def slow_before_others(place: Floats, velocity: Floats, vehicles: Floats, dt: fl
 def push_apart(place: Floats) -> Floats:
     """Places ``[M, 2]`` after people closer than `APART` are moved apart."""
     for _ in range(3):
-        _, gap, unit = _pairs(place, 1e-6)
+        _, gap, unit = pairs_of(place, 1e-6)
         short = np.maximum(APART + 1e-3 - gap, 0.0)
         if not short.any():
             break
@@ -200,19 +210,23 @@ def push_apart(place: Floats) -> Floats:
     return place
 
 
-def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: Floats) -> Floats:
-    """``moved`` ``[M, 2]``; people in front of a vehicle (boxes ``[N, 7]``) stay at ``place``."""
-    if len(vehicles) == 0:
-        return moved
-    after, before = _clearance(moved, vehicles), _clearance(place, vehicles)
+def keep_out_of_vehicles(place: Floats, before: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
+    """``moved`` ``[M, 2]``; people in front of a vehicle stay at ``place``, with clearance ``before`` ``[M, N]``."""
+    after = vehicles.clearance(moved)
     blocked = np.any((after < _FROM_BOX) & (after < before), axis=1)
     return np.where(blocked.reshape(-1, 1), place, moved)
 
 
-def _clearance(points: Floats, boxes: Floats) -> Floats:
-    """Distance ``[M, N]`` of points to the outlines of boxes along their axes; negative inside."""
-    cos, sin = np.cos(boxes[:, 3]), np.sin(boxes[:, 3])
-    dx, dy = points[:, :1] - boxes[:, 0], points[:, 1:] - boxes[:, 1]
-    along = np.abs(cos * dx + sin * dy) - boxes[:, 4] / 2
-    across = np.abs(cos * dy - sin * dx) - boxes[:, 5] / 2
-    return np.maximum(along, across)
+class Outlines:
+    """Outlines of boxes ``[N, 7]``."""
+
+    def __init__(self, box: Floats) -> None:
+        self._x, self._y, self._half_length, self._half_width = box[:, 0], box[:, 1], box[:, 4] / 2, box[:, 5] / 2
+        self._cos, self._sin = np.cos(box[:, 3]), np.sin(box[:, 3])
+
+    def clearance(self, points: Floats) -> Floats:
+        """Distance ``[M, N]`` of points ``[M, 2]`` to the outlines along the axes of the boxes; negative inside."""
+        dx, dy = points[:, :1] - self._x, points[:, 1:] - self._y
+        along = np.abs(self._cos * dx + self._sin * dy) - self._half_length
+        across = np.abs(self._cos * dy - self._sin * dx) - self._half_width
+        return np.maximum(along, across)
