@@ -7,7 +7,7 @@ import numpy as np
 
 from ...errors import DataError
 from ...types import Floats
-from .lanes import NO_LANE, lane_map
+from .lanes import NO_LANE
 from .networks import RoadMap
 from .recording import Recording
 from .simulate import ATTEMPTS, HARDEST, Attempt, boxes_meet, overlapping
@@ -92,7 +92,7 @@ class DrivenTraffic:
                 break
         else:
             raise DataError(f"{traffic.scenario}, seed {seed}: no vehicle can be the ego in {ATTEMPTS} attempts")
-        self.lanes = lane_map(self._attempt.map.network.lanes_dict())
+        self.lanes = self._attempt.lanes
         self._recording = Recording(self._attempt.parked)
         self.frames = 0
         self.collision: Collision | None = None

@@ -11,7 +11,7 @@ import numpy as np
 from ...types import Bools, Floats, Ints
 from .lanes import NO_LANE, LaneGeometry, RouteTable
 from .networks import RoadMap
-from .vehicles import Driver
+from .vehicles import Driver, places
 
 _DISCS = 7  # discs along a vehicle's axis that cover its box
 _DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS  # their centres, as shares of the length
@@ -28,10 +28,29 @@ _MOST_SLIP = 0.45  # sine of the angle between heading and course, about 0.8 rad
 _SLIP_RATE = 0.3  # rad/s, about 0.6 rad/s of steering
 
 
+class Fleet:
+    """What does not change of N vehicles."""
+
+    def __init__(self, vehicles: list[Driver], geometry: LaneGeometry) -> None:
+        self.vehicles = vehicles
+        self.numbers: Ints = np.array([v.number for v in vehicles], dtype=np.int64)
+        traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(-1, 13)
+        self.length, self.width, self.wheelbase = traits[:, :3].T.copy()
+        self.style, self.offset = traits[:, 3:10], traits[:, 10].copy()  # see `RoadState`
+        self.disc_places = (self.length[:, None] * _DISC_PLACES)[:, :, None]  # [N, discs, 1] m along the axis
+        self.disc_radius = np.repeat(np.hypot(self.width / 2, self.length / (2 * _DISCS)), _DISCS)
+        self.disc_owner = np.repeat(np.arange(len(vehicles)), _DISCS)
+        sizes = (values[:, None] for values in (self.length, self.width, self.wheelbase))
+        outer, inner = swept_sides(*sizes, geometry.radius)
+        right_turn = geometry.turn > 0
+        self.left, self.right = np.where(right_turn, outer, inner), np.where(right_turn, inner, outer)  # [N, L] m
+
+
 @dataclass(frozen=True, eq=False)
 class RoadState:
     """N vehicles in the order of the road's list, and discs that cover vehicles and M people; highway-env's frame."""
 
+    fleet: Fleet
     vehicles: list[Driver]
     numbers: Ints  # [N]
     xy: Floats  # [N, 2]
@@ -46,6 +65,8 @@ class RoadState:
     lane: Ints  # [N] lane that is driven in, or towards
     s: Floats  # [N] longitudinal coordinate in that lane
     d: Floats  # [N] lateral coordinate
+    path: Ints  # [N, K] the lanes ahead, the present one first; `NO_LANE` without one
+    path_start: Floats  # [N, K] m from the vehicle to their start
     progress: Floats  # [N] m from the start of the route
     velocity: Floats  # [N + M, 2] of vehicles, then people
     disc_owner: Ints  # [P] index into ``velocity``
@@ -58,39 +79,40 @@ class RoadState:
         return len(self.vehicles)
 
 
-def observe(
-    vehicles: list[Driver], road_map: RoadMap, routes: RouteTable, people: Floats, people_velocity: Floats
-) -> RoadState:
-    """Read the state of ``vehicles`` and move their lane numbers on along their ``routes``.
+def observe(fleet: Fleet, road_map: RoadMap, routes: RouteTable, people: Floats, people_velocity: Floats) -> RoadState:
+    """Read the state of the ``fleet`` and move the lane numbers of its vehicles on along their ``routes``.
 
     ``people`` and ``people_velocity`` ``[M, 2]``: places and velocities of people on foot.
     """
+    vehicles = fleet.vehicles
     n = len(vehicles)
-    xy = np.array([v.position for v in vehicles], dtype=np.float64).reshape(-1, 2)
-    motion = np.array([(v.heading, v.speed, v.route, v.lane_number) for v in vehicles], dtype=np.float64).reshape(-1, 4)
-    traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(-1, 13)
-    heading, speed = motion[:, 0], motion[:, 1]
-    route, lane = motion[:, 2].astype(np.int64), motion[:, 3].astype(np.int64)
-    direction = np.stack([np.cos(heading), np.sin(heading)], axis=1)
-    discs = xy[:, None, :] + (traits[:, 0, None] * _DISC_PLACES)[:, :, None] * direction[:, None, :]
+    xy = places(vehicles)
+    heading, speed = np.array([(v.heading, v.speed) for v in vehicles], dtype=np.float64).reshape(-1, 2).T.copy()
+    route, lane = np.array([(v.route, v.lane_number) for v in vehicles], dtype=np.int64).reshape(-1, 2).T
+    direction = np.empty((n, 2))
+    direction[:, 0], direction[:, 1] = np.cos(heading), np.sin(heading)
+    discs = xy[:, None, :] + fleet.disc_places * direction[:, None, :]
     along, across = road_map.geometry.coordinates(np.concatenate([discs.reshape(-1, 2), people]))
     center = np.arange(n) * _DISCS + _DISCS // 2
     length = road_map.geometry.length
     for _ in range(2):  # a lane may be shorter than a step
         after = routes.following[route, lane]
-        lane = np.where((along[lane, center] > length[lane]) & (after != NO_LANE), after, lane)
+        passed = (along[lane, center] > length[lane]) & (after != NO_LANE)
+        if not passed.any():
+            break
+        lane = np.where(passed, after, lane)
     for vehicle, number in zip(vehicles, lane.tolist(), strict=True):
         vehicle.lane_number = number
     s = along[lane, center]
-    radius = np.hypot(traits[:, 1] / 2, traits[:, 0] / (2 * _DISCS))
     return RoadState(
-        vehicles=vehicles, numbers=np.array([v.number for v in vehicles], dtype=np.int64),
-        xy=xy, heading=heading, speed=speed,
-        length=traits[:, 0], width=traits[:, 1], wheelbase=traits[:, 2], style=traits[:, 3:10], offset=traits[:, 10],
-        route=route, lane=lane, s=s, d=across[lane, center], progress=routes.start[route, lane] + s,
+        fleet=fleet, vehicles=vehicles, numbers=fleet.numbers, xy=xy, heading=heading, speed=speed,
+        length=fleet.length, width=fleet.width, wheelbase=fleet.wheelbase, style=fleet.style, offset=fleet.offset,
+        route=route, lane=lane, s=s, d=across[lane, center],
+        path=routes.path[route, lane], path_start=routes.path_start[route, lane] - s[:, None],
+        progress=routes.start[route, lane] + s,
         velocity=np.concatenate([direction * speed[:, None], people_velocity]),
-        disc_owner=np.concatenate([np.repeat(np.arange(n), _DISCS), n + np.arange(len(people))]),
-        disc_radius=np.concatenate([np.repeat(radius, _DISCS), np.full(len(people), _PERSON_RADIUS)]),
+        disc_owner=np.concatenate([fleet.disc_owner, n + np.arange(len(people))]),
+        disc_radius=np.concatenate([fleet.disc_radius, np.full(len(people), _PERSON_RADIUS)]),
         along=along, across=across, finished=routes.last[route, lane] & (s > length[lane] - 1.0),
     )  # fmt: skip
 
@@ -103,14 +125,14 @@ class Leaders:
     speed: Floats  # [N] m/s along the path
 
 
-def find_leaders(state: RoadState, geometry: LaneGeometry, routes: RouteTable) -> Leaders:
+def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
     """Find the nearest disc of another vehicle or person in the strip that each vehicle is going to sweep."""
-    lanes = routes.path[state.route, state.lane]  # [N, K]
-    low, high = _swept_strip(state, geometry, lanes)
+    lanes = state.path
+    low, high = _swept_strip(state)
     row, k, disc = _discs_in_lanes(state, geometry, lanes, low, high)
-    lane_start = (routes.path_start[state.route, state.lane] - state.s[:, None])[row, k]
-    ahead = state.along[lanes[row, k], disc] + lane_start
-    across, radius = state.across[lanes[row, k], disc], state.disc_radius[disc]
+    lane = lanes[row, k]
+    ahead = state.along[lane, disc] + state.path_start[row, k]
+    across, radius = state.across[lane, disc], state.disc_radius[disc]
     blocks = (ahead > 0.0) & (across + radius > low[row, k]) & (across - radius < high[row, k])
     blocks &= state.disc_owner[disc] != row
     row, k, disc = row[blocks], k[blocks], disc[blocks]
@@ -149,19 +171,16 @@ def _discs_in_lanes(
     return row[pair], k[pair], disc[begin[lane][pair] + rank]
 
 
-def _swept_strip(state: RoadState, geometry: LaneGeometry, lanes: Ints) -> tuple[Floats, Floats]:
+def _swept_strip(state: RoadState) -> tuple[Floats, Floats]:
     """Least and greatest lateral position ``[N, K]`` m that each vehicle sweeps in the lanes of its path.
 
     In its present lane it moves to its desired offset, in later lanes between that offset and the middle.
     """
-    outer, inner = swept_sides(state.length, state.width, state.wheelbase, geometry.radius[lanes].T)
-    right_turn = geometry.turn[lanes] > 0
-    left, right = np.where(right_turn, outer.T, inner.T), np.where(right_turn, inner.T, outer.T)
-    low, high = np.minimum(state.d, state.offset), np.maximum(state.d, state.offset)
-    present = np.arange(lanes.shape[1]) == 0
-    low = np.where(present, low[:, None], np.minimum(state.offset, 0.0)[:, None])
-    high = np.where(present, high[:, None], np.maximum(state.offset, 0.0)[:, None])
-    return low - left - _MARGIN, high + right + _MARGIN
+    low, high = np.empty(state.path.shape), np.empty(state.path.shape)
+    low.T[:], high.T[:] = np.minimum(state.offset, 0.0), np.maximum(state.offset, 0.0)
+    low[:, 0], high[:, 0] = np.minimum(state.d, state.offset), np.maximum(state.d, state.offset)
+    rows = np.arange(len(state))[:, None]
+    return low - state.fleet.left[rows, state.path] - _MARGIN, high + state.fleet.right[rows, state.path] + _MARGIN
 
 
 def swept_sides(length: Floats, width: Floats, wheelbase: Floats, radius: Floats) -> tuple[Floats, Floats]:
@@ -174,13 +193,12 @@ def swept_sides(length: Floats, width: Floats, wheelbase: Floats, radius: Floats
     return outer, inner
 
 
-def desired_speed(state: RoadState, geometry: LaneGeometry, routes: RouteTable) -> Floats:
+def desired_speed(state: RoadState, geometry: LaneGeometry) -> Floats:
     """Desired speed ``[N]`` m/s, which decreases in time for the limits ahead."""
-    lanes = routes.path[state.route, state.lane]
-    distance = np.maximum(routes.path_start[state.route, state.lane] - state.s[:, None] - state.length[:, None] / 2, 0)
-    limit = geometry.limit[lanes] * state.style[:, 0, None]
+    distance = np.maximum(state.path_start - state.length[:, None] / 2, 0)
+    limit = geometry.limit[state.path] * state.style[:, 0, None]
     allowed = np.sqrt(limit**2 + 2.0 * 1.3 * distance)
-    allowed = np.where(lanes >= 0, allowed, np.inf)
+    allowed[state.path < 0] = np.inf
     return np.asarray(np.minimum(allowed.min(axis=1), state.style[:, 1]))
 
 

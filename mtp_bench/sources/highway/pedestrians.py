@@ -244,7 +244,6 @@ class Crowd:
         for p, (own_place, own_velocity), course in zip(self.people, own, heading.tolist(), strict=True):
             p.place, p.velocity, p.heading = own_place, own_velocity, course
 
-
     def _remaining(self) -> Floats:
         """`Person.remaining` of all people ``[M]``."""
         way = _points([p.ahead[0] for p in self.people]) - _points([p.place for p in self.people])

@@ -34,12 +34,14 @@ class Recording:
 
     def add(self, vehicles: Sequence[Driver], vehicle_boxes: Floats, crowd: Crowd, people: Floats) -> None:
         """Append a frame: boxes ``[N, 7]`` of vehicles and ``[M, 7]`` of people in highway-env's frame."""
-        box = np.concatenate([vehicle_boxes, people])
-        classes = [v.traits.class_id for v in vehicles] + [CLASSES.index("pedestrian")] * len(people)
-        numbers = [v.number for v in vehicles] + [_PEOPLE_FROM + p.number for p in crowd.people]
-        frame = np.full(len(box), len(self._rows))
-        velocity = np.concatenate([course_velocity(vehicles), crowd.xy()[1]])
-        self._rows.append(np.column_stack([box, velocity, classes, numbers, frame]))
+        n = len(vehicles)
+        rows = np.empty((n + len(people), _COLUMNS))
+        rows[:n, :7], rows[n:, :7] = vehicle_boxes, people
+        rows[:n, 7:9], rows[n:, 7:9] = course_velocity(vehicles), crowd.xy()[1]
+        rows[:n, 9], rows[n:, 9] = [v.traits.class_id for v in vehicles], CLASSES.index("pedestrian")
+        rows[:n, 10], rows[n:, 10] = [v.number for v in vehicles], [_PEOPLE_FROM + p.number for p in crowd.people]
+        rows[:, 11] = len(self._rows)
+        self._rows.append(rows)
 
     def identity(self, row: int) -> tuple[int, int]:
         """Class and number of a road user of the last frame, in the order vehicles, people, parked cars."""

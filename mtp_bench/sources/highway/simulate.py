@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import DataError
-from ...types import Bools, Floats, Ints
+from ...types import Bools, Floats, Ints, Lane
 from .behaviour import DriverBehaviour, PedestrianBehaviour
 from .conflicts import Passage, find_passages
-from .driving import RoadState, braking, desired_speed, find_leaders, free_acceleration, observe, steering_angles
+from .driving import Fleet, RoadState, braking, desired_speed, find_leaders, free_acceleration, observe, steering_angles
 from .lane_change import LaneChanges
 from .lanes import RouteTable, lane_map, route_table
 from .library import Road
@@ -46,10 +46,13 @@ def simulate_world(traffic: Traffic, seed: int) -> World:
 
 
 @lru_cache(maxsize=8)
-def _map_of(scenario: ScenarioName, seconds: float) -> tuple[RoadMap, RouteTable, tuple[Passage, ...]]:
+def _map_of(
+    scenario: ScenarioName, seconds: float
+) -> tuple[RoadMap, RouteTable, tuple[Passage, ...], tuple[Lane, ...]]:
     road_map = build_map(scenario, seconds)
     routes = route_table(road_map.routes, road_map.geometry)
-    return road_map, routes, find_passages(road_map, routes) if road_map.regulated else ()
+    passages = find_passages(road_map, routes) if road_map.regulated else ()
+    return road_map, routes, passages, lane_map(road_map.network.lanes_dict())
 
 
 class Attempt:
@@ -57,7 +60,7 @@ class Attempt:
 
     def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
         self._traffic = traffic
-        self.map, self.routes, passages = _map_of(traffic.scenario, traffic.seconds)
+        self.map, self.routes, passages, self.lanes = _map_of(traffic.scenario, traffic.seconds)
         generators = (np.random.default_rng([seed, attempt, kind]) for kind in range(6))
         entries, people, self._rng, parking, driving, walking = generators
         self.parked = draw_parked_boxes(self.map.kerbs, traffic.parked, parking)
@@ -96,7 +99,7 @@ class Attempt:
                 recording.add(self.vehicles, vehicles, self.crowd, people)
             self.step(vehicles)
         sensor = None if self._traffic.sensor == "ego" else self.map.sensor
-        return recording.world(sensor, lane_map(self.map.network.lanes_dict()), self._rng)
+        return recording.world(sensor, self.lanes, self._rng)
 
 
 class _Drivers:
@@ -111,13 +114,16 @@ class _Drivers:
         self.road: Any = Road(network=road_map.network, np_random=unused)
         self.rules = RightOfWay(passages, road_map.first_in_first_out) if road_map.regulated else None
         self._changes = LaneChanges(road_map, routes) if road_map.overtaking else None
+        self._fleet = Fleet([], road_map.geometry)
 
     def step(self, step: int, obstacles: Floats) -> list[Driver]:
         """Move all drivers and people by 1 / `RATE` seconds; returns drivers at the end of their route.
 
         ``obstacles`` ``[N, 7]``: boxes that people on foot walk around.
         """
-        state = observe(self.road.vehicles, self._map, self._routes, *self._crowd.xy())
+        if self._fleet.vehicles != self.road.vehicles:
+            self._fleet = Fleet([*self.road.vehicles], self._map.geometry)
+        state = observe(self._fleet, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
         before = np.array([vehicle.action["steering"] for vehicle in state.vehicles])
         angle = steering_angles(state, self._map.geometry, self._routes, before, 1.0 / RATE)
@@ -129,8 +135,8 @@ class _Drivers:
 
     def _acceleration(self, state: RoadState, step: int) -> Floats:
         geometry, routes, style = self._map.geometry, self._routes, state.style
-        ahead = find_leaders(state, geometry, routes)
-        desired = self._behaviour.desired_speed(state, desired_speed(state, geometry, routes))
+        ahead = find_leaders(state, geometry)
+        desired = self._behaviour.desired_speed(state, desired_speed(state, geometry))
         free = self._behaviour.free_acceleration(state, free_acceleration(state.speed, desired, style))
         result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, style)
         lines = np.full(len(state), np.inf)

@@ -85,7 +85,12 @@ class Driver(Vehicle):  # type: ignore[misc]
 
 
 def move_vehicles(
-    vehicles: Sequence[Driver], xy: Floats, heading: Floats, speed: Floats, wheelbase: Floats, action: tuple[Floats, Floats]
+    vehicles: Sequence[Driver],
+    xy: Floats,
+    heading: Floats,
+    speed: Floats,
+    wheelbase: Floats,
+    action: tuple[Floats, Floats],
 ) -> None:
     """Move all vehicles for 1 / `RATE` seconds, by highway-env's bicycle model.
 
