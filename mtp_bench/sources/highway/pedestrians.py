@@ -199,7 +199,8 @@ class Crowd:
         velocity = _points([p.velocity for p in self.people])
         slow = (np.hypot(velocity[:, 0], velocity[:, 1]) < 0.3).tolist()
         at_kerb = set()  # those who wait, or are near enough to walk on without a stop
-        for p, remaining, stands in zip(self.people, self._remaining().tolist(), slow, strict=True):
+        for p, to_next, stands in zip(self.people, self._remaining().tolist(), slow, strict=True):
+            remaining = to_next
             if len(p.ahead) > 1 and remaining < _CORNER:
                 p.passed += p.ahead[:1] if p.passed else []
                 p.ahead = p.ahead[1:]
