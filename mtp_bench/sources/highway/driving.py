@@ -40,8 +40,8 @@ class Fleet:
         self.disc_places = (self.length[:, None] * _DISC_PLACES)[:, :, None]  # [N, discs, 1] m along the axis
         self.disc_radius = np.repeat(np.hypot(self.width / 2, self.length / (2 * _DISCS)), _DISCS)
         self.disc_owner = np.repeat(np.arange(len(vehicles)), _DISCS)
-        sizes = (values[:, None] for values in (self.length, self.width, self.wheelbase))
-        outer, inner = swept_sides(*sizes, geometry.radius)
+        length, width, wheelbase = (values[:, None] for values in (self.length, self.width, self.wheelbase))
+        outer, inner = swept_sides(length, width, wheelbase, geometry.radius)
         right_turn = geometry.turn > 0
         self.left, self.right = np.where(right_turn, outer, inner), np.where(right_turn, inner, outer)  # [N, L] m
 
