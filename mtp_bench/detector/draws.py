@@ -71,8 +71,7 @@ class Draws:
 
     @cached_property
     def _key(self) -> int:
-        words = [self.seed, _VERSION, int(self.subject), self.number]
-        return int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0])
+        return _seeded(self.seed, _VERSION, int(self.subject), self.number)
 
     def generator(self, kind: NoiseKind) -> np.random.Generator:
         """A generator for noise that belongs to the scene as a whole."""
@@ -80,8 +79,7 @@ class Draws:
 
     def uniform(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
         """Uniform numbers in (0, 1), one for each key of `keys_of`."""
-        offset = self._key + (64 * int(kind) + component + 1) * int(_GOLDEN)
-        bits = _mixed(keys + _mixed(np.array([offset % 2**64], dtype=np.uint64)))
+        bits = _mixed(keys + _offset(self._key, 64 * int(kind) + component + 1))
         bits >>= _LOW_BITS
         number = bits.astype(np.float64)
         number += 0.5
@@ -93,6 +91,16 @@ class Draws:
         from scipy.special import ndtri
 
         return np.asarray(ndtri(self.uniform(kind, component, keys)))
+
+
+@lru_cache(maxsize=64)
+def _seeded(*words: int) -> int:
+    return int(np.random.SeedSequence(words).generate_state(1, np.uint64)[0])
+
+
+@lru_cache(maxsize=4096)
+def _offset(key: int, number: int) -> Keys:
+    return _mixed(np.array([(key + number * int(_GOLDEN)) % 2**64], dtype=np.uint64))
 
 
 def keys_of(*index: Ints | Keys) -> Keys:

@@ -1,14 +1,13 @@
 """Common parts of both kinds of false positives: places, classes, sizes and their detections."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..types import Detections, Floats, Ints, Truth, joined, starts_of
-from .draws import Draws
-from .errors import estimated_boxes, measured_velocities, position_errors
-from .grid import Grid
+from ..types import Detections, Floats, Ints, Truth, joined, select, starts_of
+from .errors import BoxErrors, detected_boxes
+from .grid import Memory
 from .profile import FreeFalsePositives
 from .visibility import Sensor, polar
 
@@ -28,7 +27,7 @@ class SensedScene:
     steps: float  # frame periods of the profile per frame of the scene
     field_ratio: float  # field of view of the sensor over that of the profile
     level: float | None = None  # m, of a flat ground; None: as the true boxes stand
-    only: int | None = None  # the frame that is asked for; None: all
+    memory: Memory | None = None  # if its last frame alone is asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,20 +49,14 @@ def sorted_detections(parts: Sequence[DetectedRows], frames: int) -> Detections:
     return Detections(start, rows.box[order], rows.velocity[order], rows.class_id[order], rows.score[order])
 
 
-def detect_false_positives(grid: Grid, visible: DetectedRows, scene: SensedScene, draws: Draws) -> DetectedRows:
-    """Detections of the visible false positives that the sensor covers, with the errors of poor quality.
-
-    ``visible``: before any error; ``grid``: their noise, possibly with other frame numbers.
-    """
+def detect_false_positives(errors: BoxErrors, visible: DetectedRows, scene: SensedScene) -> DetectedRows:
+    """Detections of the false positives ``visible`` that the sensor covers, with the ``errors`` of poor quality."""
     distance, bearing = polar(visible.box[:, :2], scene.ego[visible.frame])
     kept = scene.sensor.covers(distance, bearing)
-    grid = grid.select(np.flatnonzero(kept))
-    frame, distance = visible.frame[kept], distance[kept]
-    direction, quality = bearing[kept] + scene.ego[frame, 3], np.full(len(frame), _POOR)
-    offset = position_errors(grid, distance, direction, quality, None, draws)
-    box = estimated_boxes(visible.box[kept], offset, grid, draws)
-    velocity = measured_velocities(visible.velocity[kept], grid, direction, draws)
-    return DetectedRows(frame, box, velocity, visible.class_id[kept], visible.score[kept])
+    visible, errors, distance = select(visible, kept), select(errors, kept), distance[kept]
+    direction, quality = bearing[kept] + scene.ego[visible.frame, 3], np.full(len(distance), _POOR)
+    box, velocity = detected_boxes(visible.box, visible.velocity, errors, distance, direction, quality)
+    return replace(visible, box=box, velocity=velocity)
 
 
 def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, rng: np.random.Generator) -> Floats:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..geometry import wrap_angle
-from ..types import Floats, Ints, Ragged, starts_of
+from ..types import Floats, Ints, Ragged, select, starts_of
 from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
+from .errors import BoxErrors, draw_errors
 from .false_positives import (
     DetectedRows,
     ReportedClasses,
@@ -29,8 +30,19 @@ class _Members:
     birth: Ints  # [B] frame
     life: Ints  # [B] frames, at most to the end of the scene
     family: Ints  # [B]
-    box: Floats  # [B, 7]
+    shift: Floats  # [B, 2] m, from the place of the family
+    heading: Floats  # [B] rad
+    size: Floats  # [B, 3] m
     class_id: Ints  # [B]
+
+
+@dataclass(frozen=True, eq=False)
+class _Appearances:
+    """Visible rows of all members, wherever they are."""
+
+    member: Ints  # [V]
+    frame: Ints  # [V]
+    score: Floats  # [V]
 
 
 def free_false_positives(
@@ -42,7 +54,31 @@ def free_false_positives(
     """
     parameters = noise.free
     assert parameters is not None  # as `reported_classes` has seen
-    draws = Draws(seed, NoiseSubject.FREE, number)
+    draws, known = Draws(seed, NoiseSubject.FREE, number), {} if scene.memory is None else scene.memory.families
+    if number not in known:
+        known[number] = _appearances(noise, parameters, classes, scene, draws)
+    members, rows, errors = known[number]
+    _, born = np.unique(members.family, return_index=True)  # of each family
+    ego = scene.ego[members.birth[born]]
+    place = draw_places(parameters.distance, scene.sensor, ego, draws.generator(NoiseKind.PLACE))[members.family]
+    place = place + members.shift
+    shown = (polar(place, scene.ego[members.birth])[0] <= scene.sensor.reach)[rows.member]
+    if scene.memory is not None:
+        shown &= rows.frame == scene.memory.frame
+    rows, errors = select(rows, shown), select(errors, shown)
+    member, used = rows.member, np.flatnonzero(np.bincount(rows.member))
+    height = np.zeros(len(place))  # of the ground, in the frame of their birth
+    height[used] = ground_height(place[used], members.birth[used], scene)
+    height += members.size[:, 2] / 2
+    box = np.column_stack([place, height, members.heading, members.size])[member]
+    candidates = DetectedRows(rows.frame, box, np.zeros((len(member), 2)), members.class_id[member], rows.score)
+    return detect_false_positives(errors, candidates, scene)
+
+
+def _appearances(
+    noise: ClassNoise, parameters: FreeFalsePositives, classes: ReportedClasses, scene: SensedScene, draws: Draws
+) -> tuple[_Members, _Appearances, BoxErrors]:
+    """Members, their visible rows and the errors of these; the way of the sensor does not matter."""
     members = _draw_members(parameters, classes, scene, draws)
     rows = Ragged(starts_of(members.life))
     member = rows.frame_of_rows
@@ -50,21 +86,11 @@ def free_false_positives(
     count, longest = len(members.life), int(members.life.max(initial=0))  # frames of the grid are ages
     grid = Grid(longest, np.arange(count), age, member, (noise,), np.zeros(count, dtype=np.int64), scene.steps)
     visible, rank = _visible(parameters, members, grid, draws)
-    in_reach = polar(members.box[:, :2], scene.ego[members.birth])[0] <= scene.sensor.reach
     score = score_by_rank(rank, parameters.score)
-    reported = in_reach[member[visible]] & (score >= noise.quality.floor)
-    if scene.only is not None:
-        reported &= (members.birth[member] + age)[visible] == scene.only
-    visible, score = visible[reported], score[reported]
+    visible, score = visible[score >= noise.quality.floor], score[score >= noise.quality.floor]
     member = member[visible]
-    frame = members.birth[member] + age[visible]
-    used = np.flatnonzero(np.bincount(member))
-    ground = np.zeros(len(members.birth))  # in the frame of their birth
-    ground[used] = ground_height(members.box[used, :2], members.birth[used], scene)
-    box, still = members.box[member], np.zeros((len(member), 2))
-    box[:, 2] = ground[member] + box[:, 6] / 2
-    candidates = DetectedRows(frame, box, still, members.class_id[member], score)
-    return detect_false_positives(grid.select(visible), candidates, scene, draws)
+    rows_shown = _Appearances(member, members.birth[member] + age[visible], score)
+    return members, rows_shown, draw_errors(grid, None, draws, visible)
 
 
 def _visible(parameters: FreeFalsePositives, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
@@ -101,14 +127,11 @@ def _draw_members(
     rng = draws.generator(NoiseKind.FAMILY)
     family = np.repeat(np.arange(len(birth)), 1 + rng.poisson(parameters.siblings, len(birth)))
     first = np.append(True, family[1:] != family[:-1])[: len(family)]
-    place_rng = draws.generator(NoiseKind.PLACE)
-    place = draw_places(parameters.distance, scene.sensor, scene.ego[birth], place_rng)[family]
-    place = place + np.where(first[:, None], 0.0, parameters.spread * rng.standard_normal(place.shape))
+    shift = np.where(first[:, None], 0.0, parameters.spread * rng.standard_normal((len(family), 2)))
     heading = wrap_angle(2 * np.pi * draws.generator(NoiseKind.HEADING).random(len(birth)))[family]
     kind = draws.generator(NoiseKind.CLASS).choice(len(classes.share), len(family), p=classes.share)
     size = spread_sizes(classes.size[kind], draws.generator(NoiseKind.SIZE).standard_normal((len(family), 3)))
-    box = np.column_stack([place, np.zeros(len(place)), heading, size])
-    return _Members(birth[family], life[family], family, box, classes.class_id[kind])
+    return _Members(birth[family], life[family], family, shift, heading, size, classes.class_id[kind])
 
 
 def _draw_births(parameters: FreeFalsePositives, survive: float, scene: SensedScene, draws: Draws) -> Ints:

@@ -1,15 +1,15 @@
 """Boxes of a scene as a grid of frames and objects, their lasting noise, and the noise shared by neighbours."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from ..types import Floats, Ints, Truth
-from .draws import Component, Draws, Keys, NoiseKind, decayed, extended_key, keys_of
+from ..types import Bools, Floats, Ints, Truth
+from .draws import Component, Draws, Keys, NoiseKind, NoiseSubject, decayed, extended_key, keys_of
 from .profile import ClassNoise, SharedMemory
 
 _TINY = 1e-12
@@ -53,6 +53,21 @@ class Neighbours:
         return np.asarray((value + others) / np.sqrt(variance))
 
 
+@dataclass(eq=False)
+class Memory:
+    """Kept state of a scene that is detected frame by frame, so that no number is drawn twice."""
+
+    frame: int = -1  # the one that is detected
+    objects: dict[int, tuple[int, int, int]] = field(default_factory=dict)  # column, first frame, class index, by id
+    series: dict[tuple[NoiseSubject, NoiseKind], Floats] = field(default_factory=dict)  # last numbers, by column
+    families: dict[int, Any] = field(default_factory=dict)  # of free false positives, by number of the noise
+
+    def before(self, subject: NoiseSubject, kind: NoiseKind, count: int) -> Floats:
+        """Numbers of the first ``count`` columns in the frame before; 0 for new ones."""
+        known = self.series.get((subject, kind), np.zeros(0))
+        return np.append(known, np.zeros(count - len(known)))
+
+
 @dataclass(frozen=True, eq=False)
 class Grid:
     """R boxes in F frames of J objects, and the noise of each object.
@@ -61,13 +76,14 @@ class Grid:
     """
 
     frames: int
-    ids: Ints  # [J] ascending
+    ids: Ints  # [J] ascending, or with a memory in the order in which they came
     frame: Ints  # [R]
     column: Ints  # [R] object of every row
     noise: tuple[ClassNoise, ...]
     noise_number: Ints  # [J] index into ``noise``
     steps: float  # frame periods of the profile per frame of the scene
     lives: tuple[Ints, Ints] | None = None  # [J] first frame and the one after the last; None: those of the rows
+    memory: Memory | None = None  # the cells are those of the last frame alone, of all objects so far
 
     @cached_property
     def object_keys(self) -> Keys:
@@ -101,7 +117,8 @@ class Grid:
         end[column] = frame + 1
         lives = self.span[0][objects], end  # memory begins where it did; later frames do not matter
         number = self.noise_number[objects]
-        return replace(self, ids=self.ids[objects], frame=frame, column=column, noise_number=number, lives=lives)
+        ids = self.ids[objects]
+        return replace(self, ids=ids, frame=frame, column=column, noise_number=number, lives=lives, memory=None)
 
     @cached_property
     def span(self) -> tuple[Ints, Ints]:
@@ -117,9 +134,17 @@ class Grid:
     def cells(self) -> tuple[Ints, Ints]:
         """Frames and objects of all cells."""
         first, end = self.span
+        if self.memory is not None:
+            return end - 1, np.arange(len(end))
         frame = np.arange(self.frames)[:, None]
         frame, column = ((frame >= first) & (frame < end)).nonzero()
         return frame, column
+
+    @cached_property
+    def begins(self) -> Bools:
+        """Mask of `cells` that are the first ones of their objects."""
+        frame, column = self.cells
+        return np.asarray(frame == self.span[0][column])
 
     @cached_property
     def cell_keys(self) -> Keys:
@@ -133,15 +158,20 @@ class Grid:
         grid[self.cells] = value
         return grid
 
-    def autoregression(self, phi: Floats, push: Floats) -> Floats:
+    def autoregression(
+        self, phi: Floats, push: Floats, subject: NoiseSubject = NoiseSubject.FREE, kind: NoiseKind = NoiseKind.QUALITY
+    ) -> Floats:
         """Autoregressive standard normal numbers ``[R]`` from standard normal numbers ``push`` of all `cells`.
 
-        ``phi`` ``[J]``: correlation between neighbouring frames of the profile.
+        ``phi`` ``[J]``: correlation between neighbouring frames of the profile; ``subject``, ``kind``: for the memory.
         """
         phi = decayed(phi, self.steps)
-        frame, column = self.cells
-        scale = np.sqrt(1.0 - phi**2)[column]
-        scale[frame == self.span[0][column]] = 1.0
+        scale = np.sqrt(1.0 - phi**2)[self.cells[1]]
+        scale[self.begins] = 1.0
+        if self.memory is not None:
+            last = push * scale + phi * self.memory.before(subject, kind, len(phi))
+            self.memory.series[subject, kind] = last
+            return np.asarray(last[self.column])
         value = self.on_grid(push * scale)
         for t in range(1, self.frames):
             value[t] += phi * value[t - 1]
@@ -149,7 +179,7 @@ class Grid:
 
     def lasting(self, bias: Floats, phi: Floats, draws: Draws, kind: NoiseKind) -> Floats:
         """Standard normal numbers ``[R]``: a constant share ``bias`` ``[J]``, the rest autoregressive with ``phi``."""
-        series = self.autoregression(phi, draws.normal(kind, Component.PUSH, self.cell_keys))
+        series = self.autoregression(phi, draws.normal(kind, Component.PUSH, self.cell_keys), draws.subject, kind)
         constant = np.sqrt(bias) * draws.normal(kind, Component.BIAS, self.object_keys)
         return np.asarray(constant[self.column] + np.sqrt(1 - bias)[self.column] * series)
 
@@ -168,16 +198,25 @@ class Grid:
         return np.asarray(np.sqrt(1 - share) * lasting + np.sqrt(share) * new)
 
 
-def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float, since: Ints | None = None) -> Grid:
-    """Grid of a truth; ``noise`` is that of each class index; ``since`` ``[J]``: first frames, before those of rows."""
-    ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
+def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float, memory: Memory | None = None) -> Grid:
+    """Grid of a truth; ``noise`` is that of each class index; ``memory``: of its last frame, which alone has rows."""
     distinct: list[ClassNoise] = []
     for parameters in noise:
         if parameters not in distinct:
             distinct.append(parameters)
-    number = np.array([distinct.index(parameters) for parameters in noise])[truth.class_id[first]]
-    grid = Grid(truth.frames, ids, truth.frame_of_rows, column, tuple(distinct), number, steps)
-    return grid if since is None else replace(grid, lives=(since, grid.span[1]))
+    number = np.array([distinct.index(parameters) for parameters in noise])
+    if memory is None:
+        ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
+        number = number[truth.class_id[first]]
+        return Grid(truth.frames, ids, truth.frame_of_rows, column, tuple(distinct), number, steps)
+    rows, objects = truth.object_id.tolist(), memory.objects
+    for object_id, class_id in zip(rows, truth.class_id.tolist(), strict=True):
+        objects.setdefault(object_id, (len(objects), memory.frame, class_id))
+    column = np.array([objects[object_id][0] for object_id in rows], dtype=np.int64)
+    _, since, class_ids = np.array(list(objects.values()), dtype=np.int64).reshape(-1, 3).T
+    lives, ids = (since, np.full(len(since), memory.frame + 1)), np.array(list(objects), dtype=np.int64)
+    frame = np.full(len(rows), memory.frame)
+    return Grid(truth.frames, ids, frame, column, tuple(distinct), number[class_ids], steps, lives, memory)
 
 
 def truth_neighbours(grid: Grid, place: Floats, length: float) -> Neighbours:

@@ -9,6 +9,7 @@ import numpy as np
 from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Truth
 from .draws import Component, Draws, NoiseKind, NoiseSubject, exponential, keys_of, skewed
+from .errors import draw_errors
 from .false_positives import DetectedRows, SensedScene, detect_false_positives, spread_sizes
 from .grid import Grid
 from .profile import SLOTS, ClassNoise, NearFalsePositives
@@ -40,7 +41,7 @@ def near_false_positives(
     )
     row = np.repeat(np.arange(len(grid.frame)), SLOTS)
     visible, rank = _visible(slots, qualities.random[row], draws)
-    slots, row = slots.select(visible), row[visible]
+    every, slots, row = slots, slots.select(visible), row[visible]
     true_class, offset = scene.truth.class_id[row], _offsets(slots, draws)
     class_id = _classes(slots, true_class, offset, similar, draws)
     score = _scores(slots, rank, (class_id == true_class) & (offset < BESIDE[0]))
@@ -51,7 +52,7 @@ def near_false_positives(
     box = _boxes(slots, scene.truth.box[row], offset[reported], draws)
     velocity = scene.truth.velocity[row]
     candidates = DetectedRows(slots.frame, box, velocity, class_id[reported], score[reported])
-    return detect_false_positives(slots, candidates, scene, draws)
+    return detect_false_positives(draw_errors(every, None, draws, visible[reported]), candidates, scene)
 
 
 def classes_of_same_noise(truth: Truth, noise_names: Sequence[str]) -> list[Ints]:
@@ -72,7 +73,7 @@ def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, F
     bias, ar, phi, parent = slots.of_objects(lambda noise: memory(_parameters(noise))).T
     ar, parent = (ar / np.maximum(1 - bias, 1e-12))[slots.column], parent[slots.column]
     new = draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys)
-    series = slots.autoregression(phi, draws.normal(NoiseKind.QUALITY, Component.PUSH, slots.cell_keys))
+    series = slots.autoregression(phi, draws.normal(NoiseKind.QUALITY, Component.PUSH, slots.cell_keys), draws.subject)
     normal = np.sqrt(ar) * series + np.sqrt(1 - ar) * new
     normal = parent * object_quality + np.sqrt(1 - parent**2) * normal
     positive = exponential(draws.normal(NoiseKind.QUALITY, Component.BIAS, slots.object_keys))

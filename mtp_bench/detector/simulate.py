@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import require_shape
-from ..types import Detections, Floats, Ints, Truth, select
+from ..types import Detections, Floats, Truth, select
 from .draws import Draws
-from .errors import estimated_boxes, measured_velocities, position_errors
+from .errors import detected_boxes, draw_errors
 from .false_positives import DetectedRows, SensedScene, reported_classes, sorted_detections
 from .free import free_false_positives
-from .grid import truth_grid, truth_neighbours
+from .grid import Memory, truth_grid, truth_neighbours
 from .near import classes_of_same_noise, near_false_positives
 from .profile import Profile
 from .quality import draw_qualities
@@ -25,7 +25,7 @@ class OpenScene:
     frames: int  # at most
     known: Truth  # true boxes whose classes and sizes false positives have
     level: float = 0.0  # m, of the ground
-    since: Ints | None = None  # [J] first frame of each object, by id, if only the last frame has boxes
+    memory: Memory | None = None  # of the frames before, if only the last frame has boxes
 
 
 def simulate(
@@ -49,24 +49,24 @@ def simulate(
     """
     require_shape("ego", ego, (truth.frames, 4))
     visibility = visibility_of(truth, ego, sensor) if visibility is None else visibility
-    frames, known, since, level = len(ego), truth, None, None
+    frames, known, memory, level = len(ego), truth, None, None
     if going_on is not None:
-        known, since, level, more = going_on.known, going_on.since, going_on.level, max(going_on.frames - frames, 0)
+        known, memory, level, more = going_on.known, going_on.memory, going_on.level, max(going_on.frames - frames, 0)
         truth = replace(truth, start=np.pad(truth.start, (0, more), mode="edge"))
         ego = np.pad(ego, ((0, more), (0, 0)), mode="edge")
+    if memory is not None:
+        memory.frame = frames - 1
     field_ratio = float(min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view))
-    scene = SensedScene(truth, ego, sensor, dt / profile.dt, field_ratio, level, None if since is None else frames - 1)
+    scene = SensedScene(truth, ego, sensor, dt / profile.dt, field_ratio, level, memory)
     draws = Draws(seed)
-    grid = truth_grid(truth, [profile.noise(name) for name in classes], scene.steps, since)
+    grid = truth_grid(truth, [profile.noise(name) for name in classes], scene.steps, memory)
     neighbours = truth_neighbours(grid, truth.box[:, :2], profile.neighbours)
     qualities = draw_qualities(grid, visibility, neighbours, draws)
     direction = visibility.bearing + ego[grid.frame, 3]
-    offset = position_errors(grid, visibility.distance, direction, qualities.random, neighbours, draws)
     hit = np.flatnonzero(qualities.reported & sensor.covers(visibility.distance, visibility.bearing))
-    hits = grid.select(hit)
-    box = estimated_boxes(truth.box[hit], offset[hit], hits, draws)
-    velocity = measured_velocities(truth.velocity[hit], hits, direction[hit], draws)
-    objects = DetectedRows(hits.frame, box, velocity, truth.class_id[hit], qualities.score[hit])
+    errors, seen = select(draw_errors(grid, neighbours, draws), hit), (visibility.distance, direction, qualities.random)
+    box, velocity = detected_boxes(truth.box[hit], truth.velocity[hit], errors, *(column[hit] for column in seen))
+    objects = DetectedRows(grid.frame[hit], box, velocity, truth.class_id[hit], qualities.score[hit])
     noise_names = [profile.noise_name(name) for name in classes]
     similar = classes_of_same_noise(known, noise_names)
     rows = [objects, near_false_positives(grid, scene, qualities, similar, seed)]

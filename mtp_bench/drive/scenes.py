@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from ..cards import Card
+from ..detector.grid import Memory
 from ..detector.simulate import OpenScene
 from ..detector.visibility import visible_fractions
 from ..sources.highway.source import scene_of
 from ..sources.highway.world import RATE, World
 from ..sources.simulated import detected
-from ..types import Floats, Scene, Truth, starts_of
+from ..types import Floats, Scene, starts_of
 
 
 class DrivenScene:
@@ -18,9 +19,8 @@ class DrivenScene:
 
     def __init__(self, card: Card, name: str) -> None:
         self._card, self._name = card, name
-        self._since: dict[int, int] = {}  # first frame of each object
         self._ego: list[Floats] = []
-        self._known: Truth | None = None
+        self._going_on: OpenScene | None = None
 
     def now(self, world: World) -> Scene:
         """The frame of now alone, from the last frame of the world, as a scene of one frame with its detections."""
@@ -28,23 +28,16 @@ class DrivenScene:
         scene = scene_of(self._name, world, self._card, stride=1)
         frame = len(self._ego)
         self._ego.append(scene.ego[0])
-        ids = scene.truth.object_id.tolist()
-        for number in ids:
-            self._since.setdefault(number, frame)
-        if self._known is None:
-            self._known = scene.truth
-        since = np.array([self._since[number] for number in sorted(set(ids))], dtype=np.int64)
-        start = starts_of([0] * frame + [len(ids)])
+        if self._going_on is None:
+            self._going_on = OpenScene(horizon(self._card), scene.truth, memory=Memory())
+        start = starts_of([0] * frame + [len(scene.truth.box)])
         before = np.array(self._ego)
         period = 1.0 / self._card.task.rate
         so_far = replace(
             scene, time=np.arange(frame + 1) * period, ego=before, truth=replace(scene.truth, start=start),
             detections=replace(scene.detections, start=np.zeros(frame + 2, dtype=np.int64)),
         )  # fmt: skip
-        seen = detected(
-            so_far, self._card, going_on=OpenScene(horizon(self._card), self._known, since=since)
-        ).detections
-        last = seen.only(frame)
+        last = detected(so_far, self._card, going_on=self._going_on).detections.only(frame)
         return replace(scene, detections=replace(last, start=last.start[-2:]), simulated=True)
 
 
