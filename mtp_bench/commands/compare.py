@@ -1,14 +1,19 @@
 """``mtp-bench compare``."""
 
+from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Exit, Option
 
+from ..cards import Card
+from ..running.compare import EnvEvaluation, control_names
 from ..running.compare import compare as run_comparison
-from ..running.compare import control_names
+from ..running.drives import compare_driving
+from ..running.options import RunOptions
+from ..tables import to_text
 from ..viz.terminal.output import counted
 from .options import SEEDS, AgentScenes, JsonOption, SeedsOption, WorkerChoice, submissions
-from .output import prepare, show_report, write_json
+from .output import STANDARD_OUTPUT, prepare, say, show_report, write_json, write_table
 from .shown import Shown
 
 
@@ -24,22 +29,36 @@ def compare(
     train: Annotated[bool, Option("--train", help="First train the networks that have no weights here.")] = False,
 ) -> None:
     """Run agents, ground-truth tracks and the controls on the same scenes; print one table and the verdict."""
-    options = on.options(workers, range(seeds))
-    prepare(on.env, options, agents)
+    options, env = on.options(workers, range(seeds)), on.card
+    prepare(env, options, agents)
     if train:
         from .train import train_missing
 
-        train_missing(agents, on.env, options)
-    if options.card(on.env).drive is not None:
-        from .driving import compare_driving
-
-        compare_driving(agents, on.env, options, shown, json_file)
+        train_missing(agents, env if isinstance(env, str) else env.id, options)
+    if options.card(env).drive is not None:
+        _compare_driving(agents, env, options, shown, json_file)
         return
-    result = run_comparison(agents, on.env, options, full=shown.is_full or json_file is not None)
+    result = run_comparison(agents, env, options, full=shown.is_full or json_file is not None)
     content = result.report.to_json("condition", "paired", "details", "failures")
     write_json(json_file, content | {"skipped": result.skipped})
     ran = dict.fromkeys(setting.submission.name for setting in result.settings)
     names = [name for name in ran if name in agents or name not in control_names()]
     show_report(result.report, counted(seeds, "seed"), result.skipped, shown, names)
     if result.report.failures:
+        raise Exit(1)
+
+
+def _compare_driving(agents: list[str], env: str | Card, options: RunOptions, shown: Shown, file: Path | None) -> None:
+    """Let agents drive in the scenes of a closed loop and print one table."""
+    if shown.columns or shown.subsets:
+        options.card(env).require_same_scenes("which has one table of driving", "leave --columns and --subsets out")
+    with EnvEvaluation.opened("driving", env, options, {}) as evaluation:
+        result = compare_driving(agents, evaluation, shown.full)
+    write_json(file, {"env": result.env, "rows": result.table.records, "failures": result.failures})
+    if file != STANDARD_OUTPUT:
+        print(to_text(result.table))
+    write_table(shown.table_file, [result.table], result.table)
+    for name, reason in result.failures.items():
+        say(f"{name}: {reason}")
+    if result.failures:
         raise Exit(1)

@@ -19,8 +19,7 @@ def events(
     folder: FolderArgument,
     scene: Annotated[str | None, Option(help="Only this scene.")] = None,
     kind: Annotated[
-        list[str] | None,
-        choice(KINDS, text="Only this kind, such as spurious (false forecasts); repeatable."),
+        list[str] | None, choice(KINDS, text="Only this kind, such as spurious (false forecasts); repeatable.")
     ] = None,
     sort: Annotated[
         str, choice(shown.ORDERS, text="time: by scene and frame; cost, confidence or length: the largest first.")
@@ -36,9 +35,9 @@ def events(
         opened = open_run(folder, root, env)
         for played in replays(opened, scene, progress):
             tally.add(played)
-            events = (each for each in played.incidents if each.kind in (kind or KINDS))
-            rows += [Listed.of(played, each, str(folder), root, env) for each in events]
-    rows = shown.in_order(rows, sort)[:top]
+            rows += [Listed.of(played, each, str(folder), root, env) for each in played.incidents]
+    hits = [row for row in rows if row.cause]
+    rows = shown.in_order([row for row in rows if row.incident.kind in (kind or KINDS)], sort)[:top]
     write_json(json_file, shown.events_json(rows, tally, opened.card.id, opened.run.info.agent))
     listed = rows if kind or top else shown.longest_only(rows)
     if listed:
@@ -46,5 +45,5 @@ def events(
         show("")
         show_lines([shown.CAPTION, shown.LOOK])
         show_command(listed[0].view)
-    show_lines(shown.collision_lines(opened.rollouts(scene)))
+    shown.show_collisions(hits, opened.rollouts(scene))
     show(shown.tally_line(tally, all_listed=len(listed) == len(rows)))

@@ -3,13 +3,14 @@
 import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, is_dataclass, replace
-from functools import wraps
+from functools import cached_property, wraps
 from pathlib import Path
 from typing import Annotated, Any
 
 from typer import Argument, BadParameter, Option
 
 from .._bundle import baseline_names, card_ids
+from ..cards import Card
 from ..errors import MtpBenchError, closest
 from ..files import require_file
 from ..parallel import Workers, cores
@@ -96,6 +97,7 @@ TableOption = Annotated[
     ),
 ]
 EnvOption = Annotated[str, Option("--env", help="Environment id, of `mtp-bench envs`.", autocompletion=env_ids)]
+_OR_RUN = Option("--env", help="Environment id, of `mtp-bench envs`, or a stored run.", autocompletion=env_ids)
 JobsOption = Annotated[int, Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
 ScenesOption = Annotated[int | None, Option("--scenes", min=1, help="Only the first N scenes.")]
 SplitOption = Annotated[str | None, Option("--split", help="Another split of the environment, such as train.")]
@@ -180,9 +182,19 @@ class EnvScenes:
 
 @dataclass(frozen=True)
 class AgentScenes(EnvScenes):
-    """Scenes that agents run on, which may get stored tracks."""
+    """Scenes that agents run on, which may get stored tracks, and may be those of a stored run."""
 
+    env: Annotated[str, _OR_RUN]
     tracks: TracksOption = None
+
+    @cached_property
+    def card(self) -> str | Card:
+        """The env; for the folder of a run the card of its scenes, those of a closed loop as they were driven."""
+        from ..running.rollout_files import RUN_FILE
+        from ..running.stored import open_run
+
+        folder = Path(self.env)
+        return open_run(folder, self.data).card if (folder / RUN_FILE).is_file() else self.env
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run, with the stored tracks."""

@@ -20,6 +20,7 @@ from ..parallel import reported
 from ..tables import Table, tables_text, to_text
 
 if TYPE_CHECKING:
+    from ..cards import Card
     from ..running.options import RunOptions
     from ..scoring import Report
     from .shown import Shown
@@ -35,7 +36,7 @@ def working(label: str, options: "RunOptions") -> Iterator["RunOptions"]:
         yield replace(options, progress=progress)
 
 
-def prepare(env: str, options: "RunOptions", agents: Iterable[str] = ()) -> None:
+def prepare(env: "str | Card", options: "RunOptions", agents: Iterable[str] = ()) -> None:
     """Make simulated scenes, or the compact copy of tables, that are not in the cache yet.
 
     The ``agents`` are looked up first, so that a misspelt name is an error at once.

@@ -25,8 +25,8 @@ def run(
     """Run an agent and store its rollouts."""
     options = on.options(workers, [seed])
     require_free(output, force)
-    prepare(on.env, options, [agent])
-    stored = run_agent(agent, on.env, output, options, replace=force)
+    prepare(on.card, options, [agent])
+    stored = run_agent(agent, on.card, output, options, replace=force)
     line = skipped_line(stored.skipped)
     if line is not None:
         show(line)

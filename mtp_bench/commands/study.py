@@ -38,8 +38,8 @@ def study(
     if quick and ((seeds or 1) > 1 or (options.scenes or 1) > QUICK_SCENES):
         raise BadParameter(f"means one seed and at most {QUICK_SCENES} scenes; leave it out", param_hint="--quick")
     options = quick_options(options) if quick else options
-    prepare(on.env, options, agent or ())
-    made = run_study(agent or [controls()["several"]], on.env, output, options, quick, command_line(*sys.argv[1:]))
+    prepare(on.card, options, agent or ())
+    made = run_study(agent or [controls()["several"]], on.card, output, options, quick, command_line(*sys.argv[1:]))
     show_lines(summary(made.findings), "- ")
     show("")
     show(f"{len(made.tables)} tables and {made.figures} figures: {made.page}")

@@ -10,7 +10,7 @@ from ..running.stored import open_run
 from ..scoring.parts import BELOW, FAULTS, PARTS, named_parts
 from ..viz.moments import costs, moments
 from ..viz.played import replays
-from ..viz.terminal.event_table import collision_lines
+from ..viz.terminal.event_table import Listed, show_collisions
 from ..viz.terminal.output import counted, show, show_command, show_lines, show_table
 from ..viz.terminal.worst_table import CAPTION, CAPTION_BELOW, UNSPLIT, WorstRow, run_line, worst_json, worst_table
 from .options import DataOption, FolderArgument, JsonOption, RunCardOption, choice, one_of
@@ -34,6 +34,7 @@ def worst(
     json_file: JsonOption = None,
 ) -> None:
     """List the worst moments of a run: whose fault each was, and how to look at it."""
+    hits = list[Listed]()
     below, whole, targets, rows, unsplit = cause in (BELOW, "confidence"), np.zeros(len(PARTS)), 0, list[WorstRow](), ""
     with reported("finding the worst moments") as progress:
         opened = open_run(folder, root, env)
@@ -44,6 +45,9 @@ def worst(
         for played in replays(opened, scene, progress):
             whole, unsplit = whole + np.nansum(played.part, axis=0), played.unsplit
             targets += int(np.isfinite(played.part[:, 0]).sum())
+            hits += [
+                Listed.of(played, one, str(folder), root, env) for one in played.incidents if one.kind == "collision"
+            ]
             rows += [WorstRow.of(played, one.at, str(folder), root, env, moment=one) for one in moments(played, below)]
     kept = [
         row
@@ -60,7 +64,7 @@ def worst(
         show("")
         show_lines([CAPTION_BELOW if below else CAPTION, LOOK])
         show_command(shown[0].view)
-    show_lines(collision_lines(opened.rollouts(scene)))
+    show_collisions(hits, opened.rollouts(scene))
     share = sum(row.moment.cost for row in shown) / total if total else 0.0
     of_run = f"{len(shown)} of {counted(len(rows), 'moment')}, {share:.0%} of the {'part' if below else 'blame'}."
     show_lines([*([UNSPLIT.format(unsplit)] if unsplit else []), of_run, run_line(parts, len(opened.rollouts(scene)))])

@@ -11,6 +11,7 @@ from ..drive.scenes import whole_scene
 from ..env.rollouts import digest
 from ..errors import RolloutError, SubmissionError
 from ..files import cache_root, whole_folder
+from ..scoring import SceneScore, score_scene
 from ..scoring.driving import AgentDrives, DrivingRow, driving_rows
 from ..sources.files import save_scene
 from ..sources.highway.store import unpack
@@ -25,7 +26,7 @@ from .settings import Setting, setting_of
 
 SENTENCE = (
     "Drive score: mean over scenes of 0 after an at-fault collision, else of progress (5 of 12), no near miss (5) and "
-    "comfort (2). Differences to stp are paired by scene."
+    "comfort (2). Differences to stp are paired by scene. bADE is of the targets in each agent's own drives."
 )
 CONTROLS: tuple[Role, ...] = ("ground_truth", "single")  # roles of baselines that every comparison runs
 IN_FULL: tuple[Role, ...] = ("standing", "blind")  # lower references
@@ -80,8 +81,8 @@ def drives_of(settings: Sequence[Setting], evaluation: EnvEvaluation) -> tuple[d
         if failed:
             failures[setting.label] = failed[0].reason
         else:
-            drives = {name: [run[i] for run in own] for i, name in enumerate(scenes)}
-            found[setting.label] = AgentDrives(setting.label, drives)
+            drives = {name: [run[i][0] for run in own] for i, name in enumerate(scenes)}
+            found[setting.label] = AgentDrives(setting.label, drives, [[score for _, score in run] for run in own])
     return found, failures
 
 
@@ -89,23 +90,26 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
     """The card of the recorded scenes of drives, on which any agent can then be run, with no loop.
 
     The scenes are those that the agents of ``rollouts`` drove in, with the detections that they were shown; they are
-    kept as own scenes in the cache. Raises RolloutError for a rollout without a drive.
+    kept as own scenes in the cache. A second drive in a scene, as of another seed, gets its place among the rollouts
+    behind the name: NAME-2. Raises RolloutError for a rollout without a drive.
     """
-    sha, worlds = hashlib.sha256(card.digest.encode()), dict[str, Mapping[str, Any]]()
+    sha, worlds = hashlib.sha256(card.digest.encode()), dict[str, tuple[str, Mapping[str, Any]]]()
     for rollout in rollouts:
         if rollout.drive is None:
             raise RolloutError(f"scene {rollout.scene!r} of {card.id} has no drive; run the agent again")
         sha.update(digest(rollout).encode())
-        worlds[rollout.scene] = rollout.drive.world
-    folder = cache_root() / "drives" / sha.hexdigest()[:32]
+        name = f"{rollout.scene}-{len(worlds) + 1}" if rollout.scene in worlds else rollout.scene
+        worlds[name] = rollout.scene, rollout.drive.world
+    folder = cache_root() / "drives" / sha.hexdigest()[:32] / card.id
     if not folder.is_dir():
         with whole_folder(folder) as part:
-            for name, world in worlds.items():
-                save_scene(whole_scene(unpack(dict(world)), card, name), part, card.task.classes, "parquet")
+            for name, (driven, world) in worlds.items():
+                scene = replace(whole_scene(unpack(dict(world)), card, driven), name=name)
+                save_scene(scene, part, card.task.classes, "parquet")
     return with_files(card, folder).model_copy(update={"detector": None})
 
 
-def _driven(scene: Scene, rollout: Rollout, card: Card) -> Drive:
-    """The drive without its recording."""
+def _driven(scene: Scene, rollout: Rollout, card: Card) -> tuple[Drive, SceneScore]:
+    """The drive without its recording, and the score of its forecasts."""
     assert rollout.drive is not None
-    return replace(rollout.drive, world={})
+    return replace(rollout.drive, world={}), score_scene(scene, rollout, card)

@@ -11,7 +11,9 @@ import numpy as np
 
 from ..tables import Column
 from ..types import Drive, Floats
+from .score import SceneScore
 from .statistics import bootstrap_interval, sign_flip_test
+from .table import run_budgets, run_errors
 
 WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
 LEAST_WAY = 5.0  # m: where ground-truth tracks let the ego drive less, progress counts as made
@@ -36,15 +38,17 @@ class DrivingRow:
     phantom_brakes: Annotated[float, Column("phantom", better="lower", format=".1f", help="Hard brakes, free way.")]
     goal_seconds: Annotated[float | None, Column("to goal", "s", better="lower", help="Mean, if reached.")]
     comfort: Annotated[float, Column(unit="share", better="higher", help="Scenes within nuPlan's bounds of comfort.")]
+    bade: Annotated[float | None, Column("bADE", "m", better="lower", help="Of the targets in the agent's own drives.")]
     scenes: Annotated[int, Column()] = 0
 
 
 @dataclass(frozen=True, eq=False)
 class AgentDrives:
-    """Drives of an agent: for each scene one per seed."""
+    """Drives of an agent: for each scene one per seed; and the scores of its forecasts in them, a run per seed."""
 
     agent: str
     drives: Mapping[str, Sequence[Drive]]
+    scores: Sequence[Sequence[SceneScore]] = ()
 
 
 def scene_score(drive: Drive, reference: float) -> float:
@@ -73,6 +77,16 @@ def driving_rows(
     return sorted(rows, key=lambda row: -row.drive_score)
 
 
+def own_bade(agent: AgentDrives) -> float | None:
+    """BADE of the targets in the agent's own drives, m, mean over seeds; budgets up to one false forecast per target.
+
+    None without a target.
+    """
+    runs = [run for run in agent.scores if any(map(len, run))]
+    errors = [run_errors(run, run_budgets(run, None).all, True, "cuts").error.mean() for run in runs]
+    return float(np.mean(errors)) if errors else None
+
+
 def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None) -> DrivingRow:
     score, ones = scene_scores(agent, reference), np.ones(len(reference))
     drives = [agent.drives[name] for name in reference]
@@ -95,5 +109,6 @@ def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None
         phantom_brakes=float(np.mean([100.0 * drive.phantom_brakes for drive, _ in every])),
         goal_seconds=float(np.mean(goals)) if goals else None,
         comfort=float(np.mean([drive.comfortable for drive, _ in every])),
+        bade=own_bade(agent),
         scenes=len(reference),
     )

@@ -11,6 +11,7 @@ from ..scoring.matching import match
 from ..scoring.pairs import Pairs
 from ..scoring.parts import fault_of
 from ..types import Detections, Floats, Ints, Truth, to_metres
+from .collision import collision_cause
 from .focus import Focus, ObjectForecast
 from .incident import MOMENT
 from .moments import borrowed
@@ -225,6 +226,8 @@ def went(focus: Focus, forecast: ObjectForecast) -> str:
 def verdict(focus: Focus) -> str:
     """The part of the stack at fault and its cause: "detector: other class"."""
     at, t = focus.at, focus.at.frame
+    if at.kind == "collision":
+        return collision_cause(focus).partition(":")[0]
     if at.object_id >= 0:
         if at.parts and borrowed(focus.replay)[at.row]:
             return "detector: only other objects are detected there"

@@ -229,10 +229,7 @@ def _identity_incidents(run: Replay) -> list[Incident]:
     track_id = np.append(rollout.track_id, -1)  # row -1: no track
     return [
         replace(
-            run.moment(int(row)),
-            kind=kind,
-            old_id=int(track_id[events.old[row, 0]]),
-            wrong=bool(events.wrong[row, 0]),
+            run.moment(int(row)), kind=kind, old_id=int(track_id[events.old[row, 0]]), wrong=bool(events.wrong[row, 0])
         )
         for kind in ("ids", "lost", "reacquired")
         for row in np.flatnonzero(getattr(events, kind)[:, 0])

@@ -8,6 +8,7 @@ import numpy as np
 from ..geometry import iou_3d
 from ..scoring.parts import BELOW, LEAST_SHOWN, PARTS, parts_text
 from . import evidence
+from .collision import collision_cause
 from .focus import Focus
 from .incident import MOMENT
 from .terminal.output import counted
@@ -25,7 +26,8 @@ def sentence(focus: Focus) -> str:
     if at.object_id < 0:
         texts = _false_forecast(focus)
     else:
-        texts = [f"{_when(focus)} {focus.named} {_HAPPENED[at.kind](focus)}", _fitting(_evidence(focus)), _error(focus)]
+        cost = collision_cause(focus) if at.kind == "collision" else _error(focus)
+        texts = [f"{_when(focus)} {focus.named} {_HAPPENED[at.kind](focus)}", _fitting(_evidence(focus)), cost]
     texts[1:] = [text[0].upper() + text[1:] for text in texts[1:] if text]
     return _with_ids_in_file(f"{at.name}: {'. '.join(texts)}", run.scene.track_names)
 

@@ -9,9 +9,8 @@ from scipy.stats import kendalltau
 from benchmarks.driving_attacks import ATTACKS, AWAY
 from benchmarks.driving_figures import Measured, figures, kendall_tau
 from benchmarks.driving_measure import TRUTH, measure_scene
-from mtp_bench import Action, Agent, MTPEnv, evaluate, load_card, load_submission
+from mtp_bench import Action, Agent, MTPEnv, load_card, load_submission
 from mtp_bench.running.run import agent_task, run_scene
-from mtp_bench.running.stored import open_run
 from mtp_bench.types import Drive
 from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import write_short_card
@@ -96,11 +95,10 @@ def test_agents_are_scored_on_the_scenes_in_which_ground_truth_tracks_drove(
     short: str, cli: CommandLine, tmp_path: Path
 ) -> None:
     cli.ok("run", TRUTH, "--env", short, "--scenes", 1, "-o", tmp_path / "run")
-    card = open_run(tmp_path / "run").card
-    assert card.drive is None
-    errors = [evaluate(agent, card).rows[0].error for agent in (TRUTH, "standing", "blind")]
-    assert None not in errors
-    assert errors == sorted(errors, key=lambda error: error or 0.0)
+    words = ("--env", tmp_path / "run", "--seeds", 1, "--jobs", 1, "--json", tmp_path / "a.json")
+    cli.ok("compare", "standing", "blind", *words)
+    error = {row["agent"]: row["error"] for row in read_json(tmp_path / "a.json")["rows"] if row["subset"] == "all"}
+    assert error[TRUTH] < error["stp"] < error["standing"] < error["blind"]
 
 
 def test_figures_of_two_scenes(short: str, tmp_path: Path) -> None:

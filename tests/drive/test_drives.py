@@ -124,6 +124,10 @@ def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None
     assert NAME in cli.ok("events", folder)
     with pytest.raises(RolloutError, match="has no drive; run the agent again"):
         recorded_card(MTPEnv(drive_card).card, [replace(rollout, drive=None)])
+    both = MTPEnv(recorded_card(MTPEnv(drive_card).card, [rollout, rollout]))
+    assert both.scene_names == (NAME, f"{NAME}-2")
+    both.reset(options={"scene": f"{NAME}-2"})
+    np.testing.assert_array_equal(both.scene.detections.box, driven.detections.box)
     for name in ("drive_way", "world_ego"):
         changed = Path(shutil.copytree(folder, tmp_path / name)) / f"{NAME}.npz"
         with np.load(changed) as content:
@@ -143,3 +147,6 @@ def test_comparison_with_an_agent_that_fails(drive_card: str, tmp_path: Path, cl
     assert (list(content["failures"]), set(rows)) == (["fails"], {"echo", "stp", "truth_past"})
     assert (rows["truth_past"]["progress"], rows["stp"]["difference"]) == (1.0, None)
     assert "how forecasts drive" in output.out
+    cli.ok("run", "truth_past", "--env", drive_card, "--scenes", "1", "-o", tmp_path / "run")
+    cli.ok("score", tmp_path / "run", "--json", file)
+    assert rows["truth_past"]["bade"] == pytest.approx(json.loads(file.read_text())["rows"][0]["error"])

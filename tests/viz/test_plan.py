@@ -3,11 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from mtp_bench.types import Drive
 from mtp_bench.viz.plan import plan_at
 from mtp_bench.viz.replay import Replay, replay
-from mtp_bench.viz.terminal.event_table import collision_lines
+from mtp_bench.viz.terminal.event_table import Listed, show_collisions
 from tests.support.scoring_scenes import line, make_card, make_rollout, make_scene
 
 
@@ -36,9 +37,10 @@ def test_a_plan_is_hard_where_it_brakes_by_more_than_3_m_s2() -> None:
     assert plan_at(replay(run.scene, make_rollout(line([1, 1])), make_card()), 0) is None, "not a closed loop"
 
 
-def test_the_collision_is_an_event_of_the_last_frame() -> None:
+def test_the_collision_is_an_event_of_the_last_frame(capsys: pytest.CaptureFixture[str]) -> None:
     run = driven([[0.0, 1.0]] * 3, [0.0] * 3, [-1] * 3, hit=5)
     (collision,) = (each for each in run.incidents if each.kind == "collision")
     assert (collision.name, collision.frame, collision.object_id) == ("collision-0", 2, 5)
-    assert collision_lines([run.rollout]) == ["scene s: collision at 0.3 s with a car, at fault"]
+    show_collisions([Listed.of(run, collision, "run", None, None)], [run.rollout])
+    assert "scene s: collision at 0.3 s with car 5, at fault; detector: detected in 0" in capsys.readouterr().out
     assert not driven([[0.0, 1.0]] * 3, [0.0] * 3, [-1] * 3).incidents

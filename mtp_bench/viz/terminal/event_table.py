@@ -4,12 +4,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
+import numpy as np
+
 from ...scoring.parts import parts_text
 from ...tables import BLANK, Column, Table
 from ...types import Rollout, Scene
+from ..collision import collision_cause
+from ..focus import Focus
 from ..incident import KINDS, Incident
 from ..replay import Replay
-from .output import command_line, counted
+from .output import command_line, counted, show_command, show_lines
 
 ORDERS = ("time", "cost", "confidence", "length")
 LONGEST = 3  # runs of false forecasts of a scene in the table, unless their kind is asked for
@@ -30,13 +34,15 @@ class Listed:
     class_name: str
     incident: Incident
     view: str  # the command that shows it
+    cause: str = field(default="", kw_only=True)  # of a collision
 
     @classmethod
     def of(cls, replay: Replay, at: Incident, *run: str | None, **further: Any) -> Self:
         """The row of an incident; ``run``: folder, data root and env that name the run in the command."""
         folder, data, env = run
         view = command_line("view", str(folder), scene=replay.scene.name, at=at.name, data=data, env=env)
-        return cls(replay.scene, replay.card.task.classes[at.class_id], at, view, **further)
+        cause = collision_cause(Focus(replay, at)) if at.kind == "collision" else ""
+        return cls(replay.scene, replay.card.task.classes[at.class_id], at, view, cause=cause, **further)
 
     @property
     def object_name(self) -> str:
@@ -142,11 +148,22 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
     return text
 
 
-def collision_lines(rollouts: Sequence[Rollout]) -> list[str]:
-    """A line per collision in the drives of a closed loop."""
-    hits = [(each.scene, each.drive) for each in rollouts if each.drive is not None and each.drive.collision]
-    end = {True: "at fault", False: "not at fault"}
-    return [f"scene {s}: collision at {d.seconds:.1f} s with a {d.collision}, {end[d.at_fault]}" for s, d in hits]
+def show_collisions(rows: Sequence[Listed], rollouts: Sequence[Rollout]) -> None:
+    """Print a line per collision in the drives of a closed loop, the worst first, and the command that shows it.
+
+    Those at fault come first, then those of a faster ego.
+    """
+    drives, end = {each.scene: each.drive for each in rollouts if each.drive is not None}, ("not at fault", "at fault")
+    hits = [(drives[row.scene.name], row) for row in rows if row.cause]
+    hits.sort(
+        key=lambda hit: (hit[0].at_fault, float(np.hypot(*(hit[0].plan[-1, 1] - hit[0].plan[-1, 0])))), reverse=True
+    )
+    for drive, row in hits:
+        what = f"collision at {drive.seconds:.1f} s with {row.object_name}, {end[drive.at_fault]}"
+        show_lines([f"scene {row.scene.name}: {what}; {row.cause}"])
+    if hits:
+        show_lines([f"To look at the first collision; {_PICTURE}"])
+        show_command(hits[0][1].view)
 
 
 def events_json(rows: Sequence[Listed], tally: Tally, env_id: str, agent: str) -> dict[str, Any]:
@@ -163,7 +180,7 @@ def events_json(rows: Sequence[Listed], tally: Tally, env_id: str, agent: str) -
 
 def _record(row: Listed) -> dict[str, Any]:
     event = row.incident
-    own = {"time": row.seconds(event.frame), "event": event.name, "position": list(event.position)}
+    own = {"time": row.seconds(event.frame), "event": event.name, "position": list(event.position), "cause": row.cause}
     return own | row.record("kind", "wrong", "error", "parts", "error_before")
 
 
