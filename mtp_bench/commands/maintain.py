@@ -56,7 +56,10 @@ def freeze(env: EnvOption, root: DataOption = None, jobs: JobsOption = 0) -> Non
     prepare(env, options)
     path, reference = write(env, options)
     totals = ", ".join(f"{name} {total}" for name, total in reference.totals["sum_of_weights"].items())
-    show(f"{path}: {counted(reference.totals['targets'], 'target')}, sum of weights {totals}; hash {reference.digest}")
+    what = f"{counted(reference.totals['targets'], 'target')}, sum of weights {totals}"
+    if ways := [scene.way for scene in reference.scenes.values() if scene.way is not None]:
+        what = f"{counted(len(ways), 'way')} with ground-truth tracks, {sum(ways) / len(ways):.1f} m on average"
+    show(f"{path}: {what}; hash {reference.digest}")
 
 
 @maintain.command(short_help="Check the records of a pull request.")

@@ -110,9 +110,12 @@ def _submit_one(
             failed.append(f"{env_id}: {said_of(error)}")
             say(failed[-1])
             continue
-        title = f"{submission.name} on {record.env.id}: error at the false-forecast budgets (m, less is better)"
+        what = "error at the false-forecast budgets (m, less is better)"
         columns = [each for each in columns_of(type(record.row)) if each.key in SHOWN]
-        show_table(Table("record", title, "", record.rows, columns))
+        rows: list[Any] = list(record.rows)
+        if record.driving is not None:
+            what, rows, columns = "how its forecasts drive", [record.driving], []
+        show_table(Table("record", f"{submission.name} on {record.env.id}: {what}", "", rows, columns))
         show(f"{target}: {_sentence(record)}")
         if record.status in ("crashed", "rejected"):
             failed.append(f"{record.env.id}: {record.status}: {record.status_reason}")

@@ -180,5 +180,7 @@ def _verdict(checked: Verification) -> str:
     sentences = [f"{subject}: holds, {checked.level}" if checked.holds else f"{subject}: does not hold"]
     if hidden is not None:
         few = "" if hidden.scenes >= LEAST_HIDDEN else f", too few to rank: ranks need {LEAST_HIDDEN}"
-        sentences.append(f"error {short(hidden.row.error)} m on {counted(hidden.scenes, 'hidden scene')}{few}")
+        score = None if hidden.driving is None else f"drive score {hidden.driving.drive_score:.3f}"
+        number = score or f"error {short(hidden.row.error)} m"
+        sentences.append(f"{number} on {counted(hidden.scenes, 'hidden scene')}{few}")
     return ". ".join([*sentences, *checked.notes])

@@ -4,7 +4,7 @@ A row that is taken out counts as missing, so breaking the contract is never bet
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -113,6 +113,15 @@ def assemble(scene: str, actions: Sequence[RecordedAction], dropped: Ints) -> Ro
             arrays[name] = join([getattr(action, name) for action in actions])
     typed: dict[str, Any] = {name: array.astype(ARRAYS[name][0], copy=False) for name, array in arrays.items()}
     return Rollout(scene, **typed)
+
+
+def actions_of(rollout: Rollout) -> Iterator[RecordedAction]:
+    """The actions [F] that `assemble` made a rollout of."""
+    names = {name: shape[0] for name, (_, shape) in ARRAYS.items() if name in RecordedAction.__dataclass_fields__}
+    starts = {"R": rollout.track_start, "S": rollout.object_start}
+    for t in range(rollout.frames):
+        rows: dict[Any, Any] = {"F": t, **{letter: slice(start[t], start[t + 1]) for letter, start in starts.items()}}
+        yield RecordedAction(**{name: getattr(rollout, name)[rows[letter]] for name, letter in names.items()})
 
 
 def empty_rollout(scene: str, frames: int = 1, **sizes: int) -> Rollout:

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from .._bundle import card_ids
+from ..cards import load_card
 from ..errors import RecordError
 from ..files import read_bounded
 from ..scoring.definitions import SUBSETS
@@ -12,7 +14,7 @@ from ..scoring.parts import PARTS
 from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
 from ..strict import parse_json
-from .canonical import canonical
+from .canonical import canonical, differences
 from .evaluation import status_of
 from .record import HiddenPart, Record, key_of
 from .shipped import shipped
@@ -61,7 +63,10 @@ def checked_text(text: str, path: str) -> Record:
 def inconsistencies(record: Record) -> Iterator[str]:
     """Sentences on parts of a record that contradict each other."""
     yield from _inconsistent_counts(record)
-    ships = shipped(record.env.id)
+    env_id, loop = record.env.id, record.driving is not None
+    if env_id in card_ids() and (load_card(env_id).drive is not None) != loop:
+        yield f"driving is {'given' if loop else 'missing'}, {env_id} is {'not ' * loop}a closed loop"
+    ships = shipped(env_id)
     most = ships.most if ships is not None and ships.card == record.env.card_digest else math.inf
     yield from inconsistent_sums(record, most)
     stated: dict[str, Any] = {
@@ -91,6 +96,7 @@ def inconsistent_sums(sums: Record | HiddenPart, most: float) -> Iterator[str]:
     if max(units) > MOST_UNITS:  # their intervals take memory
         yield f"there are sums of {max(units)} units, expected at most {MOST_UNITS}"
         return
+    yield from _inconsistent_driving(sums)
     for row in sums.rows:
         weight, error = sums.unit_weight(row.subset), sums.unit_error(row.subset)
         for w, e in zip(weight, error, strict=True):
@@ -98,6 +104,24 @@ def inconsistent_sums(sums: Record | HiddenPart, most: float) -> Iterator[str]:
                 yield f"subset {row.subset!r}: a unit of weight {w:g} has error {e:g}, expected 0 to {most:g} x weight"
                 return
         yield from _inconsistent_row(row, weight, error, sums.row_of("all").targets, most)
+
+
+def _inconsistent_driving(sums: Record | HiddenPart) -> Iterator[str]:
+    if sums.driving is None:
+        return
+    stated = sums.driving.model_dump(mode="json")
+    scores, count, seeds = stated["scores"], len(stated["scores"]), sums.row.seeds
+    if sums.unit_weight("all") != [1.0] * count or any(len(own) != seeds for own in scores):
+        yield f"driving.scores are of {count} scenes, expected {seeds} of each scene"
+        return
+    mean = [math.fsum(own) / seeds for own in scores]
+    interval = bootstrap_interval(mean, [1.0] * count)
+    sure = {"agent": sums.row.agent, "drive_score": sum(mean) / count, "interval": interval and list(interval)}
+    alone = dict.fromkeys(("difference", "difference_interval", "p"))
+    for each in differences("driving", stated, {**stated, **sure, **alone, "scenes": count}):
+        yield f"{each.what} is {each.recorded}, the other numbers give {each.found}"
+    if any(abs(1.0 - score - error) > _CLOSE for score, error in zip(mean, sums.unit_error("all"), strict=True)):
+        yield "driving.scores and the errors of scenes do not add up to 1"
 
 
 def _inconsistent_counts(record: Record) -> Iterator[str]:

@@ -12,18 +12,22 @@ from ..parallel import Workers, parallel_map
 from ..running.options import RunOptions
 from ..scoring import AgentScores, Reference, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.definitions import DEFINITIONS, GOLDEN, KNOWN_SUBSETS, SUBSETS, Subset
+from ..scoring.driving import AgentDrives, driving_rows, scene_score
 from ..scoring.rows import Row
+from ..scoring.statistics import bootstrap_interval
 from ..scoring.table import AgentTable
 from ..sources import open_source
 from ..sources.cache import scene_digest
 from ..types import Rollout
 from .canonical import rounded
-from .record import MissedPart, ReferencePart, ScenePart, ScorerPart, Status
+from .record import DrivingPart, MissedPart, ReferencePart, ScenePart, ScorerPart, Status
 
 # of a row: they depend on other records, or are measured
 _BLANK = ("gap_blank_because", "association_gap_blank_because")
-_OF_RECORD = ("reference", "hypotheses", "rows", "silence", "details", "per_scene")  # fields of the same name
+_OF_RECORD = ("reference", "hypotheses", "rows", "silence", "details", "per_scene", "driving")  # of the same name
 _LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame", *_BLANK)
+_COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")  # of a row
+Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class Evaluation:
     truth_complete: bool
     hypotheses: int
     ms_per_frame: float | None
+    driving: DrivingPart | None = None
 
     @property
     def data_manifest(self) -> str:
@@ -63,19 +68,21 @@ def evaluate(
     agent: str,
     card: Card,
     options: RunOptions,
-    runs: Mapping[int, Sequence[Rollout]],
+    runs: Runs,
     reference: Reference,
     hypotheses: int | None,
     observe: str,
     subsets: Collection[Subset] = KNOWN_SUBSETS,
 ) -> Evaluation:
-    """Score the rollouts of each seed (``runs``: seed -> the same scenes in the same order) of one agent.
+    """Score the rollouts of each seed of one agent.
 
     ``agent`` is its name, ``card`` the environment, ``reference`` the event weights of these scenes; ``options`` give
     data, number of processes and progress. ``hypotheses`` as declared; None: as the answers state. ``observe``: the
     mode of the env; ``subsets``: others get no numbers, as in older records. Raises RolloutError if the rollouts do not
     fit the scenes, DataError if data is missing.
     """
+    if card.drive is not None:
+        return _evaluate_drives(agent, card, runs, reference, hypotheses)
     calls = [(card, options.data, rollouts) for rollouts in zip(*runs.values(), strict=True)]
     workers = Workers(options.workers.count)
     scored: list[tuple[str, tuple[SceneScore, ...]]] = parallel_map(
@@ -106,6 +113,43 @@ def evaluate(
         truth_complete=table.complete,
         hypotheses=setting.hypotheses,
         ms_per_frame=report.rows[0].ms_per_frame,
+    )
+
+
+def _evaluate_drives(agent: str, card: Card, runs: Runs, reference: Reference, hypotheses: int | None) -> Evaluation:
+    """Score the drives of rollouts by the ways of ``reference``. Worlds react to agents: digests are of ways alone."""
+    every = [rollout for rollouts in runs.values() for rollout in rollouts]
+    ways = reference.ways(rollout.scene for rollout in every)
+    drives = {name: [each.drive for each in every if each.scene == name and each.drive is not None] for name in ways}
+    (driving,) = driving_rows([AgentDrives(agent, drives)], ways)
+    scores = [[scene_score(drive, ways[name]) for drive in own] for name, own in drives.items()]
+    errors = rounded([1.0 - float(np.mean(own)) for own in scores])
+    stated = max(int(np.isfinite(each.hypothesis_log_weight).sum(axis=1).max(initial=0)) for each in every)
+    samples = every[0].forecast.shape[1]
+    blank = {**dict.fromkeys(Row.model_fields), **dict.fromkeys(_COUNTS, 0)} | {
+        "agent": agent, "hypotheses": hypotheses or stated, "samples": samples, "seeds": len(runs),
+        "budget": "equal" if samples == card.task.samples else "free",
+    }  # fmt: skip
+    interval = bootstrap_interval(errors, np.ones(len(errors)))
+    of_all = {**dict.fromkeys(_COUNTS, len(errors)), "error": float(np.mean(errors)), "interval": interval}
+    rows = [Row.model_validate({**blank, "subset": each, **(of_all if each == "all" else {})}) for each in SUBSETS]
+    none: dict[Subset, list[float]] = {subset: [0.0] for subset in SUBSETS}
+    return Evaluation(
+        rows=[_stored(row) for row in rows],
+        silence=None,
+        details={},
+        per_scene=[
+            ScenePart(scene=name, weight={**none, "all": [1.0]}, error={**none, "all": [error]})
+            for name, error in zip(ways, errors, strict=True)
+        ],
+        reference=ReferencePart(
+            name=reference.agent, hash=reference.digest, origin=reference.origin, frozen=reference.frozen
+        ),
+        scene_digests=tuple(f"{name} {way}" for name, way in ways.items()),
+        truth_complete=True,
+        hypotheses=hypotheses or stated,
+        ms_per_frame=1e3 * float(np.concatenate([rollout.seconds for rollout in every]).mean()),
+        driving=DrivingPart(**rounded(driving.model_dump()), scores=rounded(scores)),
     )
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..env.rollouts import ARRAYS
+from ..env.rollouts import ARRAYS, drive_arrays, drive_of
 from ..errors import MtpBenchError, RecordError
 from ..files import clean_text, describe_write_error, file_stem, locked, make_folder, remove_leftovers, write_text
 from ..gateway import Isolation, SceneRun
@@ -36,12 +36,14 @@ class Parts:
     def read(self, seed: int, scene: str) -> SceneRun | None:
         """A finished scene; None if it is missing, broken, or written by another version."""
         arrays: dict[str, Any] | None = read_arrays(self._path(seed, scene))
-        if arrays is None or arrays.keys() != {*ARRAYS, _OTHER_FIELDS}:
+        if arrays is None or not {*ARRAYS, _OTHER_FIELDS} <= arrays.keys():
             return None
         fields = json.loads(str(arrays.pop(_OTHER_FIELDS)))
+        further = {name: arrays.pop(name) for name in arrays.keys() - ARRAYS.keys()}
         try:
-            return SceneRun(Rollout(scene, **arrays), **{**fields, "isolation": Isolation(**fields["isolation"])})
-        except (TypeError, ValueError):  # other fields
+            rollout = Rollout(scene, **arrays, drive=drive_of(further))
+            return SceneRun(rollout, **{**fields, "isolation": Isolation(**fields["isolation"])})
+        except (KeyError, TypeError, ValueError):  # other fields
             return None
 
     def write(self, seed: int, run: SceneRun) -> None:
@@ -52,7 +54,8 @@ class Parts:
         arrays = {name: np.asarray(getattr(run.rollout, name), dtype) for name, (dtype, _) in ARRAYS.items()}
         try:
             path.parent.mkdir(exist_ok=True)
-            write_arrays(path, {**arrays, _OTHER_FIELDS: np.array(json.dumps(fields))}, brief=True)
+            arrays |= {**drive_arrays(run.rollout.drive), _OTHER_FIELDS: np.array(json.dumps(fields))}
+            write_arrays(path, arrays, brief=True)
         except OSError as error:
             raise MtpBenchError(f"cannot write {path}: {describe_write_error(error)}") from None
 

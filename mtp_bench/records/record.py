@@ -11,6 +11,7 @@ from ..files import unseen
 from ..gateway.limits import Isolation
 from ..running.options import MOST_SEED
 from ..scoring.definitions import DEFINITIONS, KNOWN_SUBSETS, SUBSETS, Subset
+from ..scoring.driving import DrivingRow
 from ..scoring.rows import Count, Row
 from ..scoring.statistics import ratio
 from ..strict import Section
@@ -78,6 +79,7 @@ def _equally_long(sums: UnitSums) -> UnitSums:
 
 
 Rows = Annotated[list[Row], Field(max_length=MOST_NAMES), BeforeValidator(_without_rank), AfterValidator(_each_subset)]
+_Scores = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(max_length=MOST_NAMES)]  # one per seed
 _SceneSums = Annotated[UnitSums, AfterValidator(_equally_long)]
 
 
@@ -204,8 +206,19 @@ class ScenePart(Section):
         return ratio(sum(self.error["all"]), sum(self.weight["all"]))
 
 
+class DrivingPart(DrivingRow):
+    """How an agent drives in a closed loop; differences to others depend on their records, and are null."""
+
+    scores: Annotated[list[_Scores], Field(max_length=MOST_SCENES)]  # of each scene, in the order of the sums
+
+
 class Results(Section):
-    """Rows of results, one per subset."""
+    """Rows of results, one per subset.
+
+    In a closed loop the only target of a scene is its drive. Its error is 1 - drive score; no event has a target.
+    """
+
+    driving: DrivingPart | None = None  # of a closed loop alone
 
     if TYPE_CHECKING:
         rows: Rows

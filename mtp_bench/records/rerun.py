@@ -14,6 +14,9 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
+from ..cards import Card
+from ..env.environment import MTPEnv
+from ..env.rollouts import actions_of
 from ..errors import RecordError
 from ..gateway import Isolation, SceneRun
 from ..parallel import Progress
@@ -22,6 +25,7 @@ from ..scoring.definitions import SUBSETS
 from ..scoring.rank import why_not_on
 from ..scoring.rows import Row
 from ..sources import open_source, package_of
+from ..types import Rollout
 from .canonical import Difference
 from .record import HiddenPart, Record
 from .running import Plan, Runs, evaluate_plan, isolation, run_seed, unanswered
@@ -33,6 +37,19 @@ ALIKE = 0.1
 _NEGLIGIBLE = 1e-3  # m
 _SEEDS = 1 << 60  # as many as those of hidden runs
 _random = secrets.SystemRandom()
+
+
+def drive_again(card: Card, rollout: Rollout) -> Rollout:
+    """The rollout with the drive that its answers give: world and planner run again, without the agent."""
+    from ..env.driven import DrivenEpisode
+
+    episode = DrivenEpisode.start(card, MTPEnv(card, evaluation=True).task, rollout.scene, 0, None)
+    for action in actions_of(rollout):
+        if not episode.over:
+            episode.take(action)
+    if episode.drive is None:
+        raise RecordError(f"{rollout.scene}: its {rollout.frames} stored answers end before the drive does")
+    return replace(rollout, drive=episode.drive)
 
 
 def run_again(plan: Plan, seeds: Sequence[int]) -> Runs:
@@ -63,7 +80,10 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
             continue
         if row.subset != "all" and why_not_on(row.subset, ranked.effective_objects, record.unit_weight(row.subset)):
             continue
-        if row.error > ranked.error * (1 + ALIKE) + _NEGLIGIBLE:
+        most = ranked.error * (1 + ALIKE) + _NEGLIGIBLE
+        if record.driving is not None and ranked.interval is not None:  # one collision costs a whole scene
+            most = max(most, ranked.interval[1])
+        if row.error > most:
             return Difference(f"error of {row.subset} under another motion", ranked.error, row.error)
     return None
 
@@ -109,6 +129,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> H
         scenes=len(names),
         rows=evaluation.rows,
         silence=evaluation.silence,
+        driving=evaluation.driving,
         weight={subset: [w for scene in evaluation.per_scene for w in scene.weight[subset]] for subset in subsets},
         error={subset: [e for scene in evaluation.per_scene for e in scene.error[subset]] for subset in subsets},
     )

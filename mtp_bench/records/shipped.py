@@ -24,7 +24,7 @@ class Shipped:
     card: str  # digest
     simulated: bool  # hidden scenes rank
     samples: int  # k, per object
-    most: float  # m, the largest error of a target: that of a missed one
+    most: float  # m, the largest error of a target: that of a missed one; 1 of a drive
     weights: str  # hash of the frozen event weights
     sums: Mapping[str, Mapping[Subset, float]]  # `scene_key` -> weight of the targets of a scene on each subset
 
@@ -38,7 +38,7 @@ def shipped(env_id: str) -> Shipped | None:
     frozen = frozen_reference(card)
     if frozen is None:
         return None
-    most = max(card.per_class(card.task.miss_error))
+    most = max(card.per_class(card.task.miss_error)) if card.drive is None else 1.0
     return Shipped(card.digest, card.simulated, card.task.samples, most, frozen.digest, _sums(frozen))
 
 

@@ -9,6 +9,7 @@ from ..cards import Card
 from ..errors import RecordError
 from ..gateway import Isolation, Limits
 from ..gateway.sandbox import sandbox_backend
+from ..parallel import parallel_map
 from ..running.options import DEFAULTS, RunOptions
 from ..running.reference import reference_for
 from ..scoring import DEFINITIONS, Reference
@@ -22,7 +23,7 @@ from .consistency import checked_record
 from .eligibility import SEEDS, may_observe
 from .evaluation import evaluate, scorer_digest
 from .record import HiddenPart, LimitsPart, Record
-from .rerun import rows_under_random_pose, run_again, run_hidden, why_unsandboxed, worse_when_moved
+from .rerun import drive_again, rows_under_random_pose, run_again, run_hidden, why_unsandboxed, worse_when_moved
 from .running import Plan, Runs, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed
 from .shipped import FOR_BASELINES, baseline_digest
@@ -32,7 +33,7 @@ from .trust import Trust, trusted
 
 _RESCORED = {  # fields of a record that follow from rollouts, card and data
     "env", "status", "status_reason", "hypotheses", "samples", "measured", "reference", "rows", "silence", "details",
-    "per_scene",
+    "per_scene", "driving",
 }  # fmt: skip
 
 
@@ -126,7 +127,6 @@ def verify(
         return Verification(path, record, "scored", notes=(f"{stated}: its rollouts are not scored again",))
     options = replace(options, split=None, scenes=None)
     card = options.card(env_id or record.env.id)
-    card.require_same_scenes("of which there are no records yet")
     now = {"id": card.id, "card_digest": card.digest, "split": card.source.split}
     stale = tuple(differences("env", record.env.model_dump(include={*now}), now))
     if stale:
@@ -136,6 +136,9 @@ def verify(
         runs = stored_rollouts(path, record)
         reference = reference_for(card, scenes, options)
         options.progress.started(len(scenes))
+        if card.drive is not None:
+            calls = {seed: [(card, rollout) for rollout in rollouts] for seed, rollouts in runs.items()}
+            runs = {seed: parallel_map(drive_again, each, options.workers) for seed, each in calls.items()}
         return _score_again(path, record, card, runs, reference, options)
     name, digest = record.submission.name, record.submission.digest
     ours = baseline_digest(name, record.submission.networks) == digest

@@ -21,6 +21,7 @@ from ..submission.objects import submission_of
 from ..tables import Table, counted
 from ..types import Drive, Rollout, Scene
 from .compare import EnvEvaluation
+from .reference import frozen_reference
 from .run import AgentFailedError, run_jobs
 from .settings import Setting, setting_of
 
@@ -64,7 +65,9 @@ def compare_driving(agents: Sequence[object], evaluation: EnvEvaluation, full: b
         if role[each] in failures:
             raise SubmissionError(f"control {role[each]!r} failed: {failures[role[each]]}")
     truth = drives[role["ground_truth"]].drives
-    reference = {name: sum(drive.way for drive in own) / len(own) for name, own in truth.items()}
+    frozen = frozen_reference(card)
+    known = frozen.ways(truth) if frozen is not None and frozen.holds(truth) else {}
+    reference = {name: known.get(name, sum(drive.way for drive in own) / len(own)) for name, own in truth.items()}
     rows = driving_rows(list(drives.values()), reference, drives[role["single"]])
     return DrivingComparison(card.id, rows, drives, failures)
 

@@ -1,4 +1,4 @@
-"""Event weights of an env: the frozen file of a shipped card, or made from the scenes at hand."""
+"""Event weights of an env, or ways of a closed loop: the frozen file of a shipped card, or made from the scenes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ from ..scoring import score_scene
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.neutral import evaluated
 from ..scoring.targets import find_targets
-from ..scoring.weights import Reference, SceneWeights, count_runs, scene_key
+from ..scoring.weights import COUNTED, EVENTS, Reference, SceneWeights, count_runs, scene_key
 from ..scoring.weights import tracking_events as events_of
 from ..scoring.weights_file import read_reference, write_reference
 from ..submission.loader import Submission, controls, load_submission
@@ -36,7 +36,7 @@ from .perturbation import (
     matched_detections,
     perturbed,
 )
-from .run import run_scene
+from .run import jobs_of, run_jobs, run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
 # matched detections, and the fields of `SceneWeights` but the counts
@@ -102,7 +102,8 @@ def make_reference(
 
     Raises CardError unless that baseline takes the parameters ``assignment`` and ``forecasts``.
     """
-    card.require_same_scenes("whose event weights are those of one run", "`mtp-bench score` makes them")
+    if card.drive is not None:
+        return _driven_reference(card, scenes, options)
     submission = load_submission(card.reference or controls()["single"])
     parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
     plain: list[_PlainRun]
@@ -120,6 +121,20 @@ def make_reference(
         weights[scene_key(card.id, name)] = SceneWeights(total, *scene_fields)
     parameters = perturbation.parameters(card.task.classes, seeds)
     return Reference(card.id, card.digest, DEFINITIONS, submission.name, len(seeds), parameters, weights)
+
+
+def _driven_reference(card: Card, scenes: Sequence[str], options: RunOptions) -> Reference:
+    """Ways of the ego of a closed loop with ground-truth tracks, one run; each scene counts as one target."""
+    submission = load_submission(controls()["ground_truth"])
+    drives = run_jobs(jobs_of(submission, card, {"data": options.data}, scenes), options, _way)
+    none = np.zeros((1, len(COUNTED)), dtype=np.uint8), np.zeros((1, len(EVENTS)), dtype=bool), (0, 0, 0), 0, 0
+    weights = {scene_key(card.id, name): SceneWeights(*none, way) for name, way in zip(scenes, drives, strict=True)}
+    return Reference(card.id, card.digest, DEFINITIONS, submission.name, 1, {}, weights)
+
+
+def _way(scene: Scene, rollout: Rollout, card: Card) -> float:
+    assert rollout.drive is not None
+    return float(np.floor(1e6 * rollout.drive.way)) / 1e6  # machines differ in the last bits
 
 
 def _plain_run(card: Card, data: str | None, name: str, submission: Submission) -> _PlainRun:

@@ -9,19 +9,20 @@ from typing import Annotated
 
 import numpy as np
 
+from ..strict import Section
 from ..tables import Column
 from ..types import Drive, Floats
+from .rows import Interval
 from .score import SceneScore
 from .statistics import bootstrap_interval, sign_flip_test
 from .table import run_budgets, run_errors
 
 WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
 LEAST_WAY = 5.0  # m: where ground-truth tracks let the ego drive less, progress counts as made
-_Interval = tuple[float, float] | None
+_Interval = Interval | None
 
 
-@dataclass(frozen=True)
-class DrivingRow:
+class DrivingRow(Section):
     """Driving of one agent over all scenes and seeds."""
 
     agent: Annotated[str, Column()]

@@ -38,6 +38,7 @@ class SceneWeights:
     stp_events: tuple[int, int, int]  # of that run, on all evaluated true boxes
     false_forecasts: int  # of that run, in live frames
     forecasts: int  # of that run, in live frames
+    way: float | None = None  # m that the ego of a closed loop drives with ground-truth tracks, in place of events
 
     @property
     def targets(self) -> int:
@@ -63,7 +64,8 @@ class Reference:
         """The sha256 of the content."""
         sha = hashlib.sha256(json.dumps(header_of(self), sort_keys=True, separators=(",", ":")).encode())
         for key, scene in sorted(self.scenes.items()):
-            numbers = [scene.targets, *scene.stp_events, scene.false_forecasts, scene.forecasts]
+            numbers: list[float] = [scene.targets, *scene.stp_events, scene.false_forecasts, scene.forecasts]
+            numbers += [] if scene.way is None else [scene.way]
             sha.update(f"\n{key} {' '.join(map(str, numbers))}\n".encode())
             sha.update(scene.counts.tobytes() + scene.stp.tobytes())
         return sha.hexdigest()
@@ -84,7 +86,8 @@ class Reference:
     @property
     def origin(self) -> str:
         """Origin of the weights in one sentence, for a report."""
-        text = f"event weights of {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
+        kind = "ways" if any(scene.way is not None for scene in self.scenes.values()) else "event weights"
+        text = f"{kind} of {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
         if self.frozen:
             return f"frozen {text} (hash {self.digest[:12]})"
         return f"{text} on these scenes (hash {self.digest[:12]}), not the frozen ones of a ranking"
@@ -99,6 +102,10 @@ class Reference:
         if key not in self.scenes:
             raise DataError(f"no event weights of scene {scene!r} of {self.env} (key {key}): make them from this scene")
         return self.scenes[key]
+
+    def ways(self, scenes: Iterable[str]) -> dict[str, float]:
+        """Way with ground-truth tracks in each scene of a closed loop, metres; raises DataError as `of`."""
+        return {name: self.of(name).way or 0.0 for name in scenes}
 
     def weight(self, scene: str, subset: str) -> NDArray[np.float64]:
         """Weights [n] from 0 to 1 of the targets of a scene, one of WEIGHED; those of the paper are 0 or 1.

@@ -31,6 +31,7 @@ class _SceneEntry(Section):
     false_forecasts: _Count
     forecasts: _Count
     stp_events: Annotated[tuple[_Count, _Count, _Count], Field(strict=False)]
+    way: Annotated[float, Field(ge=0)] | None = None
 
 
 class _ReferenceFile(Section):
@@ -97,14 +98,15 @@ def _scenes(file: _ReferenceFile, path: Path) -> dict[str, SceneWeights]:
     counts = np.split(_unpacked(file.counts, (targets, len(COUNTED)), f"{path}: counts"), ends[:-1])
     stp = np.split(_unpacked(file.stp, (targets, len(EVENTS)), f"{path}: stp").astype(bool), ends[:-1])
     return {
-        key: SceneWeights(counts[i], stp[i], entry.stp_events, entry.false_forecasts, entry.forecasts)
+        key: SceneWeights(counts[i], stp[i], entry.stp_events, entry.false_forecasts, entry.forecasts, entry.way)
         for i, (key, entry) in enumerate(entries)
     }
 
 
 def _scene_entry(scene: SceneWeights) -> dict[str, Any]:
     """The numbers of a scene as in a file."""
-    return {**{name: getattr(scene, name) for name in NUMBERS}, "stp_events": list(scene.stp_events)}
+    entry = {**{name: getattr(scene, name) for name in NUMBERS}, "stp_events": list(scene.stp_events)}
+    return entry if scene.way is None else {**entry, "way": scene.way}
 
 
 def _packed(arrays: Sequence[NDArray[Any]]) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...records.canonical import rounded
 from ...scoring.definitions import Subset
+from ...scoring.driving import DrivingRow
 from ...scoring.main_table import NAMES
 from ...scoring.rows import Row
 from ...tables import Column, Table, Value, columns_of
@@ -19,8 +20,14 @@ PAGE = _DECLARED.pop("page")  # keys of the columns of the page, each with the c
 
 
 def _of_row(column: Column, subset: Subset = "all", **changes: Any) -> Column:
-    """A ``column`` of report rows as a column of entries, which reads their row of ``subset``."""
-    return replace(column, **{"read": lambda entry: column.value(entry.row_of(subset)), **changes})
+    """A ``column`` of report rows as a column of entries, which reads their row of ``subset``; blank of drives."""
+    read = lambda entry: column.value(entry.row_of(subset)) if entry.driving is None else None  # noqa: E731
+    return replace(column, **{"read": read, **changes})
+
+
+def _of_driving(column: Column) -> Column:
+    key = f"drive_{column.key.removeprefix('drive_')}"
+    return replace(column, key=key, optional=True, read=lambda entry: column.value(entry.driving))
 
 
 def _of(key: str, read: Callable[[Entry], Value]) -> Column:
@@ -72,6 +79,7 @@ _NUMBERS: Sequence[Column] = (
     _of("p50", lambda e: e.record.measured.latency.p50_ms),
     _of("p95", lambda e: e.record.measured.latency.p95_ms),
     _of("memory", lambda e: e.record.measured.peak_memory_mib),
+    *map(_of_driving, columns_of(DrivingRow)[1:]),
 )
 COLUMN = {column.key: column for column in _NUMBERS}
 _FIRST = (

@@ -14,6 +14,7 @@ from ...records import Record
 from ...records.attestation import Checked, Level
 from ...records.eligibility import why_not_genuine
 from ...records.ranking import Standing, standings
+from ...records.record import DrivingPart
 from ...scoring.definitions import SIGNIFICANT, Subset
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
@@ -143,23 +144,32 @@ class Entry(Found):
         return self.row_of("all")
 
     @property
+    def driving(self) -> DrivingPart | None:
+        """The ranking numbers of a closed loop, with the difference to STP beside it; None elsewhere."""
+        part, less = self.sums.driving, self.standing.differences.get("all")
+        if part is None or less is None:
+            return part
+        ends = less.interval and (-less.interval[1], -less.interval[0])  # of scores, not of errors
+        return part.model_copy(update={"difference": -less.mean, "difference_interval": ends, "p": less.p})
+
+    @property
     def error(self) -> float | None:
-        """BADE over all targets, metres."""
+        """BADE over all targets, metres; of a closed loop 1 - drive score."""
         return self.row.error
 
     @property
     def public_error(self) -> float | None:
         """The error on the public scenes, metres, where hidden ones rank."""
-        return self.record.row.error if self.on_hidden else None
+        return self.record.row.error if self.on_hidden and self.driving is None else None
 
     def difference(self, subset: Subset = "all") -> PairedDifference | None:
-        """Its error minus that of STP beside it, metres; None for STP itself and without a record of STP."""
-        return self.standing.differences.get(subset)
+        """Its error minus that of STP beside it, metres; None for STP, without a record of STP and in closed loops."""
+        return self.standing.differences.get(subset) if self.sums.driving is None else None
 
     @property
     def verdict(self) -> str:
         """Return "better" or "worse" than STP by the test that ranks; empty where that cannot tell."""
-        difference = self.difference()
+        difference = self.standing.differences.get("all")
         if difference is None or difference.p >= SIGNIFICANT:
             return ""
         return "better" if difference.mean < 0 else "worse"

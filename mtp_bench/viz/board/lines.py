@@ -49,6 +49,7 @@ def board_of(entries: Sequence[Entry], ids: Ids) -> dict[str, Any]:
         "complete": first.record.env.truth_complete,
         "simulated": simulated(env_id),
         "map": has_map(env_id),
+        "drive": first.driving is not None,
         "card": sorted({entry.record.env.card_digest for entry in entries} - {""}),
         "split": first.record.env.split,
         "total": len(entries),
@@ -85,7 +86,9 @@ def details_of(line: Line, board: Mapping[str, Any]) -> Line:
 
 
 def subset_table(entry: Entry) -> Table:
-    """The numbers of an entry on each subset."""
+    """The numbers of an entry on each subset, or of its drives."""
+    if entry.driving is not None:
+        return Table("driving", "How its forecasts drive", "", [entry.driving])
     standing, row = entry.standing, {column.key: column for column in columns_of(Row)}
     places = standing.places
 

@@ -11,6 +11,9 @@ from ...tables import Column, Table, short
 from .columns import COLUMN
 from .entries import LEVEL_TEXT, Entry, by_board, empty_error, has_map
 
+_SCORE = "drive\nscore ↑"
+_EVENTS = {"ids": "identity\nswitch ↓", "turning": "turning\n↓"}  # headings of the last columns
+_DRIVES = {"drive_collisions": "at\nfault ↓", "drive_near_misses": "near\nmisses ↓", "drive_progress": "progress\n↑"}
 _SURE = "*"  # after a significant difference to STP
 _SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
 
@@ -26,15 +29,15 @@ def board_tables(entries: Sequence[Entry]) -> list[tuple[Table, list[str]]]:
 def _short_table(entries: Sequence[Entry]) -> Table:
     empty = empty_error(entries)
     empty_text = "" if empty is None else f"; {empty:.3f} if nothing is predicted"
-    title = f"{entries[0].env}{earlier_text(entries[0])}: bADE (m){empty_text}"
+    drives = entries[0].driving is not None
+    title = f"{entries[0].env}{earlier_text(entries[0])}: {'drive score' if drives else f'bADE (m){empty_text}'}"
     columns = [
         Column("agent", key="submission", read=_name),
         Column("ranks", key="rank", read=lambda entry: span_text(entry.standing.places["all"].span)),
-        Column("bADE\n↓", key="error", read=lambda entry: entry.error),
-        Column("95 %\ninterval", "m", key="interval", read=lambda e: (i := e.row.interval) and "–".join(map(short, i))),
+        Column(_SCORE if drives else "bADE\n↓", key="error", read=lambda e: getattr(e.driving, "drive_score", e.error)),
+        Column("95 %\ninterval", "m", key="interval", read=_interval),
         Column(f"to stp\n{_SIGNIFICANT}", "m", key="difference", read=_difference),
-        replace(COLUMN["ids"], heading="identity\nswitch ↓", group=""),
-        replace(COLUMN["turning"], heading="turning\n↓", group=""),
+        *(replace(COLUMN[key], heading=text, group="") for key, text in (_DRIVES if drives else _EVENTS).items()),
     ]
     return Table(entries[0].board, title, "", entries, columns)
 
@@ -49,8 +52,14 @@ def _name(entry: Entry) -> str:
     return " ".join([_printable(entry.name), *(f"({mark})" for mark in marks)])
 
 
+def _interval(entry: Entry) -> str | None:
+    interval = (entry.driving or entry.row).interval
+    return interval and "–".join(map(short, interval))
+
+
 def _difference(entry: Entry) -> str:
-    return COLUMN["difference"].shown(entry) + (_SURE if entry.verdict else " ")
+    column = COLUMN["difference" if entry.driving is None else "drive_difference"]
+    return column.shown(entry) + (_SURE if entry.verdict else " ")
 
 
 def _notes(entries: Sequence[Entry]) -> list[str]:
