@@ -94,7 +94,6 @@ def data_root() -> Path:
 
 @pytest.fixture(scope="session")
 def repository() -> Path:
-    """Root of the checkout."""
     return REPOSITORY
 
 
@@ -118,7 +117,6 @@ def known(card: str, kitti: str) -> list[str]:
 
 @pytest.fixture(scope="session")
 def events_run(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
-    """A run whose events are known."""
     return write_events_run(tmp_path_factory.mktemp("runs") / "drawn", card, kitti)
 
 
@@ -175,13 +173,11 @@ def no_viewer() -> None:
 
 @pytest.fixture
 def cli(capsys: pytest.CaptureFixture[str]) -> CommandLine:
-    """Runs commands in this process."""
     return CommandLine(capsys)
 
 
 @pytest.fixture(scope="session")
 def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A private key, made for this run of the tests."""
     if shutil.which("ssh-keygen") is None:
         pytest.skip("ssh-keygen is not installed")
     return make_key(tmp_path_factory.mktemp("keys") / "tester")
@@ -189,7 +185,6 @@ def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def leaderboard(key: Path, tmp_path: Path) -> Path:
-    """A leaderboard that trusts ``key``."""
     return make_leaderboard(tmp_path / "leaderboard", listed(key))
 
 

@@ -37,7 +37,6 @@ def missing(package: str) -> bool:
 
 
 def case(example: Path) -> object:
-    """The example with its marks."""
     packages = [name for name in needs(example) if name != "data"]
     absent = [name for name in packages if missing(name)]
     marks = [pytest.mark.data] if "data" in needs(example) else []

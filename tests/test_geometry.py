@@ -27,7 +27,6 @@ def random_boxes(rng: np.random.Generator, rows: int, spread: float = 3.0) -> Fl
 
 
 def oracle_areas(a: Floats, b: Floats) -> NDArray[np.float64]:
-    """Areas of the intersections by shapely."""
     first, second = (shapely.convex_hull(multipoints(shapely.points(bev_corners(one)))) for one in (a, b))
     return np.asarray(shapely.area(shapely.intersection(first, second)))
 

@@ -40,7 +40,9 @@ def inventory(env_ids: Sequence[str] = (), names: Sequence[str] = (), folder: Pa
     submissions; empty: all that ship. ``folder``: of the records; None: leaderboard/records below the working folder.
     Raises UnknownNameError for an id or a name that does not ship.
     """
-    cards = {env_id: load_card(env_id) for env_id in env_ids or card_ids()}
+    shipped = {env_id: load_card(env_id) for env_id in card_ids()}
+    recordable = [env_id for env_id, card in shipped.items() if card.drive is None]
+    cards = {env_id: load_card(env_id) for env_id in env_ids or recordable}
     ordered = sorted(names or baseline_names(), key=lambda name: (name != STP, name != TRUTH, name))
     submissions = [load_submission(name) for name in ordered]
     return [

@@ -215,16 +215,14 @@ def test_absurd_parameters(
     text = refused(cli(command, folder, "--env", card, "--data", kitti, "--jobs", 1, *output))
     assert said in text
     if "would have" in said:
-        assert "hypotheses 1000000000" in text
-        assert "expected at most 64 MiB" in text
+        assert all(each in text for each in ("hypotheses 1000000000", "expected at most 64 MiB"))
 
 
 def test_a_billion_samples(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
     tables = '[parameters]\ndraws = 1000000000\n[compare]\ndraws = "draws"\nsamples = ["equal", "free"]\n'
     folder = write_submission(tmp_path / "echo", tables=tables)
     said = refused(cli("compare", folder, "--env", card, "--data", kitti, "--jobs", 1, "--full"))
-    assert "samples 4000000000" in said
-    assert "expected at most 64 MiB" in said
+    assert all(each in said for each in ("samples 4000000000", "expected at most 64 MiB"))
 
 
 CARDS: dict[str, tuple[str, str, str]] = {
@@ -323,8 +321,7 @@ def test_a_submission_that_changes_while_it_runs(cli: CommandLine, card: str, ki
     output = cli(*arguments)
     said = refused(output)
     assert output.status == 1
-    assert "files" in said
-    assert "changed while it" in said
+    assert all(each in said for each in ("files", "changed while it"))
     assert not (tmp_path / "out" / f"{CARD_ID}.json").exists()
     assert "begun with another plan: submission is" in refused(cli(*arguments, "--resume"))
 
@@ -408,6 +405,5 @@ def test_a_full_disk(command: str, cli: CommandLine, card: str, kitti: str, tmp_
     }
     with mounted(tmp_path / "disk", "size=4k") as disk:
         said = refused(cli(command, *known[command]))
-        assert str(disk) in said
-        assert "make room there, or choose another folder" in said
+        assert all(each in said for each in (str(disk), "make room there, or choose another folder"))
         assert list(disk.iterdir()) == []

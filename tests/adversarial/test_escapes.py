@@ -31,14 +31,12 @@ def court(card: str, kitti: str, tmp_path: Path, hostile: Path) -> Court:
 
 @pytest.fixture
 def sandboxed() -> None:
-    """Agents run in the sandbox."""
     if sandbox_backend() == "none":
         pytest.skip("no sandbox works on this system")
 
 
 @pytest.fixture
 def loose(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Agents run without a sandbox."""
     monkeypatch.setattr(run, "sandbox_backend", lambda: "none")
 
 
@@ -49,8 +47,7 @@ def act(code: str) -> str:
 
 
 def expect_no_gain(court: Court, found: SceneRun) -> None:
-    assert (found.status, found.reason) == ("finished", "")
-    assert digest(found.rollout) == digest(court.honest())
+    assert ((found.status, found.reason), digest(found.rollout)) == (("finished", ""), digest(court.honest()))
     assert found.isolation.sandboxed
 
 

@@ -74,7 +74,6 @@ def rank_of(name: str, records: list[Record], levels: Mapping[str, SignedLevel] 
 
 @pytest.fixture
 def honest(tmp_path: Path) -> tuple[Path, Record]:
-    """A record that ranks, in a folder of its own."""
     record = made_up("honest", 0.9)
     path = tmp_path / "records" / "honest" / f"{MAIN}.json"
     assert why_unranked(record) is None
@@ -93,7 +92,6 @@ def test_a_record_that_states_its_own_level_is_refused(honest: tuple[Path, Recor
 
 @pytest.fixture(scope="module")
 def echo(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> tuple[Path, Path]:
-    """A submission, and the record that it made."""
     root = tmp_path_factory.mktemp("echo")
     folder = write_submission(root / "echo")
     submit(folder, card, RunOptions(kitti), root / "records")
@@ -691,13 +689,10 @@ Proposal = Callable[[Path, Path], Any]  # of the proposed and the trusted leader
 
 
 def writes(name: str, text: str) -> Proposal:
-    """Write a file of the proposal."""
     return lambda proposal, _: (proposal / name).write_text(text)
 
 
 def adds(name: str, trusted_too: bool = False, **changed: Any) -> Proposal:
-    """Add a record to the proposal."""
-
     def change(proposal: Path, leaderboard: Path) -> None:
         for folder in (proposal, leaderboard)[: 1 + trusted_too]:
             save_record(made_up(name, 0.5, **changed), folder / "records" / name / f"{MAIN}.json")

@@ -44,13 +44,10 @@ def pipeline(hypotheses: int, draws: int = 1, **settings: Any) -> Pipeline:
 
 
 def still(tracks: Tracks, task: Task) -> Floats:
-    """Objects that stay where they are."""
     return np.repeat(tracks.past[:, -1:, None, :2], task.future, axis=2)
 
 
 class Recorder:
-    """A predictor that keeps the frames it is given."""
-
     def __init__(self, forecast: Any = None) -> None:
         self.forecast = forecast or (lambda frame, task: Forecasts(still(frame.tracks, task)))
 

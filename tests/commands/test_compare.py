@@ -17,7 +17,6 @@ pytestmark = pytest.mark.usefixtures("remembered_weights")
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """An agent that answers with the detections."""
     return write_submission(tmp_path_factory.mktemp("agents") / "mine", "mine")
 
 

@@ -17,7 +17,6 @@ SKIPPED = "3 rows of the data skipped or completed: detection not finite (2), de
 
 @pytest.fixture
 def kitti(tmp_path: Path) -> Path:
-    """Folder of the sequences, to be broken."""
     return Path(write_kitti(tmp_path / "data")) / "kitti_tracking"
 
 

@@ -19,7 +19,6 @@ ROW = re.compile(r"(\S+) +([\d–]+) +(\S+-\d+\*?) +(.+?) +(\S+ → \S+|\S+) +([
 
 
 def rows_of(printed: str) -> list[list[str]]:
-    """Cells of the table's rows."""
     return [list(row.groups()) for line in printed.splitlines() if (row := ROW.fullmatch(line))]
 
 

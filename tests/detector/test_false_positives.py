@@ -106,7 +106,6 @@ def flat_traffic() -> tuple[Truth, Floats]:
 
 @pytest.fixture(scope="module")
 def labelled() -> tuple[Detections, Bools]:
-    """Detections, and which of them are false."""
     runs = []
     for parts in ({}, {"free": None, "near": None}):
         classes = {name: noise.model_copy(update=parts) for name, noise in MEGVII.classes.items()}

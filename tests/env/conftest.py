@@ -15,8 +15,6 @@ MakeEnv = Callable[..., MTPEnv]
 
 @pytest.fixture
 def make_env(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeEnv:
-    """An env on the given scenes."""
-
     def make(*scenes: Scene, **keywords: Any) -> MTPEnv:
         source = MemorySource(*(scenes or (make_scene(),)))
         monkeypatch.setattr("mtp_bench.env.environment.open_source", lambda card, data: source)

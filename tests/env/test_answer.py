@@ -158,8 +158,7 @@ def test_broken_rows_are_taken_out_counted_and_named(case: str) -> None:
     answer = decode(action, TASK)
     assert tuple(answer.track_id) == ids
     assert len(answer.object_box) == len(answer.forecast) == len(answer.forecast_log_weight) == objects
-    assert np.isfinite(answer.hypothesis_log_weight).sum() == hypotheses
-    assert tuple(answer.invalid) == counted
+    assert (np.isfinite(answer.hypothesis_log_weight).sum(), tuple(answer.invalid)) == (hypotheses, counted)
     assert answer.malformed.sum() == counted[2]
     for weight in (answer.hypothesis_log_weight, *answer.forecast_log_weight):
         assert np.exp(weight).sum() == pytest.approx(1.0 if np.isfinite(weight).any() else 0.0)

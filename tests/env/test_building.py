@@ -17,7 +17,6 @@ FUTURE = np.arange(12.0).reshape(2, 3, 2)
 
 
 def action_table() -> str:
-    """The fields as a table in Markdown."""
     lines = ["| field | shape | dtype | entries | meaning |", "|---|---|---|---|---|"]
     for field in FIELDS:
         shape, dtype = field.shape.replace(" ", ", "), np.dtype(field.content.dtype)

@@ -39,7 +39,6 @@ def test_checker_on_a_small_card(keywords: dict[str, Any], card: str, kitti: str
 
 
 def make_small(card: str, data: str, **keywords: Any) -> gym.Env[Any, Any]:
-    """The env as `gymnasium.make` builds it."""
     spec = EnvSpec(id=CARD_ID, entry_point="mtp_bench:MTPEnv", kwargs={"card": card, "data": data, **keywords})
     return gym.make(spec)
 

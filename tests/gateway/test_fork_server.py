@@ -62,7 +62,6 @@ def _no_server_remains() -> Iterator[None]:
 
 
 def running_server() -> ForkServer:
-    """The fork server of this thread."""
     return fork_server._servers[threading.get_native_id()]
 
 
@@ -72,7 +71,6 @@ def inner_pid(server: ForkServer) -> int:
 
 
 def open_files() -> int:
-    """Of this process."""
     return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
 

@@ -112,7 +112,6 @@ ARRAYS = {
 
 
 def parts(message: bytes) -> tuple[bytes, bytes]:
-    """Header and body."""
     length, body = PREFIX.unpack(message[: PREFIX.size])
     assert len(message) == PREFIX.size + length + body
     return message[PREFIX.size :][:length], message[PREFIX.size + length :]

@@ -101,7 +101,6 @@ def said(kind: str, seed: int, place: int, draw: int) -> Rollout:
 
 
 def reference_of(card: Card, scenes: list[Scene], seed: int) -> Reference:
-    """Event weights drawn at random."""
     rng = np.random.default_rng(seed)
     of_scenes = {}
     for scene in scenes:
@@ -171,7 +170,6 @@ def targets_of(scenes: list[Scene], card: Card) -> list[tuple[int, int, int]]:
 
 
 def rows_of(report: Report, agent: str) -> dict[str, dict[str, Any]]:
-    """By subset."""
     return {row.subset: row.model_dump() for row in report.rows if row.agent == agent}
 
 

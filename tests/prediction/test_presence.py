@@ -36,7 +36,6 @@ CHANGES = {"last_score": 1.0, "mean_score": 2.0, "hits": 3, "age": 6, "unseen": 
 
 
 def history(**changes: Any) -> TrackHistory:
-    """One track."""
     return TrackHistory(**{name: np.array([value]) for name, value in {**CHANGES, **changes}.items()})
 
 

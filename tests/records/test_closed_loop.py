@@ -1,6 +1,9 @@
-"""Closed loops: an agent in a process of its own drives alike, and what a loop cannot do is refused at once."""
+"""Closed loops: an agent in a process of its own drives alike, records hold, and what a loop cannot do is refused."""
 
+import json
+import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,27 +14,43 @@ from mtp_bench.cards import load_card
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.gateway import run_isolated
-from mtp_bench.records.inventory import inventory
-from mtp_bench.records.storage import record_text
-from mtp_bench.records.verifying import verify
+from mtp_bench.records import Record, open_seal, seal, submit, verify
+from mtp_bench.records.consistency import checked_record
+from mtp_bench.running.options import RunOptions
+from mtp_bench.running.rollout_files import load_run, save_run
 from mtp_bench.running.run import agent_task, run_scene
 from mtp_bench.running.stored import run
+from mtp_bench.scoring import read_reference
 from mtp_bench.training import windows
 from mtp_bench.types import Rollout
+from mtp_bench.viz.board.columns import board_json
+from mtp_bench.viz.board.entries import Found, entries_of
+from mtp_bench.viz.board.page import board_files
+from mtp_bench.viz.board.tables import board_tables
 from tests.support.command_line import CommandLine, write_submission
 from tests.support.runs import PATIENT
-from tests.support.stored_records import write_record
+from tests.support.small_scenes import write_short_card
+from tests.support.stored_records import save_record, scene_part, write_record
 
 DRIVE = "MTP-Drive-Intersection-v0"
 SCENE = "intersection-010000"
 
 
 @pytest.fixture(scope="module")
-def short() -> Any:
-    """The shipped card with short drives through little traffic."""
-    card = load_card(DRIVE)
-    source = card.source.model_copy(update={"seconds": 9.0, "vehicles": 6, "pedestrians": 4, "parked": 4})
-    return card.model_copy(update={"source": source})
+def path(tmp_path_factory: pytest.TempPathFactory) -> str:
+    return write_short_card(tmp_path_factory.mktemp("card"), DRIVE, 8.0)
+
+
+@pytest.fixture(scope="module")
+def short(path: str) -> Any:
+    return load_card(path)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory, path: str) -> Path:
+    folder = tmp_path_factory.mktemp("records") / "standing"
+    submit("standing", path, RunOptions(seeds=(0, 1)), folder)
+    return folder / f"{DRIVE}.json"
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +79,6 @@ def test_where_an_agent_fails_the_ego_drives_on_without_forecasts(short: Any, tm
 
 
 COMMANDS = {
-    "submit": ("submit stp", "no records yet: `mtp-bench compare`"),
-    "seal": ("maintain seal --count 50 -o secret.json", "no hidden scenes: `mtp-bench compare`"),
-    "freeze": ("maintain freeze", "event weights are those of one run: `mtp-bench score`"),
     "study": ("study --quick -o study", "there is no study: `mtp-bench compare`"),
     "motion noise": ("train motion-noise", "without scenes to fit to: fit on MTP-Intersection-v0"),
     "predictor": ("train predictor modes", "without scenes to fit to: fit on MTP-Intersection-v0"),
@@ -108,12 +124,83 @@ def test_a_reward_is_known_after_the_step_alone(short: Any) -> None:
         env.reward_of(env.action_space.sample())
 
 
-def test_no_record_of_a_loop_is_made_or_verified(tmp_path: Path) -> None:
-    assert DRIVE not in {piece.env for piece in inventory()}
-    path = tmp_path / f"{DRIVE}.json"
-    path.write_text(record_text(write_record(1.0, env={"id": DRIVE}), path)[1])
-    with pytest.raises(MtpBenchError, match="no records yet"):
-        verify(path)
+def test_a_record_holds_by_its_answers_alone(made: Path, path: str, tmp_path: Path) -> None:
+    record = checked_record(made)
+    assert record.driving is not None
+    assert [1 - sum(own) / 2 for own in record.driving.scores] == pytest.approx(record.unit_error("all"))
+    assert record.driving.drive_score == pytest.approx(1 - (record.row.error or 0.0))
+    copied = Path(shutil.copytree(made.parent, tmp_path / "standing")) / made.name
+    run = load_run(folder := copied.with_suffix(".rollouts") / "seed-0")
+    forged = [replace(each, drive=replace(each.drive, way=999.0)) for each in run.rollouts if each.drive is not None]
+    save_run(folder, run.info, forged)
+    checked = verify(copied, RunOptions(), path)
+    assert (checked.level, checked.differences, checked.notes) == ("re-scored", (), ())
+
+
+FORGED: dict[str, tuple[Callable[[Any], Any], str]] = {  # a change of a record, and what is wrong then
+    "drive score": (lambda c: c["driving"].update(drive_score=0.99), r"driving\.drive_score is 0\.99, .* give 0\."),
+    "score of a scene": (lambda c: c["driving"]["scores"][0].reverse() or c["driving"]["scores"].reverse(), "add up"),
+    "seed too few": (lambda c: c["driving"]["scores"][0].pop(), "expected 2 of each scene"),
+    "scene too few": (lambda c: c["per_scene"].pop(), "per_scene has 1 scenes, expected 2"),
+    "no driving": (lambda c: c.update(driving=None), "driving is missing, MTP-Drive-Intersection-v0 is a closed loop"),
+    "other env": (lambda c: c["env"].update(id="MTP-Merge-v0"), "driving is given, MTP-Merge-v0 is not a closed loop"),
+    "other scene": (lambda c: c["per_scene"][0].update(scene="intersection-010007"), "scenes are not those of the rec"),
+    "ways": (lambda c: c["reference"].update(hash="00" * 32), "reference.hash"),
+    "collisions": (lambda c: c["driving"].update(near_misses=1e3, progress=0.999), "driving.near_misses"),
+    "data": (lambda c: c["env"].update(data_manifest="00" * 32), "env.data_manifest"),
+}
+
+
+def test_a_changed_record_does_not_hold(made: Path, path: str, tmp_path: Path) -> None:
+    copied = Path(shutil.copytree(made.parent, tmp_path / "standing")) / made.name
+    text, rest = copied.read_text(), json.loads(copied.read_text())
+    for change, reason in list(FORGED.values())[:7]:
+        content = json.loads(text)
+        change(content)
+        save_record(Record.model_validate(content), copied)
+        with pytest.raises(MtpBenchError, match=reason):
+            verify(copied, RunOptions(), path)
+    for change, _ in list(FORGED.values())[7:]:
+        change(rest)
+    save_record(Record.model_validate(rest), copied)
+    found = {each.what for each in verify(copied, RunOptions(), path).differences}
+    assert {reason for _, reason in list(FORGED.values())[7:]} <= found
+
+
+def test_hidden_drives(made: Path, path: str, tmp_path: Path) -> None:
+    seal(path, 2, tmp_path / "s.json")
+    sealed = open_seal(tmp_path / "s.json")
+    checked = verify(made, RunOptions(), path, rerun=True, sealed=sealed)
+    if checked.level == "re-scored":
+        pytest.skip("no sandbox works here")
+    assert (checked.level, checked.differences) == ("hidden", ())
+    assert checked.hidden is not None
+    assert str(sealed.seeds.first)[:-1] not in checked.hidden.model_dump_json()
+    ways = read_reference(tmp_path / "s.weights.json")
+    assert (ways.digest, ways.agent, ways.totals["targets"]) == (checked.hidden.weights, "truth_past", 2)
+    assert min(ways.ways(sealed.shuffled(f"intersection-{sealed.seeds.first + i}" for i in range(2))).values()) > 0
+    (tmp_path / "s.json").write_text((tmp_path / "s.weights.json").read_text().replace('"way": ', '"way": 1'))
+    with pytest.raises(MtpBenchError, match="hash is "):
+        read_reference(tmp_path / "s.json")
+
+
+def test_a_board_of_drives(made: Path) -> None:
+    def record(name: str, *scores: float) -> Record:
+        part = {"agent": name, "drive_score": sum(scores) / len(scores), "scores": [[score] * 3 for score in scores]}
+        scenes = [scene_part(f"s{i}", 1, 1 - score).model_dump() for i, score in enumerate(scores)]
+        driving = {**json.loads(made.read_text())["driving"], **part}
+        return write_record(name=name, per_scene=scenes, env={"id": DRIVE}, driving=driving)
+
+    records = [record("stp", *[0.5] * 30), record("best", *[0.7] * 25, *[0.4] * 5)]
+    entries = entries_of([Found(each) for each in records])
+    assert [entry.name for entry in entries] == ["best", "stp"]
+    (table, _), (row, _) = board_tables(entries)[0], board_json(entries)[DRIVE]
+    assert "drive score" in table.title
+    assert (row["submission"], row["error"]) == ("best", None)
+    assert row["drive_score"] == pytest.approx(0.65)
+    page = board_files(entries)
+    assert all(text in page.page for text in ("drive score", "0.650", "at fault", "Closed loop"))
+    assert "drive score of each scene" in page.parts[f"{DRIVE}.js"]
 
 
 def test_the_tracks_of_a_drive_are_exported(short: Any, tmp_path: Path, cli: CommandLine) -> None:

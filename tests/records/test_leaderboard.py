@@ -96,6 +96,5 @@ def test_shares_of_the_error_add_up(name: str) -> None:
 
 
 def _files(leaderboard: Path) -> dict[str, bytes]:
-    """The page and its parts."""
     paths = [leaderboard / "index.html", *sorted((leaderboard / "index.parts").rglob("*"))]
     return {path.relative_to(leaderboard).as_posix(): path.read_bytes() for path in paths if path.is_file()}

@@ -83,7 +83,6 @@ def test_scenes_that_were_cut_short_are_a_failure(tmp_path: Path) -> None:
 
 
 def test_says_why(cli: CommandLine, tmp_path: Path, card: str, kitti: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without weights, and without data."""
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "none"))
     out = tmp_path / "records"
     done = cli("submit", "--all", "stp_modes", "--env", card, "--data", kitti, "--jobs", 1, "-o", out)

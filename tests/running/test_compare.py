@@ -42,7 +42,6 @@ def loaded(card: str) -> Card:
 
 
 def settings_of(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
-    """Agent and setting of each block of rows."""
     return [(r["agent"], r["hypotheses"], r["samples"], r["budget"]) for r in rows if r["subset"] == "all"]
 
 
@@ -82,8 +81,7 @@ def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
     for row in rows:
         parts = [value for key, value in row.items() if key.startswith("cost_") and value is not None]
         assert sum(parts) == pytest.approx(row["error"] or 0.0, abs=1e-9)
-    assert settings_of(rows) == CONTROLS + MTP
-    assert [row["subset"] for row in rows] == list(SUBSETS) * len(CONTROLS + MTP)
+    assert (settings_of(rows), [row["subset"] for row in rows]) == (CONTROLS + MTP, list(SUBSETS) * len(CONTROLS + MTP))
     everything = rows[0]
     assert (everything["targets"], everything["objects"], everything["scenes"]) == (24, 6, 2)
     assert (everything["events"], everything["unranked_because"]) == (None, "saw the truth")

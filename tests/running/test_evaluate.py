@@ -109,8 +109,6 @@ def late(task: Task) -> EchoAgent:
 
 
 class Late(EchoAgent):
-    """Fails at the end of one scene."""
-
     def reset(self, task: Task) -> None:
         super().reset(task)
         self.left = 8

@@ -80,7 +80,6 @@ def kitti(data: Path, times: Sequence[float]) -> Card:
 
 
 def score_of(card: Card, data: Path, tracker: Tracker) -> SceneScore:
-    """Score of constant velocities."""
     observe = "truth" if isinstance(tracker, TruthTracker) else "detections"
     names = open_source(card, data).names
 

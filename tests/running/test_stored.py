@@ -28,7 +28,6 @@ pytestmark = pytest.mark.usefixtures("remembered_weights")
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> Path:
-    """A run of stp."""
     folder = tmp_path_factory.mktemp("runs") / "stp"
     stored.run("stp", card, folder, RunOptions(kitti))
     return folder
@@ -36,7 +35,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) ->
 
 @pytest.fixture
 def folder(finished: Path, tmp_path: Path) -> Path:
-    """A copy of the run, to be changed."""
     return Path(shutil.copytree(finished, tmp_path / "run"))
 
 

@@ -84,7 +84,6 @@ def test_counts_are_those_of_other_programs(program: str, name: str) -> None:
 
 
 def scene_of(name: str) -> tuple[Scene, Rollout]:
-    """The frames of a case as a scene and a rollout."""
     number: dict[Any, int] = {}
     sides: list[list[list[Thing]]] = [[], []]
     for frame in frames(name):

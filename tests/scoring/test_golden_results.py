@@ -10,15 +10,7 @@ import pytest
 
 from mtp_bench.cards import Card
 from mtp_bench.records.evaluation import scorer_digest
-from mtp_bench.scoring import (
-    AgentScores,
-    Reference,
-    bade,
-    find_targets,
-    mean_plain_error,
-    score_scene,
-    summarise,
-)
+from mtp_bench.scoring import AgentScores, Reference, bade, find_targets, mean_plain_error, score_scene, summarise
 from mtp_bench.scoring.definitions import GOLDEN
 from mtp_bench.scoring.weights import SceneWeights, scene_key
 from mtp_bench.types import Rollout, Scene
@@ -44,7 +36,6 @@ def said(number: int, scale: float, seed: int) -> Rollout:
 
 
 def reference(card: Card) -> Reference:
-    """Event weights that are drawn."""
     scenes = {}
     for number in range(SCENES):
         rng, (scene, _) = np.random.default_rng(number), case(number, truth_complete=True)

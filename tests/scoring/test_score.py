@@ -256,8 +256,7 @@ def test_iou_gate() -> None:
     truth = [[Thing(1, 0, 0)]] * 4
     tracks = [[Thing(1, 1.0, 0)]] * 2 + [[Thing(1, 1.4, 0)]] * 2  # IoU 3/5, then 2.6/5.4
     score = score_scene(make_scene(truth), make_rollout(tracks, future=1), make_card(future=1, measure="iou_3d"))
-    assert score.counts.tp[0] == 2
-    assert score.counts.cost[0] == pytest.approx(2 * 0.4)
+    assert (score.counts.tp[0], score.counts.cost[0]) == (2, pytest.approx(2 * 0.4))
     assert (score.own_events["lost"], score.own_events["wrong"]) == (1, 1)
 
 

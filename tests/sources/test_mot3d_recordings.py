@@ -25,7 +25,6 @@ TUD = whole_sequence("TUD-Stadtmitte", 25.0, 179)
 
 @pytest.fixture(scope="module")
 def scenes(data_root: Path) -> dict[str, Scene]:
-    """Both sequences as a single scene each."""
     found = {}
     for card in (PETS, TUD):
         source = open_source(card, data_root)

@@ -86,8 +86,7 @@ def test_tables(data: Path, table: str, change: Change, text: str) -> None:
     write_json(path, content)
     with pytest.raises(DataError) as caught:
         open_source(nuscenes_card(), data)
-    assert f"{table}.json" in str(caught.value)
-    assert text in str(caught.value)
+    assert all(each in str(caught.value) for each in (f"{table}.json", text))
 
 
 S = sample("scene-0003", 1)

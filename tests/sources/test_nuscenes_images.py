@@ -14,7 +14,6 @@ from tests.support.nuscenes_root import VERSION, nuscenes_card, scene, write_jso
 
 @pytest.fixture
 def seen(data: Path) -> Path:
-    """The small root with cameras."""
     write_cameras(data)
     return data
 

@@ -43,7 +43,6 @@ def write_logs(data: Path) -> None:
 
 
 def drawn(data: Path, notes: list[str] | None = None) -> tuple[Lane, ...]:
-    """The road of a scene of the root."""
     told = [] if notes is None else notes
     return with_map(scene(data), nuscenes_card(), data, told.append).lanes
 

@@ -19,7 +19,6 @@ from tests.support.nuscenes_root import SCENES, detection, nuscenes_card, sample
 
 
 def tracks_of(card: Card, data: str | Path, path: Path, name: str) -> StoredTracks:
-    """The stored tracks of a scene."""
     return tracked_scene(card, data, path, name)[0]
 
 
@@ -131,7 +130,6 @@ def test_camera_fields_are_the_inverse_of_sensor_boxes(tmp_path: Path) -> None:
 
 # ---- wrong files
 def line(frame: float, identity: int, kind: str = "Car", size: str = "1.5 1.8 4", more: str = "0.9") -> str:
-    """A line of a KITTI result."""
     return f"{frame} {identity} {kind} -1 -1 -10 0 0 50 50 {size} 1 1.5 20 0 {more}"
 
 
@@ -219,7 +217,6 @@ def test_an_id_in_two_classes_and_unknown_velocities(form: str, card: str, kitti
 
 
 def tracked(token: str, **changes: Any) -> dict[str, Any]:
-    """A box of a tracking submission."""
     box = {k: v for k, v in detection(token).items() if not k.startswith("detection")}
     return {**box, "tracking_id": "7", "tracking_name": "car", "tracking_score": 0.5, **changes}
 

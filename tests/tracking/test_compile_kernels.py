@@ -26,7 +26,6 @@ PRINTED = "[0 2] [0 2]\n"
 
 
 def start(folder: Path, **more: str) -> subprocess.Popen[str]:
-    """A process that calls one kernel."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder), **more}
     command = [sys.executable, "-W", "error", "-c", PROGRAM]
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -18,7 +18,6 @@ Problem = tuple[Floats, Bools, Floats, int]  # dense cost, member, base_cost, k
 
 
 def sparse(cost: Floats) -> tuple[Ints, Ints, Floats, int]:
-    """Compressed rows of a dense cost matrix."""
     row, column = np.nonzero(cost < INF)
     indptr = np.searchsorted(row, np.arange(len(cost) + 1))
     return indptr.astype(np.int64), column.astype(np.int64), cost[row, column], cost.shape[1]

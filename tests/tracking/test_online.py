@@ -33,7 +33,6 @@ def scripted(*answers: Sequence[Any]) -> Answer:
 
 
 def box(x: float, y: float = 0.0) -> list[float]:
-    """A car."""
     return [x, y, 0.75, 0.0, 4.0, 1.8, 1.5]
 
 

@@ -170,7 +170,6 @@ URBAN = kitti_task(classes=("car",), dt=DT, detector="nuscenes_megvii", velocity
 
 
 def at(x: float, velocity: float) -> Observation:
-    """A car on the x axis."""
     return {**observation(frame((x, 0.0, CAR))), "detection_velocity": np.array([[velocity, 0.0]], dtype=np.float32)}
 
 

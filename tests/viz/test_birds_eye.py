@@ -180,8 +180,6 @@ MakeEnv = Callable[..., MTPEnv]
 
 @pytest.fixture
 def make_env(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> MakeEnv:
-    """An env on a scene in memory, with pictures."""
-
     def make(scene: Scene | None = None, **keywords: Any) -> MTPEnv:
         source = MemorySource(scene or small_scenes.make_scene())
         monkeypatch.setattr("mtp_bench.env.environment.open_source", lambda card, data: source)

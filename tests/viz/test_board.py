@@ -391,7 +391,6 @@ def write_records(folder: Path, *records: Record) -> list[Path]:
 
 @pytest.fixture
 def folders(tmp_path: Path) -> tuple[Path, Path]:
-    """A folder of records, and a record elsewhere."""
     records = made_up("good", 0.5), made_up("poor", 1.5), made_up("other", env_id="MTP-nuScenes-mini-v0")
     write_records(tmp_path / "records", *records)
     (mine,) = write_records(tmp_path / "my own", made_up("mine", 0.9))

@@ -125,7 +125,6 @@ def detail(browser: Browser) -> str:
 
 
 def at(browser: Browser, page: Path, place: str) -> None:
-    """Opens the page at an address."""
     browser.script("location.href = arguments[0]", f"{page.as_uri()}#{place}")
 
 

@@ -42,7 +42,6 @@ def frames_of(path: Path) -> tuple[list[NDArray[Any]], float]:
 
 @pytest.fixture(scope="module")
 def drawn(card: str, kitti: str, events_run: Path) -> Callable[[str], Replay]:
-    """The judge's view of a scene of the run."""
     opened = open_run(events_run, kitti, card)
     return lambda scene: replay(opened.scene(scene), opened.first(scene), opened.card, "drawn")
 

@@ -87,7 +87,6 @@ def output(network: Network, windows: TrackWindows, moment: Ints, seen: Surround
 
 
 def moved(seen: Surroundings, along_x: float) -> Surroundings:
-    """The same detections, so many metres away."""
     return replace(seen, box=seen.box + np.array([along_x, 0, 0, 0, 0, 0, 0]))
 
 
