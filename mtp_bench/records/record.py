@@ -207,7 +207,7 @@ class ScenePart(Section):
 
 
 class DrivingPart(DrivingRow):
-    """How an agent drives in a closed loop; differences to others depend on their records, and are null."""
+    """Row of an agent in a closed loop, with the score of each scene; differences need other records, and are null."""
 
     scores: Annotated[list[_Scores], Field(max_length=MOST_SCENES)]  # of each scene, in the order of the sums
 

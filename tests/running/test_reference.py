@@ -139,11 +139,11 @@ FROZEN = sorted(path.stem for path in (Path(__file__).parents[2] / "envs" / "ref
 def test_the_shipped_files_fit_their_cards(env_id: str) -> None:
     reference = frozen_reference(load_card(env_id))
     assert reference is not None
-    assert (reference.runs, reference.agent) == (RUNS, "stp")
+    drives, sums = load_card(env_id).drive is not None, reference.totals["sum_of_weights"]
+    assert (reference.runs, reference.agent) == ((1, "truth_past") if drives else (RUNS, "stp"))
     assert read_reference(frozen_path(env_id)).digest == reference.digest
-    sums = reference.totals["sum_of_weights"]
-    assert sums["ids"] > 0
-    assert 0 < sums["lost"] <= sums["frag"]
+    assert sums["ids"] > 0 or drives
+    assert 0 < sums["lost"] <= sums["frag"] or drives
     assert sums["frag"] <= sums["lost"] + sums["reacquired"] + 0.02  # they are rounded
 
 
