@@ -190,11 +190,9 @@ class AgentScenes(EnvScenes):
     @cached_property
     def card(self) -> str | Card:
         """The env; for the folder of a run the card of its scenes, those of a closed loop as they were driven."""
-        from ..running.rollout_files import RUN_FILE
         from ..running.stored import open_run
 
-        folder = Path(self.env)
-        return open_run(folder, self.data).card if (folder / RUN_FILE).is_file() else self.env
+        return open_run(Path(self.env), self.data).card if Path(self.env).is_dir() else self.env
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run, with the stored tracks."""

@@ -93,8 +93,8 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
     """The card of the recorded scenes of drives, on which any agent can then be run, with no loop.
 
     The scenes are those that the agents of ``rollouts`` drove in, with the detections that they were shown; they are
-    kept as own scenes in the cache. A second drive in a scene, as of another seed, gets its place among the rollouts
-    behind the name: NAME-2. Raises RolloutError for a rollout without a drive.
+    kept as own scenes in the cache; of two drives in one scene, as of two seeds, the second is NAME-2. Raises
+    RolloutError for a rollout without a drive.
     """
     sha, worlds = hashlib.sha256(card.digest.encode()), dict[str, tuple[str, Mapping[str, Any]]]()
     for rollout in rollouts:

@@ -1,7 +1,4 @@
-"""Driving in a closed loop: a score per scene, as in NAVSIM, and a row per agent, paired by scene.
-
-Definitions: docs/definitions, "Driving".
-"""
+"""Driving in a closed loop: scores of scenes and rows of agents, paired by scene (docs/definitions, "Driving")."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -79,10 +76,7 @@ def driving_rows(
 
 
 def own_bade(agent: AgentDrives) -> float | None:
-    """BADE of the targets in the agent's own drives, m, mean over seeds; budgets up to one false forecast per target.
-
-    None without a target.
-    """
+    """BADE in the agent's own drives, m, mean over seeds; budgets up to a false forecast per target; or None."""
     runs = [run for run in agent.scores if any(map(len, run))]
     errors = [run_errors(run, run_budgets(run, None).all, True, "cuts").error.mean() for run in runs]
     return float(np.mean(errors)) if errors else None

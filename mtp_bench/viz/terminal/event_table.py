@@ -149,15 +149,10 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
 
 
 def show_collisions(rows: Sequence[Listed], rollouts: Sequence[Rollout]) -> None:
-    """Print a line per collision in the drives of a closed loop, the worst first, and the command that shows it.
-
-    Those at fault come first, then those of a faster ego.
-    """
+    """Print a line per collision of a closed loop, those at fault first, then of the fastest ego; show the first."""
     drives, end = {each.scene: each.drive for each in rollouts if each.drive is not None}, ("not at fault", "at fault")
     hits = [(drives[row.scene.name], row) for row in rows if row.cause]
-    hits.sort(
-        key=lambda hit: (hit[0].at_fault, float(np.hypot(*(hit[0].plan[-1, 1] - hit[0].plan[-1, 0])))), reverse=True
-    )
+    hits.sort(key=lambda hit: (not hit[0].at_fault, -np.hypot(*np.diff(hit[0].plan[-1, :2], axis=0)[0])))
     for drive, row in hits:
         what = f"collision at {drive.seconds:.1f} s with {row.object_name}, {end[drive.at_fault]}"
         show_lines([f"scene {row.scene.name}: {what}; {row.cause}"])
