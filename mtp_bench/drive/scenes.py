@@ -11,7 +11,7 @@ from ..detector.visibility import visible_fractions
 from ..sources.highway.source import scene_of
 from ..sources.highway.world import RATE, World
 from ..sources.simulated import detected
-from ..types import Floats, Scene, starts_of
+from ..types import Detections, Floats, Scene, joined, starts_of
 
 
 class DrivenScene:
@@ -20,32 +20,42 @@ class DrivenScene:
     def __init__(self, card: Card, name: str) -> None:
         self._card, self._name = card, name
         self._ego: list[Floats] = []
+        self._shown, self._detector = list[Detections](), ""
         self._going_on: OpenScene | None = None
 
     def now(self, world: World) -> Scene:
         """The frame of now alone, from the last frame of the world, as a scene of one frame with its detections."""
-        world = replace(world, visible=visible_fractions(world.truth, world.ego))
-        scene = scene_of(self._name, world, self._card, stride=1)
+        scene = _scene(world, self._card, self._name, stride=1)
         frame = len(self._ego)
         self._ego.append(scene.ego[0])
         if self._going_on is None:
             self._going_on = OpenScene(horizon(self._card), scene.truth, memory=Memory())
         start = starts_of([0] * frame + [len(scene.truth.box)])
-        before = np.array(self._ego)
-        period = 1.0 / self._card.task.rate
-        so_far = replace(
-            scene, time=np.arange(frame + 1) * period, ego=before, truth=replace(scene.truth, start=start),
-            detections=replace(scene.detections, start=np.zeros(frame + 2, dtype=np.int64)),
-        )  # fmt: skip
-        last = detected(so_far, self._card, going_on=self._going_on).detections.only(frame)
-        return replace(scene, detections=replace(last, start=last.start[-2:]), simulated=True)
+        time, before = np.arange(frame + 1) / self._card.task.rate, np.array(self._ego)
+        so_far = replace(scene, time=time, ego=before, truth=replace(scene.truth, start=start))
+        seen = detected(so_far, self._card, going_on=self._going_on)
+        self._detector, found = seen.detector, replace(seen.detections, start=seen.detections.start[-2:])
+        self._shown.append(found)
+        return replace(scene, detections=found, simulated=True)
+
+    def whole(self, world: World) -> Scene:
+        """`whole_scene` of the frames of ``world``, all of which were shown."""
+        scene = _scene(world, self._card, self._name)
+        shown = self._shown[: scene.frames]
+        start = starts_of([len(found.score) for found in shown])
+        found = replace(joined(shown), start=start)
+        return replace(scene, detections=found, detector=self._detector, simulated=True)
 
 
 def whole_scene(world: World, card: Card, name: str) -> Scene:
     """The recording of a drive under the rules of ``card``, with the detections that its agent was shown."""
-    world = replace(world, visible=visible_fractions(world.truth, world.ego))
-    scene = scene_of(name, world, card, round(RATE / card.task.rate))
+    scene = _scene(world, card, name)
     return detected(scene, card, going_on=OpenScene(horizon(card), scene.truth.only(0)))
+
+
+def _scene(world: World, card: Card, name: str, stride: int | None = None) -> Scene:
+    world = replace(world, visible=visible_fractions(world.truth, world.ego))
+    return scene_of(name, world, card, stride or round(RATE / card.task.rate))
 
 
 def horizon(card: Card) -> int:

@@ -8,7 +8,7 @@ from ..cards import Card
 from ..cards.card import DriveSection
 from ..drive.planner import Decision, Obstacles, Planner
 from ..drive.record import record_of
-from ..drive.scenes import DrivenScene, horizon, whole_scene
+from ..drive.scenes import DrivenScene, horizon
 from ..sources.base import section_of
 from ..sources.highway.driven import DrivenTraffic
 from ..sources.highway.source import traffic_of
@@ -81,7 +81,7 @@ class DrivenEpisode(Episode):
 
     def recording(self) -> tuple[Scene, Feed]:
         """The frames so far, and what the agent was shown in them."""
-        scene = self.scene if self.over else self._scene_of(max(self.t, 1))
+        scene = self.scene if self.over else self.shown.whole(self._world_of(max(self.t, 1)))
         return scene, make_feed(scene, self.frame, self.task, self.card)
 
     @property
@@ -117,8 +117,8 @@ class DrivenEpisode(Episode):
         self.stations.append(float(ego.s))
 
     def _finish(self) -> None:
-        self.scene = self._scene_of(self.t)
-        self.drive = replace(self._recorded(), world=pack(self._world_of(self.t)))
+        world = self._world_of(self.t)
+        self.scene, self.drive = self.shown.whole(world), replace(self._recorded(), world=pack(world))
 
     def record(self) -> Drive | None:
         """The drive until now."""
@@ -130,9 +130,6 @@ class DrivenEpisode(Episode):
     def _world_of(self, frames: int) -> World:
         """The world until the last of ``frames`` frames that the agent saw."""
         return self.traffic.world(frames=round((frames - 1) * RATE * self.task.dt) + 1)
-
-    def _scene_of(self, frames: int) -> Scene:
-        return whole_scene(self._world_of(frames), self.card, self.scene.name)
 
 
 def obstacles(action: RecordedAction, dt: float) -> Obstacles:
