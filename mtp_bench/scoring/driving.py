@@ -25,7 +25,7 @@ class DrivingRow(Section):
     agent: Annotated[str, Column()]
     drive_score: Annotated[float, Column("drive score", better="higher", help="Mean over scenes, 0 to 1.")]
     interval: Annotated[_Interval, Column(interval=True)]
-    difference: Annotated[float | None, Column("less stp", help="Drive score less that of stp, in the same scenes.")]
+    difference: Annotated[float | None, Column("less stp", "", "higher", "+.3f", "Drive score less that of stp.")]
     difference_interval: Annotated[_Interval, Column(interval=True)]
     p: Annotated[float | None, Column("p", format=".3f", help="Sign-flip test of the difference over scenes.")]
     collisions: Annotated[float, Column("at fault", better="lower", format=".1f", help="At-fault collisions, per 100.")]
