@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from docs.generate import driving
 from docs.generate.results import PAGES, PARTS_FILE, filled, parts_table
 from mtp_bench.cards import load_card
 from mtp_bench.commands.board import read_board
@@ -85,6 +86,8 @@ def test_pages_are_made_of_records(repository: Path, tmp_path: Path, cli: Comman
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         assert filled(text, entries, page.name) == text, page.name
+    text, figures = (path.read_text(encoding="utf-8") for path in (driving.PAGE, driving.FIGURES))
+    assert driving.filled(text, json.loads(figures)) == text
 
 
 @pytest.mark.parametrize("name", ["faults", "parts"])
