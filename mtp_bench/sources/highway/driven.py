@@ -11,7 +11,7 @@ from .lanes import NO_LANE
 from .networks import RoadMap
 from .recording import Recording
 from .simulate import ATTEMPTS, HARDEST, Attempt, boxes_meet, overlapping
-from .vehicles import Driver, round_states
+from .vehicles import Driver
 from .world import CLASSES, RATE, WARM_UP, Traffic, World
 
 _STEP = 0.5  # m between two points of a way
@@ -58,15 +58,14 @@ class _Ego(Driver):
         self.way, self.s, self.wanted = way, s, 0.0
         self._place()
 
-    def take(self, *state: Any) -> None:
-        """Move for 1 / `RATE` seconds on the way, whatever the driver model's new ``state`` is."""
-        dt = 1.0 / RATE
-        gain = max(self.wanted, -float(self.speed) / dt)
-        self.action = {"steering": 0.0, "acceleration": gain}
-        self.s = min(self.s + float(self.speed) * dt, float(self.way.s[-1]))
-        self.speed = float(self.speed) + gain * dt
+    def drive(self) -> tuple[float, float, float, float, float]:
+        """Move along the way for 1 / `RATE` seconds, whatever the driver model says."""
+        dt, speed = 1.0 / RATE, float(self.speed)
+        gain = max(self.wanted, -speed / dt)
+        self.s = min(self.s + speed * dt, float(self.way.s[-1]))
         self._place()
-        round_states([self])
+        x, y = self.position.tolist()
+        return x, y, self.heading, speed + gain * dt, gain
 
     def _place(self) -> None:
         place, heading = self.way.at(np.array(self.s))
@@ -149,7 +148,7 @@ class DrivenTraffic:
         """Let the traffic run in until a vehicle can be the ego; None after a crash, or a long wait."""
         for step in range(round((WARM_UP + _WAIT) * RATE)):
             boxes = self._attempt.boxes()
-            if len(overlapping(np.concatenate(boxes))):
+            if len(overlapping(np.concatenate(boxes), len(boxes[2]))):
                 return None
             if step >= WARM_UP * RATE and (found := self._choose(rng)) is not None:
                 return found

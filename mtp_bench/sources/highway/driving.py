@@ -56,6 +56,8 @@ class RoadState:
     xy: Floats  # [N, 2]
     heading: Floats  # [N]
     speed: Floats  # [N]
+    steering: Floats  # [N] rad, of the last step
+    acceleration: Floats  # [N] m/s2, of the last step
     length: Floats  # [N]
     width: Floats  # [N]
     wheelbase: Floats  # [N]
@@ -87,8 +89,9 @@ def observe(fleet: Fleet, road_map: RoadMap, routes: RouteTable, people: Floats,
     vehicles = fleet.vehicles
     n = len(vehicles)
     xy = places(vehicles)
-    heading, speed = np.array([(v.heading, v.speed) for v in vehicles], dtype=np.float64).reshape(-1, 2).T.copy()
-    route, lane = np.array([(v.route, v.lane_number) for v in vehicles], dtype=np.int64).reshape(-1, 2).T
+    columns = np.array([v.motion for v in vehicles], dtype=np.float64).reshape(-1, 6).T.copy()
+    heading, speed, steering, acceleration = columns[:4]
+    route, lane = columns[4:].astype(np.int64)
     direction = np.empty((n, 2))
     direction[:, 0], direction[:, 1] = np.cos(heading), np.sin(heading)
     discs = xy[:, None, :] + fleet.disc_places * direction[:, None, :]
@@ -105,7 +108,8 @@ def observe(fleet: Fleet, road_map: RoadMap, routes: RouteTable, people: Floats,
         vehicle.lane_number = number
     s = along[lane, center]
     return RoadState(
-        fleet=fleet, vehicles=vehicles, numbers=fleet.numbers, xy=xy, heading=heading, speed=speed,
+        fleet=fleet, vehicles=vehicles, numbers=fleet.numbers,
+        xy=xy, heading=heading, speed=speed, steering=steering, acceleration=acceleration,
         length=fleet.length, width=fleet.width, wheelbase=fleet.wheelbase, style=fleet.style, offset=fleet.offset,
         route=route, lane=lane, s=s, d=across[lane, center],
         path=routes.path[route, lane], path_start=routes.path_start[route, lane] - s[:, None],
@@ -220,10 +224,10 @@ def braking(speed: Floats, gap: Floats, leader: Floats, style: Floats, least: fl
     return a * (wanted / np.maximum(gap, _CLOSE)) ** 2
 
 
-def steering_angles(state: RoadState, geometry: LaneGeometry, routes: RouteTable, before: Floats, dt: float) -> Floats:
+def steering_angles(state: RoadState, geometry: LaneGeometry, routes: RouteTable, dt: float) -> Floats:
     """Steering angle ``[N]`` rad that brings each vehicle to its place in the lane and along it.
 
-    ``before``: the angles ``[N]`` of ``dt`` seconds ago, which limit the new ones.
+    The angles of ``dt`` seconds ago limit the new ones.
     """
     v = np.maximum(state.speed, 1.0)
     ahead = state.s + v * _PREVIEW
@@ -231,13 +235,17 @@ def steering_angles(state: RoadState, geometry: LaneGeometry, routes: RouteTable
     beyond = (ahead > geometry.length[state.lane]) & (after >= 0)
     lane = np.where(beyond, after, state.lane)
     s = np.where(beyond, ahead - geometry.length[state.lane], ahead)
-    slip = np.arcsin(np.clip(state.wheelbase / 2 * geometry.curvature[lane], -0.9, 0.9))
-    rate = np.clip(-_LATERAL_RATE * (state.d - state.offset), -_LATERAL_SPEED, _LATERAL_SPEED)
-    wanted = geometry.heading(lane, s) - slip + np.arcsin(np.clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
+    slip = np.arcsin(_clip(state.wheelbase / 2 * geometry.curvature[lane], -0.9, 0.9))
+    rate = _clip(-_LATERAL_RATE * (state.d - state.offset), -_LATERAL_SPEED, _LATERAL_SPEED)
+    wanted = geometry.heading(lane, s) - slip + np.arcsin(_clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
     error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
     bend = v * geometry.curvature[lane]
     most = _SWERVE / np.maximum(v, _SLOW)
-    rate = np.clip(_HEADING_RATE * error, bend - most, bend + most)
-    turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))
-    now = np.arctan(np.tan(before) / 2)
-    return np.asarray(np.arctan(2 * np.tan(np.clip(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt))))
+    rate = _clip(_HEADING_RATE * error, bend - most, bend + most)
+    turn = np.arcsin(_clip(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))
+    now = np.arctan(np.tan(state.steering) / 2)
+    return np.asarray(np.arctan(2 * np.tan(_clip(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt))))
+
+
+def _clip(values: Floats, least: Floats | float, most: Floats | float) -> Floats:
+    return np.minimum(np.maximum(values, least), most)  # much quicker than NumPy's for few values

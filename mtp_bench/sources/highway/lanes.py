@@ -49,6 +49,9 @@ class LaneGeometry:
         for k, lane in enumerate(self.lanes):
             if isinstance(lane, SineLane):
                 self._wave[k] = lane.amplitude, lane.pulsation, lane.phase
+        self._waves = bool(self._wave.any())
+        self._lines, self._arcs = np.flatnonzero(~self._arc), np.flatnonzero(self._arc)
+        self._bends = [values[self._arc, None] for values in (self.radius, self.turn, self._phase)]
 
     def __len__(self) -> int:
         return len(self.lanes)
@@ -56,28 +59,29 @@ class LaneGeometry:
     def coordinates(self, points: Floats) -> tuple[Floats, Floats]:
         """Longitudinal and lateral coordinates ``[L, P]`` of points ``[P, 2]`` in every lane."""
         along, across = np.empty((len(self), len(points))), np.empty((len(self), len(points)))
-        line = ~self._arc
-        if line.any():
-            x, y = points[:, 0] - self._start[:, :1], points[:, 1] - self._start[:, 1:]
+        px, py = points.T.copy()
+        if len(self._lines):
+            x, y = px - self._start[:, :1], py - self._start[:, 1:]
             ux, uy = self._along[:, :1], self._along[:, 1:]
-            s = x * ux + y * uy
-            amplitude, pulsation, phase = (self._wave[line, k, None] for k in range(3))
-            along[line] = s
-            across[line] = y * ux - x * uy
-            if amplitude.any():
-                across[line] -= amplitude * np.sin(pulsation * s + phase)
-        if self._arc.any():
-            x, y = points[:, 0] - self._center[:, :1], points[:, 1] - self._center[:, 1:]
-            radius, turn, phase = (a[self._arc, None] for a in (self.radius, self.turn, self._phase))
+            s, d = x * ux + y * uy, y * ux - x * uy
+            if self._waves:
+                amplitude, pulsation, phase = (self._wave[self._lines, k, None] for k in range(3))
+                d -= amplitude * np.sin(pulsation * s + phase)
+            along[self._lines], across[self._lines] = s, d
+        if len(self._arcs):
+            x, y = px - self._center[:, :1], py - self._center[:, 1:]
+            radius, turn, phase = self._bends
             angle = np.remainder(np.arctan2(y, x) - phase + np.pi, 2 * np.pi) - np.pi
-            along[self._arc] = turn * angle * radius
-            across[self._arc] = turn * (radius - np.hypot(x, y))
+            along[self._arcs] = turn * angle * radius
+            across[self._arcs] = turn * (radius - np.hypot(x, y))
         return along, across
 
     def heading(self, lane: Ints, s: Floats) -> Floats:
         """Direction of travel ``[n]`` at longitudinal coordinates ``[n]`` of lanes ``[n]``."""
-        amplitude, pulsation, phase = self._wave[lane].T
-        line = self._heading[lane] + np.arctan(amplitude * pulsation * np.cos(pulsation * s + phase))
+        line = self._heading[lane]
+        if self._waves:
+            amplitude, pulsation, phase = self._wave[lane].T
+            line = line + np.arctan(amplitude * pulsation * np.cos(pulsation * s + phase))
         arc = self._phase[lane] + self.turn[lane] * (s / self.radius[lane] + np.pi / 2)
         return np.where(self._arc[lane], arc, line)
 

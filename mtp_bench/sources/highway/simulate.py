@@ -93,7 +93,7 @@ class Attempt:
         recording = Recording(self.parked)
         for step in range(warm_up + frames):
             vehicles, people, parked = self.boxes()
-            if len(overlapping(np.concatenate([vehicles, people, parked]))):
+            if len(overlapping(np.concatenate([vehicles, people, parked]), len(parked))):
                 return "crash"
             if step >= warm_up:
                 recording.add(self.vehicles, vehicles, self.crowd, people)
@@ -125,8 +125,7 @@ class _Drivers:
             self._fleet = Fleet([*self.road.vehicles], self._map.geometry)
         state = observe(self._fleet, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
-        before = np.array([vehicle.action["steering"] for vehicle in state.vehicles])
-        angle = steering_angles(state, self._map.geometry, self._routes, before, 1.0 / RATE)
+        angle = steering_angles(state, self._map.geometry, self._routes, 1.0 / RATE)
         states = (state.xy, state.heading, state.speed, state.wheelbase)
         move_vehicles(state.vehicles, *states, (angle, acceleration))
         if self.rules is not None:
@@ -149,19 +148,21 @@ class _Drivers:
             self._changes.decide(state, desired, step, 1.0 / RATE)
         result = np.minimum(result, free - braking(state.speed, lines, np.zeros(1), style, _LINE_GAP))
         result = self._behaviour.braking(state, result, free, ahead, lines)
-        before = np.array([vehicle.action["acceleration"] for vehicle in state.vehicles])
-        result = np.clip(result, before - _JERK[0] / RATE, before + _JERK[1] / RATE)
+        result = np.maximum(result, state.acceleration - _JERK[0] / RATE)
+        result = np.minimum(result, state.acceleration + _JERK[1] / RATE)
         least = np.maximum(-HARDEST, -state.speed * RATE)  # no vehicle drives backwards
         return np.asarray(np.maximum(result, least))
 
 
-def overlapping(box: Floats) -> Ints:
-    """Pairs ``[n, 2]`` of rows of boxes ``[N, 7]`` that overlap in bird's eye view (separating axes)."""
-    if len(box) < 2:
-        return np.empty((0, 2), dtype=np.int64)
-    reach = np.hypot(box[:, 4], box[:, 5]) / 2
-    dx, dy = box[:, 0, None] - box[:, 0], box[:, 1, None] - box[:, 1]
-    pairs: Ints = np.argwhere(dx * dx + dy * dy < (reach[:, None] + reach) ** 2)
+def overlapping(box: Floats, still: int = 0) -> Ints:
+    """Pairs ``[n, 2]`` of rows of boxes ``[N, 7]`` that overlap in bird's eye view (separating axes).
+
+    ``still``: number of boxes, the last ones, that do not overlap each other.
+    """
+    x, y, reach = box[:, 0], box[:, 1], np.hypot(box[:, 4], box[:, 5]) / 2
+    moving = slice(len(box) - still)
+    dx, dy = x[moving, None] - x, y[moving, None] - y
+    pairs: Ints = np.stack(np.nonzero(dx * dx + dy * dy < (reach[moving, None] + reach) ** 2), axis=1)
     pairs = pairs[pairs[:, 0] < pairs[:, 1]]
     if len(pairs) == 0:
         return pairs

@@ -78,10 +78,15 @@ class Driver(Vehicle):  # type: ignore[misc]
         self.parameters = astuple(traits)
         self.size = (traits.length, traits.width, traits.height)
 
-    def take(self, position: Floats, heading: float, speed: float, steering: float, acceleration: float) -> None:
-        """Take a new state, and the action that led to it."""
-        self.position, self.heading, self.speed = position, heading, speed
-        self.action = {"steering": steering, "acceleration": acceleration}
+    @property
+    def motion(self) -> tuple[float, ...]:
+        """Heading, speed, the last steering angle and acceleration, route, lane."""
+        action = self.action
+        return self.heading, self.speed, action["steering"], action["acceleration"], self.route, self.lane_number
+
+    def drive(self) -> "tuple[float, float, float, float, float] | None":
+        """New x, y, heading, speed and the acceleration of a vehicle that drives by itself; None of others."""
+        return None
 
 
 def move_vehicles(
@@ -101,11 +106,18 @@ def move_vehicles(
     dt, most = 1.0 / RATE, Vehicle.MAX_SPEED
     slip = np.arctan(1 / 2 * np.tan(steering))
     gain = np.where(speed > most, np.minimum(gain, most - speed), gain)
-    course = np.stack([np.cos(heading + slip), np.sin(heading + slip)], axis=1)
+    course = np.empty(xy.shape)
+    course[:, 0], course[:, 1] = np.cos(heading + slip), np.sin(heading + slip)
+    place = xy + speed[:, None] * course * dt
     heading = heading + speed * np.sin(slip) / (wheelbase / 2) * dt
-    states = _rounded(xy + speed[:, None] * course * dt, heading, speed + gain * dt)
-    for vehicle, *state in zip(vehicles, *states, steering.tolist(), gain.tolist(), strict=True):
-        vehicle.take(*state)
+    speed = speed + gain * dt
+    for i, vehicle in enumerate(vehicles):
+        if (driven := vehicle.drive()) is not None:
+            place[i], (heading[i], speed[i], gain[i]), steering[i] = driven[:2], driven[2:], 0.0
+    states = (*_rounded(place, heading, speed), steering.tolist(), gain.tolist())
+    for vehicle, position, course, pace, angle, acceleration in zip(vehicles, *states, strict=True):
+        vehicle.position, vehicle.heading, vehicle.speed = position, course, pace
+        vehicle.action = {"steering": angle, "acceleration": acceleration}
 
 
 def round_states(vehicles: Sequence[Driver]) -> None:
@@ -118,7 +130,7 @@ def round_states(vehicles: Sequence[Driver]) -> None:
 def _rounded(place: Floats, heading: Floats, speed: Floats) -> tuple[Floats, list[float], list[float]]:
     heading = np.remainder(heading + np.pi, 2 * np.pi) - np.pi
     angles, speeds = ([round(value, 6) + 0.0 for value in column.tolist()] for column in (heading, speed))
-    return np.round(place, 6) + 0.0, angles, speeds
+    return place.round(6) + 0.0, angles, speeds
 
 
 def places(vehicles: Sequence[Driver]) -> Floats:
