@@ -192,7 +192,7 @@ def test_the_copies_of_highway_env_are_those_of_the_release(monkeypatch: pytest.
 def test_another_attempt_follows_a_crash(monkeypatch: pytest.MonkeyPatch) -> None:
     calls: list[int] = []
 
-    def crash_at_first(box: Floats) -> object:
+    def crash_at_first(box: Floats, still: int) -> object:
         calls.append(1)
         return np.zeros((1, 2), dtype=np.int64) if len(calls) == 1 else overlapping(box)
 

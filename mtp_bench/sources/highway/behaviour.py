@@ -6,7 +6,7 @@ import numpy as np
 
 from ...geometry import rotate
 from ...types import Bools, Floats, Ints
-from .driving import Leaders, RoadState
+from .driving import Leaders, RoadState, free_acceleration
 
 _DRAWN_AHEAD = 64  # values that are drawn at once
 
@@ -14,12 +14,12 @@ _PACE, _PACE_MEMORY = 0.06, 5.0  # share of the desired speed, s
 _PEDAL, _PEDAL_MEMORY = 0.95, 0.5  # m/s2, s
 _STRONGEST = 2.7  # m/s2
 _STEADY = 3.0  # m/s; slower drivers move the pedals less
-_LATE, _LATE_DURATION = 1 / 17.0, (2.0, 5.0)  # 1/s, s: phases of late braking
-_NEEDED = (3.2, 4.6)  # m/s2 of needed braking that ends waiting
+_Phase = tuple[float, tuple[float, float], tuple[float, float]]  # 1/s, s, range of the strength
+_LATE: _Phase = (1 / 17.0, (2.0, 5.0), (3.2, 4.6))  # late braking; m/s2 of needed braking that ends waiting
 _FIRM = 1.15  # times the needed braking
 _STANDS = 0.5  # share of one's own speed; only slower leaders can be noticed late
 _ALERT = 2.7  # m/s; slower drivers are never late
-_SUDDEN, _SUDDEN_DURATION, _SUDDEN_BRAKING = 1 / 110.0, (0.6, 1.4), (3.2, 5.0)  # 1/s, s, m/s2: without a cause
+_SUDDEN: _Phase = (1 / 110.0, (0.6, 1.4), (3.2, 5.0))  # braking without a cause; m/s2
 _KEPT = 0.3  # m to the place to stop at
 
 _HASTE, _HASTE_MEMORY = 0.12, 2.5  # share of the pace, s
@@ -34,51 +34,58 @@ _SLOW = 0.45  # share of the pace while hesitating
 
 
 class OrnsteinUhlenbeck:
-    """Ornstein-Uhlenbeck processes with mean 0, deviation ``spread`` and memory in seconds, one per number."""
+    """Ornstein-Uhlenbeck processes with mean 0; a process of each kind per number."""
 
-    def __init__(self, spread: float, memory: float, dt: float, rng: np.random.Generator) -> None:
-        self._spread, self._rng = spread, rng
-        self._decay = math.exp(-dt / memory)
-        self._push = spread * math.sqrt(1.0 - self._decay**2)
-        self._value: Floats = np.zeros(0)
+    def __init__(
+        self, spread: tuple[float, ...], memory: tuple[float, ...], dt: float, rng: np.random.Generator
+    ) -> None:
+        """``spread`` and ``memory``: deviation and seconds of each of the K kinds."""
+        decay = [math.exp(-dt / seconds) for seconds in memory]
+        push = [deviation * math.sqrt(1.0 - d**2) for deviation, d in zip(spread, decay, strict=True)]
+        self._spread, self._decay, self._push = (np.array(values)[:, None] for values in (spread, decay, push))
+        self._rng = rng
+        self._value: Floats = np.zeros((len(spread), 0))
 
     def step(self, numbers: Ints) -> Floats:
-        """Values ``[n]`` of the processes ``numbers`` ``[n]`` after ``dt`` seconds; other processes do not change."""
-        missing = int(numbers.max(initial=-1)) + 1 - len(self._value)
+        """Values ``[K, n]`` of the processes ``numbers`` ``[n]`` after ``dt`` seconds; others do not change."""
+        kinds, known = self._value.shape
+        missing = int(numbers.max(initial=-1)) + 1 - known
         if missing > 0:
-            drawn = self._spread * self._rng.standard_normal(missing + _DRAWN_AHEAD)
-            self._value = np.concatenate([self._value, np.round(drawn, 6)])
-        moved = self._decay * self._value[numbers] + self._push * self._rng.standard_normal(len(numbers))
-        moved = moved.round(6)
-        self._value[numbers] = moved
+            sizes = (missing + _DRAWN_AHEAD, len(numbers))
+            draws = [[self._rng.standard_normal(n) for n in sizes] for _ in range(kinds)]
+            first, draw = (np.array(column) for column in zip(*draws, strict=True))
+            self._value = np.concatenate([self._value, np.round(self._spread * first, 6)], axis=1)
+        else:
+            draw = self._rng.standard_normal((kinds, len(numbers)))
+        moved: Floats = (self._decay * self._value[:, numbers] + self._push * draw).round(6)
+        self._value[:, numbers] = moved
         return moved
 
 
 class _RandomPhases:
-    """Phases that begin at random and last for a while, each with its own strength."""
+    """Phases of some kinds that begin at random and last for a while, each with its own strength."""
 
-    def __init__(
-        self, rate: float, duration: tuple[float, float], strength: tuple[float, float], dt: float,
-        rng: np.random.Generator,
-    ) -> None:  # fmt: skip
-        self._chance, self._duration, self._range, self._dt, self._rng = rate * dt, duration, strength, dt, rng
-        self._left: Floats = np.zeros(0)
-        self._strength: Floats = np.zeros(0)
+    def __init__(self, kinds: tuple[_Phase, ...], dt: float, rng: np.random.Generator) -> None:
+        rate, *ranges = (np.array(column) for column in zip(*kinds, strict=True))
+        self._chance, self._dt, self._rng = rate[:, None] * dt, dt, rng
+        self._ranges = [(low[:, None], (high - low)[:, None]) for low, high in (values.T for values in ranges)]
+        self._left: Floats = np.zeros((len(kinds), 0))
+        self._strength: Floats = np.zeros((len(kinds), 0))
 
     def step(self, numbers: Ints) -> tuple[Bools, Floats]:
-        """Mask of ``numbers`` ``[n]`` in a phase, and the strength of their phases."""
-        missing = int(numbers.max(initial=-1)) + 1 - len(self._left)
+        """Masks ``[K, n]`` of ``numbers`` ``[n]`` in a phase of each kind, and the strength of their phases."""
+        kinds, known = self._left.shape
+        missing = int(numbers.max(initial=-1)) + 1 - known
         if missing > 0:
-            more = np.zeros(missing + _DRAWN_AHEAD)
-            self._left, self._strength = (np.append(values, more) for values in (self._left, self._strength))
-        draw = self._rng.uniform(size=(3, len(numbers)))
-        left = self._left[numbers] - self._dt
-        begins = (left <= 0) & (draw[0] < self._chance)
-        (shortest, longest), (weak, strong) = self._duration, self._range
-        left = np.where(begins, shortest + (longest - shortest) * draw[1], left)
-        self._left[numbers] = left
-        strength = np.where(begins, weak + (strong - weak) * draw[2], self._strength[numbers])
-        self._strength[numbers] = strength
+            more = np.zeros((kinds, missing + _DRAWN_AHEAD))
+            self._left, self._strength = (np.append(v, more, axis=1) for v in (self._left, self._strength))
+        draw = self._rng.uniform(size=(kinds, 3, len(numbers)))
+        left = self._left[:, numbers] - self._dt
+        begins = (left <= 0) & (draw[:, 0] < self._chance)
+        (shortest, longer), (weak, stronger) = self._ranges
+        left = np.where(begins, shortest + longer * draw[:, 1], left)
+        strength = np.where(begins, weak + stronger * draw[:, 2], self._strength[:, numbers])
+        self._left[:, numbers], self._strength[:, numbers] = left, strength
         return left > 0, strength
 
 
@@ -86,27 +93,23 @@ class DriverBehaviour:
     """Varying speeds and pedals of all drivers of a world, late braking and sudden braking."""
 
     def __init__(self, dt: float, rng: np.random.Generator) -> None:
-        self._pace = OrnsteinUhlenbeck(_PACE, _PACE_MEMORY, dt, rng)
-        self._pedal = OrnsteinUhlenbeck(_PEDAL, _PEDAL_MEMORY, dt, rng)
-        self._late = _RandomPhases(_LATE, _LATE_DURATION, _NEEDED, dt, rng)
-        self._sudden = _RandomPhases(_SUDDEN, _SUDDEN_DURATION, _SUDDEN_BRAKING, dt, rng)
+        self._varying = OrnsteinUhlenbeck((_PACE, _PEDAL), (_PACE_MEMORY, _PEDAL_MEMORY), dt, rng)
+        self._phases = _RandomPhases((_LATE, _SUDDEN), dt, rng)
 
-    def desired_speed(self, state: RoadState, desired: Floats) -> Floats:
-        """Desired speeds ``[N]`` m/s, around those of the driver model."""
-        return np.asarray(desired * (1.0 + self._pace.step(state.numbers)))
-
-    def free_acceleration(self, state: RoadState, free: Floats) -> Floats:
-        """Acceleration ``[N]`` m/s2 on an empty road, around that of the driver model."""
-        moved = self._pedal.step(state.numbers) * np.minimum(state.speed / _STEADY, 1.0)
-        return np.asarray(np.minimum(free + moved, np.maximum(free, _STRONGEST)))
+    def free_acceleration(self, state: RoadState, desired: Floats) -> tuple[Floats, Floats]:
+        """``desired`` speeds ``[N]`` m/s and accelerations ``[N]`` m/s2 on an empty road, varied."""
+        pace, pedal = self._varying.step(state.numbers)
+        desired = desired * (1.0 + pace)
+        free = free_acceleration(state.speed, desired, state.style)
+        moved = pedal * np.minimum(state.speed / _STEADY, 1.0)
+        return desired, np.minimum(free + moved, np.maximum(free, _STRONGEST))
 
     def braking(self, state: RoadState, careful: Floats, free: Floats, ahead: Leaders, lines: Floats) -> Floats:
         """Acceleration ``[N]`` m/s2: ``careful``, but ``free`` while a driver is late, and sudden braking.
 
         ``free``: on an empty road; ``ahead``: leaders; ``lines``: m to the place to stop at.
         """
-        late, limit = self._late.step(state.numbers)
-        sudden, hard = self._sudden.step(state.numbers)
+        (late, sudden), (limit, hard) = self._phases.step(state.numbers)
         behind = _stopping(state.speed - ahead.speed, ahead.gap - state.style[:, 3])
         needed = np.maximum(behind, _stopping(state.speed, lines - _KEPT))
         slow = ~np.isfinite(ahead.gap) | (ahead.speed < _STANDS * state.speed)
@@ -125,8 +128,7 @@ class PedestrianBehaviour:
 
     def __init__(self, dt: float, rng: np.random.Generator) -> None:
         self._dt, self._rng = dt, rng
-        self._haste = OrnsteinUhlenbeck(_HASTE, _HASTE_MEMORY, dt, rng)
-        self._bearing = OrnsteinUhlenbeck(_BEARING, _BEARING_MEMORY, dt, rng)
+        self._varying = OrnsteinUhlenbeck((_BEARING, _HASTE), (_BEARING_MEMORY, _HASTE_MEMORY), dt, rng)
         self._stops: dict[int, float] = {}  # remaining seconds by group
         self._hesitations: dict[int, float] = {}
         self.ready: set[int] = set()  # groups that step on a free crossing now
@@ -152,17 +154,15 @@ class PedestrianBehaviour:
         self.ready = {group for group, u in zip(present, last, strict=True) if u < _READY * self._dt}
         self.turning = {group for group, u in zip(present, last, strict=True) if u > 1.0 - _BACK * self._dt}
 
-    def pace(self, pace: Floats, numbers: Ints, groups: Ints, crossing: Bools) -> Floats:
-        """Present speeds ``[M]`` from the usual ``pace`` ``[M]``; people do not stop on a ``crossing`` ``[M]``."""
-        stops = _among(groups, self._stops) & ~crossing
-        slow = np.where(_among(groups, self._hesitations) & crossing, _SLOW, 1.0)
-        haste = np.clip(1.0 + self._haste.step(numbers), 0.5, 1.3)
-        return np.asarray(pace * slow * haste * ~stops)
+    def walk(
+        self, way: Floats, pace: Floats, numbers: Ints, groups: list[int], crossing: Bools
+    ) -> tuple[Floats, Floats]:
+        """Vectors to the goals ``[M, 2]``, turned a little, and present speeds ``[M]`` from the usual ``pace`` ``[M]``.
 
-    def turned(self, way: Floats, numbers: Ints, crossing: Bools) -> Floats:
-        """Vectors to the goals ``[M, 2]``, turned a little; unchanged on a ``crossing`` ``[M]``."""
-        return rotate(way, self._bearing.step(numbers) * ~crossing)
-
-
-def _among(groups: Ints, chosen: dict[int, float]) -> Bools:
-    return np.array([group in chosen for group in groups.tolist()], dtype=np.bool_)
+        On a ``crossing`` ``[M]`` people walk straight on, and hesitate, but do not stop.
+        """
+        bearing, haste = self._varying.step(numbers)
+        stops = np.array([group in self._stops for group in groups]) & ~crossing
+        slow = np.where(np.array([group in self._hesitations for group in groups]) & crossing, _SLOW, 1.0)
+        speed = pace * slow * np.minimum(np.maximum(1.0 + haste, 0.5), 1.3) * ~stops
+        return rotate(way, bearing * ~crossing), speed

@@ -144,8 +144,9 @@ def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
     least = np.full(len(state), np.inf)
     np.minimum.at(least, row, gap)
     nearest = np.flatnonzero(gap == least[row])
-    row, first = np.unique(row[nearest], return_index=True)
-    lane, disc = lanes[row, k[nearest[first]]], disc[nearest[first]]
+    nearest = nearest[np.diff(row[nearest], prepend=-1) > 0]  # the first one of each vehicle
+    row, k, disc = row[nearest], k[nearest], disc[nearest]
+    lane = lanes[row, k]
     tangent = geometry.heading(lane, state.along[lane, disc])
     velocity = state.velocity[state.disc_owner[disc]]
     speed = np.zeros(len(state))

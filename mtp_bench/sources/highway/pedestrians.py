@@ -89,6 +89,7 @@ class Crowd:
         self._made = self._groups = 0
         self._xy: tuple[Floats, Floats] | None = None  # until somebody moves or comes
         self._columns = _Columns([], np.empty((0, 2)), np.empty((0, 2, 2)))
+        self._own: Floats = np.empty((0, 2, 2))  # [M, 2, 2] places and velocities of the people
         self._origin = np.array([c.origin for c in self._crossings], dtype=np.float64).reshape(-1, 2)
         self._axes = np.array(
             [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings], dtype=np.float64
@@ -104,8 +105,9 @@ class Crowd:
         if self._xy is None:
             if self._columns.people != self.people:
                 self._columns = _Columns([*self.people], self._origin, self._axes)
-            turned = _points([v for p in self.people for v in (p.place, p.velocity)]).reshape(-1, 2, 2)
-            turned = turned @ self._columns.axes
+                own = [v for p in self.people for v in (p.place, p.velocity)]
+                self._own = _points(own).reshape(-1, 2, 2)
+            turned = self._own @ self._columns.axes
             self._xy = self._columns.origin + turned[:, 0], turned[:, 1]
         return self._xy
 
@@ -128,6 +130,7 @@ class Crowd:
         """Move all people by ``dt`` seconds around vehicles (boxes ``[N, 7]``), and let new people come."""
         if self._pavement is None:
             return
+        self.xy()  # of everybody who has come
         self._behaviour.step(sorted({p.group for p in self.people}))
         for p in self.people if self._behaviour.turning else ():
             if p.group in self._behaviour.turning and p.passed and p.stage in (ARRIVING, LEAVING):
@@ -196,8 +199,7 @@ class Crowd:
 
     def _advance(self, dt: float, free: Callable[[CrossingPedestrian], bool]) -> None:
         """Move all people on to the next stage; a group steps on the road together."""
-        velocity = _points([p.velocity for p in self.people])
-        slow = (np.hypot(velocity[:, 0], velocity[:, 1]) < 0.3).tolist()
+        slow = (np.hypot(self._own[:, 1, 0], self._own[:, 1, 1]) < 0.3).tolist()
         at_kerb = set()  # those who wait, or are near enough to walk on without a stop
         for p, to_next, stands in zip(self.people, self._remaining().tolist(), slow, strict=True):
             remaining = to_next
@@ -224,30 +226,32 @@ class Crowd:
             return
         place, velocity = self.xy()
         columns = self._columns
-        axes, origin, group, number = columns.axes, columns.origin, columns.group, columns.number
+        axes, origin = columns.axes, columns.origin
         goal = origin + np.einsum("ni,nij->nj", _points([p.goal for p in self.people]), axes)
         stage = np.array([p.stage for p in self.people])
         beside = stage != CROSSING
-        way = self._behaviour.turned(goal - place, number, ~beside)
-        pace = self._behaviour.pace(columns.pace, number, group, ~beside)
+        groups = [p.group for p in self.people]
+        way, pace = self._behaviour.walk(goal - place, columns.pace, columns.number, groups, ~beside)
         pairs, outlines = walking.pairs_of(place), walking.Outlines(vehicles)
         before = outlines.clearance(place)
-        new = walking.limit_length(velocity + dt * walking.social_force(pairs, velocity, way, pace, group), 1.25 * pace)
+        force = walking.social_force(pairs, velocity, way, pace, columns.group)
+        new = walking.limit_length(velocity + dt * force, 1.25 * pace)
         new = walking.slow_before_others(place, pairs, new, outlines, before, dt)
         new = walking.slow_at_kerb(place, new, pavement, beside)
         new = velocity + walking.limit_length(new - velocity, _HARDEST * dt)
         moved = walking.keep_off_road(walking.push_apart(place + dt * new), pavement, beside)
         moved = walking.keep_out_of_vehicles(place, before, moved, outlines)
         new = (moved - place) / dt
-        own = np.round(np.einsum("nij,nkj->nki", axes, np.stack([moved - origin, new], axis=1)), 6) + 0.0
+        own = np.einsum("nij,nkj->nki", axes, np.stack([moved - origin, new], axis=1)).round(6) + 0.0
         heading = np.array([p.heading for p in self.people])
         heading = _turned_headings(heading, new, goal - moved, stage == WAITING)
+        self._own = own
         for p, (own_place, own_velocity), course in zip(self.people, own, heading.tolist(), strict=True):
             p.place, p.velocity, p.heading = own_place, own_velocity, course
 
     def _remaining(self) -> Floats:
         """`Person.remaining` of all people ``[M]``."""
-        way = _points([p.ahead[0] for p in self.people]) - _points([p.place for p in self.people])
+        way = _points([p.ahead[0] for p in self.people]) - self._own[:, 0]
         return np.hypot(way[:, 0], way[:, 1])
 
 

@@ -9,7 +9,7 @@ from ...errors import DataError
 from ...types import Bools, Floats, Ints, Lane
 from .behaviour import DriverBehaviour, PedestrianBehaviour
 from .conflicts import Passage, find_passages
-from .driving import Fleet, RoadState, braking, desired_speed, find_leaders, free_acceleration, observe, steering_angles
+from .driving import Fleet, RoadState, braking, desired_speed, find_leaders, observe, steering_angles
 from .lane_change import LaneChanges
 from .lanes import RouteTable, lane_map, route_table
 from .library import Road
@@ -135,8 +135,7 @@ class _Drivers:
     def _acceleration(self, state: RoadState, step: int) -> Floats:
         geometry, routes, style = self._map.geometry, self._routes, state.style
         ahead = find_leaders(state, geometry)
-        desired = self._behaviour.desired_speed(state, desired_speed(state, geometry))
-        free = self._behaviour.free_acceleration(state, free_acceleration(state.speed, desired, style))
+        desired, free = self._behaviour.free_acceleration(state, desired_speed(state, geometry))
         result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, style)
         lines = np.full(len(state), np.inf)
         if self.rules is not None:

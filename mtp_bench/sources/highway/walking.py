@@ -113,7 +113,7 @@ def remaining_way(points: list[Floats], share: float) -> list[Floats]:
 def slow_at_kerb(place: Floats, velocity: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
     """Velocities ``[M, 2]`` at which people ``on_sidewalk`` ``[M]`` can stop before the kerb."""
     outwards, room = _to_kerb(place, pavement)
-    towards = (velocity * outwards).sum(axis=1)
+    towards = _dot(velocity, outwards)
     excess = np.maximum(towards - np.sqrt(2.0 * _EASY_AT_KERB * np.maximum(room, 0.0)), 0.0) * on_sidewalk
     return np.asarray(velocity - excess[:, None] * outwards)
 
