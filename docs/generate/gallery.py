@@ -19,7 +19,8 @@ HEAD = """\
 This page helps to choose an environment: its picture, its sizes and where its results are.
 
 Each picture shows `stp` in the first scene from above, as `render()` draws it: true boxes are green, detections yellow,
-tracks blue, forecasts pink. The [table](index.md) compares the environments in short.
+tracks blue, forecasts pink. In a [closed loop](driving.md) the black line is the plan of the ego. The [table](index.md)
+compares the environments in short.
 """
 
 

@@ -118,7 +118,7 @@ def draw_plan(canvas: Canvas, run: Replay, t: int) -> None:
         canvas.lines([np.array(step)], FALSE if hard else EGO, 3.5)
     canvas.dot(canvas.pixels(plan.path[-1]), 4.0, EGO)
     for box in plan.slower:
-        canvas.circle(canvas.pixels(box[:2]), 8.0 + 0.6 * float(box[4]) * canvas.scale, FALSE)
+        canvas.circle(canvas.pixels(box[:2]), 16.0 + 0.6 * float(box[4]) * canvas.scale, FALSE)
 
 
 def _draw_answers(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, str, Color]]:

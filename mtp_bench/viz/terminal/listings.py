@@ -18,7 +18,7 @@ def env_table(cards: Sequence[Card]) -> Table:
         Column("past / future", key="frames", read=lambda card: f"{card.task.past} / {card.task.future}"),
         Column("k", key="samples", read=lambda card: card.task.samples),
         Column(key="classes", read=_classes),
-        Column("what", key="summary"),
+        Column("what", key="summary", read=lambda card: "Closed loop. " * (card.drive is not None) + card.summary),
     )
     return Table("envs", "Environments", "", cards, columns)
 
