@@ -112,7 +112,7 @@ class Measured:
 
 
 def _kept(folder: Path) -> dict[str, dict[str, Kept]]:
-    """What is kept of a seed, by agent and scene."""
+    """Kept drives of a seed, by agent and scene."""
     found: dict[str, dict[str, Kept]] = {}
     for path in sorted(folder.glob("*/*.pickle")):
         if (kept := read_kept(path)) is not None:

@@ -1,4 +1,4 @@
-"""What `benchmarks/driving.py measure` keeps: a file per scene, agent and seed of the detector.
+"""Files of `benchmarks/driving.py measure`: one per scene, agent and seed of the detector.
 
 Each file holds a drive without its recording, and what happened near the ego (`Moments`); one beside it the score of
 the agent's own episode, and at seed 0 that of the recorded scene in which ground-truth tracks drove. A failure is kept,
@@ -50,7 +50,7 @@ Array = Floats
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """What happened near the ego in a drive of F frames."""
+    """Events near the ego in a drive of F frames."""
 
     events: Array  # [n, 5] frame, index into EVENTS, m ahead of the ego, m to its left, class
     objects: Array  # [F] true objects within NEAR
@@ -82,7 +82,7 @@ class Kept:
 
     @property
     def moments(self) -> Moments:
-        """What happened near the ego."""
+        """Moments near the ego."""
         assert self.known_moments is not None, self.failure
         return self.known_moments
 
@@ -101,7 +101,7 @@ def path_of(folder: Path, seed: int, scene: str, agent: str) -> Path:
 
 
 def read_kept(path: Path) -> Kept | None:
-    """What is kept; None without a file."""
+    """The content of a file; None without one."""
     return pickle.loads(zlib.decompress(path.read_bytes())) if path.is_file() else None
 
 
@@ -186,7 +186,7 @@ def _write(path: Path, content: Any) -> None:
 
 
 def moments(env: MTPEnv, rollout: Rollout) -> Moments:
-    """What happened near the ego in the drive that ``env`` has just ended."""
+    """Events near the ego in the drive that ``env`` has just ended."""
     episode: Any = env._episode
     traffic, stations, drive = episode.traffic, np.array(episode.stations), rollout.drive
     assert drive is not None

@@ -59,7 +59,7 @@ class _Ego(Driver):
         self._place()
 
     def drive(self) -> tuple[float, float, float, float, float]:
-        """Move along the way for 1 / `RATE` seconds, whatever the driver model says."""
+        """Move along the way for 1 / `RATE` seconds, without the driver model."""
         dt, speed = 1.0 / RATE, float(self.speed)
         gain = max(self.wanted, -speed / dt)
         self.s = min(self.s + speed * dt, float(self.way.s[-1]))

@@ -29,7 +29,7 @@ _SLIP_RATE = 0.3  # rad/s, about 0.6 rad/s of steering
 
 
 class Fleet:
-    """What does not change of N vehicles."""
+    """Constants of N vehicles."""
 
     def __init__(self, vehicles: list[Driver], geometry: LaneGeometry) -> None:
         self.vehicles = vehicles

@@ -67,7 +67,7 @@ class Person:
 
 
 class _Columns:
-    """What does not change of M people."""
+    """Constants of M people."""
 
     def __init__(self, people: list[Person], origin: Floats, axes: Floats) -> None:
         self.people = people
