@@ -9,6 +9,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import log_ndtr, ndtr, ndtri
 
 from ..types import Floats, Ints
 
@@ -88,8 +89,6 @@ class Draws:
 
     def normal(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
         """Standard normal numbers, one for each key of `keys_of`."""
-        from scipy.special import ndtri
-
         return np.asarray(ndtri(self.uniform(kind, component, keys)))
 
 
@@ -154,8 +153,6 @@ def decayed(correlation: Floats, steps: float) -> Floats:
 
 def exponential(latent: Floats) -> Floats:
     """Exponential numbers of mean 1 with the ranks of standard normal ones."""
-    from scipy.special import log_ndtr
-
     return np.asarray(-log_ndtr(-latent))
 
 
@@ -169,8 +166,6 @@ def skewed(normal: Floats, positive: Floats, share: Floats | float) -> Floats:
 
 def skewed_cdf(value: Floats, share: Floats | float) -> Floats:
     """Distribution function of `skewed` numbers."""
-    from scipy.special import log_ndtr, ndtr
-
     rest, scale = np.sqrt(1.0 - share), np.sqrt(np.maximum(share, 1e-6))
     y = value + scale
     slope = np.minimum(-y / scale + 0.5 * (rest / scale) ** 2 + log_ndtr(y / rest - rest / scale), 0.0)
@@ -179,8 +174,6 @@ def skewed_cdf(value: Floats, share: Floats | float) -> Floats:
 
 def skewed_density(value: Floats, share: float) -> Floats:
     """Density of `skewed` numbers."""
-    from scipy.special import log_ndtr
-
     if share == 0:
         return np.asarray(np.exp(-0.5 * value**2) / np.sqrt(2 * np.pi))
     rest, scale = np.sqrt(1.0 - share), np.sqrt(share)

@@ -107,7 +107,7 @@ def _flips(grid: Grid, draws: Draws) -> Bools:
     first, uniform = stationary(after_no, after_yes), draws.uniform(NoiseKind.FLIP, Component.PUSH, grid.cell_keys)
     if grid.memory is not None:
         before = grid.memory.before(draws.subject, NoiseKind.FLIP, len(grid.ids)) > 0
-        state = uniform < np.where(grid.begins, first, np.where(before, after_yes, after_no))
+        state = uniform < np.where(grid.span[0] == grid.memory.frame, first, np.where(before, after_yes, after_no))
         grid.memory.series[draws.subject, NoiseKind.FLIP] = state.astype(np.float64)
         return state[grid.column]
     uniform, begins = grid.on_grid(uniform, other=1.0), np.arange(grid.frames)[:, None] == grid.span[0] % grid.frames

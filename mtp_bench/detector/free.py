@@ -36,15 +36,6 @@ class _Members:
     class_id: Ints  # [B]
 
 
-@dataclass(frozen=True, eq=False)
-class _Appearances:
-    """Visible rows of all members, wherever they are."""
-
-    member: Ints  # [V]
-    frame: Ints  # [V]
-    score: Floats  # [V]
-
-
 def free_false_positives(
     noise: ClassNoise, classes: ReportedClasses, scene: SensedScene, number: int, seed: int
 ) -> DetectedRows:
@@ -57,28 +48,27 @@ def free_false_positives(
     draws, known = Draws(seed, NoiseSubject.FREE, number), {} if scene.memory is None else scene.memory.families
     if number not in known:
         known[number] = _appearances(noise, parameters, classes, scene, draws)
-    members, rows, errors = known[number]
-    _, born = np.unique(members.family, return_index=True)  # of each family
-    ego = scene.ego[members.birth[born]]
-    place = draw_places(parameters.distance, scene.sensor, ego, draws.generator(NoiseKind.PLACE))[members.family]
-    place = place + members.shift
-    shown = (polar(place, scene.ego[members.birth])[0] <= scene.sensor.reach)[rows.member]
+    members, member, frame, score, errors = known[number]
+    ego, first = scene.ego[members.birth], np.flatnonzero(np.diff(members.family, prepend=-1))
+    place = draw_places(parameters.distance, scene.sensor, ego[first], draws.generator(NoiseKind.PLACE))
+    place = place[members.family] + members.shift
+    shown = (polar(place, ego)[0] <= scene.sensor.reach)[member]
     if scene.memory is not None:
-        shown &= rows.frame == scene.memory.frame
-    rows, errors = select(rows, shown), select(errors, shown)
-    member, used = rows.member, np.flatnonzero(np.bincount(rows.member))
+        shown &= frame == scene.memory.frame
+    rows = np.flatnonzero(shown)
+    member, used = member[rows], np.flatnonzero(np.bincount(member[rows]))
     height = np.zeros(len(place))  # of the ground, in the frame of their birth
     height[used] = ground_height(place[used], members.birth[used], scene)
     height += members.size[:, 2] / 2
     box = np.column_stack([place, height, members.heading, members.size])[member]
-    candidates = DetectedRows(rows.frame, box, np.zeros((len(member), 2)), members.class_id[member], rows.score)
-    return detect_false_positives(errors, candidates, scene)
+    candidates = DetectedRows(frame[rows], box, np.zeros((len(rows), 2)), members.class_id[member], score[rows])
+    return detect_false_positives(select(errors, rows), candidates, scene)
 
 
 def _appearances(
     noise: ClassNoise, parameters: FreeFalsePositives, classes: ReportedClasses, scene: SensedScene, draws: Draws
-) -> tuple[_Members, _Appearances, BoxErrors]:
-    """Members, their visible rows and the errors of these; the way of the sensor does not matter."""
+) -> tuple[_Members, Ints, Ints, Floats, BoxErrors]:
+    """Members; member, frame, score and errors of their visible rows, wherever the sensor is."""
     members = _draw_members(parameters, classes, scene, draws)
     rows = Ragged(starts_of(members.life))
     member = rows.frame_of_rows
@@ -88,9 +78,8 @@ def _appearances(
     visible, rank = _visible(parameters, members, grid, draws)
     score = score_by_rank(rank, parameters.score)
     visible, score = visible[score >= noise.quality.floor], score[score >= noise.quality.floor]
-    member = member[visible]
-    rows_shown = _Appearances(member, members.birth[member] + age[visible], score)
-    return members, rows_shown, draw_errors(grid, None, draws, visible)
+    frame = (members.birth[member] + age)[visible]
+    return members, member[visible], frame, score, draw_errors(grid, None, draws, visible)
 
 
 def _visible(parameters: FreeFalsePositives, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
@@ -112,7 +101,7 @@ def _latent(parameters: FreeFalsePositives, grid: Grid, draws: Draws, kind: Nois
     rng = draws.generator(kind)  # hashing so many numbers would take long
     constant, (push, white) = rng.standard_normal(len(grid.ids)), rng.standard_normal((2, len(grid.cells[0])))
     new = grid.on_grid(white)[grid.frame, grid.column]  # siblings share the numbers of their family
-    series = grid.autoregression(np.full(len(grid.ids), parameters.phi), push)
+    series = grid.autoregression(np.full(len(grid.ids), parameters.phi), draws, kind, push)
     return np.sqrt(ar) * series + np.sqrt(1 - ar) * new, constant
 
 

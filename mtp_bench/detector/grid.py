@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from scipy.spatial import KDTree
 
-from ..types import Bools, Floats, Ints, Truth
+from ..types import Floats, Ints, Truth
 from .draws import Component, Draws, Keys, NoiseKind, NoiseSubject, decayed, extended_key, keys_of
 from .profile import ClassNoise, SharedMemory
 
@@ -141,12 +141,6 @@ class Grid:
         return frame, column
 
     @cached_property
-    def begins(self) -> Bools:
-        """Mask of `cells` that are the first ones of their objects."""
-        frame, column = self.cells
-        return np.asarray(frame == self.span[0][column])
-
-    @cached_property
     def cell_keys(self) -> Keys:
         """Keys of object and frame of all `cells`."""
         frame, column = self.cells
@@ -158,19 +152,18 @@ class Grid:
         grid[self.cells] = value
         return grid
 
-    def autoregression(
-        self, phi: Floats, push: Floats, subject: NoiseSubject = NoiseSubject.FREE, kind: NoiseKind = NoiseKind.QUALITY
-    ) -> Floats:
+    def autoregression(self, phi: Floats, draws: Draws, kind: NoiseKind, push: Floats | None = None) -> Floats:
         """Autoregressive standard normal numbers ``[R]`` from standard normal numbers ``push`` of all `cells`.
 
-        ``phi`` ``[J]``: correlation between neighbouring frames of the profile; ``subject``, ``kind``: for the memory.
+        ``phi`` ``[J]``: correlation between neighbouring frames of the profile.
         """
-        phi = decayed(phi, self.steps)
-        scale = np.sqrt(1.0 - phi**2)[self.cells[1]]
-        scale[self.begins] = 1.0
+        phi, (frame, column) = decayed(phi, self.steps), self.cells
+        scale = np.sqrt(1.0 - phi**2)[column]
+        scale[frame == self.span[0][column]] = 1.0
+        push = draws.normal(kind, Component.PUSH, self.cell_keys) if push is None else push
         if self.memory is not None:
-            last = push * scale + phi * self.memory.before(subject, kind, len(phi))
-            self.memory.series[subject, kind] = last
+            last = push * scale + phi * self.memory.before(draws.subject, kind, len(phi))
+            self.memory.series[draws.subject, kind] = last
             return np.asarray(last[self.column])
         value = self.on_grid(push * scale)
         for t in range(1, self.frames):
@@ -179,7 +172,7 @@ class Grid:
 
     def lasting(self, bias: Floats, phi: Floats, draws: Draws, kind: NoiseKind) -> Floats:
         """Standard normal numbers ``[R]``: a constant share ``bias`` ``[J]``, the rest autoregressive with ``phi``."""
-        series = self.autoregression(phi, draws.normal(kind, Component.PUSH, self.cell_keys), draws.subject, kind)
+        series = self.autoregression(phi, draws, kind)
         constant = np.sqrt(bias) * draws.normal(kind, Component.BIAS, self.object_keys)
         return np.asarray(constant[self.column] + np.sqrt(1 - bias)[self.column] * series)
 

@@ -73,7 +73,7 @@ def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, F
     bias, ar, phi, parent = slots.of_objects(lambda noise: memory(_parameters(noise))).T
     ar, parent = (ar / np.maximum(1 - bias, 1e-12))[slots.column], parent[slots.column]
     new = draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys)
-    series = slots.autoregression(phi, draws.normal(NoiseKind.QUALITY, Component.PUSH, slots.cell_keys), draws.subject)
+    series = slots.autoregression(phi, draws, NoiseKind.QUALITY)
     normal = np.sqrt(ar) * series + np.sqrt(1 - ar) * new
     normal = parent * object_quality + np.sqrt(1 - parent**2) * normal
     positive = exponential(draws.normal(NoiseKind.QUALITY, Component.BIAS, slots.object_keys))

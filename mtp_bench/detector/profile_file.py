@@ -10,7 +10,6 @@ import numpy as np
 
 from ..errors import CardError, require_known
 from ..strict import Section, read_toml, validate
-from .draws import stationary
 from .profile import ClassNoise, Profile, Variant
 
 _STORE = Path(__file__).parent / "profiles"
@@ -67,6 +66,8 @@ def with_variant(profile: Profile, variant: Variant) -> Profile:
 
 def _without_memory(noise: ClassNoise) -> dict[str, Any]:
     heading = noise.heading
+    from .draws import stationary  # SciPy takes long to import
+
     flips = float(stationary(np.asarray(heading.flip), np.asarray(heading.flip_again)))
     unshared = {**_NO_MEMORY, "shared": 0.0}
     lapses = _with(noise.quality.lapses, {"bias": 0.0, "phi": 0.0, "shared": 0.0})

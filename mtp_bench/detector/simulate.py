@@ -74,5 +74,6 @@ def simulate(
         reported = reported_classes(known, classes, noise_names, name, noise.free)
         if reported is not None:
             rows.append(free_false_positives(noise, reported, scene, number, seed))
-    shown = rows if going_on is None else [select(part, part.frame < frames) for part in rows]
-    return sorted_detections(shown, frames)
+    if going_on is not None and memory is None:
+        rows = [select(part, part.frame < frames) for part in rows]
+    return sorted_detections(rows, frames)

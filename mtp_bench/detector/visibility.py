@@ -114,9 +114,8 @@ def _first_in_sectors(box: Floats, frame: Ints, sensor: Floats, middle: Floats, 
     ends = np.remainder(np.concatenate([middle - half, middle + half]), _TURN)
     ends = ends[np.lexsort((ends, np.tile(frame, 2)))]
     first, count = 2 * np.searchsorted(frame, frame), 2 * np.bincount(frame)[frame]  # sectors of each box's frame
-    last = np.append(np.flatnonzero(np.diff(frame)), len(frame) - 1)
     following = np.append(ends[1:], 0.0)
-    following[2 * last + 1] = ends[first[last]] + _TURN
+    following[first + count - 1] = ends[first] + _TURN
     width = following - ends
     ray = ends + width / 2
     # rays that can hit a box: those of the sectors from a little before its first end to a little after its second one
