@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import chdtri, ndtr
 
 from ..geometry import rotate, wrap_angle
-from ..types import Bools, Floats, Ints, select
+from ..types import Bools, Floats, Ints
 from .draws import Component, Draws, NoiseKind, at_period, keys_of, stationary
 from .grid import Grid, Neighbours
 
@@ -33,17 +33,19 @@ class BoxErrors:
 
 def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: Ints | None = None) -> BoxErrors:
     """Draw the errors of all rows of a grid, or of some ``rows``; ``neighbours``, if any, share the lasting ones."""
-    if rows is not None and grid.memory is None:
+    if rows is not None and grid.memory is None and neighbours is None:
         grid, rows = grid.select(rows), None
     axes = (("radial", NoiseKind.RADIAL), ("tangential", NoiseKind.TANGENTIAL))
     latent = np.stack([grid.latent(attrgetter(axis), neighbours, draws, kind) for axis, kind in axes], axis=-1)
+    tail, flipped = _tail_factors(grid, draws), _flips(grid, draws)
+    if rows is not None:
+        grid, latent, tail, flipped = grid.select(rows), latent[rows], tail[rows], flipped[rows]
     scales = [grid.of_rows(attrgetter(f"{axis}.s0", f"{axis}.s1", f"{axis}.quality")) for axis, _ in axes]
     mean, deviation, heading = grid.of_rows(lambda n: (*n.z, n.heading.scale)).T
     z = mean + deviation * draws.normal(NoiseKind.Z, Component.WHITE, grid.row_keys)
-    turn = heading / ROBUST_T4 * _student_t4(grid, draws) + np.pi * _flips(grid, draws)
+    turn = heading / ROBUST_T4 * _student_t4(grid, draws) + np.pi * flipped
     sizes, velocity = _size_errors(grid, draws), _velocity_errors(grid, draws)
-    errors = BoxErrors(latent, _tail_factors(grid, draws), np.stack(scales, axis=1), z, turn, sizes, velocity)
-    return errors if rows is None else select(errors, rows)
+    return BoxErrors(latent, tail, np.stack(scales, axis=1), z, turn, sizes, velocity)
 
 
 def detected_boxes(

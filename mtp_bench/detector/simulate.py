@@ -64,7 +64,7 @@ def simulate(
     qualities = draw_qualities(grid, visibility, neighbours, draws)
     direction = visibility.bearing + ego[grid.frame, 3]
     hit = np.flatnonzero(qualities.reported & sensor.covers(visibility.distance, visibility.bearing))
-    errors, seen = select(draw_errors(grid, neighbours, draws), hit), (visibility.distance, direction, qualities.random)
+    errors, seen = draw_errors(grid, neighbours, draws, hit), (visibility.distance, direction, qualities.random)
     box, velocity = detected_boxes(truth.box[hit], truth.velocity[hit], errors, *(column[hit] for column in seen))
     objects = DetectedRows(grid.frame[hit], box, velocity, truth.class_id[hit], qualities.score[hit])
     noise_names = [profile.noise_name(name) for name in classes]
