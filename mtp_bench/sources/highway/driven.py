@@ -138,7 +138,8 @@ class DrivenTraffic:
         every = np.concatenate([vehicles, people, parked])
         reach = np.hypot(every[:, 4], every[:, 5]) / 2
         near = np.flatnonzero(np.hypot(*(every[:, :2] - every[own, :2]).T) < reach + reach[own])
-        met = near[boxes_meet(every[near], every[np.full(len(near), own)]) & (near != own)].tolist()
+        near = near[near != own]
+        met = near[boxes_meet(every[near], every[np.full(len(near), own)])].tolist() if len(near) else []
         if met and self.collision is None:
             faults = [other for other in met if is_at_fault(every[own], float(self.ego.speed), every[other])]
             kind, number = self._recording.identity((faults or met)[0])

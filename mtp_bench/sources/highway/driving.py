@@ -40,6 +40,7 @@ class Fleet:
         self.disc_places = (self.length[:, None] * _DISC_PLACES)[:, :, None]  # [N, discs, 1] m along the axis
         self.disc_radius = np.repeat(np.hypot(self.width / 2, self.length / (2 * _DISCS)), _DISCS)
         self.disc_owner = np.repeat(np.arange(len(vehicles)), _DISCS)
+        self.disc_center = np.arange(len(vehicles)) * _DISCS + _DISCS // 2  # index of the middle disc
         length, width, wheelbase = (values[:, None] for values in (self.length, self.width, self.wheelbase))
         outer, inner = swept_sides(length, width, wheelbase, geometry.radius)
         right_turn = geometry.turn > 0
@@ -96,7 +97,7 @@ def observe(fleet: Fleet, road_map: RoadMap, routes: RouteTable, people: Floats,
     direction[:, 0], direction[:, 1] = np.cos(heading), np.sin(heading)
     discs = xy[:, None, :] + fleet.disc_places * direction[:, None, :]
     along, across = road_map.geometry.coordinates(np.concatenate([discs.reshape(-1, 2), people]))
-    center = np.arange(n) * _DISCS + _DISCS // 2
+    center = fleet.disc_center
     length = road_map.geometry.length
     for _ in range(2):  # a lane may be shorter than a step
         after = routes.following[route, lane]
@@ -144,7 +145,9 @@ def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
     least = np.full(len(state), np.inf)
     np.minimum.at(least, row, gap)
     nearest = np.flatnonzero(gap == least[row])
-    nearest = nearest[np.diff(row[nearest], prepend=-1) > 0]  # the first one of each vehicle
+    first = np.ones(len(nearest), dtype=np.bool_)  # of each vehicle
+    first[1:] = row[nearest[1:]] > row[nearest[:-1]]
+    nearest = nearest[first]
     row, k, disc = row[nearest], k[nearest], disc[nearest]
     lane = lanes[row, k]
     tangent = geometry.heading(lane, state.along[lane, disc])
@@ -171,9 +174,10 @@ def _discs_in_lanes(
     inside &= (state.across + radius > least[:, None]) & (state.across - radius < most[:, None])
     disc, count = np.nonzero(inside)[1], inside.sum(axis=1)
     begin = np.cumsum(count) - count
-    pair = np.repeat(np.arange(len(lane)), count[lane])
-    rank = np.arange(len(pair)) - np.repeat(np.cumsum(count[lane]) - count[lane], count[lane])
-    return row[pair], k[pair], disc[begin[lane][pair] + rank]
+    candidates = count[lane]
+    pair = np.repeat(np.arange(len(lane)), candidates)
+    shift = begin[lane] - (np.cumsum(candidates) - candidates)
+    return row[pair], k[pair], disc[np.arange(len(pair)) + shift[pair]]
 
 
 def _swept_strip(state: RoadState) -> tuple[Floats, Floats]:

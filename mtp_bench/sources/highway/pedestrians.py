@@ -61,10 +61,6 @@ class Person:
             return self.far_point
         return self.waiting_point if self.stage == WAITING else self.ahead[0]
 
-    def comes_to_kerb(self) -> bool:
-        """True if the last point before the crossing is next."""
-        return self.stage == ARRIVING and len(self.ahead) == 1
-
 
 class _Columns:
     """Constants of M people."""
@@ -207,14 +203,16 @@ class Crowd:
                 p.passed += p.ahead[:1] if p.passed else []
                 p.ahead = p.ahead[1:]
                 remaining = p.remaining
-            if p.comes_to_kerb() and remaining < (_QUEUED if stands else _NEAR):
-                p.stage = WAITING
+            if p.stage == ARRIVING and len(p.ahead) == 1:  # the last point before the crossing
+                if remaining < (_QUEUED if stands else _NEAR):
+                    p.stage = WAITING
+                if remaining < _LOOKS:
+                    at_kerb.add(p.number)
             elif p.stage == WAITING:
                 p.waited += dt
+                at_kerb.add(p.number)
             elif p.stage == CROSSING and (p.far_point[0] - p.place[0]) * p.direction < 0.2:
                 p.stage, p.ahead = LEAVING, p.departure
-            if p.stage == WAITING or (p.comes_to_kerb() and remaining < _LOOKS):
-                at_kerb.add(p.number)
         for group in sorted(self._behaviour.ready):
             members = [p for p in self.people if p.group == group]
             if all(p.number in at_kerb for p in members) and all(free(self._walk(p)) for p in members):
