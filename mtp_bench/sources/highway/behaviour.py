@@ -1,6 +1,7 @@
 """Random behaviour of drivers and people on foot, beside the driver model and the social forces."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -36,9 +37,7 @@ _SLOW = 0.45  # share of the pace while hesitating
 class OrnsteinUhlenbeck:
     """Ornstein-Uhlenbeck processes with mean 0; a process of each kind per number."""
 
-    def __init__(
-        self, spread: tuple[float, ...], memory: tuple[float, ...], dt: float, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, spread: Sequence[float], memory: Sequence[float], dt: float, rng: np.random.Generator) -> None:
         """``spread`` and ``memory``: deviation and seconds of each of the K kinds."""
         decay = [math.exp(-dt / seconds) for seconds in memory]
         push = [deviation * math.sqrt(1.0 - d**2) for deviation, d in zip(spread, decay, strict=True)]
@@ -154,15 +153,12 @@ class PedestrianBehaviour:
         self.ready = {group for group, u in zip(present, last, strict=True) if u < _READY * self._dt}
         self.turning = {group for group, u in zip(present, last, strict=True) if u > 1.0 - _BACK * self._dt}
 
-    def walk(
-        self, way: Floats, pace: Floats, numbers: Ints, groups: list[int], crossing: Bools
-    ) -> tuple[Floats, Floats]:
+    def walk(self, way: Floats, pace: Floats, numbers: Ints, groups: Ints, crossing: Bools) -> tuple[Floats, Floats]:
         """Vectors to the goals ``[M, 2]``, turned a little, and present speeds ``[M]`` from the usual ``pace`` ``[M]``.
 
         On a ``crossing`` ``[M]`` people walk straight on, and hesitate, but do not stop.
         """
         bearing, haste = self._varying.step(numbers)
-        stops = np.array([group in self._stops for group in groups]) & ~crossing
-        slow = np.where(np.array([group in self._hesitations for group in groups]) & crossing, _SLOW, 1.0)
-        speed = pace * slow * np.minimum(np.maximum(1.0 + haste, 0.5), 1.3) * ~stops
+        stops, slow = (np.array([g in chosen for g in groups.tolist()]) for chosen in (self._stops, self._hesitations))
+        speed = pace * np.where(slow & crossing, _SLOW, 1.0) * np.clip(1.0 + haste, 0.5, 1.3) * ~(stops & ~crossing)
         return rotate(way, bearing * ~crossing), speed

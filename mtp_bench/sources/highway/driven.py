@@ -58,7 +58,7 @@ class _Ego(Driver):
         self.way, self.s, self.wanted = way, s, 0.0
         self._place()
 
-    def drive(self) -> tuple[float, float, float, float, float]:
+    def drive(self) -> tuple[float, ...]:
         """Move along the way for 1 / `RATE` seconds, without the driver model."""
         dt, speed = 1.0 / RATE, float(self.speed)
         gain = max(self.wanted, -speed / dt)
@@ -177,7 +177,7 @@ class DrivenTraffic:
         first = attempt.map.routes[driver.route].roads[0]
         same = [r for r, route in enumerate(attempt.map.routes) if route.roads[0] == first]
         route = min(same, key=lambda r: attempt.map.routes[r].weight)
-        ego = _Ego(driver.road, driver.position, driver.heading, driver.speed, driver.traits, driver.number)
+        ego = _Ego(driver.position, driver.heading, driver.speed, driver.traits, driver.number)
         ego.route, attempt.vehicles[place] = route, ego
         ego.follow(way_of(attempt.map, attempt.routes, route), s)
         return ego

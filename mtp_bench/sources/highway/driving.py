@@ -35,91 +35,57 @@ class Fleet:
         self.vehicles = vehicles
         self.numbers: Ints = np.array([v.number for v in vehicles], dtype=np.int64)
         traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(-1, 13)
-        self.length, self.width, self.wheelbase = traits[:, :3].T.copy()
-        self.style, self.offset = traits[:, 3:10], traits[:, 10].copy()  # see `RoadState`
+        self.length, self.width, self.wheelbase = traits[:, :3].T.copy()  # [N]
+        self.style = traits[:, 3:10]  # [N, 7] pace, top speed, time gap, least gap, acceleration, braking, politeness
+        self.offset = traits[:, 10].copy()  # [N] m right of the middle of the lane, preferred
         self.disc_places = (self.length[:, None] * _DISC_PLACES)[:, :, None]  # [N, discs, 1] m along the axis
         self.disc_radius = np.repeat(np.hypot(self.width / 2, self.length / (2 * _DISCS)), _DISCS)
         self.disc_owner = np.repeat(np.arange(len(vehicles)), _DISCS)
-        self.disc_center = np.arange(len(vehicles)) * _DISCS + _DISCS // 2  # index of the middle disc
-        length, width, wheelbase = (values[:, None] for values in (self.length, self.width, self.wheelbase))
-        outer, inner = swept_sides(length, width, wheelbase, geometry.radius)
+        sizes = (self.length[:, None], self.width[:, None], self.wheelbase[:, None])
+        outer, inner = swept_sides(*sizes, geometry.radius)
         right_turn = geometry.turn > 0
         self.left, self.right = np.where(right_turn, outer, inner), np.where(right_turn, inner, outer)  # [N, L] m
-
-
-@dataclass(frozen=True, eq=False)
-class RoadState:
-    """N vehicles in the order of the road's list, and discs that cover vehicles and M people; highway-env's frame."""
-
-    fleet: Fleet
-    vehicles: list[Driver]
-    numbers: Ints  # [N]
-    xy: Floats  # [N, 2]
-    heading: Floats  # [N]
-    speed: Floats  # [N]
-    steering: Floats  # [N] rad, of the last step
-    acceleration: Floats  # [N] m/s2, of the last step
-    length: Floats  # [N]
-    width: Floats  # [N]
-    wheelbase: Floats  # [N]
-    style: Floats  # [N, 7] pace, top speed, time gap, least gap, acceleration, braking, politeness
-    offset: Floats  # [N] m right of the middle of the lane, preferred
-    route: Ints  # [N]
-    lane: Ints  # [N] lane that is driven in, or towards
-    s: Floats  # [N] longitudinal coordinate in that lane
-    d: Floats  # [N] lateral coordinate
-    path: Ints  # [N, K] the lanes ahead, the present one first; `NO_LANE` without one
-    path_start: Floats  # [N, K] m from the vehicle to their start
-    progress: Floats  # [N] m from the start of the route
-    velocity: Floats  # [N + M, 2] of vehicles, then people
-    disc_owner: Ints  # [P] index into ``velocity``
-    disc_radius: Floats  # [P]
-    along: Floats  # [L, P] lane coordinates of the discs
-    across: Floats  # [L, P]
-    finished: Bools  # [N] at the end of the route
 
     def __len__(self) -> int:
         return len(self.vehicles)
 
 
-def observe(fleet: Fleet, road_map: RoadMap, routes: RouteTable, people: Floats, people_velocity: Floats) -> RoadState:
-    """Read the state of the ``fleet`` and move the lane numbers of its vehicles on along their ``routes``.
+class RoadState(Fleet):
+    """N vehicles in the order of the road's list, and discs that cover vehicles and M people; highway-env's frame."""
 
-    ``people`` and ``people_velocity`` ``[M, 2]``: places and velocities of people on foot.
-    """
-    vehicles = fleet.vehicles
-    n = len(vehicles)
-    xy = places(vehicles)
-    columns = np.array([v.motion for v in vehicles], dtype=np.float64).reshape(-1, 6).T.copy()
-    heading, speed, steering, acceleration = columns[:4]
-    route, lane = columns[4:].astype(np.int64)
-    direction = np.empty((n, 2))
-    direction[:, 0], direction[:, 1] = np.cos(heading), np.sin(heading)
-    discs = xy[:, None, :] + fleet.disc_places * direction[:, None, :]
-    along, across = road_map.geometry.coordinates(np.concatenate([discs.reshape(-1, 2), people]))
-    center = fleet.disc_center
-    length = road_map.geometry.length
-    for _ in range(2):  # a lane may be shorter than a step
-        after = routes.following[route, lane]
-        passed = (along[lane, center] > length[lane]) & (after != NO_LANE)
-        if not passed.any():
-            break
-        lane = np.where(passed, after, lane)
-    for vehicle, number in zip(vehicles, lane.tolist(), strict=True):
-        vehicle.lane_number = number
-    s = along[lane, center]
-    return RoadState(
-        fleet=fleet, vehicles=vehicles, numbers=fleet.numbers,
-        xy=xy, heading=heading, speed=speed, steering=steering, acceleration=acceleration,
-        length=fleet.length, width=fleet.width, wheelbase=fleet.wheelbase, style=fleet.style, offset=fleet.offset,
-        route=route, lane=lane, s=s, d=across[lane, center],
-        path=routes.path[route, lane], path_start=routes.path_start[route, lane] - s[:, None],
-        progress=routes.start[route, lane] + s,
-        velocity=np.concatenate([direction * speed[:, None], people_velocity]),
-        disc_owner=np.concatenate([fleet.disc_owner, n + np.arange(len(people))]),
-        disc_radius=np.concatenate([fleet.disc_radius, np.full(len(people), _PERSON_RADIUS)]),
-        along=along, across=across, finished=routes.last[route, lane] & (s > length[lane] - 1.0),
-    )  # fmt: skip
+    def __init__(
+        self, fleet: Fleet, road_map: RoadMap, routes: RouteTable, people: Floats, people_velocity: Floats
+    ) -> None:
+        """Read the state of the ``fleet`` and move the lane numbers of its vehicles on along their ``routes``.
+
+        ``people`` and ``people_velocity`` ``[M, 2]``: places and velocities of people on foot.
+        """
+        vars(self).update(vars(fleet))
+        vehicles, n, m = fleet.vehicles, len(fleet), len(people)
+        rows = [(v.heading, v.speed, *v.action.values(), v.route, v.lane_number) for v in vehicles]
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 6).T.copy()
+        self.xy = places(vehicles)  # [N, 2]
+        self.heading, self.speed, self.steering, self.acceleration = columns[:4]  # [N], the last two of the last step
+        route, lane = columns[4:].astype(np.int64)
+        direction = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=1)
+        discs = self.xy[:, None, :] + fleet.disc_places * direction[:, None, :]
+        points = np.concatenate([discs.reshape(-1, 2), people])
+        self.along, self.across = road_map.geometry.coordinates(points)  # [L, P] lane coordinates of the discs
+        center, length = np.arange(n) * _DISCS + _DISCS // 2, road_map.geometry.length
+        for _ in range(2):  # a lane may be shorter than a step
+            after = routes.following[route, lane]
+            lane = np.where((self.along[lane, center] > length[lane]) & (after != NO_LANE), after, lane)
+        for vehicle, number in zip(vehicles, lane.tolist(), strict=True):
+            vehicle.lane_number = number
+        self.route, self.lane = route, lane  # [N] lane that is driven in, or towards
+        self.s, self.d = self.along[lane, center], self.across[lane, center]  # [N] coordinates in that lane
+        self.path = routes.path[route, lane]  # [N, K] lanes ahead, the present one first; `NO_LANE` without one
+        self.path_start = routes.path_start[route, lane] - self.s[:, None]  # [N, K] m from the vehicle to their start
+        self.progress = routes.start[route, lane] + self.s  # [N] m from the start of the route
+        self.velocity = np.concatenate([direction * self.speed[:, None], people_velocity])  # [N + M, 2]
+        self.disc_owner = np.concatenate([fleet.disc_owner, n + np.arange(m)])  # [P] index into ``velocity``
+        self.disc_radius = np.concatenate([fleet.disc_radius, np.full(m, _PERSON_RADIUS)])  # [P]
+        self.finished: Bools = routes.last[route, lane] & (self.s > length[lane] - 1.0)  # [N] at the end of the route
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +155,7 @@ def _swept_strip(state: RoadState) -> tuple[Floats, Floats]:
     low.T[:], high.T[:] = np.minimum(state.offset, 0.0), np.maximum(state.offset, 0.0)
     low[:, 0], high[:, 0] = np.minimum(state.d, state.offset), np.maximum(state.d, state.offset)
     rows = np.arange(len(state))[:, None]
-    return low - state.fleet.left[rows, state.path] - _MARGIN, high + state.fleet.right[rows, state.path] + _MARGIN
+    return low - state.left[rows, state.path] - _MARGIN, high + state.right[rows, state.path] + _MARGIN
 
 
 def swept_sides(length: Floats, width: Floats, wheelbase: Floats, radius: Floats) -> tuple[Floats, Floats]:
@@ -240,17 +206,13 @@ def steering_angles(state: RoadState, geometry: LaneGeometry, routes: RouteTable
     beyond = (ahead > geometry.length[state.lane]) & (after >= 0)
     lane = np.where(beyond, after, state.lane)
     s = np.where(beyond, ahead - geometry.length[state.lane], ahead)
-    slip = np.arcsin(_clip(state.wheelbase / 2 * geometry.curvature[lane], -0.9, 0.9))
-    rate = _clip(-_LATERAL_RATE * (state.d - state.offset), -_LATERAL_SPEED, _LATERAL_SPEED)
-    wanted = geometry.heading(lane, s) - slip + np.arcsin(_clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
+    slip = np.arcsin(np.clip(state.wheelbase / 2 * geometry.curvature[lane], -0.9, 0.9))
+    rate = np.clip(-_LATERAL_RATE * (state.d - state.offset), -_LATERAL_SPEED, _LATERAL_SPEED)
+    wanted = geometry.heading(lane, s) - slip + np.arcsin(np.clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
     error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
     bend = v * geometry.curvature[lane]
     most = _SWERVE / np.maximum(v, _SLOW)
-    rate = _clip(_HEADING_RATE * error, bend - most, bend + most)
-    turn = np.arcsin(_clip(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))
+    rate = np.clip(_HEADING_RATE * error, bend - most, bend + most)
+    turn = np.arcsin(np.clip(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))
     now = np.arctan(np.tan(state.steering) / 2)
-    return np.asarray(np.arctan(2 * np.tan(_clip(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt))))
-
-
-def _clip(values: Floats, least: Floats | float, most: Floats | float) -> Floats:
-    return np.minimum(np.maximum(values, least), most)  # much quicker than NumPy's for few values
+    return np.asarray(np.arctan(2 * np.tan(np.clip(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt))))

@@ -18,5 +18,5 @@ def _copy(name: str) -> Any:
 
 _lane, _road = _copy("highway_env.road.lane"), _copy("highway_env.road.road")
 CircularLane, SineLane, StraightLane = _lane.CircularLane, _lane.SineLane, _lane.StraightLane
-Road, RoadNetwork = _road.Road, _road.RoadNetwork
+RoadNetwork = _road.RoadNetwork
 Vehicle = _copy("highway_env.vehicle.kinematics").Vehicle

@@ -62,19 +62,6 @@ class Person:
         return self.waiting_point if self.stage == WAITING else self.ahead[0]
 
 
-class _Columns:
-    """Constants of M people."""
-
-    def __init__(self, people: list[Person], origin: Floats, axes: Floats) -> None:
-        self.people = people
-        self.number, self.group, crossing = (
-            np.array([getattr(p, name) for p in people], dtype=np.int64) for name in ("number", "group", "crossing")
-        )
-        self.origin, self.axes = origin[crossing], axes[crossing]
-        self.pace = np.array([p.pace for p in people])
-        self.size = np.array([(p.size[2] / 2, 0.0, *p.size) for p in people]).reshape(-1, 5)  # z yaw l w h
-
-
 class Crowd:
     """All people on foot; keeps their number on the map."""
 
@@ -84,12 +71,11 @@ class Crowd:
         self.people: list[Person] = []
         self._made = self._groups = 0
         self._xy: tuple[Floats, Floats] | None = None  # until somebody moves or comes
-        self._columns = _Columns([], np.empty((0, 2)), np.empty((0, 2, 2)))
-        self._own: Floats = np.empty((0, 2, 2))  # [M, 2, 2] places and velocities of the people
         self._origin = np.array([c.origin for c in self._crossings], dtype=np.float64).reshape(-1, 2)
         self._axes = np.array(
             [(c.direction, (-c.direction[1], c.direction[0])) for c in self._crossings], dtype=np.float64
         ).reshape(-1, 2, 2)  # rows: along, across
+        self._read()
         for _ in range(20 * most):
             if len(self.people) < most:
                 stage = LEAVING if rng.uniform() < _CROSSED else ARRIVING
@@ -99,18 +85,25 @@ class Crowd:
     def xy(self) -> tuple[Floats, Floats]:
         """Places and velocities ``[M, 2]`` in the frame of the road."""
         if self._xy is None:
-            if self._columns.people != self.people:
-                self._columns = _Columns([*self.people], self._origin, self._axes)
-                own = [v for p in self.people for v in (p.place, p.velocity)]
-                self._own = _points(own).reshape(-1, 2, 2)
-            turned = self._own @ self._columns.axes
-            self._xy = self._columns.origin + turned[:, 0], turned[:, 1]
+            if self._known != self.people:
+                self._read()
+            turned = self._own @ self._turn
+            self._xy = self._start + turned[:, 0], turned[:, 1]
         return self._xy
+
+    def _read(self) -> None:
+        """Read what changes only where somebody comes or goes, and the states, which `_move` keeps up to date."""
+        people = self._known = [*self.people]
+        rows = [(p.number, p.group, p.crossing) for p in people]
+        self._number, self._group, crossing = np.array(rows, dtype=np.int64).reshape(-1, 3).T
+        self._start, self._turn = self._origin[crossing], self._axes[crossing]
+        self._pace = np.array([p.pace for p in people])
+        self._size = np.array([(p.size[2] / 2, 0.0, *p.size) for p in people]).reshape(-1, 5)  # z yaw l w h
+        self._own = _points([v for p in people for v in (p.place, p.velocity)]).reshape(-1, 2, 2)
 
     def boxes(self) -> Floats:
         """Boxes ``[M, 7]`` in the frame of the road (y down)."""
-        box = np.empty((len(self.people), 7))
-        box[:, :2], box[:, 2:] = self.xy()[0], self._columns.size
+        box = np.concatenate([self.xy()[0], self._size], axis=1)
         box[:, 3] = [p.heading for p in self.people]
         return box
 
@@ -133,10 +126,8 @@ class Crowd:
                 p.ahead, p.passed, p.stage = p.passed[::-1], [], LEAVING
         self._advance(dt, free)
         self._move(dt, vehicles, self._pavement)
-        far = (self._remaining() > _GONE).tolist()
-        self.people = [
-            p for p, goes_on in zip(self.people, far, strict=True) if goes_on or p.stage != LEAVING or len(p.ahead) > 1
-        ]
+        remaining = zip(self.people, self._remaining().tolist(), strict=True)
+        self.people = [p for p, to_end in remaining if p.stage != LEAVING or len(p.ahead) > 1 or to_end > _GONE]
         self._xy = None
         if len(self.people) < self._target and self._rng.uniform() < dt / 1.5:
             self._add_group(ARRIVING, 1.0)
@@ -223,26 +214,23 @@ class Crowd:
         if not self.people:
             return
         place, velocity = self.xy()
-        columns = self._columns
-        axes, origin = columns.axes, columns.origin
+        axes, origin = self._turn, self._start
         goal = origin + np.einsum("ni,nij->nj", _points([p.goal for p in self.people]), axes)
         stage = np.array([p.stage for p in self.people])
         beside = stage != CROSSING
-        groups = [p.group for p in self.people]
-        way, pace = self._behaviour.walk(goal - place, columns.pace, columns.number, groups, ~beside)
-        pairs, outlines = walking.pairs_of(place), walking.Outlines(vehicles)
-        before = outlines.clearance(place)
-        force = walking.social_force(pairs, velocity, way, pace, columns.group)
+        way, pace = self._behaviour.walk(goal - place, self._pace, self._number, self._group, ~beside)
+        pairs, outlines = walking.pairs_of(place), walking.Outlines(vehicles, place)
+        force = walking.social_force(pairs, velocity, way, pace, self._group)
         new = walking.limit_length(velocity + dt * force, 1.25 * pace)
-        new = walking.slow_before_others(place, pairs, new, outlines, before, dt)
+        new = walking.slow_before_others(place, pairs, new, outlines, dt)
         new = walking.slow_at_kerb(place, new, pavement, beside)
         new = velocity + walking.limit_length(new - velocity, _HARDEST * dt)
         moved = walking.keep_off_road(walking.push_apart(place + dt * new), pavement, beside)
-        moved = walking.keep_out_of_vehicles(place, before, moved, outlines)
+        moved = walking.keep_out_of_vehicles(place, moved, outlines)
         new = (moved - place) / dt
         own = np.einsum("nij,nkj->nki", axes, np.stack([moved - origin, new], axis=1)).round(6) + 0.0
-        heading = np.array([p.heading for p in self.people])
-        heading = _turned_headings(heading, new, goal - moved, stage == WAITING)
+        before = np.array([p.heading for p in self.people])
+        heading = _turned_headings(before, new, goal - moved, stage == WAITING)
         self._own = own
         for p, (own_place, own_velocity), course in zip(self.people, own, heading.tolist(), strict=True):
             p.place, p.velocity, p.heading = own_place, own_velocity, course

@@ -1,7 +1,6 @@
 """Simulation of a world from a seed: traffic warms up and is recorded; worlds with a crash are rejected."""
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -9,10 +8,9 @@ from ...errors import DataError
 from ...types import Bools, Floats, Ints, Lane
 from .behaviour import DriverBehaviour, PedestrianBehaviour
 from .conflicts import Passage, find_passages
-from .driving import Fleet, RoadState, braking, desired_speed, find_leaders, observe, steering_angles
+from .driving import Fleet, RoadState, braking, desired_speed, find_leaders, steering_angles
 from .lane_change import LaneChanges
 from .lanes import RouteTable, lane_map, route_table
-from .library import Road
 from .networks import RoadMap, build_map
 from .pedestrians import Crowd
 from .recording import Recording
@@ -67,14 +65,14 @@ class Attempt:
         self.crowd = Crowd(self.map, traffic.pedestrians, people, PedestrianBehaviour(1.0 / RATE, walking))
         behaviour = DriverBehaviour(1.0 / RATE, driving)
         self.drivers = _Drivers(self.map, self.routes, passages, self.crowd, behaviour)
-        self._entries = Entries(self.map, traffic.vehicles, entries)
-        self._entries.fill(self.drivers.road)
+        self._entries = Entries(self.map, traffic.vehicles, self.vehicles, entries)
+        self._entries.fill()
         self._steps = 0
 
     @property
     def vehicles(self) -> list[Driver]:
         """The vehicles on the road."""
-        return self.drivers.road.vehicles  # type: ignore[no-any-return]
+        return self.drivers.vehicles
 
     def boxes(self) -> tuple[Floats, Floats, Floats]:
         """Boxes ``[N, 7]`` of vehicles, people on foot and parked cars, in highway-env's frame."""
@@ -83,7 +81,7 @@ class Attempt:
     def step(self, vehicles: Floats) -> None:
         """Move everybody by 1 / `RATE` seconds; ``vehicles`` ``[N, 7]``: their boxes now."""
         finished = self.drivers.step(self._steps, np.concatenate([vehicles, self.parked]))
-        self._entries.admit(self.drivers.road, finished)
+        self._entries.admit(finished)
         self._steps += 1
 
     def run(self) -> World | str:
@@ -110,8 +108,7 @@ class _Drivers:
         behaviour: DriverBehaviour,
     ) -> None:  # fmt: skip
         self._map, self._routes, self._crowd, self._behaviour = road_map, routes, crowd, behaviour
-        unused: Any = np.random.default_rng(0)  # otherwise the road would make a generator with a seed from the clock
-        self.road: Any = Road(network=road_map.network, np_random=unused)
+        self.vehicles: list[Driver] = []
         self.rules = RightOfWay(passages, road_map.first_in_first_out) if road_map.regulated else None
         self._changes = LaneChanges(road_map, routes) if road_map.overtaking else None
         self._fleet = Fleet([], road_map.geometry)
@@ -121,13 +118,12 @@ class _Drivers:
 
         ``obstacles`` ``[N, 7]``: boxes that people on foot walk around.
         """
-        if self._fleet.vehicles != self.road.vehicles:
-            self._fleet = Fleet([*self.road.vehicles], self._map.geometry)
-        state = observe(self._fleet, self._map, self._routes, *self._crowd.xy())
+        if self._fleet.vehicles != self.vehicles:
+            self._fleet = Fleet([*self.vehicles], self._map.geometry)
+        state = RoadState(self._fleet, self._map, self._routes, *self._crowd.xy())
         acceleration = self._acceleration(state, step)
         angle = steering_angles(state, self._map.geometry, self._routes, 1.0 / RATE)
-        states = (state.xy, state.heading, state.speed, state.wheelbase)
-        move_vehicles(state.vehicles, *states, (angle, acceleration))
+        move_vehicles(state.vehicles, state, angle, acceleration)
         if self.rules is not None:
             self._crowd.step(1.0 / RATE, obstacles, self.rules.free_to_walk)
         return [state.vehicles[i] for i in np.flatnonzero(state.finished)]
@@ -154,10 +150,7 @@ class _Drivers:
 
 
 def overlapping(box: Floats, still: int = 0) -> Ints:
-    """Pairs ``[n, 2]`` of rows of boxes ``[N, 7]`` that overlap in bird's eye view (separating axes).
-
-    ``still``: number of boxes, the last ones, that do not overlap each other.
-    """
+    """Pairs ``[n, 2]`` of rows of boxes ``[N, 7]`` that overlap in bird's eye view; the last ``still`` are apart."""
     x, y, reach = box[:, 0], box[:, 1], np.hypot(box[:, 4], box[:, 5]) / 2
     moving = slice(len(box) - still)
     dx, dy = x[moving, None] - x, y[moving, None] - y

@@ -52,71 +52,41 @@ class VehicleTraits:
     class_id: int
 
 
-class Driver(Vehicle):  # type: ignore[misc]
-    """A vehicle whose state is set from outside, as all vehicles are moved at once (`move_vehicles`).
+class Driver:
+    """A vehicle of the traffic; `move_vehicles` moves all of them at once."""
 
-    ``LENGTH`` is the wheelbase, which highway-env's bicycle model turns by; the box has the size of ``traits``.
-    """
-
-    position: Any  # [2] m
-    heading: Any
-    speed: Any
-    action: Any  # steering and acceleration of the last step
-
-    def __init__(
-        self, road: Any, position: Floats, heading: float, speed: float, traits: VehicleTraits, number: int
-    ) -> None:
-        no_road: Any = None  # highway-env would search the nearest of all lanes
-        super().__init__(no_road, position, heading, speed)
-        self.road = road
-        self.LENGTH, self.WIDTH = traits.wheelbase, traits.width
-        self.impact = None
-        self.traits = traits
-        self.number = number  # unique in a world
-        self.route = -1
-        self.lane_number = -1
+    def __init__(self, position: Floats, heading: float, speed: float, traits: VehicleTraits, number: int) -> None:
+        self.position, self.heading, self.speed = position, heading, speed  # [2] m, rad, m/s
+        self.action = {"steering": 0.0, "acceleration": 0.0}  # of the last step
+        self.traits, self.number = traits, number  # unique in a world
+        self.route = self.lane_number = -1
         self.parameters = astuple(traits)
         self.size = (traits.length, traits.width, traits.height)
 
-    @property
-    def motion(self) -> tuple[float, ...]:
-        """Heading, speed, the last steering angle and acceleration, route, lane."""
-        action = self.action
-        return self.heading, self.speed, action["steering"], action["acceleration"], self.route, self.lane_number
-
-    def drive(self) -> "tuple[float, float, float, float, float] | None":
-        """New x, y, heading, speed and the acceleration of a vehicle that drives by itself; None of others."""
-        return None
+    def drive(self) -> tuple[float, ...]:
+        """New x, y, heading, speed and the acceleration of a vehicle that drives by itself; empty of others."""
+        return ()
 
 
-def move_vehicles(
-    vehicles: Sequence[Driver],
-    xy: Floats,
-    heading: Floats,
-    speed: Floats,
-    wheelbase: Floats,
-    action: tuple[Floats, Floats],
-) -> None:
+def move_vehicles(vehicles: Sequence[Driver], state: Any, steering: Floats, gain: Floats) -> None:
     """Move all vehicles for 1 / `RATE` seconds, by highway-env's bicycle model.
 
-    ``xy`` ``[N, 2]``, ``heading``, ``speed`` and ``wheelbase`` ``[N]``: of the ``vehicles``; ``action``: their steering
-    angles and accelerations ``[N]``.
+    ``state``: their `driving.RoadState`; ``steering`` and ``gain`` ``[N]``: angles and accelerations.
     """
-    steering, gain = action
+    speed, heading = state.speed, state.heading
     dt, most = 1.0 / RATE, Vehicle.MAX_SPEED
     slip = np.arctan(1 / 2 * np.tan(steering))
     gain = np.where(speed > most, np.minimum(gain, most - speed), gain)
-    course = np.empty(xy.shape)
-    course[:, 0], course[:, 1] = np.cos(heading + slip), np.sin(heading + slip)
-    place = xy + speed[:, None] * course * dt
-    heading = heading + speed * np.sin(slip) / (wheelbase / 2) * dt
+    course = np.stack([np.cos(heading + slip), np.sin(heading + slip)], axis=1)
+    place = state.xy + speed[:, None] * course * dt
+    heading = heading + speed * np.sin(slip) / (state.wheelbase / 2) * dt
     speed = speed + gain * dt
     for i, vehicle in enumerate(vehicles):
-        if (driven := vehicle.drive()) is not None:
+        if driven := vehicle.drive():
             place[i], (heading[i], speed[i], gain[i]), steering[i] = driven[:2], driven[2:], 0.0
     states = (*_rounded(place, heading, speed), steering.tolist(), gain.tolist())
-    for vehicle, position, course, pace, angle, acceleration in zip(vehicles, *states, strict=True):
-        vehicle.position, vehicle.heading, vehicle.speed = position, course, pace
+    for vehicle, *rounded, angle, acceleration in zip(vehicles, *states, strict=True):
+        vehicle.position, vehicle.heading, vehicle.speed = rounded
         vehicle.action = {"steering": angle, "acceleration": acceleration}
 
 
@@ -140,10 +110,8 @@ def places(vehicles: Sequence[Driver]) -> Floats:
 
 def vehicle_boxes(vehicles: Sequence[Driver]) -> Floats:
     """Boxes ``[N, 7]`` of vehicles in highway-env's frame (y down)."""
-    box = np.empty((len(vehicles), 7))
-    box[:, :2] = places(vehicles)
-    box[:, 2:] = np.array([(v.size[2] / 2, v.heading, *v.size) for v in vehicles], dtype=np.float64).reshape(-1, 5)
-    return box
+    rows = [(v.size[2] / 2, v.heading, *v.size) for v in vehicles]
+    return np.concatenate([places(vehicles), np.array(rows, dtype=np.float64).reshape(-1, 5)], axis=1)
 
 
 def draw_traits(fast: bool, rng: np.random.Generator) -> VehicleTraits:
@@ -183,17 +151,17 @@ def draw_size(kind: str, rng: np.random.Generator) -> tuple[float, float, float]
 class Entries:
     """Entries of the map, which keep the number of vehicles on the road."""
 
-    def __init__(self, road_map: RoadMap, vehicles: int, rng: np.random.Generator) -> None:
-        self._map, self._target, self._rng = road_map, vehicles, rng
+    def __init__(self, road_map: RoadMap, most: int, vehicles: list[Driver], rng: np.random.Generator) -> None:
+        self._map, self._target, self._vehicles, self._rng = road_map, most, vehicles, rng
         self._made = 0
         self._next: tuple[VehicleTraits, int] | None = None  # waits for room
         self._tries = 0
 
-    def fill(self, road: Any) -> None:
+    def fill(self) -> None:
         """Put the first vehicles on the first part of the entry lanes, and some on the exit lanes."""
         junction, leaving = self._map.regulated, LEAVING * self._map.regulated
         for _ in range(20 * self._target):
-            if len(road.vehicles) >= self._target:
+            if len(self._vehicles) >= self._target:
                 return
             traits, route = self._draw()
             lane = self._lanes(traits, route)[0]
@@ -201,20 +169,20 @@ class Entries:
             if leaving and self._rng.uniform() < leaving:
                 lane, part = self._map.routes[route].roads[-1][0], 0.9
             s = float(self._rng.uniform(traits.length / 2, part * self._map.geometry.length[lane]))
-            self._enter(road, traits, route, lane, s, _FIRST_ROOM)
+            self._enter(traits, route, lane, s, _FIRST_ROOM)
 
-    def admit(self, road: Any, finished: Sequence[Driver]) -> None:
+    def admit(self, finished: Sequence[Driver]) -> None:
         """Remove the ``finished`` vehicles and add at most one, if there is room."""
         for vehicle in finished:
-            road.vehicles.remove(vehicle)
-        if len(road.vehicles) >= self._target:
+            self._vehicles.remove(vehicle)
+        if len(self._vehicles) >= self._target:
             return
         if self._next is None or self._tries >= _TRIES:
             self._next, self._tries = self._draw(), 0
         traits, route = self._next
         self._tries += 1
         for lane in self._lanes(traits, route):
-            if self._enter(road, traits, route, lane, traits.length / 2 + 0.5, traits.min_gap + 2.0):
+            if self._enter(traits, route, lane, traits.length / 2 + 0.5, traits.min_gap + 2.0):
                 self._next = None
                 return
 
@@ -231,24 +199,24 @@ class Entries:
             return [lanes[-1]]
         return [lanes[int(k)] for k in self._rng.permutation(len(lanes))]
 
-    def _enter(self, road: Any, traits: VehicleTraits, route: int, lane: int, s: float, room: float) -> bool:
-        speed = self._entry_speed(road, traits, lane, s, room)
+    def _enter(self, traits: VehicleTraits, route: int, lane: int, s: float, room: float) -> bool:
+        speed = self._entry_speed(traits, lane, s, room)
         if speed is None:
             return False
         way = self._map.geometry.lanes[lane]
         position = np.asarray(way.position(s, traits.offset), dtype=np.float64)
-        vehicle = Driver(road, position, float(way.heading_at(s)), speed, traits, self._made)
+        vehicle = Driver(position, float(way.heading_at(s)), speed, traits, self._made)
         vehicle.route, vehicle.lane_number = route, lane
         round_states([vehicle])
-        road.vehicles.append(vehicle)
+        self._vehicles.append(vehicle)
         self._made += 1
         return True
 
-    def _entry_speed(self, road: Any, traits: VehicleTraits, lane: int, place: float, room: float) -> float | None:
+    def _entry_speed(self, traits: VehicleTraits, lane: int, place: float, room: float) -> float | None:
         """Speed to enter with at a place in a lane; None without room."""
         way = self._map.geometry.lanes[lane]
         speed = min(traits.pace * float(self._map.geometry.limit[lane]), traits.top_speed)
-        for other in road.vehicles:
+        for other in self._vehicles:
             s, d = way.local_coordinates(other.position)
             if abs(d) > _LANE_WIDTH:
                 continue

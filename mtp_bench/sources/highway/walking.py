@@ -175,13 +175,8 @@ def limit_length(vector: Floats, most: Floats | float) -> Floats:
     return vector * np.minimum(1.0, most / np.maximum(length, _TINY))[:, None]
 
 
-def slow_before_others(
-    place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", before: Floats, dt: float
-) -> Floats:
-    """Velocities ``[M, 2]`` at which people can stop before each other and ``vehicles``.
-
-    ``pairs``: of ``place``; ``before`` ``[M, N]``: clearance of it to the vehicles.
-    """
+def slow_before_others(place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", dt: float) -> Floats:
+    """Velocities ``[M, 2]`` at which people can stop before each other and ``vehicles``; ``pairs``: of ``place``."""
     _, gap, unit = pairs
     own = -_dot(velocity[:, None, :], unit)  # approaching speed
     allowed = np.sqrt(2.0 * _EASY * np.maximum(gap - APART, 0.0))
@@ -191,11 +186,10 @@ def slow_before_others(
     worst = np.argmax(excess, axis=1)
     rows = np.arange(len(place))
     velocity = velocity + excess[rows, worst, None] * unit[rows, worst]
-    if before.size == 0:
-        return velocity
+    before = vehicles.before
     coming = (before - vehicles.clearance(place + dt * velocity)) / dt
     allowed = np.sqrt(2.0 * _EASY * np.maximum(before - _ROOM, 0.0))
-    share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(axis=1)
+    share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(axis=1, initial=1.0)
     return np.asarray(velocity * share[:, None])
 
 
@@ -210,19 +204,20 @@ def push_apart(place: Floats) -> Floats:
     return place
 
 
-def keep_out_of_vehicles(place: Floats, before: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
-    """``moved`` ``[M, 2]``; people in front of a vehicle stay at ``place``, with clearance ``before`` ``[M, N]``."""
+def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
+    """``moved`` ``[M, 2]``; people in front of a vehicle stay at ``place``."""
     after = vehicles.clearance(moved)
-    blocked = np.any((after < _FROM_BOX) & (after < before), axis=1)
+    blocked = np.any((after < _FROM_BOX) & (after < vehicles.before), axis=1)
     return np.where(blocked.reshape(-1, 1), place, moved)
 
 
 class Outlines:
-    """Outlines of boxes ``[N, 7]``."""
+    """Outlines of boxes ``[N, 7]``, and their clearance ``[M, N]`` ``before`` people at ``place`` ``[M, 2]`` move."""
 
-    def __init__(self, box: Floats) -> None:
+    def __init__(self, box: Floats, place: Floats) -> None:
         self._x, self._y, self._half_length, self._half_width = box[:, 0], box[:, 1], box[:, 4] / 2, box[:, 5] / 2
         self._cos, self._sin = np.cos(box[:, 3]), np.sin(box[:, 3])
+        self.before = self.clearance(place)
 
     def clearance(self, points: Floats) -> Floats:
         """Distance ``[M, N]`` of points ``[M, 2]`` to the outlines along the axes of the boxes; negative inside."""
