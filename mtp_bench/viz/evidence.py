@@ -11,10 +11,10 @@ from ..scoring.matching import match
 from ..scoring.pairs import Pairs
 from ..scoring.parts import fault_of
 from ..types import Detections, Floats, Ints, Truth, to_metres
-from .collision import collision_cause
 from .focus import Focus, ObjectForecast
 from .incident import MOMENT
 from .moments import borrowed
+from .plan import collision_cause
 from .replay import Replay
 
 STILL = 1.0  # m, within the horizon: an object that moves less stands still

@@ -8,9 +8,9 @@ import numpy as np
 from ..geometry import iou_3d
 from ..scoring.parts import BELOW, LEAST_SHOWN, PARTS, parts_text
 from . import evidence
-from .collision import collision_cause
 from .focus import Focus
 from .incident import MOMENT
+from .plan import collision_cause
 from .terminal.output import counted
 
 WORDS = 25  # of a sentence; of the last one without the parts

@@ -9,9 +9,9 @@ import numpy as np
 from ...scoring.parts import parts_text
 from ...tables import BLANK, Column, Table
 from ...types import Rollout, Scene
-from ..collision import collision_cause
 from ..focus import Focus
 from ..incident import KINDS, Incident
+from ..plan import collision_cause
 from ..replay import Replay
 from .output import command_line, counted, show_command, show_lines
 
@@ -154,8 +154,8 @@ def show_collisions(rows: Sequence[Listed], rollouts: Sequence[Rollout]) -> None
     hits = [(drives[row.scene.name], row) for row in rows if row.cause]
     hits.sort(key=lambda hit: (not hit[0].at_fault, -np.hypot(*np.diff(hit[0].plan[-1, :2], axis=0)[0])))
     for drive, row in hits:
-        what = f"collision at {drive.seconds:.1f} s with {row.object_name}, {end[drive.at_fault]}"
-        show_lines([f"scene {row.scene.name}: {what}; {row.cause}"])
+        what = f"collision at {drive.seconds:.1f} s with {row.object_name}, {end[drive.at_fault]}; {row.cause}"
+        show_lines([f"scene {row.scene.name}: {what}"])
     if hits:
         show_lines([f"To look at the first collision; {_PICTURE}"])
         show_command(hits[0][1].view)
