@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..sources.highway.world import RATE
-from ..types import HARD_BRAKING, Bools, Floats
+from ..types import HARD_BRAKING, Bools, Floats, to_metres
 from .focus import Focus
 from .replay import Replay
 from .terminal.output import counted
@@ -40,18 +40,25 @@ def plan_at(run: Replay, t: int) -> ShownPlan | None:
 
 def collision_cause(focus: Focus) -> str:
     """The first part of the stack that lacked something, and what: "tracker: detected in 5, forecast in 2"..."""
-    run, t, own = focus.replay, focus.at.frame, focus.at.object_id
+    run, t, own, told = focus.replay, focus.at.frame, focus.at.object_id, focus.replay.rollout
     first = max(0, t - round(SECONDS * run.card.task.rate))
     frames = [each for each in range(first, t) if focus.rows[each] >= 0] or [t]
-    seen = run.scene.detections.frame_of_rows[run.detected == own]
-    detected, made = int(np.isin(frames, seen).sum()), [one for each in frames if (one := focus.forecast(each))]
+    detected = int(np.isin(frames, run.scene.detections.frame_of_rows[run.detected == own]).sum())
     switches = [e.frame for e in run.events if (e.kind, e.object_id) == ("ids", own) and e.frame >= first]
-    text = f"detected in {detected} and forecast in {len(made)} of the {counted(len(frames), 'frame')} before"
-    ends = [one.nearest_path[: t - one.frame + 1][-1] for one in made]
-    off = float(np.mean([np.hypot(*(end - focus.place(t))) for end in ends])) if made else 0.0
-    sure = float(np.nan_to_num(run.worth[focus.rows[frames], 1]).sum()) / max(1, len(made))
-    text += f"; its nearest sample {off:.1f} m off where they meet, confidence {sure:.2f}" if made else ""
+    off, sure = list[float](), list[float]()  # m, of the nearest sample; the scorer matches no forecast this late
+    for each in frames:
+        rows = told.objects.rows(each)
+        far = np.hypot(*(told.object_box[rows, :2] - focus.place(each)).T)
+        far[told.object_class[rows] != focus.at.class_id] = np.inf
+        row = rows.start + int(np.argmin(far)) if (far <= focus.gate).any() else -1
+        samples = told.forecast[row][np.isfinite(told.forecast_log_weight[row])] if row >= 0 else told.forecast[:0, 0]
+        if len(samples):
+            ends = told.object_box[row, :2] + to_metres(samples[:, : max(1, t - each)][:, -1])
+            off.append(float(np.hypot(*(ends - focus.place(t)).T).min()))
+            sure.append(float(told.object_confidence[row]))
+    text = f"detected in {detected} and forecast in {len(off)} of the {counted(len(frames), 'frame')} before"
+    text += f"; nearest sample {np.mean(off):.1f} m off where they meet, confidence {np.mean(sure):.2f}" if off else ""
     text += f"; it changed its track at {focus.seconds(switches[-1]):.1f} s" if switches else ""
-    few, astray = LEAST * len(frames), off > focus.gate
-    lacking = detected < few, len(made) < few or (len(switches) > 0 and astray), sure < LEAST, astray, True
-    return f"{('detector', 'tracker', 'confidence', 'predictor', 'planner')[lacking.index(True)]}: {text}"
+    few, astray = LEAST * len(frames), bool(off) and np.mean(off) > focus.gate
+    lacking = detected < few, len(off) < few or (switches and astray), np.mean(sure or [1.0]) < LEAST, astray, True
+    return f"{('detector', 'tracker', 'confidence', 'predictor', 'planner')[[*map(bool, lacking)].index(True)]}: {text}"

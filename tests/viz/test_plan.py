@@ -9,10 +9,12 @@ from mtp_bench.types import Drive
 from mtp_bench.viz.plan import plan_at
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.terminal.event_table import Listed, show_collisions
-from tests.support.scoring_scenes import line, make_card, make_rollout, make_scene
+from tests.support.scoring_scenes import line, make_card, make_rollout, make_scene, with_detections
 
 
-def driven(stations: list[list[float]], acceleration: list[float], cause: list[int], hit: int = -1) -> Replay:
+def driven(
+    stations: list[list[float]], acceleration: list[float], cause: list[int], hit: int = -1, seen: bool = False
+) -> Replay:
     """A scene with car 5, forecast in each frame at 10 Hz, by whose forecasts the ego drives along x."""
     frames, plan = len(stations), np.zeros((len(stations), len(stations[0]), 2))
     plan[..., 0] = stations
@@ -22,7 +24,8 @@ def driven(stations: list[list[float]], acceleration: list[float], cause: list[i
         cause=np.array(cause), plan=plan, hit=hit,
     )  # fmt: skip
     rollout = make_rollout(line([1] * frames), line([1] * frames))
-    return replay(make_scene(line([5] * frames)), replace(rollout, drive=drive), make_card())
+    scene = with_detections(make_scene(line([5] * frames)), line([5] * frames) if seen else [[]] * frames)
+    return replay(scene, replace(rollout, drive=drive), make_card())
 
 
 def test_a_plan_is_hard_where_it_brakes_by_more_than_3_m_s2() -> None:
@@ -38,9 +41,10 @@ def test_a_plan_is_hard_where_it_brakes_by_more_than_3_m_s2() -> None:
 
 
 def test_the_collision_is_an_event_of_the_last_frame(capsys: pytest.CaptureFixture[str]) -> None:
-    run = driven([[0.0, 1.0]] * 3, [0.0] * 3, [-1] * 3, hit=5)
-    (collision,) = (each for each in run.incidents if each.kind == "collision")
-    assert (collision.name, collision.frame, collision.object_id) == ("collision-0", 2, 5)
-    show_collisions([Listed.of(run, collision, "run", None, None)], [run.rollout])
-    assert "scene s: collision at 0.3 s with car 5, at fault; detector: detected in 0" in capsys.readouterr().out
+    for seen, cause in ((False, "detector: detected in 0 and forecast in 2"), (True, "planner: detected in 2")):
+        run = driven([[0.0, 1.0]] * 3, [0.0] * 3, [-1] * 3, hit=5, seen=seen)
+        (collision,) = (each for each in run.incidents if each.kind == "collision")
+        assert (collision.name, collision.frame, collision.object_id) == ("collision-0", 2, 5)
+        show_collisions([Listed.of(run, collision, "run", None, None)], [run.rollout])
+        assert f"collision at 0.3 s with car 5, at fault; {cause}" in " ".join(capsys.readouterr().out.split())
     assert not driven([[0.0, 1.0]] * 3, [0.0] * 3, [-1] * 3).incidents
