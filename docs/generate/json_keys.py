@@ -86,7 +86,7 @@ EVENT = {  # of `events --json`
     "position": "Place of the object, metres, frame of the scene.",
     "wrong": "True for a loss whose track is still output, outside the gate.",
     "error_before": "Error of the object in the frame before, metres.",
-    "cause": "Of a collision: the part of the stack at fault, and what was known of the object before; else empty.",
+    "cause": "Of a collision: the part of the stack at fault, and what was known of the object before; else null.",
 }
 
 DRIVING = {  # of `compare --json` on a closed loop
