@@ -97,7 +97,6 @@ TableOption = Annotated[
     ),
 ]
 EnvOption = Annotated[str, Option("--env", help="Environment id, of `mtp-bench envs`.", autocompletion=env_ids)]
-_OR_RUN = Option("--env", help="Environment id, of `mtp-bench envs`, or a stored run.", autocompletion=env_ids)
 JobsOption = Annotated[int, Option("--jobs", min=0, help="Processes; 0 takes one per core.")]
 ScenesOption = Annotated[int | None, Option("--scenes", min=1, help="Only the first N scenes.")]
 SplitOption = Annotated[str | None, Option("--split", help="Another split of the environment, such as train.")]
@@ -184,7 +183,7 @@ class EnvScenes:
 class AgentScenes(EnvScenes):
     """Scenes that agents run on, which may get stored tracks, and may be those of a stored run."""
 
-    env: Annotated[str, _OR_RUN]
+    env: Annotated[str, Option("--env", help="Environment id, or a stored run: its scenes.", autocompletion=env_ids)]
     tracks: TracksOption = None
 
     @cached_property

@@ -45,9 +45,7 @@ def worst(
         for played in replays(opened, scene, progress):
             whole, unsplit = whole + np.nansum(played.part, axis=0), played.unsplit
             targets += int(np.isfinite(played.part[:, 0]).sum())
-            hits += [
-                Listed.of(played, one, str(folder), root, env) for one in played.incidents if one.kind == "collision"
-            ]
+            hits += [Listed.of(played, e, str(folder), root, env) for e in played.incidents if e.kind == "collision"]
             rows += [WorstRow.of(played, one.at, str(folder), root, env, moment=one) for one in moments(played, below)]
     kept = [
         row
