@@ -158,7 +158,7 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
     from mtp_bench.env.environment import MTPEnv
     from mtp_bench.running.run import agent_task, run_scene
     from mtp_bench.scoring import AgentScores, find_targets, live_frames, score_scene
-    from mtp_bench.scoring.forecasts import RecordedForecasts, candidates, match_by_confidence, match_objects
+    from mtp_bench.scoring.forecasts import Candidates, RecordedForecasts, match_by_confidence, match_objects
     from mtp_bench.scoring.table import agent_table
     from mtp_bench.submission.loader import load_submission
 
@@ -172,7 +172,7 @@ def measure_ranks(env_id: str, agent: str, scenes: int, data: str | None, repeat
     running = time.process_time() - start
     said = [RecordedForecasts.of(rollout) for _, rollout in runs]
     found = [
-        candidates(scene, find_targets(scene, card), forecasts, live_frames(scene, card), card)
+        Candidates.of(scene, find_targets(scene, card), forecasts, live_frames(scene, card), card)
         for (scene, _), forecasts in zip(runs, said, strict=True)
     ]
     scores = tuple(score_scene(scene, rollout, card) for scene, rollout in runs)

@@ -91,10 +91,6 @@ else:  # hidden from type checkers, for which it would make every misspelt attri
         return sorted({*globals(), *_LAZY})
 
 
-def _register() -> None:
-    for env_id in card_ids():
-        if env_id not in _gymnasium.registry:  # the module may be loaded anew
-            _gymnasium.register(id=env_id, entry_point="mtp_bench:MTPEnv", kwargs={"card": env_id})
-
-
-_register()
+for _env_id in card_ids():
+    if _env_id not in _gymnasium.registry:  # the module may be loaded anew
+        _gymnasium.register(id=_env_id, entry_point="mtp_bench:MTPEnv", kwargs={"card": _env_id})

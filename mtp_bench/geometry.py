@@ -62,7 +62,9 @@ def bev_intersection_area(a: Floats, b: Floats) -> Floats:
     ``a`` is made smaller by a hair where edges are compared: none lies on an edge of ``b`` then, and where edges did
     lie on each other those of ``a`` count if both boxes are on the same side, and none if they touch from outside.
     """
-    x, y, cos, sin = _relative_pose(a, b)
+    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    cos, sin, turn = np.cos(a[..., 3]), np.sin(a[..., 3]), b[..., 3] - a[..., 3]
+    x, y, cos, sin = cos * dx + sin * dy, cos * dy - sin * dx, np.cos(turn), np.sin(turn)  # of b in the frame of a
     l_a, w_a, l_b, w_b = a[..., 4], a[..., 5], b[..., 4], b[..., 5]
     parallel = np.minimum(np.abs(cos), np.abs(sin)) < 1e-3
     hair = parallel * (_HAIR * np.minimum(np.minimum(l_a, w_a), np.minimum(l_b, w_b)))
@@ -84,14 +86,6 @@ def iou_3d(a: Floats, b: Floats) -> Floats:
     volume_a, volume_b = a[..., 4] * a[..., 5] * a[..., 6], b[..., 4] * b[..., 5] * b[..., 6]
     common = np.minimum(common, np.minimum(volume_a, volume_b))
     return np.asarray(common / np.maximum(volume_a + volume_b - common, _TINY))
-
-
-def _relative_pose(a: Floats, b: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Centre of b in the frame of a, cosine and sine of the yaw between them."""
-    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    cos, sin = np.cos(a[..., 3]), np.sin(a[..., 3])
-    turn = b[..., 3] - a[..., 3]
-    return cos * dx + sin * dy, cos * dy - sin * dx, np.cos(turn), np.sin(turn)
 
 
 def _corners_at(x: Floats, y: Floats, cos: Floats, sin: Floats, l: Floats, w: Floats) -> tuple[Floats, Floats]:

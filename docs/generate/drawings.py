@@ -15,7 +15,7 @@ import numpy as np
 
 from mtp_bench.scoring import AgentScores, SceneScore, find_targets, live_frames, score_scene
 from mtp_bench.scoring.bade import budgets_of, errors_at
-from mtp_bench.scoring.forecasts import RecordedForecasts, candidates, match_by_confidence
+from mtp_bench.scoring.forecasts import Candidates, RecordedForecasts, match_by_confidence
 from mtp_bench.scoring.incremental_matching import final_match
 from mtp_bench.scoring.lineage import hypotheses, lineage_events, match_hypotheses
 from mtp_bench.scoring.parts import PARTS, error_parts, reference_errors
@@ -271,7 +271,7 @@ def _one_frame(true: list[Point], said: list[Thing], speed: float = 0.0) -> Scen
 def _matched(scene: Scene, rollout: Rollout) -> Ints:
     """The forecast of each target in the only live frame, -1 for none."""
     found, forecasts = find_targets(scene, CARD), RecordedForecasts.of(rollout)
-    near = candidates(scene, found, forecasts, live_frames(scene, CARD), CARD)
+    near = Candidates.of(scene, found, forecasts, live_frames(scene, CARD), CARD)
     matched = final_match(match_by_confidence(near, forecasts.confidence).additions, len(scene.truth.box))
     return matched[found.row]
 

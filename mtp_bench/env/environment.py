@@ -102,13 +102,15 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         super().reset(seed=seed)
         drawn = self.scene_names[int(self.np_random.integers(len(self.scene_names)))]
         name = wanted(options or {}, self.scene_names, drawn)
-        if self.card.drive is not None:
-            return self._begin(self._driven(name))
+        number, rng = self.scene_names.index(name), self.np_random if self._rigid_motion else None
+        if self.card.drive is not None:  # the scene is made while it is driven
+            from .driven import DrivenEpisode
+
+            return self._begin(DrivenEpisode.start(self.card, self.task, name, number, rng))
         scene = self._load(name)
-        frame = LocalFrame.of(scene, self.np_random if self._rigid_motion else None)
+        frame = LocalFrame.of(scene, rng)
         scorer = None if self._evaluation else FrameScorer(scene, self.card)
-        feed, number = make_feed(scene, frame, self.task, self.card), self.scene_names.index(scene.name)
-        episode = Episode(scene, number, frame, feed, scorer, scene.frames)
+        episode = Episode(scene, number, frame, make_feed(scene, frame, self.task, self.card), scorer, scene.frames)
         if self._target_frames:
             episode.keep_target_frames(record_action(examine(None, self.task), self.task))
         return self._begin(episode)
@@ -117,13 +119,6 @@ class MTPEnv(gymnasium.Env[Observation, Action]):
         self._episode, self._live = episode, None
         self._render_each()
         return episode.observe(), episode.info()
-
-    def _driven(self, name: str) -> Episode:
-        """The first frame of a drive; its scene is made while it is driven."""
-        from .driven import DrivenEpisode
-
-        rng, number = self.np_random if self._rigid_motion else None, self.scene_names.index(name)
-        return DrivenEpisode.start(self.card, self.task, name, number, rng)
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Take the action for the last observation and show the next frame; ``terminated`` after the last one.

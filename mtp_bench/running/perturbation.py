@@ -45,6 +45,20 @@ class Perturbation:
     sigma_yaw: tuple[float, ...]  # rad
     cuts: tuple[tuple[float, ...], ...]  # [quantiles, C] least score
 
+    @classmethod
+    def fit(cls, parts: Sequence[MatchedDetections], classes: int) -> "Perturbation":
+        """Noise and score thresholds of ``classes`` classes from the matched detections of all scenes.
+
+        A class without matched detections has the values of all classes together.
+        """
+        found = joined(parts)
+        own = [found.class_id == c for c in range(classes)]
+        return cls(
+            sigma_xy=_rounded(_quantiles(found.distance, own, 0.5) / _MEDIAN_OF_RAYLEIGH),
+            sigma_yaw=_rounded(np.minimum(MOST_YAW, _quantiles(found.turn, own, 0.5) / _MEDIAN_OF_NORMAL)),
+            cuts=tuple(_rounded(_quantiles(found.score, own, share)) for share in QUANTILES),
+        )
+
     def parameters(self, classes: Sequence[str], seeds: Sequence[int]) -> dict[str, Any]:
         """All parameters of the runs, as the file of weights stores them."""
         return {
@@ -57,6 +71,21 @@ class Perturbation:
             "quantiles": [None, *QUANTILES],
             "cuts": [None, *(dict(zip(classes, cut, strict=True)) for cut in self.cuts)],
         }
+
+    def perturbed(self, scene: Scene, run: int) -> Scene:
+        """``scene`` with the detections of run ``run``."""
+        rng = np.random.default_rng(derived_seed(run, scene.name, "perturbation"))
+        seen = scene.detections
+        kind = (run // len(ASSIGNMENTS)) % (len(self.cuts) + 1)
+        kept = rng.random(len(seen.box)) >= DROPPED
+        if kind > 0:
+            kept &= seen.score >= np.asarray(self.cuts[kind - 1])[seen.class_id]
+        noise = rng.standard_normal((len(seen.box), 6))
+        box = np.array(seen.box, dtype=np.float64)
+        box[:, :2] += noise[:, :2] * np.asarray(self.sigma_xy)[seen.class_id, None]
+        box[:, 3] += noise[:, 2] * np.asarray(self.sigma_yaw)[seen.class_id]
+        box[:, 4:7] *= np.exp(LOG_SIZE * noise[:, 3:])
+        return replace(scene, detections=replace(seen, box=box).select(kept))
 
 
 def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
@@ -74,39 +103,9 @@ def matched_detections(scene: Scene, card: Card) -> MatchedDetections:
     )
 
 
-def fit_perturbation(parts: Sequence[MatchedDetections], classes: int) -> Perturbation:
-    """Noise and score thresholds of ``classes`` classes from the matched detections of all scenes.
-
-    A class without matched detections has the values of all classes together.
-    """
-    found = joined(parts)
-    own = [found.class_id == c for c in range(classes)]
-    return Perturbation(
-        sigma_xy=_rounded(_quantiles(found.distance, own, 0.5) / _MEDIAN_OF_RAYLEIGH),
-        sigma_yaw=_rounded(np.minimum(MOST_YAW, _quantiles(found.turn, own, 0.5) / _MEDIAN_OF_NORMAL)),
-        cuts=tuple(_rounded(_quantiles(found.score, own, share)) for share in QUANTILES),
-    )
-
-
 def assignment_of(run: int) -> str:
     """The assignment of detections to tracks in run ``run``."""
     return ASSIGNMENTS[run % len(ASSIGNMENTS)]
-
-
-def perturbed(scene: Scene, perturbation: Perturbation, run: int) -> Scene:
-    """``scene`` with the detections of run ``run``."""
-    rng = np.random.default_rng(derived_seed(run, scene.name, "perturbation"))
-    seen = scene.detections
-    kind = (run // len(ASSIGNMENTS)) % (len(perturbation.cuts) + 1)
-    kept = rng.random(len(seen.box)) >= DROPPED
-    if kind > 0:
-        kept &= seen.score >= np.asarray(perturbation.cuts[kind - 1])[seen.class_id]
-    noise = rng.standard_normal((len(seen.box), 6))
-    box = np.array(seen.box, dtype=np.float64)
-    box[:, :2] += noise[:, :2] * np.asarray(perturbation.sigma_xy)[seen.class_id, None]
-    box[:, 3] += noise[:, 2] * np.asarray(perturbation.sigma_yaw)[seen.class_id]
-    box[:, 4:7] *= np.exp(LOG_SIZE * noise[:, 3:])
-    return replace(scene, detections=replace(seen, box=box).select(kept))
 
 
 def _quantiles(values: Floats, of_class: Sequence[Bools], share: float) -> NDArray[np.float64]:

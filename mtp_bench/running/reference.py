@@ -26,16 +26,7 @@ from ..scoring.weights_file import read_reference, write_reference
 from ..submission.loader import Submission, controls, load_submission
 from ..types import Bools, Rollout, Scene, Task, starts_of
 from .options import DEFAULTS, RunOptions
-from .perturbation import (
-    ASSIGNMENTS,
-    RUNS,
-    MatchedDetections,
-    Perturbation,
-    assignment_of,
-    fit_perturbation,
-    matched_detections,
-    perturbed,
-)
+from .perturbation import ASSIGNMENTS, RUNS, MatchedDetections, Perturbation, assignment_of, matched_detections
 from .run import jobs_of, run_jobs, run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
@@ -112,7 +103,7 @@ def make_reference(
         progress.started(len(scenes) * (1 + len(parts)))
         known = [(card, options.data, name, submission) for name in scenes]
         plain = parallel_map(_plain_run, known, options.workers, lambda place: progress.done(scenes[place]))
-        perturbation = fit_perturbation([detections for detections, _ in plain], len(card.task.classes))
+        perturbation = Perturbation.fit([detections for detections, _ in plain], len(card.task.classes))
         calls = [(*call, perturbation, part) for call in known for part in parts]
         counts = parallel_map(_perturbed_runs, calls, options.workers, lambda i: progress.done(scenes[i // len(parts)]))
     weights = {}
@@ -157,7 +148,7 @@ def _perturbed_runs(
     env.reset(options={"scene": name})
     scene, row = env.scene, find_targets(env.scene, card).row
     agents = {assignment: _tracker(submission, env.task, assignment) for assignment in ASSIGNMENTS}
-    rollouts = (track(agents[assignment_of(run)], perturbed(scene, perturbation, run), env.task, card) for run in runs)
+    rollouts = (track(agents[assignment_of(run)], perturbation.perturbed(scene, run), env.task, card) for run in runs)
     return count_runs((events_of(scene, rollout, card)[row] for rollout in rollouts), len(row))
 
 

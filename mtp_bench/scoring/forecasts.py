@@ -66,6 +66,16 @@ class RecordedForecasts:
 
 
 @dataclass(frozen=True, eq=False)
+class IncrementalMatching:
+    """The matching of forecasts as they are added by falling confidence."""
+
+    order: Rows  # [A] forecasts in live frames, most confident first
+    additions: Additions
+    false: Bools  # [S] false if all are kept: neither at a neutral place nor matched to a neutral object
+    false_step: Rows  # steps that add a false forecast
+
+
+@dataclass(frozen=True, eq=False)
 class Candidates:
     """Forecasts inside the gate of a true object, with their errors as forecasts of targets."""
 
@@ -77,20 +87,45 @@ class Candidates:
     target_of_row: Rows  # [R] index of the target, -1 for a true box that is not a target
     error: Floats  # [E] m, minADE of these pairs, inf for an unusable forecast; 0 for a box that is not a target
 
+    @classmethod
+    def of(cls, scene: Scene, targets: Targets, forecasts: RecordedForecasts, live: Bools, card: Card) -> "Candidates":
+        """The candidates among ``forecasts``; ``live`` [F]: which frames of the ``scene`` are live."""
+        pairs = near_truth(scene.truth, forecasts.frame, forecasts.box, forecasts.class_id, card)
+        place = np.full(len(scene.truth.box), -1, dtype=np.intp)
+        place[targets.row] = np.arange(len(targets))
+        found = cls(scene, targets, forecasts, live[forecasts.frame], pairs, place, np.zeros(len(pairs)))
+        return replace(found, error=_pair_errors(found))
+
     @cached_property
     def neutral_place(self) -> Bools:
         """Forecasts [S] at places where no label could confirm an object."""
         forecasts = self.forecasts
         return neutral_places(self.scene, forecasts.frame, forecasts.box[:, :2], forecasts.class_id)
 
-
-def candidates(scene: Scene, targets: Targets, forecasts: RecordedForecasts, live: Bools, card: Card) -> Candidates:
-    """The candidates among ``forecasts``; ``live`` [F]: which frames of the ``scene`` are live."""
-    pairs = near_truth(scene.truth, forecasts.frame, forecasts.box, forecasts.class_id, card)
-    place = np.full(len(scene.truth.box), -1, dtype=np.intp)
-    place[targets.row] = np.arange(len(targets))
-    found = Candidates(scene, targets, forecasts, live[forecasts.frame], pairs, place, np.zeros(len(pairs)))
-    return replace(found, error=_pair_errors(found))
+    def final_errors(self, matching: IncrementalMatching) -> tuple[ForecastErrors, Matched]:
+        """Errors of every target with all forecasts kept, and the forecast of each true box [R], -1 for none."""
+        targets, forecasts = self.targets, self.forecasts
+        _, samples, horizon, _ = forecasts.offset.shape
+        ks = tuple(k for k in CURVE_KS if k <= samples)
+        table = np.full((len(targets), 4 + len(ks)), np.inf)  # min_ade, min_fde, energy_score, centred_ade, curve
+        covered, miss = np.zeros(len(targets), dtype=bool), np.ones(len(targets), dtype=bool)
+        object_of_truth = final_match(matching.additions, len(self.scene.truth.box))
+        column = object_of_truth[targets.row]
+        matched = np.flatnonzero(column >= 0)
+        size = max(1, _CHUNK // max(1, samples * horizon))
+        for low in range(0, len(matched), size):
+            part = matched[low : low + size]
+            row = column[part]
+            paths, future = forecasts.paths(row), targets.future[part]
+            weight = sample_weights(forecasts.log_weight[row])
+            result = displacement(paths, future, weight)
+            covered[part], miss[part] = result.valid, result.miss
+            away = forecasts.box[row, :2] - self.scene.truth.box[targets.row[part], :2]
+            centred = sample_errors(paths, future + away[:, None], floored(weight))[0].min(axis=1, initial=np.inf)
+            table[part, :4] = np.stack([result.min_ade, result.min_fde, result.energy_score, centred], axis=1)
+            table[part, 4:] = k_curve(result.ade, ks)
+        errors = ForecastErrors(covered, table[:, 0], table[:, 1], miss, table[:, 2], table[:, 3], table[:, 4:], ks)
+        return errors, object_of_truth
 
 
 def _pair_errors(found: Candidates) -> Floats:
@@ -107,16 +142,6 @@ def _pair_errors(found: Candidates) -> Floats:
         ade, _, _ = sample_errors(forecasts.paths(row), targets.future[target[part]], weight)
         error[part] = ade.min(axis=1, initial=np.inf)
     return error
-
-
-@dataclass(frozen=True, eq=False)
-class IncrementalMatching:
-    """The matching of forecasts as they are added by falling confidence."""
-
-    order: Rows  # [A] forecasts in live frames, most confident first
-    additions: Additions
-    false: Bools  # [S] false if all are kept: neither at a neutral place nor matched to a neutral object
-    false_step: Rows  # steps that add a false forecast
 
 
 def match_by_confidence(found: Candidates, confidence: Floats) -> IncrementalMatching:
@@ -139,10 +164,13 @@ def match_by_confidence(found: Candidates, confidence: Floats) -> IncrementalMat
 
 def target_errors(found: Candidates, matching: IncrementalMatching) -> tuple[Rows, Rows, Floats]:
     """Changes as forecasts are added: step [E] and target [E], and the target's minADE [E] from then on, m."""
-    additions = matching.additions
+    additions, columns = matching.additions, len(found.live)
+    key = found.pairs.row * columns + found.pairs.column
+    order = np.argsort(key)
+    error = found.error[order[np.searchsorted(key[order], additions.row * columns + additions.column)]]
     target = found.target_of_row[additions.row]
     of_target = target >= 0
-    return additions.step[of_target], target[of_target], _errors_of(found, additions)[of_target]
+    return additions.step[of_target], target[of_target], error[of_target]
 
 
 def cuts(found: Candidates, matching: IncrementalMatching, confidence: Floats, miss_error: Floats) -> Cuts:
@@ -162,39 +190,6 @@ def cuts(found: Candidates, matching: IncrementalMatching, confidence: Floats, m
         covered=np.isfinite(error),
         miss_error=miss_error,
     )
-
-
-def _errors_of(found: Candidates, additions: Additions) -> Floats:
-    """MinADE of the pairs of ``additions``."""
-    columns = len(found.live)
-    key = found.pairs.row * columns + found.pairs.column
-    order = np.argsort(key)
-    return found.error[order[np.searchsorted(key[order], additions.row * columns + additions.column)]]
-
-
-def final_errors(found: Candidates, matching: IncrementalMatching) -> tuple[ForecastErrors, Matched]:
-    """Errors of every target with all forecasts kept, and the forecast of each true box [R], -1 for none."""
-    targets, forecasts = found.targets, found.forecasts
-    _, samples, horizon, _ = forecasts.offset.shape
-    ks = tuple(k for k in CURVE_KS if k <= samples)
-    table = np.full((len(targets), 4 + len(ks)), np.inf)  # min_ade, min_fde, energy_score, centred_ade, curve
-    covered, miss = np.zeros(len(targets), dtype=bool), np.ones(len(targets), dtype=bool)
-    object_of_truth = final_match(matching.additions, len(found.scene.truth.box))
-    column = object_of_truth[targets.row]
-    matched = np.flatnonzero(column >= 0)
-    size = max(1, _CHUNK // max(1, samples * horizon))
-    for low in range(0, len(matched), size):
-        part = matched[low : low + size]
-        row = column[part]
-        paths, future, weight = forecasts.paths(row), targets.future[part], sample_weights(forecasts.log_weight[row])
-        result = displacement(paths, future, weight)
-        covered[part], miss[part] = result.valid, result.miss
-        away = forecasts.box[row, :2] - found.scene.truth.box[targets.row[part], :2]
-        centred = sample_errors(paths, future + away[:, None], floored(weight))[0].min(axis=1, initial=np.inf)
-        table[part, :4] = np.stack([result.min_ade, result.min_fde, result.energy_score, centred], axis=1)
-        table[part, 4:] = k_curve(result.ade, ks)
-    errors = ForecastErrors(covered, table[:, 0], table[:, 1], miss, table[:, 2], table[:, 3], table[:, 4:], ks)
-    return errors, object_of_truth
 
 
 def match_objects(truth: Truth, frame: Ints, box: Floats, class_id: Ints, card: Card) -> ObjectMatch:

@@ -8,7 +8,7 @@ import numpy as np
 from ..cards import Card
 from ..types import Ints, Scene
 from .bade import fixed_parts
-from .forecasts import RecordedForecasts, candidates, cuts, match_by_confidence, target_errors
+from .forecasts import Candidates, RecordedForecasts, cuts, match_by_confidence, target_errors
 from .incremental_matching import last_of
 from .neutral import evaluated
 from .targets import find_targets, live_frames
@@ -64,7 +64,7 @@ class FrameScorer:
             return FrameScore()
         here = self._targets.only(t)
         here = replace(here, row=here.row - scene.truth.start[t])
-        found = candidates(evaluated(replace(scene, truth=scene.truth.only(t))), here, forecasts, self.live, card)
+        found = Candidates.of(evaluated(replace(scene, truth=scene.truth.only(t))), here, forecasts, self.live, card)
         matching = match_by_confidence(found, forecasts.confidence)
         broken = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
         broken[t] = malformed

@@ -155,7 +155,9 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
         lost[rows] = (old >= 0) & ~held
         reacquired[rows] = held & (last[who] >= 0) & (old < 0)
         if lost[rows].any():
-            wrong[rows] = lost[rows] & _still_output(rollout, lineage.member, t, track_id[old])
+            tracks = rollout.tracks.rows(t)
+            same = (rollout.track_id[tracks][:, None, None] == track_id[old]) & lineage.member[tracks][:, None]
+            wrong[rows] = lost[rows] & same.any(axis=0)
         matches = np.where(held, now, last[who])
         before, last = np.full_like(before, -1), np.full_like(last, -1)  # forget objects that are absent in this frame
         before[who], last[who] = now, matches
@@ -167,13 +169,6 @@ def in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) 
     """True boxes [R] that have the event, a field of `LineageEvents`, in every hypothesis that exists."""
     absent = ~lineage.alive[truth.frame_of_rows]
     return np.asarray((getattr(events, kind) | absent).all(axis=1))
-
-
-def _still_output(rollout: Rollout, member: Bools, t: int, old_id: Ints) -> Bools:
-    """True if hypothesis h of frame ``t`` has a track of ``old_id[:, h]``."""
-    rows = rollout.tracks.rows(t)
-    same = rollout.track_id[rows][:, None, None] == old_id
-    return np.asarray((same & member[rows][:, None]).any(axis=0))
 
 
 def _parents(rollout: Rollout, member: Bools, alive: Bools, weight: Floats, t: int, reach: NDArray[np.float64]) -> Rows:

@@ -11,15 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import require_shape
-from .definitions import (
-    GUARD,
-    GUARD_IF_SIGNIFICANT,
-    LARGEST_SHARE,
-    RANKED_OBJECTS,
-    RANKED_SUBSETS,
-    RANKED_UNITS,
-    Subset,
-)
+from .definitions import GUARD, GUARD_SIGNIFICANT, LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, Subset
 from .rows import Budget
 from .statistics import Gap, beyond_rounding, effective_number, gap_closed, paired_difference
 from .table import AgentScores, AgentTable
@@ -76,7 +68,7 @@ def guard(of_all: ArrayLike, weight: ArrayLike, stp: ArrayLike | None, own: Arra
         if limit is None or difference is None:
             continue
         excess = difference.mean * float(np.sum(weight)) / max(float(np.sum(limit)), 1e-300)
-        if excess > GUARD or (excess > GUARD_IF_SIGNIFICANT and difference.significant):
+        if excess > GUARD or (excess > GUARD_SIGNIFICANT and difference.significant):
             return f"over all targets its bADE is above that of {whose}"
     return None
 

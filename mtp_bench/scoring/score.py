@@ -11,16 +11,7 @@ from ..errors import RolloutError
 from ..types import Bools, Floats, Ints, Rollout, Scene
 from .bade import Cuts, capped_error, fixed_error
 from .events import separated_tracks, separated_truth
-from .forecasts import (
-    Candidates,
-    ForecastErrors,
-    IncrementalMatching,
-    RecordedForecasts,
-    candidates,
-    cuts,
-    final_errors,
-    match_by_confidence,
-)
+from .forecasts import Candidates, ForecastErrors, IncrementalMatching, RecordedForecasts, cuts, match_by_confidence
 from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
@@ -81,7 +72,7 @@ class SceneScore(ForecastErrors):
     invalid: Ints  # [3] rows rejected: tracks, hypotheses, objects
     dropped: int  # detections that did not fit into the observation
     skipped: dict[str, int]  # rows of the scene that could not be read, by reason; holes in time and their targets
-    seconds: float  # per frame, mean without the first frame, in which code is loaded
+    seconds: float  # per frame, mean without the first frame, in which agents start, unless it is the only one
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -116,9 +107,9 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     scene = evaluated(scene)
     truth, targets, live = separated_truth(scene, card), find_targets(scene, card), live_frames(scene, card)
     forecasts = RecordedForecasts.of(rollout)
-    found = candidates(scene, targets, forecasts, live, card)
+    found = Candidates.of(scene, targets, forecasts, live, card)
     matching = match_by_confidence(found, forecasts.confidence)
-    errors, object_of_truth = final_errors(found, matching)
+    errors, object_of_truth = found.final_errors(matching)
     miss_error = np.asarray(card.per_class(card.task.miss_error))
     of_targets = miss_error[targets.class_id]
     by_confidence = cuts(found, matching, forecasts.confidence, of_targets)
@@ -167,7 +158,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
         invalid=np.asarray(rollout.invalid).sum(axis=0),
         dropped=int(np.asarray(rollout.dropped).sum()),
         skipped=scene.skipped | left_out(scene, card),
-        seconds=_mean_seconds(rollout.seconds),
+        seconds=float(rollout.seconds[1:].mean() if len(rollout.seconds) > 1 else rollout.seconds.sum()),
     )
 
 
@@ -175,13 +166,6 @@ def mean_plain_error(scores: Sequence[SceneScore]) -> float | None:
     """Mean plain error over the targets of some scenes, m; None without a target."""
     targets = sum(len(score) for score in scores)
     return sum(float(score.capped.sum()) for score in scores) / targets if targets else None
-
-
-def _mean_seconds(seconds: Floats) -> float:
-    """Mean time per frame; without the first frame, in which agents start, unless it is the only one."""
-    if len(seconds) > 1:
-        return float(seconds[1:].mean())
-    return float(seconds.sum())
 
 
 def nearest_score(scene: Scene, forecasts: RecordedForecasts) -> Floats:

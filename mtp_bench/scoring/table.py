@@ -136,6 +136,8 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
         require_same_targets(setting.seeds[0], run, f"the seeds of agent {setting.agent!r}")
     first = setting.seeds[0]
     scene = np.repeat(np.arange(len(first)), [len(score) for score in first])
+    recording = np.unique([score.recording for score in first], return_inverse=True)[1]
+    objects = np.stack([recording[scene], _join(first, "object_id")], axis=1)  # [n, 2] distinct over recordings
     units_before = np.concatenate([[0], np.cumsum([score.units for score in first])])
     budgets = run_budgets(first, reference)
     of_all, of_subsets = _bades(setting.seeds, budgets)
@@ -149,7 +151,7 @@ def agent_table(setting: AgentScores, reference: Reference | None) -> AgentTable
         scene=scene,
         unit=_join(first, "unit") + units_before[scene],
         units=int(units_before[-1]),
-        person=_people(first, scene),
+        person=np.unique(objects, axis=0, return_inverse=True)[1].reshape(-1),
         **columns,
         hit=np.asarray(np.sum([~_join(run, "miss") for run in setting.seeds], axis=0), dtype=np.float64),
         capped=np.mean([_join(run, "capped") for run in setting.seeds], axis=0),
@@ -214,13 +216,6 @@ def over_seeds(setting: AgentScores, name: str) -> Floats:
         here = _join(run, "covered")
         total = total + np.where(here.reshape(-1, *[1] * (value.ndim - 1)), value, 0.0)
     return np.asarray(total, dtype=np.float64)
-
-
-def _people(run: Sequence[SceneScore], scene: Ints) -> Ints:
-    """Index of the object of every target [n], distinct over recordings."""
-    recording = np.unique([score.recording for score in run], return_inverse=True)[1]
-    pairs = np.stack([recording[scene], _join(run, "object_id")], axis=1)
-    return np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _weights(run: Sequence[SceneScore], reference: Reference | None) -> dict[str, Floats]:

@@ -123,7 +123,8 @@ def play(agent: Agent, env: MTPEnv, scene: str, seed: int, scribble: bool = Fals
 
 def play_made_up(agent: Agent, task: Task, frames: Iterable[tuple[str, Observation]]) -> Played:
     """Run the agent on observations made up for a check, each with its description; raises AgentError."""
-    return _play(agent, task, _listed(frames), "made-up scene", scribble=False)
+    steps = (step for step in [*frames, None])
+    return _play(agent, task, steps, "made-up scene", scribble=False)
 
 
 def first_difference(a: Played, b: Played) -> str:
@@ -142,12 +143,6 @@ def _episode(env: MTPEnv, observation: Observation) -> Steps:
         observation, _, over, *_ = env.step(action)
         number += 1
     yield None
-
-
-def _listed(frames: Iterable[tuple[str, Observation]]) -> Steps:
-    left = iter(frames)
-    while True:
-        yield next(left, None)
 
 
 def _play(agent: Agent, task: Task, steps: Steps, where: str, scribble: bool) -> Played:

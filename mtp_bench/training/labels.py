@@ -67,7 +67,10 @@ class SceneLabels:
         """The labels of the tracks of frame ``t``: the object of the last detection that each of them took."""
         follows = self._followed(t, windows)
         gone = np.isnan(self._place[np.maximum(follows, -1), t, 0])  # hidden, or no longer there
-        follows = self._unless_neutral(t, windows, np.where((follows >= 0) & gone, UNKNOWN, follows))
+        follows = np.where((follows >= 0) & gone, UNKNOWN, follows)
+        alone = np.flatnonzero(follows == NO_OBJECT)
+        xy = self._local.to_scene(windows.box[alone, -1])[:, :2]
+        follows[alone[neutral_places(self._scene, np.full(len(alone), t), xy, windows.class_id[alone])]] = UNKNOWN
         known = follows >= 0
         row = np.where(known, follows, -1)  # the last row is of no object
         place = self._place[row, t : t + self._future + 1]
@@ -82,17 +85,8 @@ class SceneLabels:
 
     def _followed(self, t: int, windows: TrackWindows) -> Ints:
         """The object [n] of the last detection taken; if a tracker does not state detections, the nearest one now."""
-        if len(windows) == 0:
-            return np.zeros(0, dtype=np.int64)
         if not (windows.detection >= 0).any():
             return self._nearest(t, windows.box[:, -1], windows.class_id)
         back = (windows.detection[:, ::-1] >= 0).argmax(axis=1)
         row = windows.detection[np.arange(len(windows)), -1 - back]
         return self._of_row[np.where(row >= 0, self._start[np.maximum(t - back, 0)] + row, -1)]
-
-    def _unless_neutral(self, t: int, windows: TrackWindows, follows: Ints) -> Ints:
-        """``follows`` with UNKNOWN for tracks of no object in neutral places."""
-        alone = np.flatnonzero(follows == NO_OBJECT)
-        xy = self._local.to_scene(windows.box[alone, -1])[:, :2]
-        hidden = neutral_places(self._scene, np.full(len(alone), t), xy, windows.class_id[alone])
-        return np.where(np.isin(np.arange(len(follows)), alone[hidden]), UNKNOWN, follows)

@@ -73,13 +73,11 @@ def _complete_scene(scene: Scene) -> Scene:
 
 def _alike(texts: Sequence[str], card: Card) -> dict[str, str]:
     """Class and fitted class of every ``--alike`` option."""
-    alike: dict[str, str] = {}
-    for text in texts:
-        name, _, like = text.partition("=")
-        for kind, one in (("class", name), ("fitted class", like)):
-            require_known(f"{kind} of --alike", one, card.task.classes)
-        alike[name] = like
-    return alike
+    pairs = [(name, like) for name, _, like in (text.partition("=") for text in texts)]
+    for name, like in pairs:
+        require_known("class of --alike", name, card.task.classes)
+        require_known("fitted class of --alike", like, card.task.classes)
+    return dict(pairs)
 
 
 def _floor(texts: Sequence[str], card: Card) -> dict[str, float] | None:

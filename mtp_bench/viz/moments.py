@@ -117,15 +117,18 @@ def found(run: Replay, text: str) -> Incident:
             raise MtpBenchError(f"{text}: scene {run.scene.name} ends at frame {run.frames - 1}, {time[-1]:.1f} s")
         return _worst_of(run, t)
     if name and re.fullmatch(r"\d{1,9}", frame) and text not in ids:
-        return _with_span(run, _row_at(run, _rows_of(run, name), int(frame), text))
+        return _in_frame(run, _rows_of(run, name), int(frame), text)
     rows = _rows_of(run, text)
     own = (each.at for each in moments(run) if each.at.row in rows)
     return next(own, None) or run.moment(int(rows[np.argmax(np.nan_to_num(costs(run.part)[rows], nan=-1.0))]))
 
 
-def _with_span(run: Replay, row: int) -> Incident:
-    """The incident of a true box, with the span of the moment that it is part of."""
-    at = run.moment(row)
+def _in_frame(run: Replay, rows: Ints, t: int, text: str) -> Incident:
+    """An object in frame ``t``, with the span of the moment that this is part of; MtpBenchError if it is not there."""
+    frames = run.scene.truth.frame_of_rows[rows]
+    if t not in frames:
+        raise MtpBenchError(f"{text}: the object is not in frame {t}, but in frames {frames[0]} to {frames[-1]}")
+    at = run.moment(int(rows[np.searchsorted(frames, t)]))
     spans = (each.at for each in moments(run) if each.at.object_id == at.object_id)
     span = next((each for each in spans if each.first <= at.frame <= each.until), at)
     return replace(at, first=span.first, until=span.until)
@@ -149,14 +152,6 @@ def _rows_of(run: Replay, name: str) -> Ints:
     raise UnknownNameError(
         f"object of scene {scene.name}", name, list(ids), "`mtp-bench worst` lists the worst of them, `events` events"
     )
-
-
-def _row_at(run: Replay, rows: Ints, t: int, text: str) -> int:
-    """The row of an object in frame ``t``; raises MtpBenchError without one."""
-    frames = run.scene.truth.frame_of_rows[rows]
-    if t not in frames:
-        raise MtpBenchError(f"{text}: the object is not in frame {t}, but in frames {frames[0]} to {frames[-1]}")
-    return int(rows[np.searchsorted(frames, t)])
 
 
 def _worst_of(run: Replay, t: int) -> Incident:

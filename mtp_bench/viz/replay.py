@@ -12,7 +12,7 @@ from ..env.observation import true_ids
 from ..errors import RolloutError, UnknownNameError
 from ..scoring.bade import capped_error
 from ..scoring.events import object_history, pieces, separated_truth
-from ..scoring.forecasts import RecordedForecasts, candidates, final_errors, match_by_confidence, match_neutral_last
+from ..scoring.forecasts import Candidates, RecordedForecasts, match_by_confidence, match_neutral_last
 from ..scoring.lineage import event_pairs, gated_pairs, lineage_events, match_hypotheses
 from ..scoring.neutral import evaluated
 from ..scoring.pairs import of_columns
@@ -204,9 +204,9 @@ def _forecasts(
     Raises RolloutError if ``parts`` are of other targets.
     """
     targets = find_targets(scene, card)
-    pairs = candidates(scene, targets, RecordedForecasts.of(rollout), live_frames(scene, card), card)
+    pairs = Candidates.of(scene, targets, RecordedForecasts.of(rollout), live_frames(scene, card), card)
     matching = match_by_confidence(pairs, rollout.object_confidence)
-    errors, forecast = final_errors(pairs, matching)
+    errors, forecast = pairs.final_errors(matching)
     if parts is None:
         worst = np.asarray(card.per_class(card.task.miss_error))[targets.class_id]
         cause = np.where(errors.covered, -1, absent_causes(scene, targets, card))

@@ -7,14 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtp_bench.running.perturbation import (
-    RUNS,
-    Perturbation,
-    assignment_of,
-    fit_perturbation,
-    matched_detections,
-    perturbed,
-)
+from mtp_bench.running.perturbation import RUNS, Perturbation, assignment_of, matched_detections
 from mtp_bench.types import Detections, Scene
 from tests.support.scoring_scenes import CAR, WALKER, Thing, make_card, make_scene
 
@@ -50,7 +43,7 @@ def scene_of(xy: float, yaw: float) -> Scene:
 def test_noise_and_cuts_are_those_of_matched_detections() -> None:
     found = matched_detections(scene_of(0.2, 0.03), CARD)
     assert Counter(found.class_id.tolist()) == {CAR: FRAMES, WALKER: FRAMES}  # not the false ones
-    fitted = fit_perturbation([found], 2)
+    fitted = Perturbation.fit([found], 2)
     assert fitted.sigma_xy == pytest.approx((0.2, 0.1), rel=0.1)
     assert fitted.sigma_yaw[CAR] == pytest.approx(0.03, rel=0.15)
     assert fitted.sigma_yaw[WALKER] == 0.1  # at most
@@ -60,10 +53,10 @@ def test_noise_and_cuts_are_those_of_matched_detections() -> None:
 def test_every_sixth_run_has_the_same_assignment_and_cut() -> None:
     assert [assignment_of(run) for run in range(4)] == ["hungarian", "greedy", "hungarian", "greedy"]
     scene = scene_of(0.2, 0.03)
-    fitted = replace(fit_perturbation([matched_detections(scene, CARD)], 2), sigma_xy=(0, 0), sigma_yaw=(0, 0))
+    fitted = replace(Perturbation.fit([matched_detections(scene, CARD)], 2), sigma_xy=(0, 0), sigma_yaw=(0, 0))
     kinds: Counter[tuple[str, int]] = Counter()
     for run in range(RUNS):
-        share = (perturbed(scene, fitted, run).detections.class_id == WALKER).sum() / FRAMES
+        share = (fitted.perturbed(scene, run).detections.class_id == WALKER).sum() / FRAMES
         kind = int(np.argmin(np.abs(np.array([0.95, 0.855, 0.7125]) - share)))
         assert kind == run // 2 % 3
         kinds[assignment_of(run), kind] += 1
@@ -72,7 +65,7 @@ def test_every_sixth_run_has_the_same_assignment_and_cut() -> None:
 
 def test_detections_are_dropped_and_moved_by_that_much() -> None:
     scene = scene_of(0.2, 0.03)
-    moved = perturbed(scene, Perturbation((0.3, 0.1), (0.05, 0.1), ((0, 0), (0, 0))), 0)
+    moved = Perturbation((0.3, 0.1), (0.05, 0.1), ((0, 0), (0, 0))).perturbed(scene, 0)
     assert moved.truth is scene.truth
     assert 0.93 < len(moved.detections.box) / len(scene.detections.box) < 0.97
     false = moved.detections.box[moved.detections.score == 9]
@@ -86,9 +79,9 @@ def test_detections_are_dropped_and_moved_by_that_much() -> None:
 
 def test_a_run_is_the_same_whenever_it_is_made_and_differs_from_others() -> None:
     scene = scene_of(0.2, 0.03)
-    noise = fit_perturbation([matched_detections(scene, CARD)], 2)
-    box = [perturbed(one, noise, run).detections.box for one, run in ((scene, 0), (scene, 0), (scene, 6))]
-    other = perturbed(replace(scene, name="other"), noise, 0).detections.box
+    noise = Perturbation.fit([matched_detections(scene, CARD)], 2)
+    box = [noise.perturbed(one, run).detections.box for one, run in ((scene, 0), (scene, 0), (scene, 6))]
+    other = noise.perturbed(replace(scene, name="other"), 0).detections.box
     assert np.array_equal(box[0], box[1])
     assert len({part[:5].tobytes() for part in (*box, other)}) == 3
     assert scene.detections.box[2, 0] == 200  # the scene itself stays

@@ -14,20 +14,7 @@ import numpy as np
 
 from ...types import Ints
 from ..windows import Surroundings, TrackWindows
-from .layers import (
-    Array,
-    Weights,
-    initial,
-    linear,
-    linear_shapes,
-    lstm,
-    lstm_cell,
-    lstm_shapes,
-    lstm_states,
-    mlp,
-    namespace,
-    relu,
-)
+from .layers import Array, Weights, initial, linear, lstm, lstm_cell, lstm_shapes, lstm_states, mlp, namespace, relu
 from .local import PER_FRAME, Arrays, history, local_inputs, mean_velocity, one_hot
 from .modes import LEAST_SPREAD, spread_of, straight
 from .network import Recipe, Sizes, Stage
@@ -102,7 +89,7 @@ def _trained_shapes(sizes: Sizes) -> dict[str, tuple[int, ...]]:
     shapes |= _layer("cvae.begin", context + CODE, 2 * DECODER)
     shapes |= lstm_shapes("cvae.decoder", 2, DECODER) | _layer("cvae.step", DECODER, 2)
     shapes |= _layer("cvae.present", context, 2)
-    return shapes | linear_shapes("sampler", context, SAMPLER, sizes.modes * CODE)
+    return shapes | _layer("sampler.0", context, SAMPLER) | _layer("sampler.1", SAMPLER, sizes.modes * CODE)
 
 
 def _layer(name: str, inputs: int, outputs: int) -> dict[str, tuple[int, ...]]:

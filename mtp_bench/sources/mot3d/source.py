@@ -80,7 +80,10 @@ class Mot3d:
     def load(self, name: str) -> Scene:
         """Read one scene; all its frames count, also those without people or detections."""
         kept, section = self._kept[name], self.section
-        people = read_truth(self.folder / TRUTH, self._info.length)
+        people = read_rows(self.folder / TRUTH, self._info.length)
+        if not len(people.frame):
+            raise DataError(f"{self.folder / TRUTH} has no rows, expected one per person and frame")
+        people.table.refuse_second_box(people.frame, people.object_id, np.arange(len(people.frame)))
         stored = section.detector if self.card.detector is None else None
         detections = no_detections(len(kept))
         if stored:
@@ -144,15 +147,6 @@ def read_sequence_info(path: Path) -> SequenceInfo:
         return msgspec.convert(dict(parser.items("Sequence")), SequenceInfo, strict=False)
     except (configparser.Error, msgspec.ValidationError) as error:
         raise DataError(f"{path} cannot be read: {' '.join(str(error).split())}") from None
-
-
-def read_truth(path: Path, length: int) -> Rows:
-    """True rows of a sequence of ``length`` frames; DataError names the line that is wrong."""
-    rows = read_rows(path, length)
-    if not len(rows.frame):
-        raise DataError(f"{path} has no rows, expected one per person and frame")
-    rows.table.refuse_second_box(rows.frame, rows.object_id, np.arange(len(rows.frame)))
-    return rows
 
 
 def read_rows(path: Path, length: int) -> Rows:

@@ -22,7 +22,7 @@ TABLES = (
     "sample_annotation",
 )  # fmt: skip
 VERSIONS = "v1.0-*"  # folders of the root
-PREDICTION = "maps/prediction/prediction_scenes.json"
+PREDICTION = "maps/prediction/prediction_scenes.json"  # targets of the prediction challenge, in all versions
 EXPANSION = "maps/expansion"  # a file for each location, drawn under the boxes
 CAMERAS = "samples/CAM_*"  # folders of images, shown beside an event
 DATASET = Dataset.of(__file__)
@@ -76,16 +76,10 @@ def table_paths(root: Path, version: str) -> dict[str, Path]:
     return paths
 
 
-def prediction_path(root: Path) -> Path | None:
-    """The list of prediction targets, if it is there; one file serves all versions."""
-    path = root / PREDICTION
-    return path if path.is_file() else None
-
-
 def require_maps(root: Path, card: Card) -> None:
     """Raise DataError if the card needs the list of prediction targets, or lanes, and they are missing."""
     pack = "the map expansion pack (v1.3) of https://www.nuscenes.org/nuscenes#download, to be unpacked into maps/"
-    if section_of(card, NuScenesSource).truth == "targets" and prediction_path(root) is None:
+    if section_of(card, NuScenesSource).truth == "targets" and not (root / PREDICTION).is_file():
         targets = "the targets of the prediction challenge, which come with"
         raise MissingDataError(f"no file {root / PREDICTION}: {card.id} needs {targets} {pack}")
     if card.lanes is not None and not any((root / EXPANSION).glob("*.json")):

@@ -16,7 +16,7 @@ from ...errors import DataError
 from ...files import CACHE, cache_root, remove_damaged, whole_folder
 from ...types import Ints
 from ..cache import Arrays, read_arrays, write_arrays
-from .layout import PREDICTION, TABLES, prediction_path, table_paths
+from .layout import PREDICTION, TABLES, table_paths
 from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
 
@@ -129,9 +129,8 @@ def open_tables(root: Path, version: str) -> TableStore:
     Raises DataError naming the file, and the token, that is wrong.
     """
     sources = table_paths(root, version)
-    prediction = prediction_path(root)
-    if prediction is not None:
-        sources[PREDICTION] = prediction
+    if (root / PREDICTION).is_file():
+        sources[PREDICTION] = root / PREDICTION
     cache = CachedFolder.of(version, sources, partial(_fill, sources))
     index = cache.read(INDEX)
     return TableStore(version, cache, tuple(index["scene"].tolist()), index["start"], index.get("targets"))

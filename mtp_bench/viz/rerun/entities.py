@@ -15,20 +15,7 @@ from ..palette import FALSE, Color
 from ..plan import plan_at
 from ..replay import Replay, ego_boxes
 from .sdk import rr
-from .shown import (
-    BORDER,
-    CENTER,
-    DETECTION,
-    EGO,
-    NEUTRAL,
-    TRUTH,
-    Colors,
-    drawable,
-    object_names,
-    packed,
-    pale,
-    track_colors,
-)
+from .shown import BORDER, CENTER, DETECTION, EGO, NEUTRAL, TRUTH, Colors, drawable, object_names, packed, track_colors
 
 TRAIL, FUTURE, FORECAST, EDGE, PLAN = 0.14, 0.09, 0.035, 0.05, 0.2  # m, half the width of lines
 TRACK_FILL = "transparentfillmajorwireframe"
@@ -84,8 +71,10 @@ class Log:
     def names(self, path: str, start: Ints, place: Floats, color: Colors, labels: Labels, size: float) -> None:
         """Names [R] at places [R, 3] with colours [R, 3], which are made lighter; dots of ``size`` points."""
         rows, counts = self._rows(start)
+        # a viewer writes names on a dark ground, or on grey
+        pale = np.uint8(255) - (0.36 * (255 - color[rows].astype(np.float64))).astype(np.uint8)
         labels = [drawable(label) for label in labels[rows]] if labels else None
-        columns = rr.Points3D.columns(positions=place[rows], colors=packed(pale(color[rows])), labels=labels or None)
+        columns = rr.Points3D.columns(positions=place[rows], colors=packed(pale), labels=labels or None)
         style = rr.Points3D.from_fields(radii=rr.Radius.ui_points(size), show_labels=True)
         self.columns(path, style, columns.partition(counts))
 

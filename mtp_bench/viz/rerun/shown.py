@@ -55,11 +55,6 @@ def packed(colors: Colors | Color) -> NDArray[np.uint32]:
     return number
 
 
-def pale(colors: Colors) -> Colors:
-    """Lighter colours [N, 3], of names in a view: a viewer writes them on a dark ground, or on grey."""
-    return np.uint8(255) - (0.36 * (255 - colors.astype(np.float64))).astype(np.uint8)
-
-
 def drawable(text: str) -> str:
     """The text with "?" for every sign that the viewer's only font may lack: one of them would end the viewer."""
     return re.sub(r"[^\n\x20-\x7e\xa1-\xac\xae-\u017f\u0391-\u03a1\u03a3-\u03c9\u0410-\u044f]", "?", text)

@@ -179,11 +179,6 @@ def _record(row: Listed) -> dict[str, Any]:
     return own | row.record("kind", "wrong", "error", "parts", "error_before") | {"cause": row.cause or None}
 
 
-def _frames(row: Listed) -> str:
-    event = row.incident
-    return str(event.frame) if event.until == event.frame else f"{event.frame}–{event.until}"
-
-
 def _track(row: Listed) -> str:
     old, new = (BLANK if each < 0 else str(each) for each in (row.incident.old_id, row.incident.new_id))
     return new if row.incident.kind == "spurious" else f"{old} → {new}"
@@ -191,7 +186,7 @@ def _track(row: Listed) -> str:
 
 _COLUMNS = (
     Column("scene", read=lambda row: row.scene.name),
-    Column(key="frame", read=_frames),
+    Column(key="frame", read=lambda row: "–".join(map(str, dict.fromkeys([row.incident.frame, row.incident.until])))),
     Column(key="event", read=lambda row: row.incident.name + ("*" if row.incident.wrong else "")),
     Column(key="object", read=lambda row: row.object_name),
     Column(key="track", read=_track),
