@@ -1,16 +1,15 @@
 """Lanes of an observation: the road map of a scene in pieces of equal size, those next to the sensor first."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..cards.card import LaneSection
 from ..errors import DataError
+from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Lane, Observation, Scene, starts_of
 from .action import padded
 
-Motion = Callable[[Floats], Floats]
 NEXT = 4  # successors of a piece that an observation has room for
 
 
@@ -43,8 +42,8 @@ class LaneFeed:
         }
 
 
-def make_lane_feed(scene: Scene, to_local: Motion, size: LaneSection) -> LaneFeed:
-    """The lanes of ``scene`` for observations; ``to_local`` moves places [n, 2] of the scene into their frame.
+def make_lane_feed(scene: Scene, yaw: float, shift: Floats, size: LaneSection) -> LaneFeed:
+    """The lanes of ``scene`` for observations, whose frame has its places turned by ``yaw``, then moved by ``shift``.
 
     Raises DataError for a lane that has fewer than two points, or none where it should have one, or whose successors
     do not exist.
@@ -64,7 +63,8 @@ def make_lane_feed(scene: Scene, to_local: Motion, size: LaneSection) -> LaneFee
     passed = ((point >= low) & (point <= high)).all(axis=2) & valid  # of a map larger than the way of the sensor
     kept = passed.any(axis=1)
     number = np.append(np.where(kept, np.cumsum(kept) - 1, -1), -1)
-    local = np.where(valid[..., None], to_local(point.reshape(-1, 2)).reshape(point.shape), 0.0).astype(np.float32)
+    local = (rotate(point.reshape(-1, 2), yaw) + shift).reshape(point.shape)
+    local = np.where(valid[..., None], local, 0.0).astype(np.float32)
     return LaneFeed(local[kept], valid[kept], number[following[kept]], point[kept], scene.ego[:, :2], size)
 
 

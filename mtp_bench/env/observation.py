@@ -101,10 +101,6 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
     count = np.bincount(in_frame[kept], minlength=scene.frames)
     pose = np.concatenate([scene.ego, np.zeros((scene.frames, 3))], axis=1)
     time = scene.time - scene.time[0]
-
-    def to_local(place: Floats) -> Floats:
-        return rotate(place, frame.yaw) + frame.translation[:2]
-
     return Feed(
         start=starts_of(count),
         size=task.detections,
@@ -117,7 +113,7 @@ def make_feed(scene: Scene, frame: LocalFrame, task: Task, card: Card) -> Feed:
         time=time,
         dt=np.diff(time, prepend=-task.dt),
         dropped=shown.counts - count,
-        lanes=None if card.lanes is None else make_lane_feed(scene, to_local, card.lanes),
+        lanes=None if card.lanes is None else make_lane_feed(scene, frame.yaw, frame.translation[:2], card.lanes),
     )
 
 

@@ -189,7 +189,6 @@ def _malformed(examined: Examined, task: Task, detected: Ints | None) -> Ints:
     classes = len(task.classes)
     if not examined.readable and detected is not None:
         return np.append(detected, 0).astype(np.int64)
-    broken = examined.claimed["objects"] & ~examined.sound["objects"]
-    class_id = examined.arrays["object_class"][broken]
+    class_id = examined.arrays["object_class"][examined.claimed["objects"] & ~examined.sound["objects"]]
     class_id = np.where((class_id >= 0) & (class_id < classes), class_id, classes)
     return np.bincount(class_id, minlength=classes + 1).astype(np.int64)

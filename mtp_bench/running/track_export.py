@@ -50,8 +50,7 @@ def track_rows(rollout: Rollout, scene: Scene, card: Card) -> TrackRows:
     kept = rollout.member[np.arange(len(frame)), heaviest[frame]] & (rollout.track_class >= 0)
     box, class_id, track_id = rollout.track_box.astype(np.float64), rollout.track_class, rollout.track_id
     rows = TrackRows(frame[kept], track_id[kept], class_id[kept], box[kept], np.zeros(int(kept.sum())))
-    gate = np.array(card.per_class(card.task.forecast_gate))
-    return replace(rows, score=_scores(rows, scene, gate))
+    return replace(rows, score=_scores(rows, scene, np.array(card.per_class(card.task.forecast_gate))))
 
 
 def _scores(rows: TrackRows, scene: Scene, gate: Floats) -> Floats:

@@ -63,8 +63,7 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
 def _components_by_step(pairs: Pairs, step: Rows) -> list[NDArray[np.intp]]:
     """Indices of the pairs of each connected component, by the step of their column."""
     row_of = np.unique(pairs.row, return_inverse=True)[1]
-    column_of = np.unique(pairs.column, return_inverse=True)[1]
-    label = component_labels(row_of, column_of)[0][row_of]
+    label = component_labels(row_of, np.unique(pairs.column, return_inverse=True)[1])[0][row_of]
     order = np.lexsort((step[pairs.column], label))
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 

@@ -167,8 +167,7 @@ def lineage_events(truth: Truth, rollout: Rollout, lineage: Hypotheses, matched:
 
 def in_all(truth: Truth, lineage: Hypotheses, events: LineageEvents, kind: str) -> Bools:
     """True boxes [R] that have the event, a field of `LineageEvents`, in every hypothesis that exists."""
-    absent = ~lineage.alive[truth.frame_of_rows]
-    return np.asarray((getattr(events, kind) | absent).all(axis=1))
+    return np.asarray((getattr(events, kind) | ~lineage.alive[truth.frame_of_rows]).all(axis=1))
 
 
 def _parents(rollout: Rollout, member: Bools, alive: Bools, weight: Floats, t: int, reach: NDArray[np.float64]) -> Rows:

@@ -49,11 +49,8 @@ def main_table(report: Report) -> Table:
 
     An agent has its setting with the most hypotheses at equal k; `Report.shown` names the agents.
     """
-    blocks = sorted(
-        main_settings(report).values(), key=lambda rows: (rows["all"].error is None, rows["all"].error or 0.0)
-    )
-    failed = [MainRow(agent, error=FAILED) for agent in report.failures]
-    rows = [*map(_main_row, blocks), *failed]
+    blocks = sorted(main_settings(report).values(), key=lambda of: (of["all"].error is None, of["all"].error or 0.0))
+    rows = [*map(_main_row, blocks), *(MainRow(agent, error=FAILED) for agent in report.failures)]
     return Table("main", f"{heading(report)}: m, less is better", MEANING, rows, columns_of(MainRow))
 
 
@@ -97,10 +94,8 @@ def main_settings(report: Report) -> dict[str, Mapping[Subset, Row]]:
     best: dict[str, Mapping[Subset, Row]] = {}
     for rows in blocks_of(report):
         name = rows["all"].agent.split(" ")[0]
-        if report.shown and name not in report.shown:
-            continue
-        if name not in best or _preference(rows["all"]) > _preference(best[name]["all"]):
-            best[name] = rows
+        if not report.shown or name in report.shown:
+            best[name] = max(best.get(name, rows), rows, key=lambda of: _preference(of["all"]))
     return best
 
 

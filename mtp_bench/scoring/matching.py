@@ -216,9 +216,8 @@ def _cheapest_sparse(row: Rows, column: Rows, cost: Floats) -> Rows:
     # each row may take a column of its own that costs nothing; a constant on all of them changes no choice
     weight = np.concatenate([cost, np.zeros(rows)]) - least + 1.0
     at = np.concatenate([row, every]), np.concatenate([column, columns + every])
-    chosen_row, chosen_column = min_weight_full_bipartite_matching(
-        csr_array((weight, at), shape=(rows, columns + rows))
-    )
+    graph = csr_array((weight, at), shape=(rows, columns + rows))
+    chosen_row, chosen_column = min_weight_full_bipartite_matching(graph)
     taken = np.full(rows, -1, dtype=np.intp)
     taken[chosen_row] = chosen_column
     return np.flatnonzero(taken[row] == column)

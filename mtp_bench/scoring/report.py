@@ -173,8 +173,7 @@ def _condition(tables: Sequence[AgentTable], card: Card, reference: Reference | 
 def paired_row(table: AgentTable, other: AgentTable, subset: Subset) -> PairedRow:
     """Differences table - other: of bADE, and of minADE over targets that both cover."""
     setting, weight = table.setting, table.weight[subset]
-    whole = table.unit_weight(weight)
-    error = paired_difference(table.errors(subset), other.errors(subset), whole)
+    error = paired_difference(table.errors(subset), other.errors(subset), table.unit_weight(weight))
     both = weight * ((table.covered > 0) & (other.covered > 0))
     means = (each.min_ade / np.maximum(each.covered, 1) for each in (table, other))  # over the seeds that cover
     ade = table.per_unit(next(means) - next(means), both)

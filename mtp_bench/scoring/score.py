@@ -16,7 +16,7 @@ from .lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from .matching import Matched
 from .neutral import evaluated
 from .stream import StreamCounts, stream_counts
-from .targets import absent_causes, find_targets, left_out, live_frames, recording_of, units
+from .targets import absent_causes, find_targets, left_out, live_frames, units
 
 _MOST = np.finfo(np.float64).max
 KINDS = ("ids", "lost", "wrong", "reacquired")
@@ -36,7 +36,7 @@ class SceneScore(ForecastErrors):
     """Score of one rollout of one scene; arrays over targets are in the order of `find_targets`."""
 
     scene: str
-    recording: str  # that the scene is cut from; its own name if it is whole
+    recording: str  # that the scene is cut from, within which objects keep their ids; its own name if it is whole
     frames: int
     live: int  # number of live frames
     hypotheses: int  # largest number stated in a frame
@@ -121,7 +121,7 @@ def score_scene(scene: Scene, rollout: Rollout, card: Card) -> SceneScore:
     outcome, final_error = _outcomes(found, matching, object_of_truth, errors)
     return SceneScore(
         scene=scene.name,
-        recording=recording_of(scene),
+        recording=scene.recording or scene.name,
         frames=scene.frames,
         live=int(live.sum()),
         hypotheses=int(np.isfinite(rollout.hypothesis_log_weight).sum(axis=1).max(initial=0)),

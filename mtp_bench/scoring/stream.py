@@ -168,5 +168,4 @@ def hota(hits: Floats, association: Floats, truth: float, tracks: float) -> floa
     """HOTA from counts per threshold [19] and the numbers of boxes; None without any."""
     if not truth + tracks:
         return None
-    detection = hits / (truth + tracks - hits)
-    return float(np.sqrt(detection * association / np.maximum(hits, 1.0)).mean())
+    return float(np.sqrt(hits / (truth + tracks - hits) * association / np.maximum(hits, 1.0)).mean())

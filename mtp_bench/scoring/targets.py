@@ -154,8 +154,7 @@ def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
     if len(ids) < length:
         return np.zeros(0, dtype=np.intp)
     first, last = slice(0, len(ids) - length + 1), slice(length - 1, len(ids))
-    whole = (ids[first] == ids[last]) & (frames[last] - frames[first] == length - 1)
-    return np.flatnonzero(whole)
+    return np.flatnonzero((ids[first] == ids[last]) & (frames[last] - frames[first] == length - 1))
 
 
 def units(scene: Scene, card: Card) -> Ints:
@@ -171,8 +170,3 @@ def units(scene: Scene, card: Card) -> Ints:
     seconds = float(scene.time[-1] - scene.time[0] - missing) * scene.frames / (scene.frames - 1)
     count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))  # times are sums of rounded periods
     return np.arange(scene.frames) * count // scene.frames
-
-
-def recording_of(scene: Scene) -> str:
-    """Name of the recording, within which objects keep their ids; the name of a scene that is not cut from one."""
-    return scene.recording or scene.name

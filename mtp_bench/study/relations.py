@@ -155,6 +155,5 @@ def _shared(findings: Findings) -> Row:
     first = np.array([scene.own["ids"] for scene in one], dtype=float)
     left = np.array([scene.shared["ids"] for scene in every], dtype=float)
     measured = f"{first.sum():.0f} ids with one hypothesis, {left.sum():.0f} in all {count}"
-    return _share(
-        "Most switches are absent from at least one hypothesis", paper, measured, (first - left, first), first
-    )
+    claim = "Most switches are absent from at least one hypothesis"
+    return _share(claim, paper, measured, (first - left, first), first)

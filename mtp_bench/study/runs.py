@@ -100,9 +100,8 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable
     options = replace(bench.options, progress=Progress(done=done))
     scores, events, folders = [], [], []
     for seed in seeds:
-        jobs = jobs_of(
-            setting.submission, bench.env_id, keywords, bench.scenes, seed, setting.parameters, setting.label
-        )
+        known = bench.env_id, keywords, bench.scenes, seed
+        jobs = jobs_of(setting.submission, *known, setting.parameters, setting.label)
         if setting.samples != bench.card.task.samples:
             scores.append(tuple(run_jobs(jobs, options, score_scene)))
             continue

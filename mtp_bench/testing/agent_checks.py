@@ -125,8 +125,10 @@ def _leaves_observations(suite: Suite) -> Findings:
 def _extremes(suite: Suite) -> Findings:
     """Play frames without detections and full of them."""
     task = agent_task(suite.env, suite.seed)
-    for seen in suite.new_problems(play_made_up(suite.agent(), task, extreme_frames(task))).values():
-        yield seen.finding()
+    faulty = {name for name, _ in suite.problems}  # fields that were wrong in the first passes already
+    for (name, _), seen in play_made_up(suite.agent(), task, extreme_frames(task)).problems.items():
+        if name not in faulty:
+            yield seen.finding()
 
 
 def _unmoved(suite: Suite) -> Findings:

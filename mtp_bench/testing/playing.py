@@ -64,18 +64,13 @@ def failure(error: BaseException, where: str, expected: str) -> AgentError:
     text = f"{type(error).__name__}: {error}"
     if isinstance(error, MtpBenchError):
         text, expected = str(error), ""
-    lines = _calls(root)
-    return AgentError(Finding("error", "", text, expected, where, "see the lines of its code" if lines else "", lines))
-
-
-def _calls(error: BaseException) -> tuple[str, ...]:
-    """The last calls of an exception in the agent's code."""
     lines = []
-    for frame in traceback.extract_tb(error.__traceback__):
+    for frame in traceback.extract_tb(root.__traceback__):
         path = Path(frame.filename).resolve()
         if not (frame.filename.startswith("<frozen") or path in _LOADERS or path.parent == _OWN):
             lines.append(f"{path.name}, line {frame.lineno}, in {frame.name}: {frame.line}")
-    return tuple(lines[-_LINES:])
+    advice, last = "see the lines of its code" if lines else "", tuple(lines[-_LINES:])
+    return AgentError(Finding("error", "", text, expected, where, advice, last))
 
 
 @dataclass
@@ -139,8 +134,7 @@ def first_difference(a: Played, b: Played) -> str:
 def _episode(env: MTPEnv, observation: Observation) -> Steps:
     number, over = 0, False
     while not over:
-        action = yield f"frame {number}", observation
-        observation, _, over, *_ = env.step(action)
+        observation, _, over, *_ = env.step((yield f"frame {number}", observation))
         number += 1
     yield None
 
@@ -218,11 +212,6 @@ class Suite:
         for played in self.passes:
             first |= {key: seen for key, seen in played.problems.items() if key not in first}
         return first
-
-    def new_problems(self, played: Played) -> ProblemCounts:
-        """Problems of another pass, of fields that were valid in the first one."""
-        faulty = {name for name, _ in self.problems}
-        return {key: seen for key, seen in played.problems.items() if key[0] not in faulty}
 
     def agent(self, env: MTPEnv | None = None) -> Agent:
         """A new agent for the task of ``env``, by default the env of the suite; raises AgentError."""

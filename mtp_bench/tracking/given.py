@@ -189,8 +189,7 @@ class GivenIdentities:
 
     def free_pairs(self, indptr: Ints, column: Ints, gain: Floats) -> tuple[Ints, Ints, Floats]:
         """The pairs of tracks and detections that are both without an object; arguments as of `sparse_gains`."""
-        track = np.repeat(self._track, np.diff(indptr))
-        free = (track < 0) & (self._detection[column] < 0)
+        free = (np.repeat(self._track, np.diff(indptr)) < 0) & (self._detection[column] < 0)
         return np.append(0, np.cumsum(free))[indptr], column[free], gain[free]
 
     def assign(self, column: Ints) -> Ints:

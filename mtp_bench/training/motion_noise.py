@@ -49,8 +49,7 @@ def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]
     Pasts are tracks of the single-hypothesis tracker, or ground-truth tracks if the task observes the truth. A class
     without windows is left out.
     """
-    tracker = TruthTracker() if task.observe == "truth" else HypothesisTracker()
-    windows = collect(scenes, task, tracker)
+    windows = collect(scenes, task, TruthTracker() if task.observe == "truth" else HypothesisTracker())
     rows = {}
     with notice.work("fitting the motion noise by class") as work:
         work.started(len(task.classes))

@@ -86,10 +86,6 @@ class Focus:
         """Time of a frame since the first one."""
         return float(self.replay.scene.time[t] - self.replay.scene.time[0])
 
-    def ringed(self, t: int) -> bool:
-        """True from the event on; for a false forecast as long as it lasts."""
-        return t >= self.at.frame and (t <= self.at.until or self.at.kind != "spurious")
-
     @cached_property
     def rows(self) -> Ints:
         """Row [F] of the object in the truth, -1 in frames without it; all -1 for a false forecast."""
@@ -202,10 +198,6 @@ class Focus:
         """Row of the true box, other than the object, that a track follows at frame ``t``, -1 without one."""
         row = int(self.truth_of_track[self.track_rows(track_id)[t]])
         return -1 if row == self.rows[t] else row
-
-    def followed(self, track_id: int, t: int) -> Ints:
-        """True boxes [n] that a track followed just before ``t``, until a gap, the newest first; -1 for none."""
-        return self.truth_of_track[self.until_gap(self.track_rows(track_id), t, 0)[1:]]
 
     def forecast(self, t: int) -> ObjectForecast | None:
         """The forecast of frame ``t`` that the scorer matches to the object, else that of its track then."""

@@ -103,7 +103,7 @@ _HAPPENED = {"ids": _switched, "lost": _lost, "reacquired": _switched, "collisio
 
 def _taker(focus: Focus, track: int, t: int) -> str:
     """A track that has the object from frame ``t`` on, and what it had before."""
-    followed = focus.followed(track, t)
+    followed = focus.truth_of_track[focus.until_gap(focus.track_rows(track), t, 0)[1:]]  # before t, the newest first
     objects = np.flatnonzero(followed >= 0)
     if not len(followed):
         return f"the new track {track}"

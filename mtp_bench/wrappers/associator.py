@@ -83,8 +83,7 @@ class Associator:
 
     def preview(self, choice: Ints) -> Action:
         """The action of the frame after these choices [M], which are not taken."""
-        shared = {id(part): part for part in (self._task, self._seen)}
-        return copy.deepcopy(self, shared).act(choice)
+        return copy.deepcopy(self, {id(part): part for part in (self._task, self._seen)}).act(choice)
 
     def _resolved(self, choice: Ints) -> tuple[Ints, Ints]:
         """Detections that join a track, and the slot of each, or FREE."""

@@ -11,25 +11,11 @@ import numpy as np
 from mtp_bench.cards import Card
 from mtp_bench.types import Floats, Rollout, Scene
 
-from . import shown
+from . import shown, statistics
 from .budgets import budgets_of, cuts, error_at
 from .forecasts import Run
 from .parts import ABSENT, COVERED, Known, covered_errors, parts_at
-from .statistics import (
-    Drawn,
-    Interval,
-    drawn_signs,
-    drawn_units,
-    effective,
-    guarded,
-    inverted,
-    of_shares,
-    sign_flip,
-    studentised,
-    sums_of,
-    units_of,
-    why_unranked,
-)
+from .statistics import Drawn, Interval, sums_of
 from .targets import Target, find_targets
 
 Row = dict[str, Any]
@@ -56,7 +42,7 @@ class Draws(NamedTuple):
 
 
 STP, TRUE_PASTS = "stp", "gt"  # names of the references with the kinematic predictor
-OWN_DRAWS = Draws(drawn_units, drawn_signs)
+OWN_DRAWS = Draws(statistics.drawn_units, statistics.drawn_signs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +67,7 @@ def score(
     Reading: every number is computed per seed and averaged over the seeds that have it.
     """
     targets = find_targets(scenes, card)
-    units = units_of(scenes, targets, card)
+    units = statistics.units_of(scenes, targets, card)
     subsets = {"all": np.ones(len(targets)), **(weights or {})}
     runs = [Run(card, scenes, targets, rollouts) for rollouts in seeds]
     walked = [list(cuts(run)) for run in runs]
@@ -181,10 +167,10 @@ class Paired:
         return float(self.less(a, b).sum() / self.weight.sum())
 
     def p(self, a: str, b: str) -> float:
-        return sign_flip(self.less(a, b), self.weight, self.draws.signs)
+        return statistics.sign_flip(self.less(a, b), self.weight, self.draws.signs)
 
     def difference_interval(self, a: str, b: str) -> Interval | None:
-        return inverted(self.less(a, b), self.weight, self.draws.signs)
+        return statistics.inverted(self.less(a, b), self.weight, self.draws.signs)
 
     def better(self, a: str, b: str) -> bool:
         return self.difference(a, b) < 0 and self.p(a, b) < 0.05
@@ -196,7 +182,7 @@ class Paired:
 
     def interval(self, name: str) -> Interval | None:
         """Interval of an error, which is never below 0."""
-        found = studentised(self.sums[name], self.weight, self.draws.units)
+        found = statistics.studentised(self.sums[name], self.weight, self.draws.units)
         return found and (max(0.0, found[0]), max(0.0, found[1]))
 
     def gap(self, name: str, worse: str, best: str) -> tuple[float | None, Interval | None]:
@@ -204,19 +190,19 @@ class Paired:
         if not {worse, best} <= self.sums.keys() or not self.better(best, worse):
             return None, None
         won, whole = self.less(worse, name), self.less(worse, best)
-        return float(won.sum() / whole.sum()), of_shares(won, whole, self.draws.units)
+        return float(won.sum() / whole.sum()), statistics.of_shares(won, whole, self.draws.units)
 
 
 def _why_unranked(scored: Mapping[str, Scored], subset: str, name: str, draws: Draws) -> str:
     """Why an agent with k samples that did not see the truth has no rank; empty where it has."""
     kept = scored[STP]
-    if reason := why_unranked(subset, kept.weights[subset], kept.units, [g.owner for g in kept.targets]):
+    if reason := statistics.why_unranked(subset, kept.weights[subset], kept.units, [g.owner for g in kept.targets]):
         return reason
     paired = Paired(scored, "all", draws)
     for limit in (STP, f"{name}, stp"):
         if subset != "all" and limit in scored:
             worse = paired.difference(name, limit) / scored[limit].rows["all"]["error"]
-            if guarded(worse, paired.p(name, limit)):
+            if statistics.guarded(worse, paired.p(name, limit)):
                 return "worse than STP on all"
     return ""
 
@@ -252,9 +238,9 @@ def _counts(targets: Sequence[Target], w: Floats, units: Sequence[tuple[int, int
     there = [g for g, weight in zip(targets, w, strict=True) if weight > 0]
     return {
         "targets": len(there),
-        "effective_targets": effective([float(x) for x in w]),
-        "effective_objects": effective(sums_of([g.owner for g in targets], w)),
-        "effective_units": effective(sums_of(units, w)),
+        "effective_targets": statistics.effective([float(x) for x in w]),
+        "effective_objects": statistics.effective(sums_of([g.owner for g in targets], w)),
+        "effective_units": statistics.effective(sums_of(units, w)),
         "objects": len({g.owner for g in there}),
     }
 

@@ -97,9 +97,8 @@ def test_the_models_that_ship(detector: str) -> None:
         assert content["held_out"]["presence"]["brier"] < content["held_out"]["score"]["brier"]
     names = [*model.classes, "unicycle"]
     n = len(names)
-    said = model.probability(
-        TrackHistory(**{key: np.full(n, value) for key, value in CHANGES.items()}), np.arange(n), names
-    )
+    seen = TrackHistory(**{key: np.full(n, value) for key, value in CHANGES.items()})
+    said = model.probability(seen, np.arange(n), names)
     assert ((said > 0) & (said < 1)).all()
 
 

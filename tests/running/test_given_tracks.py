@@ -161,10 +161,8 @@ def scored(env: MTPEnv, scene: str, agent: Any) -> SceneScore:
 
 
 def events_of(score: SceneScore) -> dict[str, Any]:
-    return {
-        **score.own_events,
-        **{name: list(getattr(score.counts, name)) for name in ("tp", "fp", "fn", "ids", "frag")},
-    }
+    counts = score.counts
+    return {**score.own_events, **{name: list(getattr(counts, name)) for name in ("tp", "fp", "fn", "ids", "frag")}}
 
 
 SCENES = [("MTP-nuScenes-mini-v0", "scene-0103"), ("MTP-KITTI-v0", "0006"), ("MTP-KITTI-noego-v0", "0006")]

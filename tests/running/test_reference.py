@@ -2,7 +2,6 @@
 
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -108,28 +107,21 @@ def test_a_changed_card_or_a_scene_that_is_not_there_makes_its_own(shipped: str,
 
 def test_scenes_without_frozen_weights_are_left_out(shipped: str, tmp_path: Path, kitti: str) -> None:
     """More data than there was when weights were frozen, such as the whole split of nuScenes: ranks are of the same."""
-    _, whole = freeze(shipped, RunOptions(kitti))
+    path, whole = freeze(shipped, RunOptions(kitti))
     card, scenes = load_card(shipped), scenes_of(shipped, kitti)
     assert ranked_scenes(card, scenes) == scenes
     known = tuple(name for name in scenes if name != scenes[0])
-    write_reference(frozen_path(shipped), replace(whole, scenes={k: whole.scenes[k] for k in keys_of(shipped, known)}))
+    keys = [scene_key(shipped, name) for name in known]
+    write_reference(path, replace(whole, scenes={key: whole.scenes[key] for key in keys}))
     assert ranked_scenes(card, scenes) == known
     assert ranked_scenes(card, scenes[:1]) == scenes[:1], "of these alone nothing is known"
     compared = compare(["stp"], shipped, RunOptions(kitti))
-    assert (compared.reference.frozen, compared.reference.digest) == (True, frozen_digest(shipped))
+    assert (compared.reference.frozen, compared.reference.digest) == (True, read_reference(path).digest)
     assert compared.report.condition["weights"].endswith(
         f"; 1 of {len(scenes)} scenes of the split have none and are left out"
     )
     plan = plan_run(load_submission("stp"), shipped, RunOptions(kitti))
     assert (plan.scenes, plan.scenes_of_split) == (known, len(known))
-
-
-def keys_of(env: str, scenes: Sequence[str]) -> list[str]:
-    return [scene_key(env, name) for name in scenes]
-
-
-def frozen_digest(env: str) -> str:
-    return read_reference(frozen_path(env)).digest
 
 
 FROZEN = sorted(path.stem for path in (Path(__file__).parents[2] / "envs" / "reference").glob("*.json"))

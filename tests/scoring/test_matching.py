@@ -167,9 +167,7 @@ def test_near_pairs_are_all_pairs_inside_the_gate(seed: int, offset: float) -> N
     gap = a[:, None] - b
     inside = (frame_a[:, None] == frame_b) & (np.sqrt((gap**2).sum(-1)) <= 2.0)
     i, j, distance = near_pairs(frame_a, a, frame_b, b, 2.0)
-    assert set(zip(i.tolist(), j.tolist(), strict=True)) == set(
-        zip(*map(np.ndarray.tolist, np.nonzero(inside)), strict=True)
-    )
+    assert set(zip(i.tolist(), j.tolist(), strict=True)) == set(map(tuple, np.argwhere(inside).tolist()))
     np.testing.assert_allclose(distance, np.hypot(*gap[i, j].T))
 
 

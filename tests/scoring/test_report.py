@@ -10,20 +10,10 @@ import numpy as np
 import pytest
 
 from mtp_bench.errors import DataError, RolloutError
-from mtp_bench.scoring import (
-    DEFINITIONS,
-    SUBSETS,
-    AgentScores,
-    Reference,
-    References,
-    Report,
-    SceneScore,
-    score_scene,
-    summarise,
-)
-from mtp_bench.scoring.rank import ALONE
+from mtp_bench.scoring import DEFINITIONS, SUBSETS, AgentScores, Report, SceneScore, score_scene, summarise
+from mtp_bench.scoring.rank import ALONE, References
 from mtp_bench.scoring.rows import PairedRow, Row
-from mtp_bench.scoring.weights import SceneWeights, scene_key
+from mtp_bench.scoring.weights import Reference, SceneWeights, scene_key
 from tests.support.scoring_scenes import WALKER, Thing, make_card, make_rollout, make_scene, random_case
 
 CARD = make_card(past=2, future=3, samples=2)

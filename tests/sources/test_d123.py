@@ -19,7 +19,8 @@ from mtp_bench.sources.d123 import import_logs
 from mtp_bench.sources.d123.logs import LABELS
 from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine
-from tests.support.own_scenes import assert_same, small_card
+from tests.support.own_scenes import assert_same
+from tests.support.small_scenes import write_card
 
 BOXES, EGO = "box_detections_se3", "ego_state_se3"
 NUSCENES = "MTP-nuScenes-mini-v0"
@@ -74,7 +75,8 @@ def write_log(folder: Path, tables: Tables) -> Path:
 
 def imported(tmp_path: Path, tables: Tables) -> Scene:
     import_logs(write_log(tmp_path / "split/one", tables).parent, tmp_path / "own", 10, 60)
-    (scene,) = load_scenes(with_detector(with_files(small_card(tmp_path), tmp_path / "own"), "kitti_pointrcnn"))
+    card = with_files(load_card(write_card(tmp_path)), tmp_path / "own")
+    (scene,) = load_scenes(with_detector(card, "kitti_pointrcnn"))
     return scene
 
 

@@ -13,32 +13,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mtp_bench.cards import Card, with_detector, with_files, with_scenes, with_split
+from mtp_bench.cards import Card, load_card, with_detector, with_files, with_scenes, with_split
 from mtp_bench.cards.card import LaneSection
 from mtp_bench.cards.own import own_digest
 from mtp_bench.errors import CardError, DataError, MtpBenchError, UnknownNameError
 from mtp_bench.sources import camera_images, load_scenes, open_source
 from mtp_bench.sources.files.save import TableForm, save_scene
 from mtp_bench.types import Detections, Scene, StoredTracks, Truth, starts_of
-from tests.support.own_scenes import (
-    BOX,
-    CLASSES,
-    DETECTIONS,
-    EGO,
-    TRUTH,
-    assert_same,
-    small_card,
-    whole_scene,
-    write_tables,
-)
+from tests.support.own_scenes import BOX, CLASSES, DETECTIONS, EGO, TRUTH, assert_same, whole_scene, write_tables
 from tests.support.small_scenes import make_scene
 
 FORMS: tuple[TableForm, ...] = ("csv", "parquet")
 
 
 @pytest.fixture(scope="module")
-def base(tmp_path_factory: pytest.TempPathFactory) -> Card:
-    return small_card(tmp_path_factory.mktemp("card"))
+def base(card: str) -> Card:
+    return load_card(card)
 
 
 def only(card: Card, folder: Path) -> Scene:
@@ -151,8 +141,7 @@ def test_tables_with_numbered_frames(tmp_path: Path, base: Card) -> None:
 
 
 def test_the_ego_table_says_which_frames_there_are(tmp_path: Path, base: Card) -> None:
-    longer = [*EGO, "3,0.31,5,3,1,0.1"]
-    scene = only(base, write_tables(tmp_path, ego=longer))
+    scene = only(base, write_tables(tmp_path, ego=[*EGO, "3,0.31,5,3,1,0.1"]))
     np.testing.assert_array_equal(scene.time, [0, 0.1, 0.2, 0.31])
     np.testing.assert_array_equal(scene.ego[3], [5, 3, 1, 0.1])
     np.testing.assert_array_equal(scene.truth.counts, [1, 1, 1, 0])
@@ -179,8 +168,7 @@ def test_rows_of_other_classes_are_left_out_and_counted(tmp_path: Path, base: Ca
 
 @pytest.mark.parametrize("sides", ["0,1.8,1.5", "4,-1.8,1.5", "4,1.8,1e-9"])
 def test_flat_detections_are_left_out_and_counted(sides: str, tmp_path: Path, base: Card) -> None:
-    rows = [*DETECTIONS, f"1,car,5,5,0.8,0,{sides},0.9"]
-    scene = only(base, write_tables(tmp_path, detections=rows))
+    scene = only(base, write_tables(tmp_path, detections=[*DETECTIONS, f"1,car,5,5,0.8,0,{sides},0.9"]))
     assert (scene.detections.start.tolist(), scene.skipped) == ([0, 1, 1, 2], {"detection size not above 0": 1})
 
 

@@ -10,18 +10,7 @@ from mtp_bench.errors import DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source
 from mtp_bench.sources.motion import backward_velocity
 from mtp_bench.sources.nuscenes.source import NuScenes
-from tests.support.nuscenes_root import (
-    PREDICTION,
-    SCENES,
-    TIMES,
-    make_detections,
-    make_tables,
-    make_targets,
-    nuscenes_card,
-    scene,
-    write_json,
-    write_tables,
-)
+from tests.support.nuscenes_root import PREDICTION, SCENES, TIMES, VERSION, edited, nuscenes_card, scene, write_root
 
 NAN = float("nan")
 
@@ -70,7 +59,9 @@ def test_targets_only(data: Path) -> None:
 
 
 def test_scenes_without_targets_are_left_out(data: Path) -> None:
-    write_json(data / PREDICTION, {**make_targets(SCENES[:1]), "scene-0003": []})
+    with edited(data / PREDICTION) as targets:
+        targets["scene-0003"] = []
+        del targets["scene-0001"]
     assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0301",)
     assert open_source(nuscenes_card(), data).names == ("scene-0001", "scene-0003", "scene-0301")
     expected = r"has no scene of split 'val' with prediction targets; .*: train \(1\), all \(1\); choose one"
@@ -91,8 +82,7 @@ def test_splits(data: Path) -> None:
 
 
 def test_a_root_of_unofficial_scenes(data: Path) -> None:
-    write_tables(data, make_tables(("scene-9001",)))
-    write_json(data / "nuscenes/detections/megvii_all.json", make_detections(("scene-9001",)))
+    write_root(data, ("scene-9001",))
     assert open_source(nuscenes_card(), data).names == ("scene-9001",)
     with pytest.raises(DataError, match=r"no scene of split 'val'; splits with scenes: all \(1\)"):
         open_source(nuscenes_card(split="val"), data)
@@ -114,10 +104,9 @@ def test_a_simulated_detector_needs_no_detections(data: Path) -> None:
 ])  # fmt: skip
 def test_boxes_without_a_point_are_neutral(data: Path, counts: dict[str, int], neutral: bool) -> None:
     """As in the official evaluation; a target of the prediction challenge is one all the same."""
-    tables = make_tables()
     before = scene(data, SCENES[0]).truth.neutral
-    next(each for each in tables["sample_annotation"] if each["token"] == f"{SCENES[0]}-car-t1").update(counts)
-    write_tables(data, tables)
+    with edited(data / f"nuscenes/{VERSION}/sample_annotation.json") as records:
+        next(each for each in records if each["token"] == f"{SCENES[0]}-car-t1").update(counts)
     found = scene(data, SCENES[0]).truth
     changed = np.flatnonzero(found.neutral != before)
     assert len(changed) == neutral

@@ -13,31 +13,15 @@ from mtp_bench.sources import open_source
 from mtp_bench.sources.nuscenes.layout import SPLITS, official_scenes, scenes_by_split
 from mtp_bench.sources.nuscenes.tables import TableRecord, read_records, yaw_of
 from mtp_bench.sources.text import decode
-from tests.support.nuscenes_root import (
-    DETECTIONS,
-    PREDICTION,
-    VERSION,
-    make_detections,
-    make_targets,
-    nuscenes_card,
-    sample,
-    write_json,
-)
+from tests.support.nuscenes_root import DETECTIONS, PREDICTION, VERSION, edited, nuscenes_card, sample
 
 Change = Callable[[list[dict[str, Any]]], object]
 NAN = float("nan")
 
 
 def record(token: str, /, **changes: Any) -> Change:
-    """The record with this token gets other values; None removes a key."""
-
-    def change(records: list[dict[str, Any]]) -> None:
-        found = next(each for each in records if each["token"] == token)
-        found.update(changes)
-        for key in [key for key, value in changes.items() if value is None]:
-            del found[key]
-
-    return change
+    """The record with this token gets other values."""
+    return lambda records: next(each for each in records if each["token"] == token).update(changes)
 
 
 def remove(token: str) -> Change:
@@ -80,10 +64,8 @@ TABLES: dict[str, tuple[str, Change, str]] = {  # table, change, what the error 
 
 @pytest.mark.parametrize(("table", "change", "text"), TABLES.values(), ids=TABLES)
 def test_tables(data: Path, table: str, change: Change, text: str) -> None:
-    path = data / "nuscenes" / VERSION / f"{table}.json"
-    content = json.loads(path.read_text())
-    change(content)
-    write_json(path, content)
+    with edited(data / f"nuscenes/{VERSION}/{table}.json") as records:
+        change(records)
     with pytest.raises(DataError) as caught:
         open_source(nuscenes_card(), data)
     assert all(each in str(caught.value) for each in (f"{table}.json", text))
@@ -105,12 +87,11 @@ BOXES: dict[str, dict[str, Any] | Callable[[dict[str, Any]], object]] = {  # cha
 
 @pytest.mark.parametrize("change", BOXES.values(), ids=BOXES)
 def test_detections(data: Path, change: dict[str, Any] | Callable[[dict[str, Any]], object]) -> None:
-    content = make_detections()
-    if isinstance(change, dict):
-        content["results"][S][1].update(change)
-    else:
-        change(content["results"])
-    write_json(data / DETECTIONS, content)
+    with edited(data / DETECTIONS) as content:
+        if isinstance(change, dict):
+            content["results"][S][1].update(change)
+        else:
+            change(content["results"])
     with pytest.raises(DataError, match=rf"megvii_all\.json, sample '{S}'"):
         open_source(nuscenes_card(), data)
 
@@ -127,7 +108,8 @@ TARGETS: dict[str, Any] = {
 
 @pytest.mark.parametrize("content", TARGETS.values(), ids=TARGETS)
 def test_prediction_targets(data: Path, content: Any) -> None:
-    write_json(data / PREDICTION, {**make_targets(), **content} if isinstance(content, dict) else content)
+    before = json.loads((data / PREDICTION).read_text())
+    (data / PREDICTION).write_text(json.dumps({**before, **content} if isinstance(content, dict) else content))
     with pytest.raises(DataError, match=r"prediction_scenes\.json"):
         open_source(nuscenes_card(truth="targets"), data)
 

@@ -10,19 +10,7 @@ import pytest
 
 from mtp_bench.errors import DataError
 from mtp_bench.sources import describe, open_source, prepare
-from tests.support.nuscenes_root import (
-    DETECTIONS,
-    PREDICTION,
-    SCENES,
-    VERSION,
-    make_detections,
-    make_tables,
-    make_targets,
-    nuscenes_card,
-    scene,
-    write_json,
-    write_tables,
-)
+from tests.support.nuscenes_root import DETECTIONS, PREDICTION, VERSION, edited, nuscenes_card, scene
 
 LONG_AGO = 10**18  # ns
 FILES = {"detections": DETECTIONS, "tables": f"nuscenes/{VERSION}/sample_annotation.json"}
@@ -35,7 +23,8 @@ def test_the_cache_is_used_until_a_file_changes(data: Path, own_cache: Path) -> 
     assert len(made) == 9  # three scenes, their samples and an index; detections of three scenes and an index
     np.testing.assert_array_equal(scene(data).truth.box, first.truth.box)
     assert {path: path.stat().st_ino for path in own_cache.rglob("*.npz")} == made
-    write_json(data / PREDICTION, make_targets(SCENES[:1]))
+    with edited(data / PREDICTION) as targets:
+        del targets["scene-0001"], targets["scene-0003"]
     assert open_source(nuscenes_card(truth="targets"), data).names == ("scene-0301",)
 
 
@@ -116,11 +105,11 @@ def test_status_names_missing_and_wrong_files(data: Path) -> None:
     for text, source in missing.items():
         assert text in describe(nuscenes_card(**source), data).missing[0]
     assert "no scene of split 'mini_val'" in describe(nuscenes_card(split="mini_val"), data).problems[0]
-    write_json(data / DETECTIONS, make_detections(SCENES[:2]))
+    with edited(data / DETECTIONS) as content:
+        del content["results"]["scene-0003-t0"]
     assert "no entry for sample 'scene-0003-t0'" in describe(nuscenes_card(), data).problems[0]
-    tables = make_tables()
-    tables["sample"][1]["timestamp"] = -1
-    write_tables(data, tables)
+    with edited(data / f"nuscenes/{VERSION}/sample.json") as records:
+        records[1]["timestamp"] = -1
     assert "sample.json" in describe(nuscenes_card(), data).problems[0]
     (data / PREDICTION).unlink()
     assert "prediction_scenes.json" in describe(nuscenes_card(truth="targets"), data).missing[0]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +20,7 @@ from mtp_bench.sources.nuscenes.road import read_lanes
 from mtp_bench.types import Lane
 from tests.support.command_line import CommandLine
 from tests.support.map_expansion import Record, make_map, write_map
-from tests.support.nuscenes_root import VERSION, nuscenes_card, scene, write_json
+from tests.support.nuscenes_root import VERSION, edited, nuscenes_card, scene, write_json
 
 POSE = (0.0, 0.0, np.pi / 2)  # of the ego in frame 0: it drives along y
 LOCATION = "boston-seaport"
@@ -30,21 +29,17 @@ LOCATION = "boston-seaport"
 @pytest.fixture
 def mapped(data: Path) -> Path:
     """The small root with a log that says where its scenes are, and a map of that place."""
-    write_logs(data)
+    path = data / "nuscenes" / VERSION / "scene.json"
+    with edited(path) as records:
+        for record in records:
+            record["log_token"] = "log-1"
+    write_json(path.with_name("log.json"), [{"token": "log-1", "location": LOCATION}])
     write_map(data / "nuscenes", LOCATION, make_map(POSE))
     return data
 
 
-def write_logs(data: Path) -> None:
-    path = data / "nuscenes" / VERSION / "scene.json"
-    records = json.loads(path.read_text(encoding="utf-8"))
-    write_json(path, [{**record, "log_token": "log-1"} for record in records])
-    write_json(path.with_name("log.json"), [{"token": "log-1", "location": LOCATION}])
-
-
 def drawn(data: Path, notes: list[str] | None = None) -> tuple[Lane, ...]:
-    told = [] if notes is None else notes
-    return with_map(scene(data), nuscenes_card(), data, told.append).lanes
+    return with_map(scene(data), nuscenes_card(), data, ([] if notes is None else notes).append).lanes
 
 
 def test_lanes_are_where_they_were_drawn(mapped: Path) -> None:

@@ -40,11 +40,11 @@ class TrackRows:
         """The rows where ``mask`` is true."""
         return TrackRows(**{name: rows[mask] for name, rows in vars(self).items()})
 
-    def above(self, threshold: float) -> "TrackRows":
-        """The tracks whose mean score reaches ``threshold``."""
+    def above(self, class_name: str) -> "TrackRows":
+        """The tracks whose mean score reaches the threshold of a class."""
         ids, row = np.unique(self.track_id, return_inverse=True)
         mean = np.bincount(row, self.score) / np.bincount(row) if len(ids) else np.zeros(0)
-        return self.keep(mean[row] >= threshold)
+        return self.keep(mean[row] >= SCORE_THRESHOLD[class_name])
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +54,15 @@ class Annotations:
     labels: LabelRows
     box: Floats  # [R, 7]; NaN for DontCare
 
+    @property
+    def hidden(self) -> Bools:
+        """Rows that AB3DMOT's evaluation ignores: cut off at the border of the image, or occluded."""
+        table = self.labels.table
+        return np.asarray((table.whole("truncated") > 0) | (table.whole("occluded") > MAX_OCCLUSION))
+
     def ignored(self, class_name: str) -> Bools:
         """Rows that count neither as found nor as missed."""
-        return np.isin(self.labels.type, NEIGHBOURS[class_name]) | hidden_in_image(self.labels)
-
-
-def hidden_in_image(labels: LabelRows) -> Bools:
-    """Rows that AB3DMOT's evaluation ignores: cut off at the border of the image, or occluded."""
-    return np.asarray((labels.table.whole("truncated") > 0) | (labels.table.whole("occluded") > MAX_OCCLUSION))
+        return np.isin(self.labels.type, NEIGHBOURS[class_name]) | self.hidden
 
 
 def read_annotations(root: Path, scene: Scene, ego_motion: bool) -> Annotations:

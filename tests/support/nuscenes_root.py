@@ -10,6 +10,8 @@ dog      frame 2                   an animal, not used
 """
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -124,8 +126,8 @@ def detection(token: str, name: str = "car", x: float = 10.0, **changes: Any) ->
     }  # fmt: skip
 
 
-def make_detections(scenes: tuple[str, ...] = SCENES, frames: int = 4) -> Record:
-    """A submission: a walker, a car and a cone in each sample, nothing in the last one of a scene."""
+def write_detections(path: Path, scenes: tuple[str, ...] = SCENES, frames: int = 4) -> None:
+    """Write a submission: a walker, a car and a cone in each sample, nothing in the last one of a scene."""
     results = {
         sample(scene, t): [detection(sample(scene, t), name) for name in ("pedestrian", "car", "traffic_cone")]
         if t < 3
@@ -133,7 +135,7 @@ def make_detections(scenes: tuple[str, ...] = SCENES, frames: int = 4) -> Record
         for scene in scenes
         for t in range(frames)
     }
-    return {"meta": {"use_lidar": True}, "results": results}
+    write_json(path, {"meta": {"use_lidar": True}, "results": results})
 
 
 def write_tables(data: Path, tables: Tables, version: str = VERSION) -> Path:
@@ -149,11 +151,19 @@ def write_json(path: Path, content: Any) -> None:
     path.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
-def write_root(data: Path) -> Path:
+@contextmanager
+def edited(path: Path) -> Iterator[Any]:
+    """The content of a file of the root, which is written again with its changes."""
+    content = json.loads(path.read_text(encoding="utf-8"))
+    yield content
+    write_json(path, content)
+
+
+def write_root(data: Path, scenes: tuple[str, ...] = SCENES) -> Path:
     """Write all of the root."""
-    write_tables(data, make_tables())
-    write_json(data / PREDICTION, make_targets())
-    write_json(data / DETECTIONS, make_detections())
+    write_tables(data, make_tables(scenes))
+    write_json(data / PREDICTION, make_targets(scenes))
+    write_detections(data / DETECTIONS, scenes)
     return data
 
 

@@ -1,4 +1,4 @@
-"""Own scenes: a card for them, tables small enough to think through, and scenes that hold everything."""
+"""Own scenes: tables small enough to think through, and scenes that hold everything."""
 
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -6,20 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from mtp_bench.cards import Card, load_card
 from mtp_bench.types import ImageField, Lane, Scene
-from tests.support.small_scenes import make_scene, write_card
+from tests.support.small_scenes import make_scene
 
 CLASSES = ("car", "pedestrian")
 BOX = "0.8,0,4,1.8,1.5"
 TRUTH = ["frame,id,class,x,y,z,yaw,l,w,h", f"0,1,car,0,0,{BOX}", f"1,1,car,1,0,{BOX}", f"2,1,car,2,0,{BOX}"]
 DETECTIONS = ["frame,class,x,y,z,yaw,l,w,h,score", f"0,car,0.1,0,{BOX},0.9", f"2,car,2.1,0,{BOX},0.8"]
 EGO = ["frame,time,x,y,z,yaw", "0,0.0,5,0,1,0.1", "1,0.1,5,1,1,0.1", "2,0.2,5,2,1,0.1"]
-
-
-def small_card(folder: Path) -> Card:
-    """A card for two classes at 10 frames per second."""
-    return load_card(write_card(folder))
 
 
 def write_tables(folder: Path, **tables: list[str] | None) -> Path:
@@ -76,6 +70,5 @@ def write_long_log(folder: Path, frames: int = 30) -> Path:
     """The folder of a scene of two cars, long enough for targets of nuScenes' task, at 2 frames per second."""
     cars = [(t, i, f"{2 * t + 3 * i},{4 * i},{BOX}") for t in range(frames) for i in range(2)]
     truth = [TRUTH[0], *(f"{t},{i},car,{place}" for t, i, place in cars)]
-    return write_tables(
-        folder, truth=truth, detections=[DETECTIONS[0], *(f"{t},car,{place},1" for t, _, place in cars)]
-    )
+    detections = [DETECTIONS[0], *(f"{t},car,{place},1" for t, _, place in cars)]
+    return write_tables(folder, truth=truth, detections=detections)

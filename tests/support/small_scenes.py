@@ -213,19 +213,15 @@ def write_kitti(root: Path) -> str:
 
 
 def _write_sequence(folder: Path, name: str, scene: Scene) -> None:
-    truth, detections = scene.truth, scene.detections
+    truth, seen = scene.truth, scene.detections
     labels: list[str] = []
     found: dict[str, list[str]] = {"Car": [], "Pedestrian": [], "Cyclist": []}
     for t in range(scene.frames):
-        for box, kind, identity in zip(
-            truth.box[truth.rows(t)], truth.class_id[truth.rows(t)], truth.object_id[truth.rows(t)], strict=True
-        ):
+        own, rows = truth.rows(t), seen.rows(t)
+        for box, kind, identity in zip(truth.box[own], truth.class_id[own], truth.object_id[own], strict=True):
             type_name = ("Car", "Pedestrian")[kind]
             labels.append(f"{t} {identity} {type_name} 0 0 0 0 0 50 50 {_camera_fields(box, ' ')}")
-        rows = detections.rows(t)
-        for box, kind, score in zip(
-            detections.box[rows], detections.class_id[rows], detections.score[rows], strict=True
-        ):
+        for box, kind, score in zip(seen.box[rows], seen.class_id[rows], seen.score[rows], strict=True):
             type_name, code = (("Car", 2), ("Pedestrian", 1))[kind]
             found[type_name].append(f"{t},{code},0,0,50,50,{score},{_camera_fields(box, ',')},0")
     (folder / "training/label_02" / f"{name}.txt").write_text("\n".join(labels))

@@ -8,18 +8,7 @@ from typing import Annotated
 
 import pytest
 
-from mtp_bench.tables import (
-    Column,
-    Table,
-    columns_of,
-    tables_text,
-    to_csv,
-    to_html,
-    to_json,
-    to_latex,
-    to_markdown,
-    to_text,
-)
+from mtp_bench.tables import Column, Table, columns_of, tables_text, to_csv, to_html, to_json, to_markdown, to_text
 
 Metres = Annotated[float | None, Column(unit="m", better="lower")]
 
@@ -90,7 +79,7 @@ def test_markdown_joins_an_interval_to_its_number_and_leaves_an_empty_optional_c
 
 
 def test_latex_escapes_and_groups() -> None:
-    lines = to_latex(TABLE).splitlines()
+    lines = tables_text(".tex", [TABLE], TABLE).splitlines()
     assert all(text in lines for text in (r"\caption{Costs \& gains}", r"\begin{tabular}{lrrr}"))
     assert r"\multicolumn{1}{c}{} & \multicolumn{1}{c}{size} & \multicolumn{2}{c}{} \\" in lines
     assert all(text in lines for text in (r"\cmidrule(lr){2-2}", r"stp\_a|b & 12 & 0.731 [0.500, 12.35] & 50 \% \\"))

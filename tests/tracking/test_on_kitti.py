@@ -16,15 +16,7 @@ from mtp_bench.sources import open_source
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.training.split import observations
 from mtp_bench.types import Bools, Floats, Scene
-from tests.support.kitti_mot import (
-    SCORE_THRESHOLD,
-    Annotations,
-    TrackRows,
-    count_scene,
-    detection_image_boxes,
-    hidden_in_image,
-    read_annotations,
-)
+from tests.support.kitti_mot import Annotations, TrackRows, count_scene, detection_image_boxes, read_annotations
 from tests.support.tracking_scenes import kitti_task
 
 CLASSES = ("car", "pedestrian", "cyclist")
@@ -88,7 +80,7 @@ AB3DMOT_TABLE = {"car": 86.47, "pedestrian": 73.86, "cyclist": 84.79}
 def test_accuracy_is_that_of_ab3dmot(class_name: str, runs: Callable[[str, str], list[Run]]) -> None:
     counts = np.zeros(3)
     for run in runs("MTP-KITTI-v0", "as_parameters"):
-        mine = run.tracks.keep(run.tracks.class_id == CLASSES.index(class_name)).above(SCORE_THRESHOLD[class_name])
+        mine = run.tracks.keep(run.tracks.class_id == CLASSES.index(class_name)).above(class_name)
         counts += count_scene(run.scene.frames, run.truth, mine, class_name)
     truth, misses, false = counts
     assert 100 * (1 - (misses + false) / truth) == pytest.approx(AB3DMOT_TABLE[class_name], abs=1.0)
@@ -126,9 +118,8 @@ def count_events(runs: list[Run], card: Card, vans: bool = False) -> Counter[str
 
 def hidden(run: Run, keep: Bools) -> Bools:
     """True boxes that AB3DMOT's evaluation ignores."""
-    labels = run.truth.labels
-    ignored = hidden_in_image(labels)
-    by_name = dict(zip(zip(labels.frame.tolist(), labels.object_id.tolist(), strict=True), ignored, strict=True))
+    labels, hidden = run.truth.labels, run.truth.hidden
+    by_name = dict(zip(zip(labels.frame.tolist(), labels.object_id.tolist(), strict=True), hidden, strict=True))
     frame, object_id = run.scene.truth.frame_of_rows[keep], run.scene.truth.object_id[keep]
     return np.array([by_name[t, o] for t, o in zip(frame.tolist(), object_id.tolist(), strict=True)])
 

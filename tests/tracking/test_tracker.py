@@ -7,27 +7,10 @@ import pytest
 
 from mtp_bench.agent import Observation, Tracker
 from mtp_bench.errors import ShapeError, UnknownNameError
-from mtp_bench.tracking import (
-    ClassParameters,
-    GivenTracker,
-    HypothesisTracker,
-    OnlineTracker,
-    TruthTracker,
-    score_thresholds,
-)
-from mtp_bench.tracking.parameters import read_detector
+from mtp_bench.tracking import GivenTracker, HypothesisTracker, OnlineTracker, TruthTracker, score_thresholds
+from mtp_bench.tracking.parameters import ClassParameters, read_detector
 from mtp_bench.tracks import Tracks
-from tests.support.tracking_scenes import (
-    CAR,
-    CYCLIST,
-    PEDESTRIAN,
-    at_once,
-    frame,
-    kitti_task,
-    observation,
-    random_frames,
-    run,
-)
+from tests.support.tracking_scenes import CAR, CYCLIST, PEDESTRIAN, frame, kitti_task, observation, random_frames, run
 
 NOTHING = frame()
 
@@ -146,7 +129,7 @@ def test_weak_detections_are_ignored() -> None:
     seen = observation(frame((0.0, 0.0, 0), (20.0, 0.0, CYCLIST), (40.0, 0.0, CYCLIST)))
 
     def rows(least: float | dict[str, float] | None) -> list[int]:
-        tracker = HypothesisTracker(1, at_once(), min_detection_score=least)
+        tracker = HypothesisTracker(min_detection_score=least)
         tracker.reset(kitti_task())
         return [int(row) for row in tracker.step(seen).detection]
 

@@ -89,8 +89,7 @@ def test_the_tracks_are_those_of_the_lineage_not_of_the_rank() -> None:
     # hypothesis 0 loses the car at frame 2; until then hypothesis 1, which never had track 1, weighed more
     truth = [[Thing(5, t, 0.0)] for t in range(4)]
     tracks = [[Thing(1, t, 0.2)] * (t < 2) + [Thing(9, t, 0.4, hypotheses=(1,))] for t in range(4)]
-    weight = np.log([[0.4, 0.6]] * 2 + [[0.9, 0.1]] * 2)
-    rollout = make_rollout(tracks, log_weight=weight, hypotheses=2)
+    rollout = make_rollout(tracks, log_weight=np.log([[0.4, 0.6]] * 2 + [[0.9, 0.1]] * 2), hypotheses=2)
     rollout.hypothesis_parent[1:] = [[0, 1]] * 3
     run = replay(make_scene(truth), rollout, CARD)
     focus = Focus(run, run.incident("lost-0"))
@@ -191,10 +190,8 @@ def test_a_detection_of_another_class_is_said_of_the_object_and_of_its_ghost() -
     assert ". The true car 5 (lost-0) is 0.2 m away, forecast as pedestrian; the detection of track 1" in ghost
 
 
-@pytest.mark.parametrize(
-    ("detected", "told_of_it"), [(3.0, "takes a detection of no object, 3.0 m"), (9.0, "takes no")]
-)
-def test_the_detection_that_a_track_took_lies_beyond_its_box(detected: float, told_of_it: str) -> None:
+@pytest.mark.parametrize(("detected", "said"), [(3.0, "takes a detection of no object, 3.0 m"), (9.0, "takes no")])
+def test_the_detection_that_a_track_took_lies_beyond_its_box(detected: float, said: str) -> None:
     tracks = [[Thing(1, t, 2.4 if t == 4 else 0.0)] for t in range(8)]
     seen = [[Thing(0, t, detected if t == 4 else 0.0)] for t in range(8)]
     run = replay(with_detections(make_scene(line([5] * 8)), seen), make_rollout(tracks), CARD)
@@ -202,7 +199,7 @@ def test_the_detection_that_a_track_took_lies_beyond_its_box(detected: float, to
     place = expected(focus, 1, 4)
     assert place is not None
     assert (place.tolist(), taken(focus, 1, 4)) == ([4.0, 0.0], (4 if detected < 9.0 else -1))
-    assert f"for 0.1 s, until it has it again (reacquired-0). Track 1 {told_of_it}" in sentence(focus)
+    assert f"for 0.1 s, until it has it again (reacquired-0). Track 1 {said}" in sentence(focus)
     rule = replay(run.scene, run.rollout, make_card(measure="iou_3d"))
     assert re.search(r"has an IoU of 0\.\d\d with it, below 0\.5", sentence(Focus(rule, rule.incident("lost-0"))))
 

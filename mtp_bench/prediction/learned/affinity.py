@@ -130,8 +130,7 @@ def _earlier(now: _Backward, back: list[_SoftDetection], dt: float) -> _Backward
     measured = (found[:, :, None] * xp.stack([step.velocity for step in back], 1)).sum(1)
     measured = measured / xp.clip(found.sum(1), 1, None)[:, None]
     age = (xp.cumsum(xp.ones_like(found), 1) - 1) * dt
-    position = xp.stack([step.position for step in back], 1)
-    velocity = fitted_velocity(age, position, found, measured, dt)
+    velocity = fitted_velocity(age, xp.stack([step.position for step in back], 1), found, measured, dt)
     count = found[:, 1:].sum(1)  # the present one does not determine the velocity
     return now._replace(
         last=last.position, expected=last.position - velocity * dt, velocity=velocity, found=count, age=now.age + dt

@@ -56,8 +56,7 @@ class Ptp:
         weights = initial(_trained_shapes(sizes), rng)
         weights["sampler.1.bias"] = rng.standard_normal(sizes.modes * CODE).astype(np.float32)
         weights["sampler.1.weight"] *= np.float32(0.1)
-        alive = inputs["alive"] > 0
-        past, rest = _steps(inputs, sizes)[alive], _object(inputs, sizes)
+        past, rest = _steps(inputs, sizes)[inputs["alive"] > 0], _object(inputs, sizes)
         weights |= {"past.spread": np.maximum(np.sqrt((past**2).mean(axis=0)), LEAST_SPREAD)}
         weights |= {"object.mean": rest.mean(axis=0), "object.spread": np.maximum(rest.std(axis=0), LEAST_SPREAD)}
         step = np.diff(future - straight(inputs, sizes), axis=1, prepend=0)  # of corrections of constant velocity
@@ -145,9 +144,8 @@ def _messages(inputs: dict[str, Array], sizes: Sizes, like: Array) -> tuple[Arra
     near = near + xp.zeros_like(like[:, :1])
     velocity = turned(inputs, mean_velocity(inputs, sizes.dt)[:, None], 1)[:, 0]
     relative = turned(inputs, (near @ velocity)[:, None], -1)[:, 0]
-    return near, xp.concatenate(
-        [(near[:, :, None] * between).sum(1) / REACH, relative / REACH, near.sum(1)[:, None] / 10], 1
-    )
+    place = (near[:, :, None] * between).sum(1)
+    return near, xp.concatenate([place / REACH, relative / REACH, near.sum(1)[:, None] / 10], 1)
 
 
 def sample_codes(weights: Weights, context: Array, sizes: Sizes) -> Array:
@@ -169,8 +167,7 @@ def decode(weights: Weights, context: Array, code: Array, sizes: Sizes) -> Array
         hidden, cell = lstm_cell(weights, "cvae.decoder", step, hidden, cell)
         step = linear(weights, "cvae.step", hidden)
         steps.append(step)
-    moved = xp.stack(steps, 1) * weights["step.spread"]
-    return xp.cumsum(moved, 1).reshape(n, samples, sizes.future, 2)
+    return xp.cumsum(xp.stack(steps, 1) * weights["step.spread"], 1).reshape(n, samples, sizes.future, 2)
 
 
 def posterior(weights: Weights, context: Array, steps: Array, known: Array) -> tuple[Array, Array]:

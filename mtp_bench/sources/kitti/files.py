@@ -170,8 +170,7 @@ def camera_fields(box: Floats) -> Floats:
     The inverse of `sensor_boxes`.
     """
     x, y, z, yaw, length, width, height = box.T
-    rotation = wrap_angle(-yaw - np.pi / 2)
-    return np.column_stack([height, width, length, -y, height / 2 - z, x, rotation])
+    return np.column_stack([height, width, length, -y, height / 2 - z, x, wrap_angle(-yaw - np.pi / 2)])
 
 
 def sensor_boxes(fields: Floats) -> Floats:

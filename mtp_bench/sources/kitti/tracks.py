@@ -31,8 +31,7 @@ def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, p
     table.refuse_not_finite(LABEL.replace(" type", "") + " score" * table.has("score"))
     require_kinds(table)
     frame, object_id = table.whole("frame"), table.whole("id")
-    types = [TYPES[name][0] for name in classes]
-    class_id = class_ids(table.words["type"].tolist(), types)
+    class_id = class_ids(table.words["type"].tolist(), [TYPES[name][0] for name in classes])
     used = (class_id >= 0) & (frame % stride == 0)
     last = (scene.frames - 1) * stride
     outside = used & ((frame < 0) | (frame > last))

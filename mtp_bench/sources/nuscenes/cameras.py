@@ -85,8 +85,7 @@ def _projections(tables: TableStore, images: list[ImageRecord], mounts: list[Cam
     to_ego = _matrices(turn).swapaxes(1, 2)
     to_mount = _matrices(floats([mount.rotation for mount in mounts], 4)).swapaxes(1, 2)
     intrinsic = floats([mount.camera_intrinsic for mount in mounts], 9).reshape(-1, 3, 3)
-    translation = floats([mount.translation for mount in mounts], 3)
-    shift = np.einsum("nij,nj->ni", to_ego, place) + translation
+    shift = np.einsum("nij,nj->ni", to_ego, place) + floats([mount.translation for mount in mounts], 3)
     return np.asarray(intrinsic @ to_mount @ np.concatenate([to_ego, -shift[..., None]], axis=2))
 
 

@@ -66,21 +66,17 @@ class People:
         require_rate(card, DATASET.name, RATE)
         files = files_of(card)
         root = DATASET.find(data, files[0])
-        self._least = card.task.past + card.task.future
+        least = card.task.past + card.task.future
         self._scenes: dict[str, tuple[Path, Ints]] = {}
         for path in (root / file for file in files):
-            for frames in self._cut(read_recording(path)[0]):
-                self._scenes[f"{path.stem}-{frames[0]:05d}"] = path, frames
+            frames = np.unique(read_recording(path)[0])
+            scene = (frames - frames[:1]) // (STEP * SCENE_FRAMES)
+            for part in np.split(frames, np.flatnonzero(np.diff(scene)) + 1):
+                if len(part) >= least:
+                    self._scenes[f"{path.stem}-{part[0]:05d}"] = path, part
         if not self._scenes:
-            raise DataError(f"{root} has no scene of at least {self._least} frames: task.past and task.future")
+            raise DataError(f"{root} has no scene of at least {least} frames: task.past and task.future")
         self.names = tuple(self._scenes)
-
-    def _cut(self, frame: Ints) -> list[Ints]:
-        """Numbers of the frames of each scene that has enough of them for a target, from the rows of a recording."""
-        frames = np.unique(frame)
-        scene = (frames - frames[:1]) // (STEP * SCENE_FRAMES)
-        cut = np.split(frames, np.flatnonzero(np.diff(scene)) + 1)
-        return [part for part in cut if len(part) >= self._least]
 
     def load(self, name: str) -> Scene:
         """Read one scene; DataError names the file and line that is wrong."""

@@ -92,8 +92,7 @@ class Canvas:
 
     def boxes(self, box: Floats, mark: Outline) -> None:
         """Draw boxes [n, 7] x y z yaw l w h, m and rad, in the style ``mark``; skip those outside the picture."""
-        reach = np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR
-        box = box[self.inside(box[:, :2], reach)]
+        box = box[self.inside(box[:, :2], np.hypot(box[:, 4], box[:, 5]) * self.scale + FAR)]
         for corners, row in zip(self.pixels(bev_corners(box)), box, strict=True):
             if mark.fill:
                 self.draw.polygon(_points(corners), fill=(*mark.color, mark.fill))

@@ -86,7 +86,8 @@ class CloseUp:
         self._draw_evidence()
         if self.gap is not None:
             canvas.stroke(canvas.pixels(self.gap), BLACK, 1.2, dashed=True)
-        if self.near or focus.ringed(shown.frame):
+        lasts = shown.frame <= focus.at.until or focus.at.kind != "spurious"  # only a false forecast has an end
+        if self.near or (shown.frame >= focus.at.frame and lasts):
             canvas.ring(canvas.pixels(self.place), self.radius)
             self._note(self.place, Mark("the event" if focus.at.kind in KINDS else "the object looked at"))
 

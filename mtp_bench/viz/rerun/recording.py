@@ -116,8 +116,7 @@ class LiveRecording:
             self._episode, self._root = episode, f"episode-{next(_EPISODES)}/"
             # the default: a layout that the user has sent or made stays
             shown = dict.fromkeys(range(TOP_HYPOTHESES), np.nan)  # their weights change
-            agent = ShownAgent(run, shown, root=self._root, shared=self._root)
-            layout = live_layout(agent)
+            layout = live_layout(ShownAgent(run, shown, root=self._root, shared=self._root))
             self._recording.send_blueprint(layout, make_active=False, make_default=True)
             log_map(self._recording, run, self._root)
         log = Log(self._recording, scene, range(t, t + 1), self._root)

@@ -42,11 +42,7 @@ def figures_of(env_id: str, role: str, budget: str, hypotheses: int) -> Figures:
     return dict(figures)
 
 
-def _paper_of(env_id: str) -> dict[str, Any]:
-    paper = _paper()
-    return paper.get(paper["dataset"].get(env_id, ""), {})  # type: ignore[no-any-return]  # a table of TOML
-
-
 @cache
-def _paper() -> dict[str, Any]:
-    return tomllib.loads(Path(__file__).with_name("paper.toml").read_text(encoding="utf-8"))
+def _paper_of(env_id: str) -> dict[str, Any]:
+    paper = tomllib.loads(Path(__file__).with_name("paper.toml").read_text(encoding="utf-8"))
+    return paper.get(paper["dataset"].get(env_id, ""), {})  # type: ignore[no-any-return]  # a table of TOML

@@ -192,5 +192,4 @@ def _chance(interval: Interval | None, p: float | None, column: Column = _SIGNED
     if interval is None or p is None:
         return "too few recordings for an interval"
     chance = ", could be chance" if p >= SIGNIFICANT else ""
-    probability = "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
-    return f"95 % {column.text(interval)}, {probability}{chance}"
+    return f"95 % {column.text(interval)}, {'p < 0.001' if p < 0.001 else f'p = {p:.3f}'}{chance}"

@@ -39,9 +39,7 @@ SIZES = Sizes.of(TASK)
 def started(network: Network) -> Arrays:
     """Initial weights, from windows of a car at rest."""
     n, past = 12, SIZES.past
-    box = np.tile(np.array([0.0, 0, 0, 0, 4, 1.8, 1.5]), (n, past, 1)) + np.random.default_rng(1).normal(
-        0, 0.1, (n, 1, 7)
-    )
+    box = np.tile([0.0, 0, 0, 0, 4, 1.8, 1.5], (n, past, 1)) + np.random.default_rng(1).normal(0, 0.1, (n, 1, 7))
     there, ones = np.ones((n, past), dtype=bool), np.ones(n, dtype=np.int64)
     windows = TrackWindows(
         box=box, taken=there, alive=there, detection=np.zeros((n, past), dtype=np.int64), score=there * 0.5,
