@@ -39,11 +39,6 @@ class NetworkState:
         name, on = self.network.rsplit("-", 1)
         return f"mtp-bench train predictor {name} --env {self.env_id} --on {on}"
 
-    @property
-    def how(self) -> str:
-        """The command with its time, for messages."""
-        return self.command if self.minutes is None else f"{self.command} (about {self.minutes} min on two cores)"
-
 
 def states_of(networks: Iterable[str], env_id: str, weights_of: str | None = None) -> list[NetworkState]:
     """The states of ``networks``, such as modes-truth, on an env; ``weights_of``: the env whose weights it shares."""

@@ -168,7 +168,8 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         pytest.skip(MISSING)
     with chromium(tmp_path_factory.mktemp("browser")) as opened:
         opened.resize(1600, 900)
-        opened.first_of_all("localStorage.clear()")  # no choice of an earlier visit
+        # before the scripts of every page: no choice of an earlier visit
+        opened.devtools("Page.addScriptToEvaluateOnNewDocument", source="localStorage.clear()")
         opened.forget()
         yield opened
 
@@ -199,6 +200,5 @@ def test_the_search_works_without_a_server(site: Path, browser: Browser) -> None
     browser.open(site / "index.html")
     browser.click(".md-search__input")
     browser.type(".md-search__input", "reacquired")
-    found = browser.wait_for("return document.querySelector('.md-search-result__item h1')?.textContent")
-    assert found
+    assert browser.wait_for("return document.querySelector('.md-search-result__item h1')?.textContent")
     assert browser.console() == []

@@ -86,7 +86,9 @@ class Pipeline:
                 select(objects, known), samples[known], weight[known], confidence[known]
             )  # fmt: skip
         box, kind = objects.box, objects.class_id
-        offset = _within_limit(samples - box[:, None, None, :2])
+        offset = samples - box[:, None, None, :2]
+        far = np.linalg.norm(offset, axis=-1, keepdims=True)  # just below the limit: a wrong track may be that fast
+        offset = np.where(far > FORECAST_LIMIT, offset * (0.999 * FORECAST_LIMIT / np.maximum(far, 1)), offset)
         return make_action(self._task, box, kind, offset, weight, confidence=confidence, tracks=tracks, checked=False)
 
     def _confidence(self, tracks: Tracks, leaf: Ints, presence: Floats | None, row: Ints) -> Floats:
@@ -113,13 +115,6 @@ def _used_tracks(tracks: Tracks, objects: Objects) -> tuple[Tracks, Ints]:
     place = np.full(len(tracks.box) + 1, -1)  # the last one is of "none"
     place[used] = np.arange(len(used))
     return tracks.select(used), place[objects.leaf]
-
-
-def _within_limit(offset: Floats) -> Floats:
-    """Offsets [..., 2], shortened to just below the limit of an action: a wrong track may be that fast."""
-    length = np.linalg.norm(offset, axis=-1, keepdims=True)
-    shortened = offset * (0.999 * FORECAST_LIMIT / np.maximum(length, 1))
-    return np.asarray(np.where(length > FORECAST_LIMIT, shortened, offset))
 
 
 class Pools(NamedTuple):

@@ -58,7 +58,11 @@ def make_lane_feed(scene: Scene, yaw: float, shift: Floats, size: LaneSection) -
     following = np.full((len(cuts), NEXT), -1)
     following[:, 0] = np.arange(1, len(cuts) + 1)
     for lane, end in zip(scene.lanes, first[1:] - 1, strict=True):
-        following[end] = padded(first[_successors(lane, scene)][:NEXT], NEXT, np.int64, -1)
+        after = np.array(lane.following, dtype=np.int64)
+        if ((after < 0) | (after >= len(scene.lanes))).any():
+            expected = f"expected lanes from 0 to {len(scene.lanes) - 1}"
+            raise DataError(f"scene {scene.name!r}: a lane is followed by {lane.following}, {expected}")
+        following[end] = padded(first[after][:NEXT], NEXT, np.int64, -1)
     low, high = scene.ego[:, :2].min(axis=0) - size.reach, scene.ego[:, :2].max(axis=0) + size.reach
     passed = ((point >= low) & (point <= high)).all(axis=2) & valid  # of a map larger than the way of the sensor
     kept = passed.any(axis=1)
@@ -76,12 +80,3 @@ def _resampled(lane: Lane, step: float, where: str) -> Floats:
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(center, axis=0), axis=1)))
     stations = np.linspace(0.0, along[-1], max(1, int(np.ceil(along[-1] / step - 1e-6))) + 1)
     return np.stack([np.interp(stations, along, center[:, axis]) for axis in range(2)], axis=1)
-
-
-def _successors(lane: Lane, scene: Scene) -> Ints:
-    """Lanes that continue ``lane``; raises DataError for one that the scene does not have."""
-    after = np.array(lane.following, dtype=np.int64)
-    if ((after < 0) | (after >= len(scene.lanes))).any():
-        lanes = f"expected lanes from 0 to {len(scene.lanes) - 1}"
-        raise DataError(f"scene {scene.name!r}: a lane is followed by {lane.following}, {lanes}")
-    return after

@@ -69,13 +69,8 @@ def to_json(table: Table) -> str:
     columns = [
         {"key": c.key, "heading": c.title, "unit": c.unit, "better": c.better, "help": c.help} for c in table.columns
     ]
-    content = {
-        "name": table.name,
-        "title": table.title,
-        "sentence": table.sentence,
-        "columns": columns,
-        "rows": table.records,
-    }
+    about = {key: getattr(table, key) for key in ("name", "title", "sentence")}
+    content = {**about, "columns": columns, "rows": table.records}
     return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 

@@ -157,9 +157,7 @@ def vary_detections(batch: Tensors, generator: torch.Generator) -> Tensors:
     return varied
 
 
-def _mirrors_and_turns(
-    draw: torch.Tensor, generator: torch.Generator
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+def _mirrors_and_turns(draw: torch.Tensor, generator: torch.Generator) -> tuple[torch.Tensor, ...]:
     """Signs [n], -1 where ``draw`` [n] is below a half, turns [n] rad, and both as matrices [n, 2, 2]."""
     mirror = torch.where(draw < 0.5, -1.0, 1.0)
     angle = TURN * torch.randn(len(draw), generator=generator)

@@ -80,9 +80,8 @@ def _switched(focus: Focus) -> str:
 def _hit(focus: Focus) -> str:
     drive = focus.replay.rollout.drive
     assert drive is not None, "collisions are of drives"
-    how = (
-        f"{drive.seconds:.1f} s, {'' if drive.at_fault else 'not '}at fault, planned at a risk of {drive.risk[-1]:.0%}"
-    )
+    fault = "at fault" if drive.at_fault else "not at fault"
+    how = f"{drive.seconds:.1f} s, {fault}, planned at a risk of {drive.risk[-1]:.0%}"
     return f"is about to collide with the ego ({how}); it {_followed(focus)}"
 
 

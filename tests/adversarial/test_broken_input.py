@@ -166,8 +166,7 @@ def test_a_card(what: str, cli: CommandLine, kitti: str, tmp_path: Path) -> None
 def test_a_detector_profile(what: str, cli: CommandLine, tmp_path: Path) -> None:
     path, (change, said) = tmp_path / "noise.toml", TOML[what]
     change(path)
-    arguments = ("run", "stp", "--env", "MTP-Merge-v0", "--detector", path, "-o", tmp_path / "run")
-    assert said in refused(cli(*arguments))
+    assert said in refused(cli("run", "stp", "--env", "MTP-Merge-v0", "--detector", path, "-o", tmp_path / "run"))
 
 
 LONG = "a" * 10_000_000
@@ -338,13 +337,12 @@ WEIGHTS: dict[str, tuple[Change, str]] = {
 
 @pytest.mark.parametrize(("change", "said"), WEIGHTS.values(), ids=WEIGHTS)
 def test_weights(
-    change: Change, said: str, cli: CommandLine, card: str, kitti: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    change: Change, said: str, cli: CommandLine, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MTP_BENCH_WEIGHTS", str(tmp_path / "weights"))
     (tmp_path / "weights").mkdir()
     change(tmp_path / "weights" / f"modes-truth-{CARD_ID}.safetensors")
-    arguments = ("run", "stp_modes", "--env", card, "--data", kitti, "--jobs", 1, "-o", tmp_path / "run")
-    assert said in refused(cli(*arguments))
+    assert said in refused(cli("run", "stp_modes", *known, "--jobs", 1, "-o", tmp_path / "run"))
 
 
 @pytest.mark.parametrize(("got", "expected"), [
@@ -359,11 +357,10 @@ def test_clean_text(got: str, expected: str) -> None:
     cleaned.encode()
 
 
-def test_a_name_of_a_folder_that_is_no_text(cli: CommandLine, card: str, kitti: str, tmp_path: Path) -> None:
+def test_a_name_of_a_folder_that_is_no_text(cli: CommandLine, known: list[str], tmp_path: Path) -> None:
     folder = write_submission(tmp_path / "echo")
     output = os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9")
-    arguments = ("submit", folder, "--env", card, "--data", kitti, "--jobs", 1, "--seeds", 1, "--scenes", 1)
-    said = cli.ok(*arguments, "-o", output)
+    said = cli.ok("submit", folder, *known, "--jobs", 1, "--seeds", 1, "--scenes", 1, "-o", output)
     assert "caf\\udce9/MTP-Small-v0.json: partial" in said
     assert (Path(output) / f"{CARD_ID}.json").is_file()
 

@@ -144,8 +144,7 @@ def test_kills_at_random_moments(cli: CommandLine, command: list[str], undisturb
         time.sleep(moments.uniform(0.0, 0.4))
         kill(process)
         assert not target.exists()
-    found = count_parts(target)
-    assert 4 <= found <= SCENES
+    assert 4 <= count_parts(target) <= SCENES
     cli.ok(*command, "--resume")
     assert load_record(target).digest == undisturbed
     assert [path.name for path in sorted(target.parent.iterdir())] == [RECORD, f"{CARD_ID}.rollouts"]

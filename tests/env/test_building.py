@@ -16,17 +16,13 @@ CLASS = np.array([0, 1])
 FUTURE = np.arange(12.0).reshape(2, 3, 2)
 
 
-def action_table() -> str:
+def test_the_table_of_the_fields_is_in_the_documentation(repository: Path) -> None:
     lines = ["| field | shape | dtype | entries | meaning |", "|---|---|---|---|---|"]
     for field in FIELDS:
         shape, dtype = field.shape.replace(" ", ", "), np.dtype(field.content.dtype)
         meaning = field.meaning + (" Optional." if field.optional else "")
         lines.append(f"| `{field.name}` | ({shape}) | {dtype} | {field.content.expected} | {meaning} |")
-    return "\n".join(lines) + "\n"
-
-
-def test_the_table_is_in_the_documentation(repository: Path) -> None:
-    assert action_table() in (repository / "envs/README.md").read_text()
+    assert "\n".join(lines) + "\n" in (repository / "envs/README.md").read_text()
 
 
 def test_every_action_lies_in_the_space() -> None:

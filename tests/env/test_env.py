@@ -87,14 +87,6 @@ def test_more_detections_than_rows_the_best_stay_in_order_and_the_rest_is_counte
     assert env.rollout().dropped.tolist() == [1, 0, 1, 1, 1, 1, 1, 1]
 
 
-def with_box(row: int, column: int | slice, value: float) -> Scene:
-    """The scene with another number in a detected box."""
-    scene = make_scene()
-    box = scene.detections.box.copy()
-    box[row, column] = value
-    return replace(scene, detections=replace(scene.detections, box=box))
-
-
 BAD_DETECTION = {
     "NaN": (0, 1, np.nan), "infinite": (0, 0, np.inf), "far away": (0, 0, 2e5), "too large": (0, 4, 150.0),
     "negative size": (0, 5, -1.0), "beyond single precision": (0, 0, 1e300),
@@ -103,7 +95,9 @@ BAD_DETECTION = {
 
 @pytest.mark.parametrize("case", BAD_DETECTION, ids=str)
 def test_a_detection_outside_of_the_space_is_left_out_and_counted(case: str, make_env: MakeEnv) -> None:
-    env = make_env(with_box(*BAD_DETECTION[case]))
+    scene, (row, column, value) = make_scene(), BAD_DETECTION[case]
+    scene.detections.box[row, column] = value
+    env = make_env(scene)
     observation, info = env.reset()
     assert (observation["detection_valid"].sum(), info["dropped_detections"]) == (2, 1)
     assert env.observation_space.contains(observation)

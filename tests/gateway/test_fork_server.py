@@ -65,11 +65,6 @@ def running_server() -> ForkServer:
     return fork_server._servers[threading.get_native_id()]
 
 
-def inner_pid(server: ForkServer) -> int:
-    """Pid of the server's own process, which bubblewrap started."""
-    return children(server._process.pid)[0]
-
-
 def open_files() -> int:
     return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
@@ -175,7 +170,7 @@ def test_a_server_that_cannot_fork_is_replaced_once(court: Court, monkeypatch: p
 def test_a_server_that_hangs_is_replaced(court: Court, monkeypatch: pytest.MonkeyPatch) -> None:
     court.run(HONEST)
     first = running_server()
-    os.kill(inner_pid(first), signal.SIGSTOP)
+    os.kill(children(first._process.pid)[0], signal.SIGSTOP)  # the server's own process, which bubblewrap started
     monkeypatch.setattr(fork_server, "_FORK_SECONDS", 5.0)
     assert court.again().status == "finished"
     assert not first.running

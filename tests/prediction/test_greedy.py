@@ -25,8 +25,7 @@ def brute_force(pool: Floats, log_weight: Floats, k: int) -> tuple[Floats, Float
     for _ in range(k):
         costs = [weight @ distance[[*chosen, c]].min(axis=0) for c in range(len(pool))]
         chosen.append(int(np.argmin(costs)))
-    nearest = distance[chosen].argmin(axis=0)
-    return pool[chosen], np.log(np.bincount(nearest, weight, minlength=k))
+    return pool[chosen], np.log(np.bincount(distance[chosen].argmin(axis=0), weight, minlength=k))
 
 
 def reduce(pool: Floats, log_weight: Floats, k: int) -> tuple[Floats, Floats]:

@@ -41,10 +41,6 @@ def loaded(card: str) -> Card:
     return load_card(card)
 
 
-def settings_of(rows: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
-    return [(r["agent"], r["hypotheses"], r["samples"], r["budget"]) for r in rows if r["subset"] == "all"]
-
-
 def written(cli: CommandLine, file: Path, card: str, kitti: str, *arguments: object) -> Any:
     cli.ok("compare", *arguments, "--env", card, "--data", kitti, "--seeds", 1, "--json", file)
     return read_json(file)
@@ -81,7 +77,8 @@ def test_the_file_has_the_keys_that_others_script_against(once: Once) -> None:
     for row in rows:
         parts = [value for key, value in row.items() if key.startswith("cost_") and value is not None]
         assert sum(parts) == pytest.approx(row["error"] or 0.0, abs=1e-9)
-    assert (settings_of(rows), [row["subset"] for row in rows]) == (CONTROLS + MTP, list(SUBSETS) * len(CONTROLS + MTP))
+    blocks = [(r["agent"], r["hypotheses"], r["samples"], r["budget"]) for r in rows if r["subset"] == "all"]
+    assert (blocks, [row["subset"] for row in rows]) == (CONTROLS + MTP, list(SUBSETS) * len(CONTROLS + MTP))
     everything = rows[0]
     assert (everything["targets"], everything["objects"], everything["scenes"]) == (24, 6, 2)
     assert (everything["events"], everything["unranked_because"]) == (None, "saw the truth")

@@ -30,8 +30,7 @@ INFO = RunInfo(
 
 def make_rollout(name: str = "one", frames: int = 3) -> Rollout:
     full, empty = decode(full_action(task()), task()), decode(empty_action(task()), task())
-    answers = [full if t != 1 else empty for t in range(frames)]
-    rollout = assemble(name, answers, np.arange(frames))
+    rollout = assemble(name, [full if t != 1 else empty for t in range(frames)], np.arange(frames))
     return replace(rollout, seconds=np.linspace(0.1, 0.2, frames))
 
 
@@ -134,10 +133,6 @@ def flip_byte(folder: Path) -> None:
     (folder / "one.npz").write_bytes(bytes(content))
 
 
-def drop_array(folder: Path) -> None:
-    drop(folder, "member")
-
-
 def drop(folder: Path, name: str) -> None:
     arrays = dict(np.load(folder / "one.npz"))
     del arrays[name]
@@ -176,7 +171,7 @@ SPOILED: dict[str, tuple[Callable[[Path], Any], str]] = {
     "frames changed": (edit_json(lambda content: content["scenes"][0].update(frames=4)), "track_start has shape"),
     "scene cut": (cut("one.npz"), "truncated or not a rollout"),
     "byte flipped": (flip_byte, r"one\.npz"),
-    "array missing": (drop_array, "member"),
+    "array missing": (lambda folder: drop(folder, "member"), "member"),
     "no array inside": (no_array, "truncated or not a rollout"),
     "encrypted": (encrypt, "truncated or not a rollout .*is encrypted"),
     "head cut": (lambda folder: cut_head(folder / "one.npz", "track_box"), "truncated or not a rollout"),

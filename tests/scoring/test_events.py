@@ -80,8 +80,7 @@ def test_a_wrong_loss_is_that_of_its_object_in_any_order_of_rows(later: tuple[in
     # objects 1 and 2 are matched to tracks 11 and 12, then both are lost: 11 is still output, 12 is not
     objects = history(np.array([0, 0, 1, 1]), np.array([1, 2, *later]))
     ids = np.array([11, 12, 11])
-    tracks = history(np.array([0, 0, 1]), ids)
-    found = find_events(objects, np.array([0, 1, -1, -1]), tracks, ids)
+    found = find_events(objects, np.array([0, 1, -1, -1]), history(np.array([0, 0, 1]), ids), ids)
     assert (found.lost.tolist(), found.wrong.tolist()) == ([2, 3], [2 + later.index(1)])
 
 

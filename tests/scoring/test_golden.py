@@ -119,15 +119,10 @@ GIVEN = {name: np.array(value) for name, value in _load("in_pred").items()}
 SEEN = np.setdiff1d(np.arange(12), GIVEN["miss"])  # the detector misses two of twelve
 
 
-def top_k(k: int) -> NDArray[np.float64]:
-    """Weight 1 for the k most probable samples: the others are absent."""
-    rank = np.argsort(np.argsort(-GIVEN["prob"], axis=1), axis=1)
-    return (rank < k).astype(np.float64)
-
-
 @pytest.mark.parametrize("k", [1, 5, 10])
 def test_nuscenes_takes_the_k_most_probable_samples(k: int) -> None:
-    got = displacement(GIVEN["pred"], GIVEN["gt"], top_k(k))
+    rank = np.argsort(np.argsort(-GIVEN["prob"], axis=1), axis=1)
+    got = displacement(GIVEN["pred"], GIVEN["gt"], (rank < k).astype(np.float64))  # the others are absent
     peer = FORECAST["nuscenes"]
     assert got.min_ade.mean() == pytest.approx(peer["minADE"][str(k)], abs=1e-12)
     assert got.min_fde.mean() == pytest.approx(peer["minFDE"][str(k)], abs=1e-12)
@@ -167,8 +162,7 @@ def forecasts_of_detections() -> tuple[NDArray[np.bool_], NDArray[np.float64], N
     where = np.concatenate([GIVEN["det"][SEEN], GIVEN["fp_det"]])
     score = np.concatenate([GIVEN["score"][SEEN], GIVEN["fp_score"]])
     path = np.concatenate([GIVEN["pred"][SEEN], GIVEN["fp_pred"]])
-    pairs = Pairs(*near_pairs(np.zeros(14, int), where, np.zeros(12, int), GIVEN["p0"], 2.0))
-    truth = match(pairs, 14)
+    truth = match(Pairs(*near_pairs(np.zeros(14, int), where, np.zeros(12, int), GIVEN["p0"], 2.0)), 14)
     final = np.full(14, np.inf)
     hit = truth >= 0
     final[hit] = displacement(path[hit], GIVEN["gt"][truth[hit]]).min_fde
@@ -194,8 +188,7 @@ def test_the_whole_scorer_on_the_twelve_agents() -> None:
     scene = make_scene([[at(i, path[i, t]) for i in range(12)] for t in range(14)])
     seen = [at(i, GIVEN["det"][i], forecast=GIVEN["pred"][i]) for i in SEEN]
     seen += [at(20 + i, GIVEN["fp_det"][i], forecast=GIVEN["fp_pred"][i]) for i in range(4)]
-    rollout = make_rollout([[]] * 14, [[], seen], samples=10, future=12)
-    score = score_scene(scene, rollout, card)
+    score = score_scene(scene, make_rollout([[]] * 14, [[], seen], samples=10, future=12), card)
     assert (len(score), sorted(score.object_id[~score.covered]), score.false_forecasts) == (12, [3, 8], 4)
     report = summarise([AgentScores("agent", 1, 10, "equal", ((score,),))], card)
     row, detail = report.rows[0], report.details[0]

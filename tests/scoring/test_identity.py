@@ -73,8 +73,7 @@ def test_random_scenes_of_two_classes(seed: int) -> None:
     scenes = [crowd(seed + i) for i in range(3)]
     got = tracking(*(score_scene(*case, CARD) for case in scenes))
     for shown, classes in ((got.all, [0, 1]), (got.classes["car"], [0]), (got.classes["pedestrian"], [1])):
-        found = shown.IDF1, shown.HOTA
-        assert found == pytest.approx(trackeval(scenes, classes), abs=1e-9)
+        assert pytest.approx(trackeval(scenes, classes), abs=1e-9) == (shown.IDF1, shown.HOTA)
 
 
 def identity_of(scene: Scene, rollout: Rollout) -> Any:

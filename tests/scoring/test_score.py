@@ -200,8 +200,7 @@ def test_counts_of_the_best_hypothesis() -> None:
         [Thing(6, 0, 0, hypotheses=(0,)), Thing(7, 0, 0, hypotheses=(1,))],
         [Thing(5, 9, 0, hypotheses=(0, 1))],
     ]
-    weight = [[-1, -2]] * 4
-    score = scored(truth, tracks, weight, 2)
+    score = scored(truth, tracks, [[-1, -2]] * 4, 2)
     counts = score.counts
     assert counts.truth.tolist() == [4, 0, 0]
     assert (counts.tp[0], counts.fp[0], counts.fn[0], counts.ids[0], counts.frag[0]) == (3, 2, 1, 1, 0)
@@ -234,8 +233,7 @@ def test_all_scenes_of_an_agent_have_as_many_samples() -> None:
 def test_a_neutral_box_is_left_to_the_track_that_fits_nothing_else() -> None:
     # track 3 lies nearest to the neutral box but belongs to the evaluated one, track 4 is left over for the neutral one
     truth = [[Thing(1, 0, 0), Thing(2, 1.5, 0, neutral=True)]] * 4
-    tracks = [[Thing(3, 1.0, 0), Thing(4, 3.0, 0)]] * 4
-    score = scored(truth, tracks)
+    score = scored(truth, [[Thing(3, 1.0, 0), Thing(4, 3.0, 0)]] * 4)
     assert score.counts.fp.sum() == score.counts.false_positives == score.counts.false_tracks == 0
     assert score.counts.truth.sum() == score.counts.tp.sum() == 4
 
@@ -246,8 +244,7 @@ def test_events_in_every_hypothesis() -> None:
     both = [*switch, [Thing(2, 0, 0, hypotheses=(0,)), Thing(3, 0, 0, hypotheses=(1,))], [], []]
     one = [*switch, [Thing(2, 0, 0, hypotheses=(0,)), Thing(1, 0, 0, hypotheses=(1,))], [], []]
     for tracks, everywhere in ((both, True), (one, False)):
-        weight = [[-1.0, -2.0]] * 5
-        score = scored(truth, tracks, weight, 2)
+        score = scored(truth, tracks, [[-1.0, -2.0]] * 5, 2)
         assert (score.own_ids.tolist(), score.all_h_ids.tolist()) == ([False, True, False], [False, everywhere, False])
         assert score.own_frag.tolist() == score.all_h_frag.tolist() == [False, False, True]
 

@@ -1,6 +1,6 @@
 """KITTI source on the real recordings: known counts, and evidence for the poses and the frame period."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,15 +40,12 @@ def test_counts_of_the_benchmark(data_root: Path, scenes: dict[str, Scene]) -> N
     assert (len(train.names), sum(train.load(name).frames for name in train.names)) == (10, 8008 - 3908)
 
 
-def medians(folder: Path, names: Iterable[str]) -> dict[str, list[float]]:
-    """Median length, width and height of all boxes of each class in these sequences, in whole centimetres."""
-    labels = [read_labels(folder / f"training/label_02/{name}.txt") for name in names]
-    box, kind = np.concatenate([part.box for part in labels]), np.concatenate([part.type for part in labels])
-    return {name: np.median(box[kind == TYPES[name][0], 4:], axis=0).round(2).tolist() for name in TYPES}
-
-
 def test_sizes_of_classes_are_medians_outside_the_validation_split(data_root: Path) -> None:
-    want = medians(data_root / "kitti_tracking", open_source(with_split(CARD, "train"), data_root).names)
+    """Length, width and height of all boxes of a class, in whole centimetres."""
+    names = open_source(with_split(CARD, "train"), data_root).names
+    labels = [read_labels(data_root / f"kitti_tracking/training/label_02/{name}.txt") for name in names]
+    box, kind = np.concatenate([part.box for part in labels]), np.concatenate([part.type for part in labels])
+    want = {name: np.median(box[kind == TYPES[name][0], 4:], axis=0).round(2).tolist() for name in TYPES}
     assert {name: list(size) for name, size in BOX_SIZES.items()} == want
 
 

@@ -10,7 +10,7 @@ from mtp_bench.sources import load_scenes
 from mtp_bench.sources.base import no_detections
 from mtp_bench.sources.motion import looking_back
 from mtp_bench.sources.simulated import detected
-from mtp_bench.types import Floats, Ints, Scene
+from mtp_bench.types import Scene
 from tests.support.detector_scenes import traffic
 
 CARD = with_detector(load_card("MTP-KITTI-noego-v0"), "kitti_pointrcnn_raw")
@@ -81,7 +81,8 @@ def test_what_stands_moves_against_a_frame_that_drives_true_or_not() -> None:
     truth, _ = traffic(frames=40)
     steps = np.arange(40)
     world = np.stack([0.9 * steps, 0.1 * steps, 0.01 * steps, 0.02 * steps], axis=1)
-    standing = replace(truth, box=truth.box[first_rows(truth.object_id)], velocity=np.zeros_like(truth.velocity))
+    _, first, inverse = np.unique(truth.object_id, return_index=True, return_inverse=True)  # rows of the objects
+    standing = replace(truth, box=truth.box[first[inverse]], velocity=np.zeros_like(truth.velocity))
     pose = world[standing.frame_of_rows]
     box = transform_boxes(standing.box, -pose[:, 3], -rotate(pose[:, :3], -pose[:, 3]))
     time = steps / CARD.task.rate
@@ -93,20 +94,8 @@ def test_what_stands_moves_against_a_frame_that_drives_true_or_not() -> None:
     near = np.array([np.abs(box[rows, :2] - at).sum(1).min(initial=99.0) for rows, at in seen_with])
     for which in ((near < 2) & (frame > 0), (near > 5) & (frame > 0)):
         assert which.sum() > 40
-        back = placed_before(seen.box[which, :2], world, frame[which])
-        expected = (seen.box[which, :2] - back) * CARD.task.rate
-        off = seen.velocity[which] - expected
-        assert np.abs(np.median(off, axis=0)).max() < 0.2
+        now, before, place = world[frame[which]], world[frame[which] - 1], seen.box[which, :2]
+        still = now[:, :2] + rotate(place, now[:, 3])  # in the world; then where it was in the frame before
+        expected = (place - rotate(still - before[:, :2], -before[:, 3])) * CARD.task.rate
+        assert np.abs(np.median(seen.velocity[which] - expected, axis=0)).max() < 0.2
         assert np.linalg.norm(np.median(expected, axis=0)) > 5
-
-
-def first_rows(object_id: Ints) -> Ints:
-    """For every row, the first one of its object."""
-    _, first, inverse = np.unique(object_id, return_index=True, return_inverse=True)
-    return first[inverse]
-
-
-def placed_before(xy: Floats, world: Floats, frame: Ints) -> Floats:
-    """Where points that stand in the world were in the frame before."""
-    still = world[frame, :2] + rotate(xy, world[frame, 3])
-    return rotate(still - world[frame - 1, :2], -world[frame - 1, 3])

@@ -44,12 +44,8 @@ TABLES = set(TEXTS["tables"])
 def made(tmp_path_factory: pytest.TempPathFactory, repository: Path, card: str, kitti: str) -> Study:
     """The study of docs/visualization/study.md, of the small card; tests must not change its folder."""
     (block,) = blocks(repository / "docs" / "visualization" / "study.md", "python")
-    folder = tmp_path_factory.mktemp("study")
-    here = {
-        '"MTP-Intersection-v0"': repr(card),
-        '"study"': repr(str(folder)),
-        "scenes=50": f"scenes=50, data={kitti!r}",
-    }
+    folder = str(tmp_path_factory.mktemp("study"))
+    here = {'"MTP-Intersection-v0"': repr(card), '"study"': repr(folder), "scenes=50": f"scenes=50, data={kitti!r}"}
     for shown, ours in here.items():
         assert block.count(shown) == 1, "the page names the env, the folder and the options once"
         block = block.replace(shown, ours)
@@ -193,8 +189,7 @@ SUBJECTS = {  # agent -> labels of one hypothesis and of the start of its gap, h
 def test_settings_of_an_agent(name: str) -> None:
     subject = subject_of(load_submission(name), load_card("MTP-Intersection-v0"), (1, 5, 20), (20,))
     assert (subject.single.label, subject.reference.label, list(subject.equal), list(subject.free)) == SUBJECTS[name]
-    own = subject.truth.submission.name == name
-    assert (own, subject.truth.observe) == ("modes" in name, "truth")
+    assert (subject.truth.submission.name == name, subject.truth.observe) == ("modes" in name, "truth")
     if name == "stp_cut":  # its gap begins at a control
         assert subject.equal[1].label == "stp_cut"
     else:

@@ -66,10 +66,6 @@ class Browser:
         """Prefer the scheme ``light`` or ``dark``."""
         self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
 
-    def first_of_all(self, body: str) -> None:
-        """Run this script in every page before its own."""
-        self.devtools("Page.addScriptToEvaluateOnNewDocument", source=body)
-
     def devtools(self, command: str, **parameters: object) -> None:
         """Send a command of the DevTools protocol."""
         self._post("goog/cdp/execute", {"cmd": command, "params": parameters})

@@ -20,11 +20,6 @@ DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vul
 WAIT = 40.0  # s
 
 
-def address_of(port: int) -> str:
-    """Address of a viewer at this port of this machine."""
-    return f"rerun+http://{LOCAL}:{port}/proxy"
-
-
 def require_driver() -> None:
     """Skip the test without a Vulkan driver, and name what to install."""
     named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
@@ -46,7 +41,7 @@ def windows_without_a_screen(patch: pytest.MonkeyPatch) -> Iterator[str]:
     patch.setattr(rerun_viewer, "free_port", lambda: port)
     patch.setattr(subprocess, "Popen", start)
     try:
-        yield address_of(port)
+        yield f"rerun+http://{LOCAL}:{port}/proxy"
     finally:
         for viewer in started:
             viewer.terminate()

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from mtp_bench.geometry import iou_3d
+from mtp_bench.running import track_export
 from mtp_bench.sources.kitti.files import LabelRows, read_detections, read_labels
 from mtp_bench.sources.kitti.layout import TYPES
 from mtp_bench.sources.kitti.poses import read_poses
@@ -26,14 +27,9 @@ SCORE_THRESHOLD = {"car": 3.240738, "pedestrian": 2.683133, "cyclist": 3.645319}
 
 
 @dataclass(frozen=True, eq=False)
-class TrackRows:
-    """Output of a tracker over a scene, one row per track and frame."""
+class TrackRows(track_export.TrackRows):
+    """Output of a tracker over a scene, one row per track and frame, with the score of the detection taken last."""
 
-    frame: Ints  # [R]
-    track_id: Ints  # [R]
-    class_id: Ints  # [R]
-    box: Floats  # [R, 7]
-    score: Floats  # [R] of the detection taken last
     image_box: Floats  # [R, 4] of the detection taken last, px
 
     def keep(self, mask: Bools) -> "TrackRows":

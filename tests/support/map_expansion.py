@@ -43,14 +43,9 @@ def write_map(root: Path, location: str, content: Record) -> Path:
 
 
 def _add_lane(
-    content: Record,
-    token: str,
-    pose: Sequence[float],
-    place: tuple[float, float],
-    turn: float,
-    length: float,
+    content: Record, token: str, pose: Sequence[float], place: tuple[float, float], turn: float, length: float,
     kind: str = "CAR",
-) -> None:
+) -> None:  # fmt: skip
     cos, sin = np.cos(turn), np.sin(turn)
     edges = {"from_edge_line_token": "", "to_edge_line_token": "", "lane_type": kind}
     content["lane"].append({"token": token, "polygon_token": f"{token}-ring", **edges})
@@ -65,11 +60,7 @@ def _path(
     pose: Sequence[float], place: tuple[float, float], turn: float, shape: str, lengths: list[float], radius: float
 ) -> Record:
     """A part of a middle line; the end, which the file has too, is not needed."""
-    start = [*_placed(pose, place), float(pose[2] + turn)]
-    return {"start_pose": start, "end_pose": start, "shape": shape, "radius": radius, "segment_length": lengths}
-
-
-def _placed(pose: Sequence[float], place: tuple[float, float]) -> tuple[float, float]:
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     x, y = pose[0] + cos * place[0] - sin * place[1], pose[1] + sin * place[0] + cos * place[1]
-    return float(x), float(y)
+    start = [float(x), float(y), float(pose[2] + turn)]
+    return {"start_pose": start, "end_pose": start, "shape": shape, "radius": radius, "segment_length": lengths}

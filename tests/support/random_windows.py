@@ -8,7 +8,7 @@ from mtp_bench.prediction.learned.local import local_future
 from mtp_bench.prediction.learned.network import Network, Sizes
 from mtp_bench.prediction.windows import Surroundings, TrackWindows
 from mtp_bench.training.fitting import TrainingSet
-from mtp_bench.types import Floats, Ints
+from mtp_bench.types import Ints
 
 SIZES = Sizes(("car", "pedestrian"), past=4, future=3, modes=5, dt=0.5)
 NOTHING_SEEN = Surroundings(
@@ -39,7 +39,9 @@ def random_windows(counts: Sequence[int] = (3, 1, 6), seed: int = 0) -> tuple[Tr
 def random_training_set(network: Network, frames: int = 12, seed: int = 0) -> TrainingSet:
     """Frames of three tracks that go on in their bends; of the last frames a quarter is for validation."""
     windows, moment = random_windows([3] * frames, seed)
-    future = _going_on(windows)
+    yaw = windows.box[:, -1, 3][:, None] + 0.2 * (np.arange(1, SIZES.future + 1) * SIZES.dt)
+    step = 2 * SIZES.dt * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)  # at 2 m/s
+    future = np.asarray(windows.box[:, -1:, :2] + step.cumsum(axis=1))
     known = np.ones(future.shape[:2], dtype=bool)
     known[::5, -1] = False
     return TrainingSet(
@@ -50,11 +52,3 @@ def random_training_set(network: Network, frames: int = 12, seed: int = 0) -> Tr
         weight=np.ones(len(moment), dtype=np.float32),
         validation=moment >= 0.75 * frames,
     )
-
-
-def _going_on(windows: TrackWindows) -> Floats:
-    """Places [n, T, 2] at 2 m/s along the last heading, turning a little."""
-    time = np.arange(1, SIZES.future + 1) * SIZES.dt
-    yaw = windows.box[:, -1, 3][:, None] + 0.2 * time
-    step = 2 * SIZES.dt * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)
-    return np.asarray(windows.box[:, -1:, :2] + step.cumsum(axis=1))

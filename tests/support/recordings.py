@@ -25,10 +25,8 @@ def read(path: Path) -> dict[str, Rows]:
         for i in range(batch.num_rows):
             if not chunk.is_static and "frame" not in columns:
                 continue  # of the timeline of an event, which repeats rows of the others
-            frame = -1 if chunk.is_static else columns["frame"][i]
-            row = rows.setdefault(frame, {})
-            values = {name.split(":")[-1]: column[i] for name, column in columns.items() if column[i] is not None}
-            row.update(values)
+            row = rows.setdefault(-1 if chunk.is_static else columns["frame"][i], {})
+            row |= {name.split(":")[-1]: column[i] for name, column in columns.items() if column[i] is not None}
     return found
 
 
@@ -70,9 +68,8 @@ def assert_recorded(
             for path in ("world/forecast", "world/false_forecast") if path in found
         ])  # fmt: skip
         start = rollout.object_box[objects, None, :2].astype(np.float32)[np.nonzero(stated)[0]]
-        np.testing.assert_array_equal(
-            _sorted(strips[..., :2]), _sorted(np.concatenate([start, future[objects][stated]], 1))
-        )
+        said = np.concatenate([start, future[objects][stated]], 1)
+        np.testing.assert_array_equal(_sorted(strips[..., :2]), _sorted(said))
         assert set(strips[..., 2].ravel().tolist()) <= set(rollout.object_box[objects, 2].astype(np.float32).tolist())
 
 

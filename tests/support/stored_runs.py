@@ -42,15 +42,7 @@ def _rollout(scene: Scene) -> Rollout:
             here[7] = replace(here[7], id=8)
             if GAP <= t < BACK:
                 del here[7]
-        said.append([_ghost(scene, 90)] if scene.name == "0006" and t in (1, 2, 3) else [])
+        # 20 m beside the first object, inside the image; it stands still in every sample
+        said.append([at(90, truth.box[0, :2] - [0.0, 20.0])] if scene.name == "0006" and t in (1, 2, 3) else [])
         tracks.append([*here.values(), *said[t]])
-    return _written(scene, tracks, said)
-
-
-def _ghost(scene: Scene, id: int) -> Thing:
-    """A thing 20 m beside the first object, inside the image, which stands still in every sample."""
-    return at(id, scene.truth.box[0, :2] - [0.0, 20.0])
-
-
-def _written(scene: Scene, tracks: list[list[Thing]], said: list[list[Thing]]) -> Rollout:
     return make_rollout(tracks, said, name=scene.name, samples=4)

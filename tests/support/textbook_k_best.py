@@ -94,8 +94,7 @@ def _solve(matrix: Floats, rows: Ints, kept: tuple[int, ...], forbidden: frozens
     problem = np.full((len(open_rows), columns + len(open_rows)), np.inf)
     problem[:, :columns] = matrix[open_rows]
     problem[np.arange(len(open_rows)), columns + np.arange(len(open_rows))] = 0.0
-    taken = [c for c in kept if c != UNMATCHED]
-    problem[:, taken] = np.inf
+    problem[:, [c for c in kept if c != UNMATCHED]] = np.inf
     for c in forbidden:
         problem[0, columns if c == UNMATCHED else c] = np.inf
     if not np.isfinite(problem[0]).any():

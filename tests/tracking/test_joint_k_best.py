@@ -130,8 +130,7 @@ def check_in_plain_python() -> None:
 
 def tracking_problem(rng: np.random.Generator, rows: int, parents: int, gate: float) -> Problem:
     """Tracks and detections on a square, pairs within the gate; hypotheses that share most of their tracks."""
-    side = 3.0 * np.sqrt(rows)
-    tracks = rng.uniform(0, side, (rows, 2))
+    tracks = rng.uniform(0, 3.0 * np.sqrt(rows), (rows, 2))
     detections = (tracks + rng.normal(0, 0.5, (rows, 2)))[rng.random(rows) < 0.9]
     distance = np.linalg.norm(tracks[:, None] - detections, axis=-1)
     member = np.ones((parents, rows), dtype=bool)
@@ -227,8 +226,7 @@ def test_enumeration_gives_up_where_everything_is_tied() -> None:
 
 
 def test_the_pool_of_nodes_grows() -> None:
-    rng = np.random.default_rng(0)
-    cost = rng.random((9, 9)) - 1.0
+    cost = np.random.default_rng(0).random((9, 9)) - 1.0
     problem = cost, np.ones((1, 9), dtype=bool), np.zeros(1), 400
     found = solved(problem)
     check(problem, found)

@@ -100,11 +100,6 @@ def unpacked(row: Floats) -> textbook.State:
     return row[:10], covariance
 
 
-def assert_same_state(row: Floats, expected: textbook.State) -> None:
-    for value, other in zip(unpacked(row), expected, strict=True):
-        np.testing.assert_allclose(value, other, rtol=1e-9, atol=1e-9)
-
-
 def taken(state: Floats, leaf: Ints, detection: Ints, box: Floats, velocity: Floats, dt: float) -> Floats:
     """States that the kernel writes for pairs; its output array is longer than needed."""
     out = np.full((len(leaf) + 2, 15), np.nan)
@@ -128,6 +123,6 @@ def test_detections_that_face_the_other_way(turn: float) -> None:
     one, none = np.zeros(1, dtype=np.int64), np.zeros((0, 2))
     state = taken(np.zeros((0, 15)), one - 1, one, np.array([[0, 0, 0, 0.3, 4, 2, 1.5]]), none, 0.1)
     box = np.array([[0.5, 0, 0, 0.3 + turn, 4, 2, 1.5]])
-    assert_same_state(
-        taken(state, one, one, box, none, 0.1)[0], textbook.updated(unpacked(state[0]), box[0], np.zeros(2), 1)
-    )
+    expected = textbook.updated(unpacked(state[0]), box[0], np.zeros(2), 1)
+    for value, other in zip(unpacked(taken(state, one, one, box, none, 0.1)[0]), expected, strict=True):
+        np.testing.assert_allclose(value, other, rtol=1e-9, atol=1e-9)

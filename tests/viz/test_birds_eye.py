@@ -48,8 +48,7 @@ def scene_with(*parts: str, frames: int = 6, complete: bool = False) -> Replay:
     said: list[list[Thing]] = [[] for _ in span]
     for t in span:
         if "track" in parts:  # on the true car, where it is the same track all the time
-            number = 9 if "event" in parts and t > 2 else 2
-            tracks[t].append(car(number, t, 0.8, hypotheses=(0, 1)))
+            tracks[t].append(car(9 if "event" in parts and t > 2 else 2, t, 0.8, hypotheses=(0, 1)))
         if "other hypothesis" in parts:
             tracks[t].append(car(3, t, -6.0, hypotheses=(1,)))
         if "false" in parts:

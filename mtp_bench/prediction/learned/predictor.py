@@ -54,9 +54,10 @@ def find_weights(network: str, on: str, task: Task) -> Path:
             if path.is_file():
                 return path
     (state,) = states_of([f"{network}-{on}"], task.env_id, task.weights_of)
+    how = state.command if state.minutes is None else f"{state.command} (about {state.minutes} min on two cores)"
     raise SubmissionError(
         f"{task.env_id}: no weights {file_name(network, on, task.env_id)} in {weights_folder()}, and none ship; train "
-        f"them: {state.how}"
+        f"them: {how}"
     )
 
 

@@ -38,9 +38,7 @@ def status_table(statuses: Mapping[str, DataStatus]) -> Table:
 def _state(status: DataStatus) -> str:
     if status.about.generated:
         return "made when used"
-    if status.usable:
-        return "complete"
-    return "missing" if status.root is None else "incomplete"
+    return "complete" if status.usable else "missing" if status.root is None else "incomplete"
 
 
 def data_lines(statuses: Mapping[str, DataStatus]) -> list[str]:
