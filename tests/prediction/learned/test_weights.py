@@ -18,7 +18,14 @@ from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.network import Network, Sizes, network_of
-from mtp_bench.prediction.learned.predictor import FORMAT, StoredWeights, find_weights, read_weights, write_weights
+from mtp_bench.prediction.learned.predictor import (
+    FORMAT,
+    StoredWeights,
+    find_weights,
+    read_weights,
+    require_fit,
+    write_weights,
+)
 from mtp_bench.prediction.learned.predictor import MOST_BYTES as MOST_WEIGHTS
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
@@ -182,7 +189,7 @@ def test_they_are_of_simulated_traffic_of_envs(file: Path, tmp_path: Path, monke
     for served in (env_id, *others):
         task = MTPEnv(served).task
         assert find_weights(name, on, task) == file
-        LearnedPredictor(name, weights=file).reset(task)  # they fit
+        require_fit(read_weights(file, network_of(name)).sizes, task, file)
 
 
 def test_what_is_packed_to_ship_keeps_eight_bits_of_each_number(tmp_path: Path) -> None:
