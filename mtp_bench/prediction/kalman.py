@@ -59,8 +59,7 @@ class Posterior:
 
 def heading_frame(past: Floats, heading: Floats) -> Floats:
     """Positions [N, P, 2] of past boxes relative to the last one, turned so that axis 0 points along the heading."""
-    offset = past[:, :, :2] - past[:, -1:, :2]
-    return np.asarray(np.einsum("npi,nij->npj", offset, rotation(heading)))
+    return np.asarray(np.einsum("npi,nij->npj", past[:, :, :2] - past[:, -1:, :2], rotation(heading)))
 
 
 def rotation(heading: Floats) -> Floats:

@@ -150,8 +150,7 @@ def _together(pairs: Pairs, similarity: Floats, known: _Identities, rows: int, c
     # how well two identities go together over all frames: the boxes of such are matched first
     joint = similarity / (of_row[pairs.row] + of_column[pairs.column] - similarity)
     total = np.bincount(known.of, weights=joint, minlength=len(known.lives))
-    alignment = total / (known.lives - total)
-    score = alignment[known.of] * similarity
+    score = (total / (known.lives - total))[known.of] * similarity
     hit = match_best(Pairs(pairs.row, pairs.column, -score), rows)[pairs.row] == pairs.column
     steps = len(THRESHOLDS) + 1
     level = np.searchsorted(THRESHOLDS - _EPSILON, similarity[hit], side="right")  # thresholds that it reaches

@@ -165,8 +165,7 @@ def units(scene: Scene, card: Card) -> Ints:
     """
     if scene.frames < 2:
         return np.zeros(scene.frames, dtype=np.int64)
-    hole = np.diff(pieces(scene, card)) > 0
-    missing = (np.diff(scene.time) - 1.0 / card.task.rate)[hole].sum()
+    missing = (np.diff(scene.time) - 1.0 / card.task.rate)[np.diff(pieces(scene, card)) > 0].sum()
     seconds = float(scene.time[-1] - scene.time[0] - missing) * scene.frames / (scene.frames - 1)
     count = max(1, int(np.ceil(round(seconds / BLOCK_SECONDS - _EXCESS, 9))))  # times are sums of rounded periods
     return np.arange(scene.frames) * count // scene.frames

@@ -6,7 +6,6 @@ Counts of all scenes are packed together: scenes of one env are alike, so this h
 import base64
 import json
 import lzma
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -54,12 +53,13 @@ def write_reference(path: str | Path, reference: Reference, secret: bool = False
     ``secret``: readable by the user alone, also while it is written.
     """
     head = {**header_of(reference), "totals": reference.totals, "hash": reference.digest}
-    scenes = [scene for _, scene in sorted(reference.scenes.items())]
-    lines = [
-        f"  {json.dumps(key)}: {json.dumps(_scene_entry(scene))}" for key, scene in sorted(reference.scenes.items())
-    ]
-    packed = {name: _packed([getattr(scene, name) for scene in scenes]) for name in ("counts", "stp")}
-    tail = "".join(f',\n "{name}": "{text}"' for name, text in packed.items())
+    scenes = dict(sorted(reference.scenes.items()))
+    lines = [f"  {json.dumps(key)}: {json.dumps(_scene_entry(scene))}" for key, scene in scenes.items()]
+    tail = ""
+    for name in ("counts", "stp"):
+        content = b"".join(getattr(scene, name).tobytes() for scene in scenes.values())
+        packed = base64.b64encode(lzma.compress(content, preset=6 | lzma.PRESET_EXTREME)).decode("ascii")
+        tail += f',\n "{name}": "{packed}"'
     text = json.dumps(head, indent=1)[: -len("\n}")] + ',\n "scenes": {\n' + ",\n".join(lines) + "\n }" + tail + "\n}\n"
     with whole_file(Path(path)) as part:
         part.touch(mode=0o600)
@@ -107,11 +107,6 @@ def _scene_entry(scene: SceneWeights) -> dict[str, Any]:
     """The numbers of a scene as in a file."""
     entry = {**{name: getattr(scene, name) for name in NUMBERS}, "stp_events": list(scene.stp_events)}
     return entry if scene.way is None else {**entry, "way": scene.way}
-
-
-def _packed(arrays: Sequence[NDArray[Any]]) -> str:
-    content = b"".join(array.tobytes() for array in arrays)
-    return base64.b64encode(lzma.compress(content, preset=6 | lzma.PRESET_EXTREME)).decode("ascii")
 
 
 def _unpacked(text: str, shape: tuple[int, int], where: str) -> NDArray[np.uint8]:

@@ -81,8 +81,7 @@ def in_frames(seen: Detections, world: Floats, time: Floats, period: float) -> D
     passed = np.where(first, 1.0, time[frame] - time[before])[:, None]
     box = _placed(seen.box, world[frame])
     back = np.concatenate([seen.box[:, :2] - passed * seen.velocity, seen.box[:, 2:]], axis=1)
-    velocity = (box[:, :2] - _placed(back, world[before])[:, :2]) / passed
-    return replace(seen, box=box, velocity=velocity)
+    return replace(seen, box=box, velocity=(box[:, :2] - _placed(back, world[before])[:, :2]) / passed)
 
 
 def _moved(rows: RowsT, world: Floats) -> RowsT:

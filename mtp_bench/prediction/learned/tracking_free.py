@@ -141,6 +141,5 @@ def support(velocity: Array, position: Array, near: Array, dt: float) -> Array:
         x, y = (position[:, None, None, frame, :, i] + (velocity[..., i] * then)[..., None] for i in range(2))
         off2 = x * x + y * y + FAR * (1 - near[:, None, None, frame])
         width = NOISE * (1 + then / xp.clip(age, dt, None)) + ACCELERATION / 2 * then * xp.abs(then - age)
-        nearest = xp.amin(off2, 3)
-        total = total + xp.exp(-nearest / (2 * width**2)[None, :, None])
+        total = total + xp.exp(-xp.amin(off2, 3) / (2 * width**2)[None, :, None])
     return total * near * (age > 0)[None, :, None]
