@@ -92,7 +92,7 @@ class Crowd:
         return self._xy
 
     def _read(self) -> None:
-        """Read what changes only where somebody comes or goes, and the states, which `_move` keeps up to date."""
+        """Read what changes only where people come or go, and the states, which `_move` keeps up to date."""
         people = self._known = [*self.people]
         rows = [(p.number, p.group, p.crossing) for p in people]
         self._number, self._group, crossing = np.array(rows, dtype=np.int64).reshape(-1, 3).T
