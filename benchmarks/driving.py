@@ -1,7 +1,7 @@
 """Does bADE order driving? Drive scores and bADE of the same agents, and Kendall's tau between them.
 
     python benchmarks/driving.py measure --env MTP-Drive-Intersection-v0 --scenes 40 -o FOLDER [--attacks] [--seed 1]
-    python benchmarks/driving.py show FOLDER [--json figures.json]
+    python benchmarks/driving.py show FOLDER [--json figures.json] [--markdown page.md]
 
 `measure`: every agent drives in each scene, and forecasts, open loop, the scene in which ground-truth tracks drove. It
 keeps a file per scene, agent and seed (`driving_measure.py`), and goes on where it was stopped; several processes may
@@ -18,11 +18,11 @@ import json
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from benchmarks.driving_attacks import ATTACKS
-from benchmarks.driving_figures import MOST_SCENES, Measured, figures
+from benchmarks.driving_figures import Measured, figures
 from benchmarks.driving_measure import AGENTS, measure
+from benchmarks.driving_tables import grids
 from mtp_bench.cards import load_card
 from mtp_bench.env.environment import MTPEnv
 
@@ -42,39 +42,14 @@ def measured(given: argparse.Namespace) -> None:
 
 
 def shown(given: argparse.Namespace) -> None:
-    made = figures(Measured(given.folder))
-    console, table = Console(width=190), Table(title=f"{made['env']}, {made['scenes']} scenes; bADE open loop")
-    first = next(row["errors"] for row in made["rows"].values() if "errors" in row)
-    heads = ("agent", "drive score", "less stp", "p", f"seen at {made['scenes']}", f"at {MOST_SCENES}", "at fault",
-             "all", "near miss", "progress", "phantom", "comfort", *first)  # fmt: skip
-    for head in heads:
-        table.add_column(head, justify="left" if head == "agent" else "right")
-    for agent, row in made["rows"].items():
-        seen = [f"{value:.3f}" for value in row["seen"].values()] if row["p"] is not None else ["", ""]
-        table.add_row(
-            agent, _cell(row["drive_score"], row["interval"]),
-            _cell(row["difference"], row["difference_interval"], "+"),
-            "" if row["p"] is None else f"{row['p']:.3f}", *seen, _cell(row["collisions"], row["collisions_interval"]),
-            f"{row['any_collision']:.1f}", f"{row['near_misses']:.0f}", f"{row['progress']:.3f}",
-            f"{row['phantom_brakes']:.0f}", f"{row['comfort']:.2f}",
-            *(f"{value:.3f}" for value in row.get("errors", {}).values()),
-        )  # fmt: skip
-    console.print(table)
-    for group, taus in made["tau"].items():
-        cells = [
-            f"{name} {tau['tau']:.2f} [{tau['low']:.2f}, {tau['high']:.2f}]" for name, tau in taus["measures"].items()
-        ]
-        half = f"drive score between halves of the scenes {taus['between halves']:.2f}"
-        console.print(f"tau, {group}, {taus['agents']} agents: {'; '.join(cells)}; {half}")
+    made = figures(Measured(given.folder, given.jobs))
+    console, tables = Console(width=210), grids(made)
+    for table in tables:
+        table.print(console)
+    if given.markdown:
+        given.markdown.write_text("\n".join(table.markdown() for table in tables), encoding="utf-8")
     if given.json:
         given.json.write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
-
-
-def _cell(value: float | None, interval: tuple[float, float] | None, sign: str = "") -> str:
-    if value is None:
-        return ""
-    ends = "" if interval is None else f" [{interval[0]:{sign}.3f}, {interval[1]:{sign}.3f}]"
-    return f"{value:{sign}.3f}{ends}"
 
 
 def main() -> None:
@@ -92,6 +67,8 @@ def main() -> None:
     two = commands.add_parser("show")
     two.add_argument("folder", type=Path)
     two.add_argument("--json", type=Path)
+    two.add_argument("--markdown", type=Path)
+    two.add_argument("--jobs", type=int, default=1, help="processes that make event weights")
     two.set_defaults(run=shown)
     given = parser.parse_args()
     given.run(given)

@@ -22,20 +22,21 @@ from benchmarks.driving_measure import (
     read_rollout,
     read_scores,
 )  # fmt: skip
+from benchmarks.driving_switches import POWER, RESAMPLES, Windows, cost_in_scenes, cost_in_windows
 from mtp_bench.cards import load_card
+from mtp_bench.parallel import Workers
 from mtp_bench.running.drives import recorded_card
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.reference import reference_for
 from mtp_bench.scoring import AgentScores, Reference, SceneScore
 from mtp_bench.scoring.definitions import PLANNING_SIGMA
-from mtp_bench.scoring.driving import AgentDrives, DrivingRow, driving_rows, scene_scores
+from mtp_bench.scoring.driving import AgentDrives, DrivingRow, driving_rows, scene_score, scene_scores
 from mtp_bench.scoring.table import AgentTable, agent_table
 from mtp_bench.scoring.weights_file import read_reference, write_reference
 
 REFERENCES = (TRUTH, "truth_modes", "truth_ptp", "blind", "standing")  # tau is given without them, too
 SEEDS, ENOUGH = (0, 1, 2), 0.9
-RESAMPLES, HALVES = 2000, 200
-POWER = 1.960 + 0.842  # standard errors of a difference that a two-sided test at 5 % finds four times out of five
+HALVES = 200
 MOST_SCENES = 200  # of a card, for which the smallest difference is foretold
 
 
@@ -45,9 +46,10 @@ class Measured:
     Left out, with a reason: agents that failed, and those with less than `ENOUGH` of the scenes of TRUTH.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.left_out = folder, dict[str, str]()
+    def __init__(self, folder: Path, jobs: int = 1) -> None:
+        self.folder, self.jobs, self.left_out = folder, jobs, dict[str, str]()
         self.card = load_card((folder / "env.txt").read_text(encoding="utf-8").split(" ", 1)[1])
+        self.dt = 1.0 / self.card.task.rate
         kept = {seed: _kept(folder / f"seed{seed}") for seed in SEEDS if (folder / f"seed{seed}").is_dir()}
         first = kept[0]
         for agent, scenes in first.items():
@@ -93,7 +95,7 @@ class Measured:
         card, path = recorded_card(self.card, [read_rollout(each) for each in paths]), self.folder / "weights.json"
         if path.is_file() and (stored := read_reference(path)).card == card.digest:
             return stored
-        made = reference_for(card, tuple(self.scenes), RunOptions())
+        made = reference_for(card, tuple(self.scenes), RunOptions(workers=Workers(self.jobs)))
         write_reference(path, made)
         return made
 
@@ -193,6 +195,35 @@ def figures(found: Measured) -> dict[str, Any]:
         "attacked scenes": len(found.attacked),
         "attacks": attacks,
         "tau": taus,
+        "switches": switch_costs(found),
+    }
+
+
+def switch_costs(found: Measured) -> dict[str, Any]:
+    """Costs of an identity switch near the ego, over the agents that have any."""
+    parts: dict[bool, list[Windows]] = {False: [], True: []}  # of switches near, and ahead
+    rows: list[tuple[Array, Array, Array]] = []
+    for number, agent in enumerate(found.agents):
+        runs = found.kept[agent]
+        switches = {seed: np.array([run[name].moments.switches().sum() for name in run]) for seed, run in runs.items()}
+        if not any(each.any() for each in switches.values()):
+            continue
+        for seed, run in runs.items():
+            for ahead, own in parts.items():
+                own += [Windows.of(kept, found.dt, scene, number, ahead) for scene, kept in enumerate(run.values())]
+            if (truth := found.kept[TRUTH].get(seed)) is not None:
+                scores = [[scene_score(each[n].drive, found.way[n]) for n in found.scenes] for each in (run, truth)]
+                seconds = np.array([kept.drive.seconds for kept in run.values()])
+                rows.append((switches[seed], seconds, np.subtract(*np.array(scores))))
+    if not rows:
+        return {}
+    count, seconds, score = (np.array(column) for column in zip(*rows, strict=True))
+    return {
+        "per drive": float(count.mean()),
+        "drives without": float((count == 0).mean()),
+        "windows": cost_in_windows(Windows.joined(parts[False])),
+        "ahead": cost_in_windows(Windows.joined(parts[True])),
+        "scenes": cost_in_scenes(count, seconds, score),
     }
 
 

@@ -41,7 +41,7 @@ AGENTS = (
     "perfect_association", "perfect_association_same_samples", "perfect_association_modes", "stp_ptp", "mtp_ptp",
     "truth_ptp", "perfect_association_ptp", "perfect_association_modes_tracklets",
 )  # fmt: skip
-NEAR = 30.0  # m around the ego
+NEAR, AHEAD = 30.0, 15.0  # m around the ego, and before it
 MOVING = 0.5  # m/s
 CPU_SECONDS = 2.0  # of an agent in a scene: a first guess
 RECORDED, SCORES = "recorded.rollout", ".scores"  # rollout of TRUTH, with the recording; suffix of a file of scores
@@ -59,10 +59,13 @@ class Moments:
     phantom: Array  # [b] s from the start, when a hard brake without a cause began
     missed: Array  # [m] s from the start, when a near miss began
 
-    def switches(self) -> Ints:
-        """Number of identity switches [F] within NEAR in each frame."""
-        frame = self.events[self.events[:, 1] == EVENTS.index("ids"), 0].astype(np.int64)
-        return np.bincount(frame, minlength=len(self.speed))
+    def switches(self, ahead: bool = False) -> Ints:
+        """Number of identity switches [F] within NEAR in each frame; or of those ``ahead`` of the ego, within AHEAD."""
+        frame, kind, x, y, _ = self.events.T
+        counted = kind == EVENTS.index("ids")
+        if ahead:
+            counted &= (x > 0) & (np.hypot(x, y) < AHEAD)
+        return np.bincount(frame[counted].astype(np.int64), minlength=len(self.speed))
 
 
 @dataclass(frozen=True, eq=False)

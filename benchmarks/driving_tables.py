@@ -1,0 +1,136 @@
+"""Tables of `benchmarks/driving.py show`, for the terminal and for a page in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from benchmarks.driving_figures import MOST_SCENES
+from benchmarks.driving_measure import AHEAD, NEAR
+from benchmarks.driving_switches import LOST, SECONDS
+
+_Interval = Sequence[float] | None
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table of texts; the first column is left-aligned. ``note`` stands below it."""
+
+    title: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
+
+    def print(self, console: Console) -> None:
+        """Print the table."""
+        table = RichTable(title=self.title)
+        for place, head in enumerate(self.heads):
+            table.add_column(head, justify="right" if place else "left")
+        for row in self.rows:
+            table.add_row(*row)
+        console.print(table)
+        console.print(self.note)
+
+    def markdown(self) -> str:
+        """The table in Markdown."""
+        rule = ["---", *["--:"] * (len(self.heads) - 1)]
+        first = [f"`{row[0]}`" if " " not in row[0] else row[0] for row in self.rows]
+        rows = [self.heads, rule, *([name, *row[1:]] for name, row in zip(first, self.rows, strict=True))]
+        lines = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+        return f"**{self.title}**\n\n{lines}\n" + f"\n{self.note}\n" * bool(self.note)
+
+
+def grids(made: Mapping[str, Any]) -> list[Grid]:
+    """All tables of the figures."""
+    scenes, attacked = made["scenes"], made["attacked scenes"]
+    several = [f"{agent} {count}" for agent, count in made["seeds"].items() if count > 1]
+    seeds = f"Seeds of the detector: {', '.join(several)}; else 1. " if several else ""
+    left = "".join(f"Left out: {agent}, {reason}. " for agent, reason in made["left out"].items())
+    note = (
+        "Intervals (95 %) resample scenes; less stp and p: sign-flip test, paired by scene. Seen: smallest difference "
+    )
+    note += f"that the test finds four times out of five, with as many scenes and with {MOST_SCENES}. {seeds}{left}"
+    found = [_driving(f"{made['env']}, {scenes} scenes", made["rows"], scenes, note), _errors(made["rows"], scenes)]
+    if made["attacks"]:
+        found.append(_driving(f"Dishonest agents, {attacked} scenes", made["attacks"], attacked, ""))
+    found.append(_taus(made["tau"]))
+    return [*found, *_switches(made["switches"])] if made["switches"] else found
+
+
+def _driving(title: str, rows: Mapping[str, Any], scenes: int, note: str) -> Grid:
+    heads = ["agent", "drive score", "less stp", "p", f"seen at {scenes}", f"at {MOST_SCENES}", "at fault /100",
+             "collisions", "near misses", "phantom brakes", "progress", "to goal, s", "comfort"]  # fmt: skip
+    texts = []
+    for agent, row in rows.items():
+        seen = [f"{value:.3f}" for value in row["seen"].values()]
+        p = "" if row["p"] is None else "<.001" if row["p"] < 0.0005 else f"{row['p']:.3f}"
+        tested = [p, *((seen * 2)[:2] if p else ["", ""])]
+        texts.append([
+            agent, _cell(row["drive_score"], row["interval"]),
+            _cell(row["difference"], row["difference_interval"], "+.3f"), *tested,
+            _cell(row["collisions"], row["collisions_interval"], ".1f"),
+            *(f"{row[name]:.1f}" for name in ("any_collision", "near_misses", "phantom_brakes")),
+            f"{row['progress']:.3f}", "" if row["goal_seconds"] is None else f"{row['goal_seconds']:.1f}",
+            f"{row['comfort']:.2f}",
+        ])  # fmt: skip
+    return Grid(title, heads, texts, note)
+
+
+def _errors(rows: Mapping[str, Any], scenes: int) -> Grid:
+    names = list(next(iter(rows.values()))["errors"])
+    texts = [[agent, *(f"{row['errors'][name]:.3f}" for name in names)] for agent, row in rows.items()]
+    note = "Open loop: scenes in which ground-truth tracks drove, seed 0. Own episodes: each agent in its own traffic, "
+    note += "targets of equal weight, budgets of the number of targets alone."
+    return Grid(f"bADE, m, {scenes} scenes", ["agent", *names], texts, note)
+
+
+def _taus(taus: Mapping[str, Any]) -> Grid:
+    names = list(next(iter(taus.values()))["measures"])
+    texts = []
+    for group, own in taus.items():
+        cells = [_cell(own["measures"][n]["tau"], (own["measures"][n]["low"], own["measures"][n]["high"]), ".2f")
+                 for n in names]  # fmt: skip
+        texts.append([f"{group}: {own['agents']} agents", *cells, f"{own['between halves']:.2f}"])
+    note = "1: the agent of less error always drives better. Last column: tau of the drive scores of two halves of the "
+    note += "scenes, which no error can be expected to exceed."
+    return Grid("Kendall's tau of drive score with less error", ["agents", *names, "between halves"], texts, note)
+
+
+def _switches(costs: Mapping[str, Any]) -> list[Grid]:
+    heads = ["", "with", "without", "difference", "seen", "with a switch", "others", "scenes"]
+    note = (
+        f"Per 100 windows of {SECONDS:.0f} s that begin with a switch within {NEAR:.0f} m of the ego, and per 100 "
+        "matched ones (agent, objects near, speed, time); way lost in m per window. Seen: smallest difference that is "
+        f"found four times out of five. There are {costs['per drive']:.1f} such switches per drive, in "
+        f"{costs['drives without']:.0%} none."
+    )
+    below = "Drive score less that of ground-truth tracks in the same scene, within agents: drives with a switch near "
+    below += "the ego against those without, and those with more switches per second than half of the agent's drives."
+    tables = (
+        ("windows", "What an identity switch near the ego costs", note, 100.0, ".2f"),
+        ("ahead", f"The same for switches ahead of the ego, within {AHEAD:.0f} m", "", 100.0, ".2f"),
+        ("scenes", "Drives with and without identity switches near the ego", below, 1.0, ".3f"),
+    )
+    return [Grid(title, heads, [_cost(name, cost, scale, form) for name, cost in costs[key].items()], text)
+            for key, title, text, scale, form in tables]  # fmt: skip
+
+
+def _cost(name: str, cost: Mapping[str, Any] | None, scale: float, form: str) -> list[str]:
+    if cost is None:
+        return [name, "no matched ones", *[""] * 6]
+    scale = 1.0 if name.startswith(LOST) else scale
+    values = [format(scale * cost[key], form) for key in ("with", "without")]
+    ends = scale * cost["low"], scale * cost["high"]
+    numbers = [str(cost[key]) for key in ("exposed", "others", "scenes")]
+    return [name, *values, _cell(scale * cost["difference"], ends, "+" + form), format(scale * cost["seen"], form),
+            *numbers]  # fmt: skip
+
+
+def _cell(value: float | None, interval: _Interval, form: str = ".3f") -> str:
+    if value is None:
+        return ""
+    return format(value, form) + ("" if interval is None else f" [{interval[0]:{form}}, {interval[1]:{form}}]")
