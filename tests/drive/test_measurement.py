@@ -1,5 +1,7 @@
-"""Lower references and dishonest agents of a closed loop (`benchmarks/driving.py`), on two short drives."""
+"""Lower references, dishonest agents and the measurement of a closed loop (`benchmarks/driving.py`)."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,34 +10,20 @@ from scipy.stats import kendalltau
 
 from benchmarks.driving_attacks import ATTACKS, AWAY
 from benchmarks.driving_figures import Measured, figures, kendall_tau
-from benchmarks.driving_measure import TRUTH, measure_scene
-from mtp_bench import Action, Agent, MTPEnv, load_card, load_submission
+from benchmarks.driving_measure import TRUTH, Kept, Moments, measure_scene
+from benchmarks.driving_switches import Windows, cost_in_windows
+from mtp_bench import Action, Agent, MTPEnv, Task, load_card, load_submission
 from mtp_bench.running.run import agent_task, run_scene
-from mtp_bench.types import Drive
+from mtp_bench.types import Floats
+from tests.drive.test_record import of
 from tests.support.command_line import CommandLine, read_json
-from tests.support.small_scenes import write_short_card
 
-ENV = "MTP-Drive-Intersection-v0"
 AGENTS = (TRUTH, "stp", "blind", "standing")
 
 
 @pytest.fixture(scope="module")
-def short(tmp_path_factory: pytest.TempPathFactory) -> str:
-    return write_short_card(tmp_path_factory.mktemp("card"), ENV, 8.0)
-
-
-@pytest.fixture(scope="module")
-def env(short: str) -> MTPEnv:
-    return MTPEnv(short, evaluation=True)
-
-
-@pytest.fixture(scope="module")
-def drives(env: MTPEnv) -> dict[str, Drive]:
-    """The first drive with each attack, and without objects."""
-    agents = {name: build(agent_task(env, 0)) for name, build in ATTACKS.items()}
-    agents["blind"] = load_submission("blind").build(agent_task(env, 0))
-    found = {name: run_scene(agent, env, env.scene_names[0], 0).drive for name, agent in agents.items()}
-    return {name: drive for name, drive in found.items() if drive is not None}
+def env(drive_card: str) -> MTPEnv:
+    return MTPEnv(drive_card, evaluation=True)
 
 
 def actions(agent: Agent, env: MTPEnv) -> list[Action]:
@@ -53,13 +41,15 @@ def objects(action: Action) -> int:
     return int(action["object_valid"].sum())
 
 
-def test_objects_everywhere_stop_the_ego(drives: dict[str, Drive]) -> None:
-    assert drives["everywhere"].way < 0.8 * drives["blind"].way
-    assert drives["everywhere"].acceleration.min() < -3.0
+def test_objects_everywhere_stop_the_ego_and_far_away_they_are_as_none(env: MTPEnv) -> None:
+    def gains(build: Callable[[Task], Agent]) -> Floats:
+        drive = run_scene(build(agent_task(env, 0)), env, env.scene_names[0], 0).drive
+        assert drive is not None
+        return drive.acceleration
 
-
-def test_objects_far_away_are_as_none(drives: dict[str, Drive]) -> None:
-    np.testing.assert_array_equal(drives["far_away"].acceleration, drives["blind"].acceleration)
+    blind = gains(load_submission("blind").build)
+    assert gains(ATTACKS["everywhere"]).min() < -3.0 < blind.min()
+    np.testing.assert_array_equal(gains(ATTACKS["far_away"]), blind)
 
 
 def test_attacks_change_what_stp_states(env: MTPEnv) -> None:
@@ -83,36 +73,31 @@ def test_standing_states_the_detections(env: MTPEnv) -> None:
     assert not action["forecast"].any()
 
 
-def test_a_full_comparison_has_the_lower_references(short: str, cli: CommandLine, tmp_path: Path) -> None:
-    words = ("compare", "stp", "--env", short, "--seeds", 1, "--jobs", 1, "--scenes", 1, "--json", tmp_path / "a.json")
-    cli.ok(*words)
-    assert {row["agent"] for row in read_json(tmp_path / "a.json")["rows"]} == {"stp", TRUTH}
-    cli.ok(*words, "--full")
+def test_a_full_comparison_has_the_lower_references(drive_card: str, cli: CommandLine, tmp_path: Path) -> None:
+    words = ("compare", "stp", "--env", drive_card, "--seeds", 1, "--jobs", 1, "--scenes", 1)
+    cli.ok(*words, "--full", "--json", tmp_path / "a.json")
     assert {row["agent"] for row in read_json(tmp_path / "a.json")["rows"]} == set(AGENTS)
 
 
 def test_agents_are_scored_on_the_scenes_in_which_ground_truth_tracks_drove(
-    short: str, cli: CommandLine, tmp_path: Path
+    drive_card: str, cli: CommandLine, tmp_path: Path
 ) -> None:
-    cli.ok("run", TRUTH, "--env", short, "--scenes", 1, "-o", tmp_path / "run")
+    cli.ok("run", TRUTH, "--env", drive_card, "--scenes", 1, "-o", tmp_path / "run")
     words = ("--env", tmp_path / "run", "--seeds", 1, "--jobs", 1, "--json", tmp_path / "a.json")
     cli.ok("compare", "standing", "blind", *words)
     error = {row["agent"]: row["error"] for row in read_json(tmp_path / "a.json")["rows"] if row["subset"] == "all"}
     assert error[TRUTH] < error["stp"] < error["standing"] < error["blind"]
 
 
-def test_figures_of_two_scenes(short: str, tmp_path: Path) -> None:
-    card = load_card(short)
+def test_figures_of_two_scenes(drive_card: str, tmp_path: Path) -> None:
+    card = load_card(drive_card)
     for name in MTPEnv(card).scene_names:
         measure_scene(card, name, [*AGENTS, "everywhere"], tmp_path)
-    (tmp_path / "env.txt").write_text(f"{card.digest} {short}")
+    (tmp_path / "env.txt").write_text(f"{card.digest} {drive_card}")
     made = figures(Measured(tmp_path))
-    assert made["scenes"] == 2
-    assert set(made["rows"]) == {*AGENTS}
-    assert set(made["attacks"]) == {"stp", "everywhere"}
+    assert (made["scenes"], {*made["rows"]}, {*made["attacks"]}) == (2, {*AGENTS}, {"stp", "everywhere"})
     near = [made["rows"][agent]["errors"]["bADE near the ego"] for agent in (TRUTH, "blind")]
     assert near[0] < near[1]
-    assert made["tau"]["all"]["agents"] == 4
     assert -1.0 <= made["tau"]["all"]["measures"]["bADE"]["low"] <= 1.0
 
 
@@ -121,3 +106,27 @@ def test_tau_is_that_of_scipy() -> None:
     a, b = rng.integers(0, 4, (2, 6, 20)).astype(float)
     expected = [kendalltau(x, y).statistic for x, y in zip(a.T, b.T, strict=True)]
     np.testing.assert_allclose(kendall_tau(a, b), np.nan_to_num(expected))
+
+
+def drive_with_switches(rng: np.random.Generator, cost: float) -> Kept:
+    """40 frames at 2 Hz, each tenth with a switch; accidents come at random, likelier by ``cost`` for 2 s after one."""
+    switch = rng.random(40) < 0.1
+    after = np.convolve(switch, np.ones(4))[:40] > 0
+    brakes, hits = (np.flatnonzero(rng.random(40) < share + cost * after) for share in (0.03, 0.01))
+    frames = int(hits[0]) + 1 if len(hits) else 40
+    events = np.array([[f, 0, 5.0, 0.0, 0.0] for f in np.flatnonzero(switch[:frames])]).reshape(-1, 5)
+    same, phantom = np.ones(frames), brakes[brakes < frames] / 2 + 0.1
+    record = replace(of(50.0, "car" * len(hits), len(hits) > 0), seconds=frames / 2 - 0.2)
+    return Kept("", record, Moments(events, 8 * same, same, 5 * same, phantom, np.zeros(0)))
+
+
+@pytest.mark.parametrize("cost", [0.0, 0.06])
+def test_cost_of_planted_switches(cost: float) -> None:
+    rng = np.random.default_rng(5)
+    parts = [Windows.of(drive_with_switches(rng, cost), 0.5, scene, agent) for agent in (0, 1) for scene in range(150)]
+    costs = cost_in_windows(Windows.joined(parts))
+    for name in ("collision at fault", "phantom brake"):
+        found = costs[f"{name}, no switch before it"]
+        assert found is not None
+        assert (found["low"] > 0) == (cost > 0)
+        assert 0 < found["seen"] < 0.1
