@@ -50,11 +50,6 @@ class Person:
     waited: float = 0.0
 
     @property
-    def remaining(self) -> float:
-        """Metres to the next point of the way."""
-        return float(np.hypot(*(self.ahead[0] - self.place)))
-
-    @property
     def goal(self) -> Floats:
         """The present goal."""
         if self.stage == CROSSING:
@@ -189,12 +184,12 @@ class Crowd:
         slow = (np.hypot(self._own[:, 1, 0], self._own[:, 1, 1]) < 0.3).tolist()
         at_kerb = set()  # those who wait, or are near enough to walk on without a stop
         for p, to_next, stands in zip(self.people, self._remaining().tolist(), slow, strict=True):
-            remaining = to_next
-            if len(p.ahead) > 1 and remaining < _CORNER:
+            turns = len(p.ahead) > 1 and to_next < _CORNER
+            if turns:
                 p.passed += p.ahead[:1] if p.passed else []
                 p.ahead = p.ahead[1:]
-                remaining = p.remaining
             if p.stage == ARRIVING and len(p.ahead) == 1:  # the last point before the crossing
+                remaining = float(np.hypot(*(p.ahead[0] - p.place))) if turns else to_next
                 if remaining < (_QUEUED if stands else _NEAR):
                     p.stage = WAITING
                 if remaining < _LOOKS:
@@ -236,7 +231,7 @@ class Crowd:
             p.place, p.velocity, p.heading = own_place, own_velocity, course
 
     def _remaining(self) -> Floats:
-        """`Person.remaining` of all people ``[M]``."""
+        """Metres ``[M]`` to the next point of the way of each."""
         way = _points([p.ahead[0] for p in self.people]) - self._own[:, 0]
         return np.hypot(way[:, 0], way[:, 1])
 
