@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
+import numpy as np
+
 from ..cards import Card
 from ..env.environment import MTPEnv
 from ..env.rollouts import actions_of
@@ -24,6 +26,7 @@ from ..scoring import Reference
 from ..scoring.definitions import SUBSETS
 from ..scoring.rank import why_not_on
 from ..scoring.rows import Row
+from ..scoring.score import check_rollout
 from ..sources import open_source, package_of
 from ..types import Rollout
 from .canonical import Difference
@@ -40,15 +43,22 @@ _random = secrets.SystemRandom()
 
 
 def drive_again(card: Card, rollout: Rollout) -> Rollout:
-    """The rollout with the drive that its answers give: world and planner run again, without the agent."""
+    """The rollout with the drive that its answers give: world and planner run again, without the agent.
+
+    Raises RolloutError or RecordError for answers that no env records, and for more or fewer than the drive takes.
+    """
     from ..env.driven import DrivenEpisode
 
-    episode = DrivenEpisode.start(card, MTPEnv(card, evaluation=True).task, rollout.scene, 0, None)
+    where, task = rollout.scene, MTPEnv(card, evaluation=True).task
+    episode = DrivenEpisode.start(card, task, where, 0, None)
+    check_rollout(replace(episode.scene, time=np.zeros(rollout.frames)), rollout, card)
+    if not (np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1) < 1.001).all():  # NaN is not
+        raise RecordError(f"{where}: weights of the samples of a forecast add up to more than 1")
     for action in actions_of(rollout):
         if not episode.over:
             episode.take(action)
-    if episode.drive is None:
-        raise RecordError(f"{rollout.scene}: its {rollout.frames} stored answers end before the drive does")
+    if not episode.over or episode.t < rollout.frames:
+        raise RecordError(f"{where}: its {rollout.frames} stored answers do not end with the drive, at {episode.t}")
     return replace(rollout, drive=episode.drive)
 
 

@@ -7,15 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mtp_bench import MTPEnv, compare, evaluate, load_scenes, load_submission
 from mtp_bench.cards import load_card
-from mtp_bench.env.rollouts import digest
+from mtp_bench.env.rollouts import actions_of, assemble, digest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.gateway import run_isolated
 from mtp_bench.records import Record, open_seal, seal, submit, verify
 from mtp_bench.records.consistency import checked_record
+from mtp_bench.records.rerun import drive_again
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.rollout_files import load_run, save_run
 from mtp_bench.running.run import agent_task, run_scene
@@ -135,6 +137,30 @@ def test_a_record_holds_by_its_answers_alone(made: Path, path: str, tmp_path: Pa
     save_run(folder, run.info, forged)
     checked = verify(copied, RunOptions(), path)
     assert (checked.level, checked.differences, checked.notes) == ("re-scored", (), ())
+
+
+ANSWERS: dict[str, tuple[Callable[[Rollout], dict[str, Any]], str]] = {  # stored ones that no env records
+    "heavy samples": (lambda r: {"forecast_log_weight": r.forecast_log_weight + 1.0}, "add up to more than 1"),
+    "no numbers": (lambda r: {"forecast_log_weight": r.forecast_log_weight * np.nan}, "add up to more than 1"),
+    "sure twice": (lambda r: {"object_confidence": r.object_confidence + 1.0}, r"expected values in \[0, 1\]"),
+    "short": (lambda r: {"forecast": r.forecast[:, :, :1]}, "future frames is 1, expected 12"),
+}
+
+
+@pytest.mark.parametrize(("change", "reason"), ANSWERS.values(), ids=ANSWERS)
+def test_the_answers_of_a_drive_are_checked(
+    change: Callable[[Rollout], dict[str, Any]], reason: str, short: Any, driven: Rollout
+) -> None:
+    with pytest.raises(MtpBenchError, match=reason):
+        drive_again(short, replace(driven, **change(driven)))
+
+
+def test_a_drive_has_as_many_answers_as_frames(short: Any, driven: Rollout) -> None:
+    assert digest(drive_again(short, driven)) == digest(driven)
+    actions = list(actions_of(driven))
+    for others in (actions[:-1], [*actions, actions[0]]):
+        with pytest.raises(MtpBenchError, match=f"{len(others)} stored answers do not end with the drive"):
+            drive_again(short, assemble(SCENE, others, np.zeros(len(others), dtype=int)))
 
 
 FORGED: dict[str, tuple[Callable[[Any], Any], str]] = {  # a change of a record, and what is wrong then
