@@ -1,4 +1,4 @@
-"""What an identity switch near the ego costs: windows after a switch against matched windows without one.
+"""Cost of an identity switch near the ego: windows after a switch against matched windows without one.
 
 A window of `SECONDS` begins at each frame of a drive; windows that the end of the drive cuts short are left out, unless
 that is a collision at fault. Exposed windows begin with a switch near the ego. They are compared with windows of the

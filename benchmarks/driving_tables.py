@@ -50,9 +50,7 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
     several = [f"{agent} {count}" for agent, count in made["seeds"].items() if count > 1]
     seeds = f"Seeds of the detector: {', '.join(several)}; else 1. " if several else ""
     left = "".join(f"Left out: {agent}, {reason}. " for agent, reason in made["left out"].items())
-    note = (
-        "Intervals (95 %) resample scenes; less stp and p: sign-flip test, paired by scene. Seen: smallest difference "
-    )
+    note = "Intervals (95 %) resample scenes; to stp and p: sign-flip test, paired by scene. Seen: smallest difference "
     note += f"that the test finds four times out of five, with as many scenes and with {MOST_SCENES}. {seeds}{left}"
     found = [_driving(f"{made['env']}, {scenes} scenes", made["rows"], scenes, note), _errors(made["rows"], scenes)]
     if made["attacks"]:
@@ -62,7 +60,7 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
 
 
 def _driving(title: str, rows: Mapping[str, Any], scenes: int, note: str) -> Grid:
-    heads = ["agent", "drive score", "less stp", "p", f"seen at {scenes}", f"at {MOST_SCENES}", "at fault /100",
+    heads = ["agent", "drive score", "to stp", "p", f"seen at {scenes}", f"at {MOST_SCENES}", "at fault /100",
              "collisions", "near misses", "phantom brakes", "progress", "to goal, s", "comfort"]  # fmt: skip
     texts = []
     for agent, row in rows.items():

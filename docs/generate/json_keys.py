@@ -129,15 +129,7 @@ def page() -> str:
         "The file of compare --json on a closed loop": DRIVING,
     }
     parts += [_table(title, _plain(keys)) for title, keys in plain.items()]
-    return "\n".join([*parts, _table("rows[] of a closed loop", driving_keys())])
-
-
-def driving_keys() -> dict[str, tuple[str, str, str]]:
-    """Unit, direction and meaning of each key of a row of driving."""
-    known = {"agent": "Name of the agent.", "scenes": "Number of scenes."}
-    columns = columns_of(DrivingRow)
-    words = [c.help or known.get(c.key, "Its interval at 95 %.") for c in columns]
-    return {c.key: (c.unit, c.arrow, text) for c, text in zip(columns, words, strict=True)}
+    return "\n".join([*parts, _table("rows[] of a closed loop", keys_of(DrivingRow))])
 
 
 def keys_of(kind: type[BaseModel]) -> dict[str, tuple[str, str, str]]:

@@ -10,8 +10,7 @@ from ..running.compare import EnvEvaluation, control_names
 from ..running.compare import compare as run_comparison
 from ..running.drives import compare_driving
 from ..running.options import RunOptions
-from ..tables import to_text
-from ..viz.terminal.output import counted
+from ..viz.terminal.output import counted, show_lines, show_table
 from .options import SEEDS, AgentScenes, JsonOption, SeedsOption, WorkerChoice, submissions
 from .output import STANDARD_OUTPUT, prepare, say, show_report, write_json, write_table
 from .shown import Shown
@@ -56,7 +55,8 @@ def _compare_driving(agents: list[str], env: str | Card, options: RunOptions, sh
         result = compare_driving(agents, evaluation, shown.full)
     write_json(file, {"env": result.env, "rows": result.table.records, "failures": result.failures})
     if file != STANDARD_OUTPUT:
-        print(to_text(result.table))
+        show_table(result.table)
+        show_lines([result.table.sentence])
     write_table(shown.table_file, [result.table], result.table)
     for name, reason in result.failures.items():
         say(f"{name}: {reason}")

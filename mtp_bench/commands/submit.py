@@ -114,7 +114,7 @@ def _submit_one(
         columns = [each for each in columns_of(type(record.row)) if each.key in SHOWN]
         rows: list[Any] = list(record.rows)
         if record.driving is not None:
-            what, rows, columns = "how its forecasts drive", [record.driving], []
+            what, rows, columns = "drive score, more is better", [record.driving], []
         show_table(Table("record", f"{submission.name} on {record.env.id}: {what}", "", rows, columns))
         show(f"{target}: {_sentence(record)}")
         if record.status in ("crashed", "rejected"):

@@ -26,8 +26,9 @@ from .run import AgentFailedError, run_jobs
 from .settings import Setting, setting_of
 
 SENTENCE = (
-    "Drive score: mean over scenes of 0 after an at-fault collision, else of progress (5 of 12), no near miss (5) and "
-    "comfort (2). Differences to stp are paired by scene. bADE is of the targets in each agent's own drives."
+    "Drive score: mean over scenes of 0 after a collision at fault, else of progress (5 of 12), no near miss (5) and "
+    "comfort (2). Below a number: 95 % interval. To stp: minus stp in the same scenes. Phantom brakes: hard braking "
+    "on a free way. bADE (m, less is better): of the targets in each agent's own drives."
 )
 CONTROLS: tuple[Role, ...] = ("ground_truth", "single")  # roles of baselines that every comparison runs
 IN_FULL: tuple[Role, ...] = ("standing", "blind")  # lower references
@@ -45,8 +46,8 @@ class DrivingComparison:
     @property
     def table(self) -> Table:
         """The rows as a table."""
-        scenes = max(row.scenes for row in self.rows)
-        return Table("driving", f"{self.env}, {counted(scenes, 'scene')}: how forecasts drive", SENTENCE, self.rows)
+        scenes = counted(max(row.scenes for row in self.rows), "scene")
+        return Table("driving", f"{self.env}, {scenes}: drive score, more is better", SENTENCE, self.rows)
 
 
 def compare_driving(agents: Sequence[object], evaluation: EnvEvaluation, full: bool = False) -> DrivingComparison:

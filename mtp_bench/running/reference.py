@@ -99,7 +99,7 @@ def make_reference(
     parts = [seeds[low : low + _RUNS_PER_CALL] for low in range(0, len(seeds), _RUNS_PER_CALL)]
     plain: list[_PlainRun]
     counts: list[NDArray[np.uint8]]
-    with reported(f"event weights from {len(seeds)} runs of {submission.name}", own=options.progress) as progress:
+    with reported(f"event weights from runs of {submission.name}", own=options.progress) as progress:
         progress.started(len(scenes) * (1 + len(parts)))
         known = [(card, options.data, name, submission) for name in scenes]
         plain = parallel_map(_plain_run, known, options.workers, lambda place: progress.done(scenes[place]))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -9,35 +10,35 @@ import numpy as np
 from ..strict import Section
 from ..tables import Column
 from ..types import Drive, Floats
-from .rows import Interval
+from .rows import Interval, IntervalColumn
 from .score import SceneScore
 from .statistics import bootstrap_interval, sign_flip_test
 from .table import run_budgets, run_errors
 
 WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
 LEAST_WAY = 5.0  # m: where ground-truth tracks let the ego drive less, progress counts as made
-_Interval = Interval | None
+_per_100 = partial(Column, better="lower", format=".1f", group="per 100 scenes")
 
 
 class DrivingRow(Section):
     """Driving of one agent over all scenes and seeds."""
 
-    agent: Annotated[str, Column()]
+    agent: Annotated[str, Column(help="Name of the submission.")]
     drive_score: Annotated[float, Column("drive score", better="higher", help="Mean over scenes, 0 to 1.")]
-    interval: Annotated[_Interval, Column(interval=True)]
-    difference: Annotated[float | None, Column("less stp", "", "higher", "+.3f", "Drive score less that of stp.")]
-    difference_interval: Annotated[_Interval, Column(interval=True)]
+    interval: IntervalColumn
+    difference: Annotated[float | None, Column("to stp", "", "higher", "+.3f", "Drive score minus that of stp.")]
+    difference_interval: IntervalColumn
     p: Annotated[float | None, Column("p", format=".3f", help="Sign-flip test of the difference over scenes.")]
-    collisions: Annotated[float, Column("at fault", better="lower", format=".1f", help="At-fault collisions, per 100.")]
-    collisions_interval: Annotated[_Interval, Column(interval=True)]
-    any_collision: Annotated[float, Column("collisions", better="lower", format=".1f", help="All, per 100 scenes.")]
-    near_misses: Annotated[float, Column("near misses", better="lower", format=".1f", help="Times per 100 scenes.")]
-    progress: Annotated[float, Column(unit="share", better="higher", help="Way over that with ground-truth tracks.")]
-    phantom_brakes: Annotated[float, Column("phantom", better="lower", format=".1f", help="Hard brakes, free way.")]
-    goal_seconds: Annotated[float | None, Column("to goal", "s", better="lower", help="Mean, if reached.")]
-    comfort: Annotated[float, Column(unit="share", better="higher", help="Scenes within nuPlan's bounds of comfort.")]
+    collisions: Annotated[float, _per_100("collisions at fault", help="Collisions at fault per 100 scenes.")]
+    collisions_interval: IntervalColumn
+    any_collision: Annotated[float, _per_100("collisions", help="All collisions per 100 scenes.")]
+    near_misses: Annotated[float, _per_100("near misses", help="Near misses per 100 scenes.")]
+    phantom_brakes: Annotated[float, _per_100("phantom brakes", help="Hard braking on a free way, per 100 scenes.")]
+    progress: Annotated[float, Column("progress", "share", "higher", help="Way over that with ground-truth tracks.")]
+    goal_seconds: Annotated[float | None, Column("s to goal", "", "lower", help="Seconds, if it is reached; mean.")]
+    comfort: Annotated[float, Column("comfort", "share", "higher", help="Scenes within nuPlan's bounds of comfort.")]
     bade: Annotated[float | None, Column("bADE", "m", better="lower", help="Of the targets in the agent's own drives.")]
-    scenes: Annotated[int, Column()] = 0
+    scenes: Annotated[int, Column(help="Scenes that it drove in.")] = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +83,14 @@ def own_bade(agent: AgentDrives) -> float | None:
     return float(np.mean(errors)) if errors else None
 
 
+def _interval_of(values: Floats, most: float) -> Interval | None:
+    """Interval of the mean of values of scenes [S], which are 0 to ``most``."""
+    interval = bootstrap_interval(values, np.ones(len(values)))
+    return interval and (interval[0], min(interval[1], most))
+
+
 def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None) -> DrivingRow:
-    score, ones = scene_scores(agent, reference), np.ones(len(reference))
+    score = scene_scores(agent, reference)
     drives = [agent.drives[name] for name in reference]
     every = [(drive, way) for own, way in zip(drives, reference.values(), strict=True) for drive in own]
     faults = np.array([np.mean([100.0 * drive.at_fault for drive in own]) for own in drives])
@@ -92,12 +99,12 @@ def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None
     return DrivingRow(
         agent=agent.agent,
         drive_score=float(score.mean()),
-        interval=bootstrap_interval(score, ones),
+        interval=_interval_of(score, 1.0),
         difference=None if base is None else float((score - base).mean()),
         difference_interval=None if test is None else test.interval,
         p=None if test is None else test.p,
         collisions=float(faults.mean()),
-        collisions_interval=bootstrap_interval(faults, ones),
+        collisions_interval=_interval_of(faults, 100.0),
         any_collision=float(np.mean([100.0 * bool(drive.collision) for drive, _ in every])),
         near_misses=float(np.mean([100.0 * drive.near_misses for drive, _ in every])),
         progress=float(np.mean([progress_of(drive, way) for drive, way in every])),

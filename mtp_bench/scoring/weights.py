@@ -86,8 +86,9 @@ class Reference:
     @property
     def origin(self) -> str:
         """Origin of the weights in one sentence, for a report."""
-        kind = "ways" if any(scene.way is not None for scene in self.scenes.values()) else "event weights"
-        text = f"{kind} of {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
+        driven = any(scene.way is not None for scene in self.scenes.values())
+        kind = "distances driven in" if driven else "event weights of"
+        text = f"{kind} {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
         if self.frozen:
             return f"frozen {text} (hash {self.digest[:12]})"
         return f"{text} on these scenes (hash {self.digest[:12]}), not the frozen ones of a ranking"

@@ -81,7 +81,7 @@ def _hit(focus: Focus) -> str:
     drive = focus.replay.rollout.drive
     assert drive is not None, "collisions are of drives"
     fault = "at fault" if drive.at_fault else "not at fault"
-    how = f"{drive.seconds:.1f} s, {fault}, planned at a risk of {drive.risk[-1]:.0%}"
+    how = f"at {drive.seconds:.1f} s, {fault}, planned with a risk of {drive.risk[-1]:.0%}"
     return f"is about to collide with the ego ({how}); it {_followed(focus)}"
 
 

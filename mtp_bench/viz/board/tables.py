@@ -14,6 +14,7 @@ from .entries import LEVEL_TEXT, Entry, by_board, empty_error, has_map
 _SCORE = "drive\nscore ↑"
 _EVENTS = {"ids": "identity\nswitch ↓", "turning": "turning\n↓"}  # headings of the last columns
 _DRIVES = {"drive_collisions": "at\nfault ↓", "drive_near_misses": "near\nmisses ↓", "drive_progress": "progress\n↑"}
+_DRIVEN = "drive score; collisions at fault and near misses per 100 scenes"
 _SURE = "*"  # after a significant difference to STP
 _SIGNIFICANT = f"{_SURE} p<{SIGNIFICANT:g}".replace("0.", ".")
 
@@ -30,7 +31,7 @@ def _short_table(entries: Sequence[Entry]) -> Table:
     empty = empty_error(entries)
     empty_text = "" if empty is None else f"; {empty:.3f} if nothing is predicted"
     drives = entries[0].driving is not None
-    title = f"{entries[0].env}{earlier_text(entries[0])}: {'drive score' if drives else f'bADE (m){empty_text}'}"
+    title = f"{entries[0].env}{earlier_text(entries[0])}: {_DRIVEN if drives else f'bADE (m){empty_text}'}"
     columns = [
         Column("agent", key="submission", read=_name),
         Column("ranks", key="rank", read=lambda entry: span_text(entry.standing.places["all"].span)),

@@ -36,6 +36,11 @@ TRACK_BOX = Outline(TRACK, fill=95)
 FALSE_TRACK = Outline(FALSE, fill=25)
 OTHER = Outline(OTHER_TRACK, 0.8, dashed=True)
 VEHICLE = Outline(EGO, 1.5, fill=200, heading=True)
+PLAN = (
+    Mark("plan of the ego", line=EGO, width=3.5),
+    Mark("it brakes hard", line=FALSE, width=3.5),
+    Mark("object that slows it", line=FALSE, sign="circle"),
+)
 
 
 def windows_of(scene: Scene, card: Card) -> list[Window]:
@@ -108,17 +113,18 @@ def draw_lanes(canvas: Canvas, run: Replay) -> None:
     canvas.lines([] if run.card.lanes is None else arrows_of(near), BORDER)
 
 
-def draw_plan(canvas: Canvas, run: Replay, t: int) -> None:
-    """The plan of the ego of a closed loop, the way that it drove, and a circle around the object that slows it."""
+def draw_plan(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, Mark]]:
+    """Draw the plan of the ego of a closed loop, its way, and what slows it; places [n, 2] m of each mark."""
     plan = plan_at(run, t)
     if plan is None:
-        return
+        return []
     canvas.lines([run.scene.ego[:, :2]], EGO, 1.0, 110)
     for step, hard in zip(zip(plan.path[:-1], plan.path[1:], strict=True), plan.hard, strict=True):
         canvas.lines([np.array(step)], FALSE if hard else EGO, 3.5)
     canvas.dot(canvas.pixels(plan.path[-1]), 4.0, EGO)
     for box in plan.slower:
         canvas.circle(canvas.pixels(box[:2]), 16.0 + 0.6 * float(box[4]) * canvas.scale, FALSE)
+    return list(zip((plan.slower[:, :2], plan.path[1:][plan.hard], plan.path), PLAN[::-1], strict=True))
 
 
 def _draw_answers(canvas: Canvas, run: Replay, t: int) -> list[tuple[Floats, str, Color]]:
@@ -210,9 +216,7 @@ def legend(run: Replay) -> list[Mark]:
         (complete, Mark("false forecast", line=FALSE)),
         (run.judged, Mark("event")),
         (run.card.has_ego, Mark("ego", VEHICLE)),
-        (driven, Mark("its plan", line=EGO, width=3.5)),
-        (driven, Mark("it brakes hard", line=FALSE, width=3.5)),
-        (driven, Mark("object that slows it", line=FALSE, sign="circle")),
+        *((driven, mark) for mark in PLAN),
     ]
     return [mark for shown, mark in entries if shown]
 

@@ -80,7 +80,8 @@ class CloseUp:
             self._boxes(getattr(shown, name), mark)
         if focus.replay.card.has_ego:
             canvas.boxes(ego_boxes(focus.replay.scene.ego[shown.frame][None]), VEHICLE)
-            draw_plan(canvas, focus.replay, shown.frame)
+            for places, mark in draw_plan(canvas, focus.replay, shown.frame):
+                self._note(places, mark)
         self._draw_paths()
         self._draw_boxes()
         self._draw_evidence()

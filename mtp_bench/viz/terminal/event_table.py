@@ -80,11 +80,13 @@ class Tally:
     forecasts: int = 0  # false ones
     scenes: int = 0
     complete: bool = True  # the truth: else no forecast is called false
+    driven: bool = False  # in a closed loop
 
     def add(self, replay: Replay) -> None:
         """Count the events of a scene."""
         self.scenes += 1
         self.complete &= replay.scene.truth_complete
+        self.driven |= replay.rollout.drive is not None
         self.forecasts += int(replay.forecast_false.sum())
         for incident in replay.incidents:
             self.events[incident.kind] += 1
@@ -140,7 +142,7 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
         text += f"{counted(tally.forecasts, 'false forecast')} in {counted(count['spurious'], 'run')}"
     else:
         text += "false forecasts are not known, as there are objects outside the truth"
-    text += f"; {counted(count['collision'], 'collision')}" if count["collision"] else ""
+    text += f"; {counted(count['collision'], 'collision')}" if tally.driven else ""
     text += f"; {counted(tally.scenes, 'scene')}"
     if not all_listed and count["spurious"]:
         longest = f"The {LONGEST} longest runs of false forecasts of each scene are listed"
