@@ -49,19 +49,9 @@ class DrivenEpisode(Episode):
         feed = make_feed(scene, local, task, card)
         planner = Planner(traffic.way, traffic.size, (card.drive or DriveSection()).planner)
         return cls(
-            scene,
-            number,
-            local,
-            feed,
-            None,
-            horizon(card) - 1,
-            card=card,
-            task=task,
-            traffic=traffic,
-            shown=shown,
-            planner=planner,
-            stations=[traffic.ego.s],
-        )
+            scene, number, local, feed, None, horizon(card) - 1, card=card, task=task, traffic=traffic, shown=shown,
+            planner=planner, stations=[traffic.ego.s],
+        )  # fmt: skip
 
     @property
     def row(self) -> int:

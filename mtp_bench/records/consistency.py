@@ -10,6 +10,7 @@ from ..cards import load_card
 from ..errors import RecordError
 from ..files import read_bounded
 from ..scoring.definitions import SUBSETS
+from ..scoring.driving import WEIGHTS
 from ..scoring.parts import PARTS
 from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
@@ -116,8 +117,12 @@ def _inconsistent_driving(sums: Record | HiddenPart) -> Iterator[str]:
         return
     mean = [math.fsum(own) / seeds for own in scores]
     interval = bootstrap_interval(mean, [1.0] * count)
-    sure = {"agent": sums.row.agent, "drive_score": sum(mean) / count, "interval": interval and list(interval)}
-    alone = dict.fromkeys(("difference", "difference_interval", "p"))
+    score, none = sum(mean) / count, sum(own.count(0.0) for own in scores) / (seeds * count)
+    lost = sum(WEIGHTS.values()) * (1.0 - score) - WEIGHTS["comfort"] * (1.0 - stated["comfort"])  # by all else
+    way = max(stated["progress"], 1.0 - lost / WEIGHTS["progress"] - _CLOSE)
+    sure = {"agent": sums.row.agent, "drive_score": score, "interval": interval and list(interval), "progress": way}
+    sure["collisions"] = min(stated["collisions"], 100.0 * none)
+    alone = dict.fromkeys(("difference", "difference_interval", "p", "bade"))
     for each in differences("driving", stated, {**stated, **sure, **alone, "scenes": count}):
         yield f"{each.what} is {each.recorded}, the other numbers give {each.found}"
     if any(abs(1.0 - score - error) > _CLOSE for score, error in zip(mean, sums.unit_error("all"), strict=True)):

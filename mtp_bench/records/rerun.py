@@ -43,22 +43,18 @@ _random = secrets.SystemRandom()
 
 
 def drive_again(card: Card, rollout: Rollout) -> Rollout:
-    """The rollout with the drive that its answers give: world and planner run again, without the agent.
-
-    Raises RolloutError or RecordError for answers that no env records, and for more or fewer than the drive takes.
-    """
+    """The rollout with the drive that its answers give, without the agent; MtpBenchError for answers of no env."""
     from ..env.driven import DrivenEpisode
 
-    where, task = rollout.scene, MTPEnv(card, evaluation=True).task
-    episode = DrivenEpisode.start(card, task, where, 0, None)
-    check_rollout(replace(episode.scene, time=np.zeros(rollout.frames)), rollout, card)
+    episode = DrivenEpisode.start(card, MTPEnv(card, evaluation=True).task, rollout.scene, 0, None)
+    check_rollout(replace(episode.scene, time=rollout.seconds), rollout, card)  # of as many frames
     if not (np.exp(np.minimum(rollout.forecast_log_weight, 1.0)).sum(axis=1) < 1.001).all():  # NaN is not
-        raise RecordError(f"{where}: weights of the samples of a forecast add up to more than 1")
+        raise RecordError(f"{rollout.scene}: weights of the samples of a forecast add up to more than 1")
     for action in actions_of(rollout):
         if not episode.over:
             episode.take(action)
     if not episode.over or episode.t < rollout.frames:
-        raise RecordError(f"{where}: its {rollout.frames} stored answers do not end with the drive, at {episode.t}")
+        raise RecordError(f"{rollout.scene}: its {rollout.frames} stored answers do not end with the drive")
     return replace(rollout, drive=episode.drive)
 
 
@@ -100,10 +96,8 @@ def worse_when_moved(record: Record, rows: Sequence[Row]) -> Difference | None:
 
 def why_unsandboxed(record: Record, now: Isolation) -> str:
     """Reason why another run does not confirm a record; empty if the agent was sandboxed then and ``now``."""
-    for when, part in (("when the record was made", record.isolation), ("in this run", now)):
-        if part.mechanism == "none":
-            return f"the agent was unsandboxed {when}"
-    return ""
+    parts = ("when the record was made", record.isolation), ("in this run", now)
+    return next((f"the agent was unsandboxed {when}" for when, part in parts if part.mechanism == "none"), "")
 
 
 def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> HiddenPart:

@@ -15,6 +15,7 @@ from ..scoring import SceneScore, score_scene
 from ..scoring.driving import AgentDrives, DrivingRow, driving_rows
 from ..sources.files import save_scene
 from ..sources.highway.store import unpack
+from ..sources.highway.world import RATE
 from ..submission.loader import controls
 from ..submission.manifest import Role
 from ..submission.objects import submission_of
@@ -95,20 +96,24 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
 
     The scenes are those that the agents of ``rollouts`` drove in, with the detections that they were shown; they are
     kept as own scenes in the cache; of two drives in one scene, as of two seeds, the second is NAME-2. Raises
-    RolloutError for a rollout without a drive.
+    RolloutError for a rollout without a whole drive.
     """
     sha, worlds = hashlib.sha256(card.digest.encode()), dict[str, tuple[str, Mapping[str, Any]]]()
     for rollout in rollouts:
-        if rollout.drive is None:
-            raise RolloutError(f"scene {rollout.scene!r} of {card.id} has no drive; run the agent again")
+        drive, n, steps = rollout.drive, rollout.frames, round(RATE / card.task.rate)
+        if drive is None or not len(drive.risk) == len(drive.cause) == len(drive.acceleration[::steps]) == n:
+            raise RolloutError(f"scene {rollout.scene!r} of {card.id} has no whole drive; run the agent again")
         sha.update(digest(rollout).encode())
         name = f"{rollout.scene}-{len(worlds) + 1}" if rollout.scene in worlds else rollout.scene
-        worlds[name] = rollout.scene, rollout.drive.world
+        worlds[name] = rollout.scene, drive.world
     folder = cache_root() / "drives" / sha.hexdigest()[:32] / card.id
     if not folder.is_dir():
         with whole_folder(folder) as part:
             for name, (driven, world) in worlds.items():
-                scene = replace(whole_scene(unpack(dict(world)), card, driven), name=name)
+                try:
+                    scene = replace(whole_scene(unpack(dict(world)), card, driven), name=name)
+                except (KeyError, IndexError, TypeError, ValueError) as error:  # its file may have been edited
+                    raise RolloutError(f"scene {name!r} of {card.id}: broken drive ({error}); run it again") from None
                 save_scene(scene, part, card.task.classes, "parquet")
     return with_files(card, folder).model_copy(update={"detector": None})
 

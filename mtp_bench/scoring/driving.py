@@ -6,6 +6,7 @@ from functools import partial
 from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from ..strict import Section
 from ..tables import Column
@@ -17,6 +18,8 @@ from .table import run_budgets, run_errors
 
 WEIGHTS = {"progress": 5.0, "no near miss": 5.0, "comfort": 2.0}
 LEAST_WAY = 5.0  # m: where ground-truth tracks let the ego drive less, progress counts as made
+_Many = Annotated[float, Field(ge=0)]
+_Part = Annotated[float, Field(ge=0, le=1)]
 _per_100 = partial(Column, better="lower", format=".1f", group="per 100 scenes")
 
 
@@ -29,14 +32,14 @@ class DrivingRow(Section):
     difference: Annotated[float | None, Column("to stp", "", "higher", "+.3f", "Drive score minus that of stp.")]
     difference_interval: IntervalColumn
     p: Annotated[float | None, Column("p", format=".3f", help="Sign-flip test of the difference over scenes.")]
-    collisions: Annotated[float, _per_100("collisions at fault", help="Collisions at fault per 100 scenes.")]
+    collisions: Annotated[_Many, _per_100("collisions at fault", help="Collisions at fault per 100 scenes.")]
     collisions_interval: IntervalColumn
-    any_collision: Annotated[float, _per_100("collisions", help="All collisions per 100 scenes.")]
-    near_misses: Annotated[float, _per_100("near misses", help="Near misses per 100 scenes.")]
-    phantom_brakes: Annotated[float, _per_100("phantom brakes", help="Hard braking on a free way, per 100 scenes.")]
-    progress: Annotated[float, Column("progress", "share", "higher", help="Way over that with ground-truth tracks.")]
-    goal_seconds: Annotated[float | None, Column("s to goal", "", "lower", help="Seconds, if it is reached; mean.")]
-    comfort: Annotated[float, Column("comfort", "share", "higher", help="Scenes within nuPlan's bounds of comfort.")]
+    any_collision: Annotated[_Many, _per_100("collisions", help="All collisions per 100 scenes.")]
+    near_misses: Annotated[_Many, _per_100("near misses", help="Near misses per 100 scenes.")]
+    phantom_brakes: Annotated[_Many, _per_100("phantom brakes", help="Hard braking on a free way, per 100 scenes.")]
+    progress: Annotated[_Part, Column("progress", "share", "higher", help="Way over that with ground-truth tracks.")]
+    goal_seconds: Annotated[_Many | None, Column("s to goal", "", "lower", help="Seconds, if it is reached; mean.")]
+    comfort: Annotated[_Part, Column("comfort", "share", "higher", help="Scenes within nuPlan's bounds of comfort.")]
     bade: Annotated[float | None, Column("bADE", "m", better="lower", help="Of the targets in the agent's own drives.")]
     scenes: Annotated[int, Column(help="Scenes that it drove in.")] = 0
 

@@ -122,8 +122,10 @@ def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None
     cli.ok("score", folder, "--json", tmp_path / "score.json")
     assert json.loads((tmp_path / "score.json").read_text())["rows"][0]["targets"] > 0
     assert NAME in cli.ok("events", folder)
-    with pytest.raises(RolloutError, match="has no drive; run the agent again"):
-        recorded_card(MTPEnv(drive_card).card, [replace(rollout, drive=None)])
+    short, lost = replace(drive, risk=np.zeros(1)), replace(drive, world={})
+    for other, why in ((None, "has no whole drive; run the"), (short, "has no whole"), (lost, "broken drive .'lane'.")):
+        with pytest.raises(RolloutError, match=why):
+            recorded_card(MTPEnv(drive_card).card, [replace(rollout, drive=other)])
     both = MTPEnv(recorded_card(MTPEnv(drive_card).card, [rollout, rollout]))
     both.reset(options={"scene": f"{NAME}-2"})
     np.testing.assert_array_equal(both.scene.detections.box, driven.detections.box)

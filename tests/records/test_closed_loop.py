@@ -170,6 +170,9 @@ FORGED: dict[str, tuple[Callable[[Any], Any], str]] = {  # a change of a record,
     "scene too few": (lambda c: c["per_scene"].pop(), "per_scene has 1 scenes, expected 2"),
     "no driving": (lambda c: c.update(driving=None), "driving is missing, MTP-Drive-Intersection-v0 is a closed loop"),
     "other env": (lambda c: c["env"].update(id="MTP-Merge-v0"), "driving is given, MTP-Merge-v0 is not a closed loop"),
+    "faults": (lambda c: c["driving"].update(collisions=50.0), r"driving\.collisions is 50\.0, .* give 0"),
+    "way": (lambda c: c["driving"].update(comfort=0.5, progress=0.0), r"driving\.progress is 0\.0, .* give 0\."),
+    "bADE": (lambda c: c["driving"].update(bade=0.0), r"driving\.bade is 0\.0, the other numbers give None"),
     "other scene": (lambda c: c["per_scene"][0].update(scene="intersection-010007"), "scenes are not those of the rec"),
     "ways": (lambda c: c["reference"].update(hash="00" * 32), "reference.hash"),
     "collisions": (lambda c: c["driving"].update(near_misses=1e3, progress=0.999), "driving.near_misses"),
@@ -180,17 +183,20 @@ FORGED: dict[str, tuple[Callable[[Any], Any], str]] = {  # a change of a record,
 def test_a_changed_record_does_not_hold(made: Path, path: str, tmp_path: Path) -> None:
     copied = Path(shutil.copytree(made.parent, tmp_path / "standing")) / made.name
     text, rest = copied.read_text(), json.loads(copied.read_text())
-    for change, reason in list(FORGED.values())[:7]:
+    for change, reason in list(FORGED.values())[:10]:
         content = json.loads(text)
         change(content)
         save_record(Record.model_validate(content), copied)
         with pytest.raises(MtpBenchError, match=reason):
             verify(copied, RunOptions(), path)
-    for change, _ in list(FORGED.values())[7:]:
+    copied.write_text(text.replace('"progress": ', '"progress": 1'))
+    with pytest.raises(MtpBenchError, match=r"driving\.progress: got .*less than or equal to 1"):
+        verify(copied, RunOptions(), path)
+    for change, _ in list(FORGED.values())[10:]:
         change(rest)
     save_record(Record.model_validate(rest), copied)
     found = {each.what for each in verify(copied, RunOptions(), path).differences}
-    assert {reason for _, reason in list(FORGED.values())[7:]} <= found
+    assert {reason for _, reason in list(FORGED.values())[10:]} <= found
 
 
 def test_hidden_drives(made: Path, path: str, tmp_path: Path) -> None:
