@@ -191,7 +191,9 @@ class AgentScenes(EnvScenes):
         """The env; for the folder of a run the card of its scenes, those of a closed loop as they were driven."""
         from ..running.stored import open_run
 
-        return open_run(Path(self.env), self.data).card if Path(self.env).is_dir() else self.env
+        folder = Path(self.env)
+        is_run = folder.is_dir() or (folder.name != self.env and folder.suffix != ".toml")
+        return open_run(folder, self.data).card if is_run else self.env
 
     def options(self, workers: WorkerChoice | None = None, seeds: Sequence[int] = (0,)) -> RunOptions:
         """These scenes under ``seeds`` as options of a run, with the stored tracks."""
