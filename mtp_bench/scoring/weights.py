@@ -86,8 +86,7 @@ class Reference:
     @property
     def origin(self) -> str:
         """Origin of the weights in one sentence, for a report."""
-        driven = any(scene.way is not None for scene in self.scenes.values())
-        kind = "distances driven in" if driven else "event weights of"
+        kind = "distances driven in" if any(s.way is not None for s in self.scenes.values()) else "event weights of"
         text = f"{kind} {self.runs} run{'' if self.runs == 1 else 's'} of {self.agent!r}"
         if self.frozen:
             return f"frozen {text} (hash {self.digest[:12]})"
