@@ -88,6 +88,8 @@ def own_bade(agent: AgentDrives) -> float | None:
 
 def _interval_of(values: Floats, most: float) -> Interval | None:
     """Interval of the mean of values of scenes [S], which are 0 to ``most``."""
+    if not values.any():  # nothing to resample: what S scenes without an event leave open at 95 %
+        return 0.0, most * (1.0 - 0.05 ** (1 / len(values)))
     interval = bootstrap_interval(values, np.ones(len(values)))
     return interval and (interval[0], min(interval[1], most))
 
