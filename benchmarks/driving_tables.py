@@ -13,6 +13,7 @@ from benchmarks.driving_figures import MOST_SCENES
 from benchmarks.driving_measure import AHEAD, NEAR
 from benchmarks.driving_switches import LOST, SECONDS
 
+CHOSEN_LATER, KEPT = ", no switch in it", ", no switch before it"
 _Interval = Sequence[float] | None
 
 
@@ -102,7 +103,8 @@ def _switches(costs: Mapping[str, Any]) -> list[Grid]:
     heads = ["", "with", "without", "difference", "seen", "with a switch", "others", "scenes"]
     note = (
         f"Per 100 windows of {SECONDS:.0f} s that begin with a switch within {NEAR:.0f} m of the ego, and per 100 "
-        "matched ones (agent, objects near, speed, time); way lost in m per window. Seen: smallest difference that is "
+        "matched ones (agent, objects near, speed, time) with no switch in the same time before: what comes later must "
+        "not choose them. Way lost in m per window. Seen: smallest difference that is "
         f"found four times out of five. There are {costs['per drive']:.1f} such switches per drive, in "
         f"{costs['drives without']:.0%} none."
     )
@@ -113,8 +115,20 @@ def _switches(costs: Mapping[str, Any]) -> list[Grid]:
         ("ahead", f"The same for switches ahead of the ego, within {AHEAD:.0f} m", "", 100.0, ".2f"),
         ("scenes", "Drives with and without identity switches near the ego", below, 1.0, ".3f"),
     )
-    return [Grid(title, heads, [_cost(name, cost, scale, form) for name, cost in costs[key].items()], text)
-            for key, title, text, scale, form in tables]  # fmt: skip
+    return [
+        Grid(
+            title,
+            heads,
+            [_cost(name.removesuffix(KEPT), cost, scale, form) for name, cost in _shown(costs[key])],
+            text,
+        )
+        for key, title, text, scale, form in tables
+    ]
+
+
+def _shown(costs: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Costs without those whose windows are chosen by what comes later."""
+    return [(name, cost) for name, cost in costs.items() if not name.endswith(CHOSEN_LATER)]
 
 
 def _cost(name: str, cost: Mapping[str, Any] | None, scale: float, form: str) -> list[str]:
