@@ -1,0 +1,222 @@
+"""Times what a user waits for, cold and warm, and the ratio to another commit.
+
+    python benchmarks/user_day.py [--against COMMIT] [--rows board,step] [--data DIR] [--trainval DIR] [--json FILE]
+
+Every row is a process of its own, with a cache folder of its own that is empty in rows called "cold". A row counts the
+processor's seconds of the process and of those that it started, its wall time and its largest process. With
+``--against`` the row runs in a copy of that commit, too, one right after the other, with the same interpreter and the
+same packages. Rows in ms are counted inside their process, without start and compilation; the others are whole
+commands. A row that the other commit does not have is blank there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+HERE = Path(__file__).parents[1]
+NOISY = "MTP-Intersection-v0"
+
+STEPS = """
+import sys, time, numpy as np, gymnasium as gym, mtp_bench
+env = gym.make(sys.argv[1], **({"evaluation": True} if sys.argv[2] == "evaluation" else {})).unwrapped
+def standing(seen):
+    valid = seen["detection_valid"] == 1
+    box = seen["detection_box"][valid]
+    return mtp_bench.make_action(
+        env.task, box, seen["detection_class"][valid], np.zeros((len(box), env.task.future, 2), np.float32)
+    )
+seen, _ = env.reset(seed=0)
+spent = steps = resets = reset_time = 0
+while steps < 200:
+    start = time.process_time()
+    seen, _ = env.reset(options={"scene": env.scene_names[0]} if resets else None)
+    reset_time, resets, over = reset_time + time.process_time() - start, resets + 1, False
+    while not over:
+        answer, start = standing(seen), time.process_time()
+        seen, _, over, cut, _ = env.step(answer)
+        spent, steps, over = spent + time.process_time() - start, steps + 1, over or cut
+print("MS", 1000 * spent / steps, 1000 * reset_time / resets)
+"""
+OPENED = """
+import sys, gymnasium as gym, mtp_bench
+gym.make(sys.argv[1]).reset(seed=0)
+"""
+AGENT = """
+import sys, time
+from mtp_bench.env.environment import MTPEnv
+from mtp_bench.cards import load_card
+from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.settings import setting_of
+from mtp_bench.submission.objects import submission_of
+card = load_card(sys.argv[1])
+setting = setting_of(submission_of(sys.argv[2]), card)
+def play():
+    env = MTPEnv(card, **setting.env_keywords(card), evaluation=True)
+    name = env.scene_names[0]
+    agent = setting.submission.factory(setting.parameters)(agent_task(env, 0, name))
+    spent, act = [0.0, 0], agent.act
+    def timed(observation):
+        start = time.process_time()
+        answer = act(observation)
+        spent[0], spent[1] = spent[0] + time.process_time() - start, spent[1] + 1
+        return answer
+    agent.act = timed
+    run_scene(agent, env, name, 0, sys.argv[2])
+    return 1000 * spent[0] / spent[1]
+play()
+print("MS", min(play() for _ in range(3)))
+"""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row: Python code with arguments, or words of the command line."""
+
+    name: str
+    reach: str  # what is to be reached, in the row's unit
+    words: tuple[str, ...]
+    code: str = ""
+    cold: bool = False  # in an empty cache; else the row ran before, uncounted
+    trainval: bool = False  # reads nuScenes trainval
+
+
+def _compare(cold: bool) -> Row:
+    words = ("compare", "stp", "mtp", "--env", NOISY, "--scenes", "10", "--jobs", "2")
+    return Row(f"compare, {'cold' if cold else 'warm'}", "150 s" if cold else "60 s", words, cold=cold)
+
+
+ROWS = {
+    "help": Row("mtp-bench --help", ".5 s", ("--help",)),
+    "import": Row("import mtp_bench", ".5 s", (), "import mtp_bench"),
+    "compare-cold": _compare(cold=True),
+    "compare": _compare(cold=False),
+    "board": Row("board", "6 s", ("board",)),
+    "board-env": Row("board of an environment", "2 s", ("board", "--env", NOISY)),
+    "open-cold": Row("first open, nuScenes trainval", "5 s", ("MTP-nuScenes-v0",), OPENED, cold=True, trainval=True),
+    "open": Row("open again, nuScenes trainval", "5 s", ("MTP-nuScenes-v0",), OPENED, trainval=True),
+    "step": Row("step and reset, Intersection", "1.0, 10 ms", (NOISY, "play"), STEPS),
+    "step-evaluation": Row("step in an evaluation, Intersection", ".4 ms", (NOISY, "evaluation"), STEPS),
+    "step-mini": Row("step and reset, nuScenes mini", "1.0, 5 ms", ("MTP-nuScenes-mini-v0", "play"), STEPS),
+    "mtp": Row("mtp a frame, Intersection", "1.5 ms", (NOISY, "mtp"), AGENT),
+    "mtp-kitti": Row("mtp a frame, KITTI", "1.5 ms", ("MTP-KITTI-v0", "mtp"), AGENT),
+    "mtp-mini": Row("mtp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "mtp"), AGENT),
+    "stp-mini": Row("stp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "stp"), AGENT),
+    "data": Row("mtp-bench data", "1.5 s", ("data",)),
+}
+
+
+@dataclass(frozen=True)
+class Spent:
+    """What a row took; ``ms``: counted inside, of one step, reset or frame."""
+
+    cpu: float
+    wall: float
+    peak: float  # MiB of the largest process
+    ms: tuple[float, ...] = ()
+
+    @property
+    def shown(self) -> str:
+        """A cell of the table."""
+        if self.ms:
+            return ", ".join(f"{each:.2f}" for each in self.ms) + " ms"
+        return f"{self.cpu:.1f} s CPU, {self.wall:.1f} s, {self.peak:.0f} MiB"
+
+    def ratio(self, other: Spent) -> str:
+        """How much less than ``other`` was taken."""
+        if self.ms:
+            return ", ".join(f"{b / a:.1f}x" for a, b in zip(self.ms, other.ms, strict=False))
+        return f"{other.cpu / max(self.cpu, 0.01):.1f}x"
+
+
+def spent(row: Row, tree: Path, cache: Path, given: argparse.Namespace) -> Spent | None:
+    """Run a row in a copy of the project; None if it fails there."""
+    environment = {**os.environ, "PYTHONPATH": str(tree), "MTP_BENCH_CACHE": str(cache / "cache")}
+    environment |= {"NUMBA_CACHE_DIR": str(cache / "numba"), "XDG_CACHE_HOME": str(cache / "xdg")}
+    environment["MTP_BENCH_DATA"] = str(given.trainval if row.trainval else given.data)
+    command = [sys.executable, *(("-c", row.code) if row.code else ("-m", "mtp_bench")), *row.words]
+    start = time.perf_counter()
+    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as error:
+        child = subprocess.Popen(command, cwd=tree, env=environment, stdout=out, stderr=error, text=True)
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+        wall = time.perf_counter() - start
+        out.seek(0)
+        error.seek(0)
+        text, reason = out.read(), error.read()
+    if child.returncode:
+        print(
+            f"{row.name} in {tree.name}: {reason.strip().splitlines()[-1] if reason.strip() else 'failed'}", flush=True
+        )
+        return None
+    ms = [line.split()[1:] for line in text.splitlines() if line.startswith("MS ")]
+    return Spent(
+        used.ru_utime + used.ru_stime, wall, used.ru_maxrss / 1024, tuple(float(each) for line in ms for each in line)
+    )
+
+
+def measured(row: Row, tree: Path, caches: Path, given: argparse.Namespace) -> Spent | None:
+    """The row, after a run that is not counted unless it is cold."""
+    if row.cold:
+        with tempfile.TemporaryDirectory() as empty:
+            return spent(row, tree, Path(empty), given)
+    own = caches / tree.name
+    return spent(row, tree, own, given) and spent(row, tree, own, given)
+
+
+def copy_of(commit: str, folder: Path) -> Path:
+    """The files of a commit in a folder of their own."""
+    tree = folder / commit
+    tree.mkdir()
+    packed = subprocess.run(["git", "archive", commit], cwd=HERE, check=True, capture_output=True).stdout
+    subprocess.run(["tar", "x"], cwd=tree, input=packed, check=True)
+    return tree
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--against", metavar="COMMIT")
+    parser.add_argument("--rows", default=",".join(ROWS), help=f"of {', '.join(ROWS)}")
+    parser.add_argument("--data", type=Path, default=os.environ.get("MTP_BENCH_DATA", HERE.parent / "shared/data"))
+    parser.add_argument("--trainval", type=Path, default=HERE.parent / "shared/nuscenes_trainval")
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    table = Table(title=f"What a user waits for, {os.cpu_count()} cores")
+    for head in (
+        "",
+        "to reach",
+        *([given.against] if given.against else []),
+        "now",
+        *(["ratio"] * bool(given.against)),
+    ):
+        table.add_column(head, justify="left" if not head else "right")
+    found: dict[str, dict[str, object]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        caches = Path(folder) / "caches"
+        old = copy_of(given.against, Path(folder)) if given.against else None
+        for key in given.rows.split(","):
+            row = ROWS[key]
+            then = measured(row, old, caches, given) if old else None
+            now = measured(row, HERE, caches, given)
+            ratio = now.ratio(then) if now and then else ""
+            cells = [then.shown if then else "", now.shown if now else "failed", ratio]
+            table.add_row(row.name, row.reach, *(cells if old else cells[1:2]))
+            print(row.name, *cells, sep=" | ", flush=True)
+            found[key] = {"then": then and asdict(then), "now": now and asdict(now)}
+    Console(width=150).print(table)
+    if given.json:
+        given.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
