@@ -22,6 +22,7 @@ ABSENT = -2e30  # a log-weight below `types.ABSENT_BELOW` that lies inside the s
 Rows = Literal["tracks", "hypotheses", "objects"]
 ROWS: tuple[Rows, ...] = ("tracks", "hypotheses", "objects")  # in the order of `Rollout.invalid`
 
+_SIZE = {"N": "tracks", "H": "hypotheses", "O": "objects", "K": "samples", "T": "future"}  # fields of `Task`
 _KIND_NAMES = {"f": "floating", "i": "integer", "u": "integer", "b": "bool"}
 
 
@@ -60,8 +61,7 @@ class Field:
 
     def shape_in(self, task: Task) -> tuple[int, ...]:
         """The shape under ``task``."""
-        size = {"N": task.tracks, "H": task.hypotheses, "O": task.objects, "K": task.samples, "T": task.future}
-        return tuple(size[letter] if letter in size else int(letter) for letter in self.shape.split())
+        return tuple(getattr(task, _SIZE[part]) if part in _SIZE else int(part) for part in self.shape.split())
 
     def array_in(self, task: Task) -> str:
         """Text: shape and dtype expected under ``task``."""

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from ..errors import closest, describe_problem
 from ..types import ABSENT_BELOW, ID_LIMIT, Bools, Floats, Ints, Task
-from .action import COORDINATE_LIMIT, FIELD, FIELDS, FORECAST_LIMIT, ROWS, SIZE_LIMIT, Field, Rows
+from .action import COORDINATE_LIMIT, FIELD, FIELDS, FORECAST_LIMIT, FORECAST_REACH, ROWS, SIZE_LIMIT, Field, Rows
 
 Arrays = dict[str, NDArray[Any]]
 _LEAVE_OUT = "leave such rows out"
 _PADDING = "leave out the padding of the observation, where detection_valid is 0"
 _MAKE_ACTION = "mtp_bench.make_action makes whole actions of plain arrays"
 _MOST_NUMBERS = 8  # of one row that are shown
+_NAMES: dict[Rows, list[str]] = {rows: [field.name for field in FIELDS if field.rows == rows] for rows in ROWS}
 
 
 @dataclass(frozen=True)
@@ -69,17 +70,15 @@ def examine(action: object, task: Task) -> Examined:
     arrays, problems = _read_all(action, task)
     claimed: dict[Rows, Bools] = {rows: _claimed(rows, arrays, task) for rows in ROWS}
     sound: dict[Rows, Bools] = {rows: np.zeros_like(claimed[rows]) for rows in ROWS}
-    for rows in ROWS:
-        names = [field.name for field in FIELDS if field.rows == rows]
-        if not all(name in arrays for name in names):
-            continue
+    for rows, names in _NAMES.items():
         claimed_rows = np.flatnonzero(claimed[rows])
+        if not len(claimed_rows) or not all(name in arrays for name in names):
+            continue
         values = {name: arrays[name][claimed_rows] for name in names}
         bad = np.zeros(len(claimed_rows), dtype=bool)
         for check in _CHECKS:
             field = FIELD[check.field]
-            if field.rows == rows:
-                failed = check.bad(values, check.field, task)
+            if field.rows == rows and (failed := check.bad(values, check.field, task)).any():
                 bad |= failed
                 expected, found = check.expected or field.expected_in(task), claimed_rows[failed]
                 problems += _of_rows(
@@ -137,10 +136,10 @@ def _read(action: dict[Any, Any], field: Field, task: Task) -> NDArray[Any] | st
         return f"has dtype {array.dtype}"
     if array.shape != field.shape_in(task):
         return f"has shape {array.shape}"
-    if field.content.dtype is not np.float32:
+    if field.content.dtype is not np.float32 or array.dtype == np.float32:
         return array
     with np.errstate(over="ignore", invalid="ignore"):  # too large becomes inf, which fails a check
-        return array.astype(np.float32, copy=False)
+        return array.astype(np.float32)
 
 
 def _claimed(rows: Rows, arrays: Arrays, task: Task) -> Bools:
@@ -174,6 +173,8 @@ def _sample_not_finite(values: Arrays, name: str, task: Task) -> Bools:
 
 
 def _sample_too_far(values: Arrays, name: str, task: Task) -> Bools:
+    if (np.abs(values[name]) <= FORECAST_REACH).all():
+        return np.zeros(len(values[name]), dtype=bool)
     offset = values[name].astype(np.float64)
     far = np.hypot(offset[..., 0], offset[..., 1]).max(axis=-1) > FORECAST_LIMIT  # NaN is not far
     far &= present(values["forecast_log_weight"])
@@ -217,6 +218,8 @@ _CHECKS = (
 
 def _check_membership(arrays: Arrays, sound: dict[Rows, Bools], task: Task) -> list[ActionProblem]:
     """Find ids that occur twice in a hypothesis, which are taken out of ``sound``, and tracks without hypothesis."""
+    if not sound["tracks"].any():
+        return []
     absent = np.zeros(task.tracks, dtype=np.int64)
     arrays = {"track_id": absent, "track_valid": absent, **arrays}
     member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]

@@ -73,28 +73,30 @@ def record_action(
     each class in the frame of the action. Never raises. All arrays are copies: an agent may go on writing into its own.
     """
     arrays, sound = examined.arrays, examined.sound
-    member = (arrays["hypothesis_member"] != 0) & sound["hypotheses"][:, None] & sound["tracks"]
-    used, objects = member.any(axis=0), sound["objects"]
-    track_box, object_box = arrays["track_box"][used], arrays["object_box"][objects]
-    sample_weight = arrays["forecast_log_weight"][objects]
-    sampled = present(sample_weight)
-    offset = np.where(sampled[:, :, None, None], arrays["forecast"][objects], np.float32(0))
+    tracks, objects = np.flatnonzero(sound["tracks"]), sound["objects"]
+    member = (arrays["hypothesis_member"][:, tracks] != 0) & sound["hypotheses"][:, None]
+    held = member.any(axis=0)
+    used, sample_weight = tracks[held], arrays["forecast_log_weight"][objects]
+    box = np.concatenate([arrays["track_box"][used], arrays["object_box"][objects]])
+    sampled, samples = present(sample_weight), arrays["forecast"][objects]
+    offset, forecast = samples[sampled], np.zeros(samples.shape, dtype=np.int16)
     if frame is not None:
-        track_box, object_box = frame.to_scene(track_box), frame.to_scene(object_box)
-        offset = rotate(offset, -frame.yaw)
+        box, offset = frame.to_scene(box), rotate(offset, -frame.yaw)
+    forecast[sampled] = to_centimetres(offset)
+    box = box.astype(np.float32)
     return RecordedAction(
         track_id=arrays["track_id"][used].astype(np.int64),
-        track_box=track_box.astype(np.float32),
+        track_box=box[: len(used)],
         track_class=arrays["track_class"][used].astype(np.int64),
-        member=member.T[used],
+        member=member.T[held],
         hypothesis_log_weight=log_softmax(arrays["hypothesis_log_weight"], sound["hypotheses"]).astype(np.float32),
         hypothesis_parent=np.where(sound["hypotheses"], arrays["hypothesis_parent"], -1).astype(np.int64),
-        object_box=object_box.astype(np.float32),
+        object_box=box[len(used) :],
         object_class=arrays["object_class"][objects].astype(np.int64),
         object_confidence=arrays["object_confidence"][objects].astype(np.float32),
-        forecast=to_centimetres(offset),
+        forecast=forecast,
         forecast_log_weight=log_softmax(sample_weight, sampled).astype(np.float32),
-        invalid=np.array([(examined.claimed[rows] & ~sound[rows]).sum() for rows in ROWS], dtype=np.int64),
+        invalid=np.array([np.count_nonzero(examined.claimed[rows] & ~sound[rows]) for rows in ROWS], dtype=np.int64),
         malformed=_malformed(examined, task, detected),
     )
 

@@ -59,10 +59,10 @@ class RecordedForecasts:
         objects = rollout.object_box, rollout.object_class, rollout.object_confidence
         return cls(rollout.objects.frame_of_rows, *objects, rollout.forecast, rollout.forecast_log_weight)
 
-    def paths(self, row: Ints) -> NDArray[np.float64]:
-        """Samples [n, K, T, 2] of these rows [n], m, absolute."""
+    def paths(self, row: Ints, samples: int | None = None) -> NDArray[np.float64]:
+        """Samples [n, K, T, 2] of these rows [n], m, absolute; the first ``samples`` alone."""
         center = np.asarray(self.box[row, :2], dtype=np.float64)
-        return center[:, None, None] + to_metres(self.offset[row])
+        return center[:, None, None] + to_metres(self.offset[row, :samples])
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,8 @@ def _pair_errors(found: Candidates) -> Floats:
         part = of_target[low : low + size]
         row = found.pairs.column[part]
         weight = floored(sample_weights(forecasts.log_weight[row]))
-        ade, _, _ = sample_errors(forecasts.paths(row), targets.future[target[part]], weight)
+        count = int(np.flatnonzero(weight.any(axis=0)).max(initial=-1)) + 1  # all others are absent
+        ade, _, _ = sample_errors(forecasts.paths(row, count), targets.future[target[part]], weight[:, :count])
         error[part] = ade.min(axis=1, initial=np.inf)
     return error
 

@@ -53,8 +53,10 @@ class FrameScorer:
     """Scores of the frames of one scene under the rules of ``card``."""
 
     def __init__(self, scene: Scene, card: Card) -> None:
-        self._scene, self._card = scene, card
-        self._targets, self.live = find_targets(scene, card), live_frames(scene, card)
+        self._scene, self._card = evaluated(scene), card
+        targets = find_targets(replace(self._scene, image=None), card)  # evaluated already
+        self._targets = replace(targets, row=targets.row - scene.truth.start[targets.frame])
+        self.live = live_frames(scene, card)
         self._miss_error = np.asarray(card.per_class(card.task.miss_error))
 
     def score(self, t: int, forecasts: RecordedForecasts, malformed: Ints) -> FrameScore:
@@ -63,8 +65,7 @@ class FrameScorer:
         if not self.live[t]:
             return FrameScore()
         here = self._targets.only(t)
-        here = replace(here, row=here.row - scene.truth.start[t])
-        found = Candidates.of(evaluated(replace(scene, truth=scene.truth.only(t))), here, forecasts, self.live, card)
+        found = Candidates.of(replace(scene, truth=scene.truth.only(t)), here, forecasts, self.live, card)
         matching = match_by_confidence(found, forecasts.confidence)
         broken = np.zeros((scene.frames, len(malformed)), dtype=np.int64)
         broken[t] = malformed

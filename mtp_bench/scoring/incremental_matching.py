@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..types import Floats, Ints
-from .matching import Matched, component_labels
+from .matching import Matched
 from .pairs import Pairs, Rows
 
 NEVER = np.iinfo(np.intp).max  # the step of a column that is not added
@@ -40,6 +40,8 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
     falling confidence, so a matched column gives way to one of its own group alone; a column with step NEVER is not
     added. Costs are rounded to micrometres.
     """
+    if not len(pairs):
+        return Additions(*np.zeros((3, 0), dtype=np.intp), step)
     come = step[pairs.column] != NEVER
     pairs, tie = pairs.keep(come), tie[come]
     of_row, of_column = np.bincount(pairs.row), np.bincount(pairs.column, minlength=len(step))
@@ -51,21 +53,12 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
         cost = _whole_costs(contested.cost, tie[~alone])
         # only the order matters: matched sets form a matroid, so any falling weights choose the same columns
         group = np.unique(confidence, return_inverse=True)[1]
-        for part in _components_by_step(contested, step):
-            _grow(contested, cost, part, step, group, changes, dropped)
+        _grow(contested, cost, step, group, changes, dropped)
     grown = np.array(changes, dtype=np.intp).reshape(-1, 3)
     at = np.concatenate([step[single.column], grown[:, 0]])
     order = np.argsort(at, kind="stable")
     row, column = np.concatenate([single.row, grown[:, 1]]), np.concatenate([single.column, grown[:, 2]])
     return Additions(at[order], row[order], column[order], dropped)
-
-
-def _components_by_step(pairs: Pairs, step: Rows) -> list[NDArray[np.intp]]:
-    """Indices of the pairs of each connected component, by the step of their column."""
-    row_of = np.unique(pairs.row, return_inverse=True)[1]
-    label = component_labels(row_of, np.unique(pairs.column, return_inverse=True)[1])[0][row_of]
-    order = np.lexsort((step[pairs.column], label))
-    return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
 def final_match(additions: Additions, rows: int) -> Matched:
@@ -95,19 +88,19 @@ def _whole_costs(cost: Floats, tie: Floats) -> list[int]:
 def _grow(
     pairs: Pairs,
     cost: list[int],
-    part: NDArray[np.intp],
     step: Rows,
     group: Ints,
     changes: list[tuple[int, int, int]],
     dropped: Rows,
 ) -> None:
-    """Add the columns of one component: append (step, row, column) to ``changes`` and fill in ``dropped``.
+    """Add the columns by their ``step``: append (step, row, column) to ``changes`` and fill in ``dropped``.
 
     The Hungarian method with one shortest path per column (Jonker and Volgenant 1987). Every column may also stay
-    unmatched, at a cost above all others and the higher the surer it is. ``part``: indices of the component's pairs,
-    sorted by step; ``group`` [columns]: number of the confidence among all, the surest last.
+    unmatched, at a cost above all others and the higher the surer it is. ``group`` [columns]: number of the confidence
+    among all, the surest last. Paths stay inside the connected components of the pairs.
     """
     edges: dict[int, list[tuple[int, int]]] = {}
+    part = np.argsort(step[pairs.column], kind="stable")
     for place, row, column in zip(part.tolist(), pairs.row[part].tolist(), pairs.column[part].tolist(), strict=True):
         edges.setdefault(column, []).append((row, cost[place]))
     state = _Matching(edges, {column: _UNMATCHED * (1 + int(group[column])) for column in edges})
@@ -119,7 +112,7 @@ def _grow(
 
 
 class _Matching:
-    """The optimal matching of the columns added to one component, with the dual potentials."""
+    """The optimal matching of the columns added so far, with the dual potentials."""
 
     def __init__(self, edges: dict[int, list[tuple[int, int]]], unmatched: dict[int, int]) -> None:
         self._edges = edges  # column -> rows inside the gate and their costs
