@@ -112,11 +112,10 @@ def _by_identity(tracks: Tracks) -> Ints:
 def _move_coasting(tracks: Tracks, leaf: Ints) -> None:
     """Let tracks without a detection stand for the object that their identity is elsewhere, where that is free."""
     detections = int(tracks.detection.max(initial=-1)) + 1
-    rank = tracks.member.argmax(axis=0)  # the heaviest hypothesis that holds the track
-    home: dict[int, int] = {}
-    for i in np.argsort(rank, kind="stable"):
-        if tracks.detection[i] >= 0:
-            home.setdefault(int(tracks.track_id[i]), int(tracks.detection[i]))
+    taken = np.flatnonzero(tracks.detection >= 0)
+    rank = tracks.member.argmax(axis=0)[taken]  # the heaviest hypothesis that holds the track
+    last = taken[np.argsort(rank, kind="stable")[::-1]]  # of an identity the heaviest stays
+    home = dict(zip(tracks.track_id[last].tolist(), tracks.detection[last].tolist(), strict=True))
     for row in leaf[detections:]:
         target = home.get(int(tracks.track_id[row.max()]))
         if target is not None:

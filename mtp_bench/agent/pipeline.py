@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..env.action import FORECAST_LIMIT
+from ..env.action import FORECAST_LIMIT, FORECAST_REACH
 from ..env.building import make_action
 from ..errors import ShapeError
 from ..tracks import Objects, Tracks, group
@@ -86,9 +86,9 @@ class Pipeline:
                 select(objects, known), samples[known], weight[known], confidence[known]
             )  # fmt: skip
         box, kind = objects.box, objects.class_id
-        offset = samples - box[:, None, None, :2]
-        far = np.linalg.norm(offset, axis=-1, keepdims=True)  # just below the limit: a wrong track may be that fast
-        offset = np.where(far > FORECAST_LIMIT, offset * (0.999 * FORECAST_LIMIT / np.maximum(far, 1)), offset)
+        for axis in range(2):
+            samples[..., axis] -= box[:, None, None, axis]
+        offset = _within_limit(samples)
         return make_action(self._task, box, kind, offset, weight, confidence=confidence, tracks=tracks, checked=False)
 
     def _confidence(self, tracks: Tracks, leaf: Ints, presence: Floats | None, row: Ints) -> Floats:
@@ -108,13 +108,22 @@ class Pipeline:
 
 def _used_tracks(tracks: Tracks, objects: Objects) -> tuple[Tracks, Ints]:
     """The tracks that stand for an object, and the one of each object in each hypothesis [O, H], -1: none."""
-    used = np.unique(objects.leaf)
-    used = used[used >= 0]
+    place = np.full(len(tracks.box) + 1, -1)  # the last one is of "none"
+    place[objects.leaf] = 0
+    used = np.flatnonzero(place[:-1] == 0)
     if len(used) == len(tracks.box):
         return tracks, objects.leaf
-    place = np.full(len(tracks.box) + 1, -1)  # the last one is of "none"
-    place[used] = np.arange(len(used))
+    place[used], place[-1] = np.arange(len(used)), -1
     return tracks.select(used), place[objects.leaf]
+
+
+def _within_limit(offset: Floats) -> Floats:
+    """Offsets [..., 2], shortened to just below the limit of an action: a wrong track may be that fast."""
+    if (np.abs(offset) <= FORECAST_REACH).all():
+        return offset
+    length = np.linalg.norm(offset, axis=-1, keepdims=True)
+    shortened = offset * (0.999 * FORECAST_LIMIT / np.maximum(length, 1))
+    return np.asarray(np.where(length > FORECAST_LIMIT, shortened, offset))
 
 
 class Pools(NamedTuple):
@@ -133,9 +142,10 @@ def make_pools(row: Ints, log_weight: Floats) -> Pools:
     """Pools of O objects: ``row`` [O, H] of each object in each hypothesis, -1: none; ``log_weight`` [H]."""
     owner, hypothesis = np.nonzero(row >= 0)
     rows = row[owner, hypothesis]
-    order = np.lexsort((hypothesis, rows, owner))
+    key = owner * (rows.max(initial=0) + 1) + rows
+    order = np.argsort(key, kind="stable")  # of equal ones the heaviest hypothesis stays first
     owner, rows, hypothesis = owner[order], rows[order], hypothesis[order]
-    first = np.flatnonzero(np.append(True, (np.diff(owner) != 0) | (np.diff(rows) != 0))[: len(rows)])
+    first = np.flatnonzero(np.diff(key[order], prepend=-1))
     start = np.searchsorted(owner[first], np.arange(len(row) + 1))
     mass = log_weight[hypothesis]  # as logarithms: an object of very unlikely hypotheses must not come to a mass of 0
     log_mass = np.logaddexp.reduceat(mass, first) if len(first) else mass
@@ -203,4 +213,4 @@ def entry_table(pools: Pools, objects: Ints) -> tuple[Ints, Floats]:
 def padded(samples: Floats, weight: Floats, row: Ints, log_mass: Floats) -> tuple[Floats, Floats]:
     """Samples [o, S, T, 2] and log-weights [o, S] of pools whose entries have the rows and log-masses [o, E]."""
     log_weight = weight[row] + log_mass[:, :, None]
-    return samples[row].reshape(len(row), -1, *samples.shape[2:]), log_weight.reshape(len(row), -1)
+    return samples.take(row, axis=0).reshape(len(row), -1, *samples.shape[2:]), log_weight.reshape(len(row), -1)

@@ -59,7 +59,9 @@ class Posterior:
 
 def heading_frame(past: Floats, heading: Floats) -> Floats:
     """Positions [N, P, 2] of past boxes relative to the last one, turned so that axis 0 points along the heading."""
-    return np.asarray(np.einsum("npi,nij->npj", past[:, :, :2] - past[:, -1:, :2], rotation(heading)))
+    x, y = (past[..., axis] - past[:, -1:, axis] for axis in range(2))
+    c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    return np.stack([x * c + y * s, y * c - x * s], axis=-1)
 
 
 def rotation(heading: Floats) -> Floats:
