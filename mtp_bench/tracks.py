@@ -116,8 +116,8 @@ def _move_coasting(tracks: Tracks, leaf: Ints) -> None:
     rank = tracks.member.argmax(axis=0)[taken]  # the heaviest hypothesis that holds the track
     last = taken[np.argsort(rank, kind="stable")[::-1]]  # of an identity the heaviest stays
     home = dict(zip(tracks.track_id[last].tolist(), tracks.detection[last].tolist(), strict=True))
-    for row in leaf[detections:]:
-        target = home.get(int(tracks.track_id[row.max()]))
+    identity = tracks.track_id[leaf[detections:].max(axis=1)].tolist()
+    for row, target in zip(leaf[detections:], map(home.get, identity), strict=True):
         if target is not None:
             free = (row >= 0) & (leaf[target] < 0)
             leaf[target, free] = row[free]

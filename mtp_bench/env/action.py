@@ -61,7 +61,7 @@ class Field:
 
     def shape_in(self, task: Task) -> tuple[int, ...]:
         """The shape under ``task``."""
-        return tuple(getattr(task, _SIZE[part]) if part in _SIZE else int(part) for part in self.shape.split())
+        return tuple([getattr(task, _SIZE[part]) if part in _SIZE else int(part) for part in self.shape.split()])
 
     def array_in(self, task: Task) -> str:
         """Text: shape and dtype expected under ``task``."""

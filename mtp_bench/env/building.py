@@ -89,8 +89,10 @@ def make_action(
 
 def _track_fields(task: Task, tracks: Tracks) -> dict[str, NDArray[Any]]:
     """Fields of the tracks that fit, those of the heaviest hypotheses first; tracks without hypothesis come last."""
-    best = np.vstack([tracks.member, np.ones((1, tracks.member.shape[1]), dtype=bool)]).argmax(axis=0)
-    kept = np.sort(np.argsort(best, kind="stable")[: task.tracks])
+    kept = np.arange(len(tracks.box))
+    if len(kept) > task.tracks:
+        best = np.vstack([tracks.member, np.ones((1, len(kept)), dtype=bool)]).argmax(axis=0)
+        kept = np.sort(np.argsort(best, kind="stable")[: task.tracks])
     return {
         "track_id": tracks.track_id[kept],
         "track_box": tracks.box[kept],

@@ -63,7 +63,7 @@ def history_of(tracks: Tracks, observation: Observation, dt: float) -> TrackHist
     lifetime = last - first  # frames
     hits = np.maximum(valid.sum(axis=1), 1) if tracks.hits is None else tracks.hits
     age = lifetime + 1 if tracks.age is None else tracks.age
-    longer = np.clip(age - hits, 0, valid.shape[1])  # not seen in all the past that is kept
+    longer = np.minimum(np.maximum(age - hits, 0), valid.shape[1])  # not seen in all the past that is kept
     moved = tracks.past[:, -1, :2] - tracks.past[np.arange(n), first, :2]
     ego = np.asarray(observation.get("ego_pose", np.zeros(2)), dtype=np.float64)
     return TrackHistory(

@@ -121,29 +121,23 @@ def _settle_single(pairs: Pairs, matched: Matched) -> Pairs:
     return pairs.keep(~single)
 
 
-def component_labels(row_of: Ints, column_of: Ints) -> tuple[Ints, Ints]:
-    """The connected component of each row and of each column, from pairs [E] of consecutive numbers."""
+def _components(pairs: Pairs) -> _Contested:
+    """Connected components of the pairs, at least one pair."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    rows, columns = int(row_of.max()) + 1, int(column_of.max()) + 1
-    ones = np.ones(len(row_of), dtype=np.int8)
-    graph = coo_array((ones, (row_of, rows + column_of)), shape=(rows + columns, rows + columns))
-    node = connected_components(graph, directed=False)[1]
-    return node[:rows], node[rows:]
-
-
-def _components(pairs: Pairs) -> _Contested:
-    """Connected components of the pairs, at least one pair."""
     _, row_of = np.unique(pairs.row, return_inverse=True)
     _, column_of = np.unique(pairs.column, return_inverse=True)
-    label_of_row, label_of_column = component_labels(row_of, column_of)
+    rows, nodes = int(row_of.max()) + 1, int(row_of.max() + column_of.max()) + 2
+    ones = np.ones(len(row_of), dtype=np.int8)
+    graph = coo_array((ones, (row_of, rows + column_of)), shape=(nodes, nodes))
+    label_of_row, label_of_column = np.split(connected_components(graph, directed=False)[1], [rows])
     label, count = label_of_row[row_of].astype(np.intp), int(label_of_row.max()) + 1
     order = np.argsort(label, kind="stable")
-    rows, local_row = _numbered(label_of_row, count)
+    row_count, local_row = _numbered(label_of_row, count)
     columns, local_column = _numbered(label_of_column, count)
-    ordered = Pairs(pairs.row[order], pairs.column[order], pairs.cost[order])
-    return _Contested(ordered, label[order], rows, columns, local_row[row_of][order], local_column[column_of][order])
+    local_row, local_column = local_row[row_of][order], local_column[column_of][order]
+    return _Contested(pairs.keep(order), label[order], row_count, columns, local_row, local_column)
 
 
 def _numbered(label: Ints, count: int) -> tuple[Ints, Rows]:
