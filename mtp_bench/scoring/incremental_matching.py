@@ -41,7 +41,8 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
     added. Costs are rounded to micrometres.
     """
     if not len(pairs):
-        return Additions(*np.zeros((3, 0), dtype=np.intp), step)
+        nothing = np.zeros(0, dtype=np.intp)
+        return Additions(nothing, nothing, nothing, step)
     come = step[pairs.column] != NEVER
     pairs, tie = pairs.keep(come), tie[come]
     of_row, of_column = np.bincount(pairs.row), np.bincount(pairs.column, minlength=len(step))

@@ -129,8 +129,7 @@ def _components(pairs: Pairs) -> _Contested:
     _, row_of = np.unique(pairs.row, return_inverse=True)
     _, column_of = np.unique(pairs.column, return_inverse=True)
     rows, nodes = int(row_of.max()) + 1, int(row_of.max() + column_of.max()) + 2
-    ones = np.ones(len(row_of), dtype=np.int8)
-    graph = coo_array((ones, (row_of, rows + column_of)), shape=(nodes, nodes))
+    graph = coo_array((np.ones(len(row_of), dtype=np.int8), (row_of, rows + column_of)), shape=(nodes, nodes))
     label_of_row, label_of_column = np.split(connected_components(graph, directed=False)[1], [rows])
     label, count = label_of_row[row_of].astype(np.intp), int(label_of_row.max()) + 1
     order = np.argsort(label, kind="stable")

@@ -23,8 +23,8 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.row)
 
-    def keep(self, mask: Bools) -> "Pairs":
-        """The pairs where ``mask`` holds."""
+    def keep(self, mask: Bools | Rows) -> "Pairs":
+        """The pairs where ``mask`` holds, or those at these places in their order."""
         return Pairs(self.row[mask], self.column[mask], self.cost[mask])
 
 
