@@ -144,8 +144,8 @@ def make_pools(row: Ints, log_weight: Floats) -> Pools:
     rows = row[owner, hypothesis]
     key = owner * (rows.max(initial=0) + 1) + rows
     order = np.argsort(key, kind="stable")  # of equal ones the heaviest hypothesis stays first
-    owner, rows, hypothesis = owner[order], rows[order], hypothesis[order]
-    first = np.flatnonzero(np.diff(key[order], prepend=-1))
+    key, owner, rows, hypothesis = key[order], owner[order], rows[order], hypothesis[order]
+    first = np.flatnonzero(np.append(True, key[1:] != key[:-1])[: len(key)])
     start = np.searchsorted(owner[first], np.arange(len(row) + 1))
     mass = log_weight[hypothesis]  # as logarithms: an object of very unlikely hypotheses must not come to a mass of 0
     log_mass = np.logaddexp.reduceat(mass, first) if len(first) else mass

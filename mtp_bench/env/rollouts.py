@@ -83,15 +83,14 @@ def record_action(
     if frame is not None:
         box, offset = frame.to_scene(box), rotate(offset, -frame.yaw)
     forecast[sampled] = to_centimetres(offset)
-    box = box.astype(np.float32)
     return RecordedAction(
         track_id=arrays["track_id"][used].astype(np.int64),
-        track_box=box[: len(used)],
+        track_box=box[: len(used)].astype(np.float32),
         track_class=arrays["track_class"][used].astype(np.int64),
         member=member.T[held],
         hypothesis_log_weight=log_softmax(arrays["hypothesis_log_weight"], sound["hypotheses"]).astype(np.float32),
         hypothesis_parent=np.where(sound["hypotheses"], arrays["hypothesis_parent"], -1).astype(np.int64),
-        object_box=box[len(used) :],
+        object_box=box[len(used) :].astype(np.float32),
         object_class=arrays["object_class"][objects].astype(np.int64),
         object_confidence=arrays["object_confidence"][objects].astype(np.float32),
         forecast=forecast,

@@ -23,6 +23,7 @@ from ..types import Floats, Ints, Observation, Task
 MODELS = Path(__file__).with_name("presence_models")
 # Per class, scores [2, n] of a detector and those of another one that finds as many boxes above them, both increasing.
 ScoreTables = Mapping[str, Floats]
+_upper = lru_cache(np.triu_indices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,7 @@ class PresenceModel:
         logit = self.shared[0] + z @ self.shared[1 : 1 + f] + own[:, 0] + (own[:, 1:] * z).sum(axis=1)
         if len(self.shared) > 1 + f:
             product = np.zeros((f, f))
-            product[np.triu_indices(f)] = self.shared[1 + f :]
+            product[_upper(f)] = self.shared[1 + f :]
             logit += (z @ product * z).sum(axis=1)
         return np.asarray(logit)
 
