@@ -68,14 +68,14 @@ def _absolute(examined: Examined, task: Task) -> list[ActionProblem]:
     """Forecasts whose offsets in the first frame are about equal to the positions of the objects."""
     rows = np.flatnonzero(examined.sound["objects"])
     position = examined.arrays["object_box"][rows, :2].astype(np.float64)
-    distance = np.linalg.norm(position, axis=1)
+    distance = np.hypot(*position.T)
     far = distance > _NEAR
     if not far.any():
         return []
     rows, position, distance = rows[far], position[far], distance[far]
     sample = present(examined.arrays["forecast_log_weight"][rows]).argmax(axis=1)  # the first present one
     first = examined.arrays["forecast"][rows, sample, 0]
-    as_positions = (np.linalg.norm(first - position, axis=1) <= distance / 4).all()
+    as_positions = (np.hypot(*(first - position).T) <= distance / 4).all()
     if not as_positions or (len(rows) < _FEW and distance.max() * 3 / 4 < _FASTEST * task.dt):
         return []
     expected = "metres from the object's own centre"
