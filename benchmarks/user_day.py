@@ -118,7 +118,7 @@ ROWS = {
 
 @dataclass(frozen=True)
 class Spent:
-    """What a row took; ``ms``: counted inside, of one step, reset or frame."""
+    """Cost of a row; ``ms``: counted inside, of one step, reset or frame."""
 
     cpu: float
     wall: float
@@ -133,7 +133,7 @@ class Spent:
         return f"{self.cpu:.1f} s CPU, {self.wall:.1f} s, {self.peak:.0f} MiB"
 
     def ratio(self, other: Spent) -> str:
-        """How much less than ``other`` was taken."""
+        """Ratio of what ``other`` took to this."""
         if self.ms:
             return ", ".join(f"{b / a:.1f}x" for a, b in zip(self.ms, other.ms, strict=False))
         return f"{other.cpu / max(self.cpu, 0.01):.1f}x"
