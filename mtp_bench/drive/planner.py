@@ -71,7 +71,7 @@ class _Contacts:
 def _evened(seen: Obstacles) -> Obstacles:
     """The forecast at places about `_DENSE` s apart: some left out, or more put in between on straight lines."""
     if seen.dt <= _DENSE:
-        every = int(_DENSE / seen.dt + 1e-6)
+        every = min(int(_DENSE / seen.dt + 1e-6), seen.path.shape[2])
         return replace(seen, path=seen.path[:, :, every - 1 :: every], dt=seen.dt * every)
     parts = ceil(seen.dt / _DENSE - 1e-6)
     now = np.broadcast_to(seen.box[:, None, None, :2], (*seen.path.shape[:2], 1, 2))

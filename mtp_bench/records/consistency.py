@@ -10,7 +10,7 @@ from ..cards import load_card
 from ..errors import RecordError
 from ..files import read_bounded
 from ..scoring.definitions import SUBSETS
-from ..scoring.driving import WEIGHTS
+from ..scoring.driving import WEIGHTS, fault_interval, score_interval
 from ..scoring.parts import PARTS
 from ..scoring.rows import Row
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio
@@ -116,12 +116,13 @@ def _inconsistent_driving(sums: Record | HiddenPart) -> Iterator[str]:
         yield f"driving.scores are of {count} scenes, expected {seeds} of each scene"
         return
     mean = [math.fsum(own) / seeds for own in scores]
-    interval = bootstrap_interval(mean, [1.0] * count)
+    interval = score_interval(mean)
     score, none = sum(mean) / count, sum(own.count(0.0) for own in scores) / (seeds * count)
     lost = sum(WEIGHTS.values()) * (1.0 - score) - WEIGHTS["comfort"] * (1.0 - stated["comfort"])  # by all else
     way = max(stated["progress"], 1.0 - lost / WEIGHTS["progress"] - _CLOSE)
     sure = {"agent": sums.row.agent, "drive_score": score, "interval": interval and list(interval), "progress": way}
     sure["collisions"] = min(stated["collisions"], 100.0 * none)
+    sure["collisions_interval"] = list(fault_interval(stated["collisions"], count))
     alone = dict.fromkeys(("difference", "difference_interval", "p", "bade"))
     for each in differences("driving", stated, {**stated, **sure, **alone, "scenes": count}):
         yield f"{each.what} is {each.recorded}, the other numbers give {each.found}"

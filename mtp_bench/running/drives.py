@@ -104,8 +104,8 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
         if drive is None or not len(drive.risk) == len(drive.cause) == len(drive.acceleration[::steps]) == n:
             raise RolloutError(f"scene {rollout.scene!r} of {card.id} has no whole drive; run the agent again")
         sha.update(digest(rollout).encode())
-        name = f"{rollout.scene}-{len(worlds) + 1}" if rollout.scene in worlds else rollout.scene
-        worlds[name] = rollout.scene, drive.world
+        before = sum(driven == rollout.scene for driven, _ in worlds.values())
+        worlds[f"{rollout.scene}-{before + 1}" if before else rollout.scene] = rollout.scene, drive.world
     folder = cache_root() / "drives" / sha.hexdigest()[:32] / card.id
     if not folder.is_dir():
         with whole_folder(folder) as part:

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from ..strict import Section
@@ -86,12 +87,20 @@ def own_bade(agent: AgentDrives) -> float | None:
     return float(np.mean(errors)) if errors else None
 
 
-def _interval_of(values: Floats, most: float) -> Interval | None:
-    """Interval of the mean of values of scenes [S], which are 0 to ``most``."""
-    if not values.any():  # nothing to resample: what S scenes without an event leave open at 95 %
-        return 0.0, most * (1.0 - 0.05 ** (1 / len(values)))
-    interval = bootstrap_interval(values, np.ones(len(values)))
-    return interval and (interval[0], min(interval[1], most))
+def score_interval(scores: ArrayLike) -> Interval | None:
+    """Interval of the mean of drive scores of scenes [S], at most 1."""
+    interval = bootstrap_interval(scores, np.ones(np.shape(scores)))
+    return interval and (interval[0], min(interval[1], 1.0))
+
+
+def fault_interval(collisions: float, scenes: int) -> Interval:
+    """Interval of ``collisions`` per 100 scenes (Clopper and Pearson 1934): resamples say too little of rare events."""
+    from scipy.special import betaincinv
+
+    hits = min(collisions / 100.0, 1.0) * scenes
+    low = betaincinv(hits, scenes - hits + 1.0, 0.025) if hits > 0 else 0.0
+    high = betaincinv(hits + 1.0, scenes - hits, 0.975) if hits < scenes else 1.0
+    return 100.0 * float(low), 100.0 * float(high)
 
 
 def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None) -> DrivingRow:
@@ -104,12 +113,12 @@ def _row(agent: AgentDrives, reference: Mapping[str, float], base: Floats | None
     return DrivingRow(
         agent=agent.agent,
         drive_score=float(score.mean()),
-        interval=_interval_of(score, 1.0),
+        interval=score_interval(score),
         difference=None if base is None else float((score - base).mean()),
         difference_interval=None if test is None else test.interval,
         p=None if test is None else test.p,
         collisions=float(faults.mean()),
-        collisions_interval=_interval_of(faults, 100.0),
+        collisions_interval=fault_interval(float(faults.mean()), len(faults)),
         any_collision=float(np.mean([100.0 * bool(drive.collision) for drive, _ in every])),
         near_misses=float(np.mean([100.0 * drive.near_misses for drive, _ in every])),
         progress=float(np.mean([progress_of(drive, way) for drive, way in every])),

@@ -15,9 +15,11 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import SyncVectorEnv
 
 from mtp_bench import MTPEnv
+from mtp_bench.cards import load_card
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import RolloutError
 from mtp_bench.running.drives import recorded_card
+from mtp_bench.running.reference import frozen_path, frozen_reference, make_reference
 from mtp_bench.running.stored import open_run
 from mtp_bench.sources.base import section_of
 from mtp_bench.sources.cache import content_hash
@@ -126,7 +128,8 @@ def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None
     for other, why in ((None, "has no whole drive; run the"), (short, "has no whole"), (lost, "broken drive .'lane'.")):
         with pytest.raises(RolloutError, match=why):
             recorded_card(MTPEnv(drive_card).card, [replace(rollout, drive=other)])
-    both = MTPEnv(recorded_card(MTPEnv(drive_card).card, [rollout, rollout]))
+    another = replace(rollout, scene="intersection-010001")
+    both = MTPEnv(recorded_card(MTPEnv(drive_card).card, [another, rollout, rollout]))
     both.reset(options={"scene": f"{NAME}-2"})
     np.testing.assert_array_equal(both.scene.detections.box, driven.detections.box)
     for name in ("drive_way", "world_ego"):
@@ -136,6 +139,15 @@ def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None
         np.savez(changed, **arrays)
         with pytest.raises(RolloutError, match=NAME):
             open_run(changed.parent)
+
+
+@pytest.mark.parametrize("env_id", sorted(path.stem for path in frozen_path("").parent.glob("MTP-Drive-*.json")))
+def test_frozen_ways_are_those_of_this_traffic_and_planner(env_id: str) -> None:
+    card = load_card(env_id)
+    (name,) = MTPEnv(card).scene_names[:1]
+    made, frozen = make_reference(card, [name]), frozen_reference(card)
+    assert frozen is not None
+    assert made.ways([name]) == frozen.ways([name])
 
 
 def test_comparison_with_an_agent_that_fails(drive_card: str, tmp_path: Path, cli: CommandLine) -> None:

@@ -57,6 +57,8 @@ def test_with_nobody_it_drives_at_the_allowed_speed() -> None:
     speed = drive(lambda t: NOBODY, 15.0, 0.0)[:, 1]
     assert (np.diff(speed) > -1e-9).all()
     assert LIMIT - 0.2 < speed[100:].min() <= speed.max() <= LIMIT
+    short = replace(NOBODY, path=NOBODY.path[:, :, :1], dt=0.1)  # forecasts of .1 s
+    assert PLANNER.decide(0.0, 1.0, short).acceleration >= 0
 
 
 @pytest.mark.parametrize("heading", [0.0, np.pi / 2, np.pi])

@@ -8,7 +8,7 @@ import pytest
 
 from mtp_bench.drive.planner import Decision
 from mtp_bench.drive.record import is_comfortable, record_of
-from mtp_bench.scoring.driving import AgentDrives, driving_rows, scene_score
+from mtp_bench.scoring.driving import AgentDrives, driving_rows, fault_interval, scene_score, score_interval
 from mtp_bench.scoring.statistics import bootstrap_interval, sign_flip_test
 from mtp_bench.sources.highway.world import CLASSES, World
 from mtp_bench.types import Drive, Floats, Truth, starts_of
@@ -97,6 +97,10 @@ def test_rows_are_paired_by_scene() -> None:
     test = sign_flip_test(scores - 9.5 / 12)
     assert (first.agent, last.agent, last.difference, last.p) == ("good", "stp", None, None)
     assert first.interval == pytest.approx(bootstrap_interval(scores, np.ones(8)))
+    assert first.collisions_interval == fault_interval(6.25, 8)
+    assert score_interval([1.0, 0.8, 1.0, 0.0, 1.0]) == (0.0, 1.0)  # the bootstrap's ends at 1.1
+    exact = [fault_interval(100.0 * hits / 20, 20) for hits in (0, 3, 20)]  # as in tables of Clopper and Pearson
+    assert exact == [pytest.approx(pair, abs=0.01) for pair in ((0.0, 16.84), (3.21, 37.89), (83.16, 100.0))]
     assert first.difference_interval == pytest.approx(test.interval)
     means = scores.mean(), scores.mean() - 9.5 / 12, test.p
     assert (first.drive_score, first.difference, first.p) == pytest.approx(means)

@@ -171,6 +171,7 @@ FORGED: dict[str, tuple[Callable[[Any], Any], str]] = {  # a change of a record,
     "no driving": (lambda c: c.update(driving=None), "driving is missing, MTP-Drive-Intersection-v0 is a closed loop"),
     "other env": (lambda c: c["env"].update(id="MTP-Merge-v0"), "driving is given, MTP-Merge-v0 is not a closed loop"),
     "faults": (lambda c: c["driving"].update(collisions=50.0), r"driving\.collisions is 50\.0, .* give 0"),
+    "interval": (lambda c: c["driving"].update(collisions_interval=[0.0, 0.1]), r"driving\.collisions_interval"),
     "way": (lambda c: c["driving"].update(comfort=0.5, progress=0.0), r"driving\.progress is 0\.0, .* give 0\."),
     "bADE": (lambda c: c["driving"].update(bade=0.0), r"driving\.bade is 0\.0, the other numbers give None"),
     "other scene": (lambda c: c["per_scene"][0].update(scene="intersection-010007"), "scenes are not those of the rec"),
@@ -183,7 +184,7 @@ FORGED: dict[str, tuple[Callable[[Any], Any], str]] = {  # a change of a record,
 def test_a_changed_record_does_not_hold(made: Path, path: str, tmp_path: Path) -> None:
     copied = Path(shutil.copytree(made.parent, tmp_path / "standing")) / made.name
     text, rest = copied.read_text(), json.loads(copied.read_text())
-    for change, reason in list(FORGED.values())[:10]:
+    for change, reason in list(FORGED.values())[:11]:
         content = json.loads(text)
         change(content)
         save_record(Record.model_validate(content), copied)
@@ -192,11 +193,11 @@ def test_a_changed_record_does_not_hold(made: Path, path: str, tmp_path: Path) -
     copied.write_text(text.replace('"progress": ', '"progress": 1'))
     with pytest.raises(MtpBenchError, match=r"driving\.progress: got .*less than or equal to 1"):
         verify(copied, RunOptions(), path)
-    for change, _ in list(FORGED.values())[10:]:
+    for change, _ in list(FORGED.values())[11:]:
         change(rest)
     save_record(Record.model_validate(rest), copied)
     found = {each.what for each in verify(copied, RunOptions(), path).differences}
-    assert {reason for _, reason in list(FORGED.values())[10:]} <= found
+    assert {reason for _, reason in list(FORGED.values())[11:]} <= found
 
 
 def test_hidden_drives(made: Path, path: str, tmp_path: Path) -> None:
