@@ -45,5 +45,5 @@ def events(
         show("")
         show_lines([shown.CAPTION, shown.LOOK])
         show_command(listed[0].view)
-    shown.show_collisions(hits, opened.rollouts(scene))
+    shown.show_collisions(hits, opened.rollouts(scene), listed[0].view if listed else "")
     show(shown.tally_line(tally, all_listed=len(listed) == len(rows)))

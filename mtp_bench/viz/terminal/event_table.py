@@ -35,14 +35,16 @@ class Listed:
     incident: Incident
     view: str  # the command that shows it
     cause: str = field(default="", kw_only=True)  # of a collision
+    at_fault: bool | None = field(default=None, kw_only=True)  # of the ego in a collision
 
     @classmethod
     def of(cls, replay: Replay, at: Incident, *run: str | None, **further: Any) -> Self:
         """The row of an incident; ``run``: folder, data root and env that name the run in the command."""
         folder, data, env = run
         view = command_line("view", str(folder), scene=replay.scene.name, at=at.name, data=data, env=env)
-        cause = collision_cause(Focus(replay, at)) if at.kind == "collision" else ""
-        return cls(replay.scene, replay.card.task.classes[at.class_id], at, view, cause=cause, **further)
+        if at.kind == "collision" and (drive := replay.rollout.drive):
+            further |= {"cause": collision_cause(Focus(replay, at)), "at_fault": drive.at_fault}
+        return cls(replay.scene, replay.card.task.classes[at.class_id], at, view, **further)
 
     @property
     def object_name(self) -> str:
@@ -150,15 +152,18 @@ def tally_line(tally: Tally, all_listed: bool) -> str:
     return text
 
 
-def show_collisions(rows: Sequence[Listed], rollouts: Sequence[Rollout]) -> None:
-    """Print a line per collision of a closed loop, those at fault first, then of the fastest ego; show the first."""
+def show_collisions(rows: Sequence[Listed], rollouts: Sequence[Rollout], shown: str = "") -> None:
+    """Print a line per collision of a closed loop, those at fault first, then of the fastest ego.
+
+    Below it the command that shows the first, unless it is ``shown`` above.
+    """
     drives, end = {each.scene: each.drive for each in rollouts if each.drive is not None}, ("not at fault", "at fault")
     hits = [(drives[row.scene.name], row) for row in rows if row.cause]
     hits.sort(key=lambda hit: (not hit[0].at_fault, -np.hypot(*np.diff(hit[0].plan[-1, :2], axis=0)[0])))
     for drive, row in hits:
         what = f"collision at {drive.seconds:.1f} s with {row.object_name}, {end[drive.at_fault]}; {row.cause}"
         show_lines([f"scene {row.scene.name}: {what}"])
-    if hits:
+    if hits and hits[0][1].view != shown:
         show_lines([f"To look at the first collision; {_PICTURE}"])
         show_command(hits[0][1].view)
 
@@ -178,7 +183,11 @@ def events_json(rows: Sequence[Listed], tally: Tally, env_id: str, agent: str) -
 def _record(row: Listed) -> dict[str, Any]:
     event = row.incident
     own = {"time": row.seconds(event.frame), "event": event.name, "position": list(event.position)}
-    return own | row.record("kind", "wrong", "error", "parts", "error_before") | {"cause": row.cause or None}
+    return (
+        own
+        | row.record("kind", "wrong", "error", "parts", "error_before")
+        | {"cause": row.cause or None, "at_fault": row.at_fault}
+    )
 
 
 def _track(row: Listed) -> str:
