@@ -55,7 +55,7 @@ class Parts:
         try:
             path.parent.mkdir(exist_ok=True)
             arrays |= {**drive_arrays(run.rollout.drive), _OTHER_FIELDS: np.array(json.dumps(fields))}
-            write_arrays(path, arrays, brief=True)
+            write_arrays(path, arrays, level=0)  # kept for minutes
         except OSError as error:
             raise MtpBenchError(f"cannot write {path}: {describe_write_error(error)}") from None
 

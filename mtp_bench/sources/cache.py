@@ -1,6 +1,7 @@
 """Files of arrays in the cache with a hash that shows when they are broken, and the digest of a scene."""
 
 import hashlib
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -36,14 +37,18 @@ def read_arrays(path: Path) -> Arrays | None:
         return None
 
 
-def write_arrays(path: Path, arrays: Arrays, brief: bool = False) -> None:
-    """Store arrays with a hash of their content, atomically. Raises OSError.
+def write_arrays(path: Path, arrays: Arrays, level: int = 1) -> None:
+    """Store arrays with a hash of their content, atomically; ``level`` of compression. Raises OSError."""
+    with whole_file(path) as part:
+        write_npz(part, {"digest": np.array(content_hash(arrays)), **arrays}, level)
 
-    ``brief``: without compression, for files that are kept for minutes.
-    """
-    save = np.savez if brief else np.savez_compressed
-    with whole_file(path) as part, part.open("wb") as file:
-        save(file, allow_pickle=False, digest=np.array(content_hash(arrays)), **arrays)
+
+def write_npz(path: Path, arrays: Arrays, level: int) -> None:
+    """Write arrays for `numpy.load`; ``level`` of compression, 0 to 9: `numpy.savez_compressed` has 6 alone."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=level) as file:
+        for name, array in arrays.items():
+            with file.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asarray(array), allow_pickle=False)
 
 
 def scene_digest(scene: Scene) -> str:
