@@ -89,7 +89,17 @@ def _sample(route: Route, number: int, routes: RouteTable, geometry: LaneGeometr
     return _Path(np.concatenate(s), np.concatenate(xy), np.concatenate(half))
 
 
+def _near(a: _Path, b: _Path) -> _Path:
+    """The part of path a, in one piece, outside of which it is not close to b."""
+    reach = a.half.max() + b.half.max()
+    near = np.flatnonzero(((a.xy > b.xy.min(axis=0) - reach) & (a.xy < b.xy.max(axis=0) + reach)).all(axis=1))
+    part = slice(near[0], near[-1] + 1) if len(near) else slice(1)
+    return _Path(a.s[part], a.xy[part], a.half[part])
+
+
 def _zones(a: _Path, b: _Path) -> tuple[ConflictZone, ...]:
+    a = _near(a, b)
+    b = _near(b, a)
     dx: Floats = a.xy[:, 0, None] - b.xy[:, 0]
     dy: Floats = a.xy[:, 1, None] - b.xy[:, 1]
     distance: Floats = np.sqrt(dx * dx + dy * dy)  # a norm along a short axis takes several times as long

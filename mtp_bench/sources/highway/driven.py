@@ -1,6 +1,8 @@
 """Traffic with an ego that is driven from outside: it keeps to its way, and others react to it."""
 
+from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -81,16 +83,8 @@ class DrivenTraffic:
     """
 
     def __init__(self, traffic: Traffic, seed: int) -> None:
-        for number in range(ATTEMPTS):
-            self._attempt = Attempt(traffic, seed, number)
-            found = self._ego_after_warm_up(np.random.default_rng([seed, number, 6]))
-            if found is not None:
-                self.ego = found
-                if self._attempt.drivers.rules is not None:
-                    self._attempt.drivers.rules.driven = found.number
-                break
-        else:
-            raise DataError(f"{traffic.scenario}, seed {seed}: no vehicle can be the ego in {ATTEMPTS} attempts")
+        attempt, ego = _warmed_up(traffic, seed)
+        self._attempt, self.ego = deepcopy((attempt, ego), {id(each): each for each in (*attempt.shared, ego.way)})
         self.lanes = self._attempt.lanes
         self._recording = Recording(self._attempt.parked)
         self.frames = 0
@@ -145,42 +139,57 @@ class DrivenTraffic:
             kind, number = self._recording.identity((faults or met)[0])
             self.collision = Collision(self.frames - 1, kind, number, bool(faults), float(self.ego.speed))
 
-    def _ego_after_warm_up(self, rng: np.random.Generator) -> "_Ego | None":
-        """Let the traffic run in until a vehicle can be the ego; None after a crash, or a long wait."""
-        for step in range(round((WARM_UP + _WAIT) * RATE)):
-            boxes = self._attempt.boxes()
-            if len(overlapping(np.concatenate(boxes), len(boxes[2]))):
-                return None
-            if step >= WARM_UP * RATE and (found := self._choose(rng)) is not None:
-                return found
-            self._attempt.step(boxes[0])
-        return None
 
-    def _choose(self, rng: np.random.Generator) -> "_Ego | None":
-        """Put the ego in the place of a car that is about to meet the others; None without one."""
-        attempt, found = self._attempt, []
-        least, most = _AWAY[0 if attempt.map.regulated else 1]
-        for place, driver in enumerate(attempt.vehicles):
-            if driver.traits.class_id != CLASSES.index("car") or driver.traits.length > _LONGEST:
-                continue
-            if not attempt.map.regulated and len(attempt.map.routes[driver.route].roads) < 4:  # not on the ramp
-                continue
-            s = float(attempt.routes.start[driver.route, driver.lane_number])
-            s += float(attempt.map.geometry.lanes[driver.lane_number].local_coordinates(driver.position)[0])
-            away = meeting_place(attempt, driver.route) - s - driver.traits.length / 2
-            if least < away < most:
-                found.append((away, place, s))
-        if not found:
+@lru_cache(maxsize=32)
+def _warmed_up(traffic: Traffic, seed: int) -> tuple[Attempt, _Ego]:
+    """The first frame of a drive, kept to be copied: agents drive in the same scenes, one after the other."""
+    for number in range(ATTEMPTS):
+        attempt = Attempt(traffic, seed, number)
+        found = _ego_after_warm_up(attempt, np.random.default_rng([seed, number, 6]))
+        if found is not None:
+            if attempt.drivers.rules is not None:
+                attempt.drivers.rules.driven = found.number
+            return attempt, found
+    raise DataError(f"{traffic.scenario}, seed {seed}: no vehicle can be the ego in {ATTEMPTS} attempts")
+
+
+def _ego_after_warm_up(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
+    """Let the traffic run in until a vehicle can be the ego; None after a crash, or a long wait."""
+    for step in range(round((WARM_UP + _WAIT) * RATE)):
+        boxes = attempt.boxes()
+        if len(overlapping(np.concatenate(boxes), len(boxes[2]))):
             return None
-        _, place, s = sorted(found)[int(rng.integers(min(_NEAREST, len(found))))]
-        driver = attempt.vehicles[place]
-        first = attempt.map.routes[driver.route].roads[0]
-        same = [r for r, route in enumerate(attempt.map.routes) if route.roads[0] == first]
-        route = min(same, key=lambda r: attempt.map.routes[r].weight)
-        ego = _Ego(driver.position, driver.heading, driver.speed, driver.traits, driver.number)
-        ego.route, attempt.vehicles[place] = route, ego
-        ego.follow(way_of(attempt.map, attempt.routes, route), s)
-        return ego
+        if step >= WARM_UP * RATE and (found := _choose(attempt, rng)) is not None:
+            return found
+        attempt.step(boxes[0])
+    return None
+
+
+def _choose(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
+    """Put the ego in the place of a car that is about to meet the others; None without one."""
+    found = []
+    least, most = _AWAY[0 if attempt.map.regulated else 1]
+    for place, driver in enumerate(attempt.vehicles):
+        if driver.traits.class_id != CLASSES.index("car") or driver.traits.length > _LONGEST:
+            continue
+        if not attempt.map.regulated and len(attempt.map.routes[driver.route].roads) < 4:  # not on the ramp
+            continue
+        s = float(attempt.routes.start[driver.route, driver.lane_number])
+        s += float(attempt.map.geometry.lanes[driver.lane_number].local_coordinates(driver.position)[0])
+        away = meeting_place(attempt, driver.route) - s - driver.traits.length / 2
+        if least < away < most:
+            found.append((away, place, s))
+    if not found:
+        return None
+    _, place, s = sorted(found)[int(rng.integers(min(_NEAREST, len(found))))]
+    driver = attempt.vehicles[place]
+    first = attempt.map.routes[driver.route].roads[0]
+    same = [r for r, route in enumerate(attempt.map.routes) if route.roads[0] == first]
+    route = min(same, key=lambda r: attempt.map.routes[r].weight)
+    ego = _Ego(driver.position, driver.heading, driver.speed, driver.traits, driver.number)
+    ego.route, attempt.vehicles[place] = route, ego
+    ego.follow(way_of(attempt.map, attempt.routes, route), s)
+    return ego
 
 
 def meeting_place(attempt: Attempt, route: int) -> float:

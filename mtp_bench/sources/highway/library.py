@@ -4,16 +4,26 @@ A program can change attributes of highway-env's classes, for example ``Vehicle.
 the installed release: worlds, which remain in the cache, are the same in every program.
 """
 
+import importlib
 import importlib.util
+import sys
 from typing import Any
 
 
 def _copy(name: str) -> Any:
-    """The module of this name, executed once more."""
-    spec: Any = importlib.util.find_spec(name)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    """The module of this name, executed once more; the package's environments, with pygame and pandas, are left out."""
+    spec: Any = importlib.util.find_spec("highway_env")
+    loaded = _forget()
+    sys.modules["highway_env"] = importlib.util.module_from_spec(spec)
+    try:
+        return importlib.import_module(name)
+    finally:
+        _forget()
+        sys.modules.update(loaded)
+
+
+def _forget() -> dict[str, Any]:
+    return {name: sys.modules.pop(name) for name in [*sys.modules] if name.split(".")[0] == "highway_env"}
 
 
 _lane, _road = _copy("highway_env.road.lane"), _copy("highway_env.road.road")

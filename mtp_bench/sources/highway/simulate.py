@@ -58,7 +58,8 @@ class Attempt:
 
     def __init__(self, traffic: Traffic, seed: int, attempt: int) -> None:
         self._traffic = traffic
-        self.map, self.routes, passages, self.lanes = _map_of(traffic.scenario, traffic.seconds)
+        self.shared = _map_of(traffic.scenario, traffic.seconds)  # never changes
+        self.map, self.routes, passages, self.lanes = self.shared
         generators = (np.random.default_rng([seed, attempt, kind]) for kind in range(6))
         entries, people, self._rng, parking, driving, walking = generators
         self.parked = draw_parked_boxes(self.map.kerbs, traffic.parked, parking)
