@@ -1,5 +1,6 @@
 """Folders of the bundled cards, baselines and records: those of the checkout or, once installed, of the wheel."""
 
+from functools import cache
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -13,11 +14,13 @@ def bundled(kind: str) -> Path:
     return _PACKAGE / "_bundled" / kind
 
 
+@cache
 def card_ids() -> tuple[str, ...]:
     """Ids of the cards that ship with the library, sorted."""
     return tuple(sorted(path.stem for path in bundled("envs").glob("MTP-*.toml")))
 
 
+@cache
 def baseline_names() -> tuple[str, ...]:
     """Names of the baselines that ship with the library, sorted."""
     return tuple(sorted(path.parent.name for path in bundled("baselines").glob("*/submission.toml")))

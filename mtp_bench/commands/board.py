@@ -42,7 +42,8 @@ def board(
     with reported("reading records") as progress:
         entries, refused, notes = read_board(records, further or (), env, output, trusted(base), progress)
     tables = board_tables(entries)
-    write_json(json_file, board_json(entries))
+    if json_file is not None:
+        write_json(json_file, board_json(entries))
     write_table(table_file, [table for table, _ in tables], data_table(entries, env or "leaderboard"))
     for table, below in tables:
         show_table(table, style=lambda entry: "bold green" if entry.added else "" if entry.compared else "dim")

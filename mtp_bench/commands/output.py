@@ -159,10 +159,12 @@ def _standard_output_apart() -> Iterator[TextIO]:
 
 def write_json(path: Path | None, content: dict[str, Any]) -> None:
     """Write the content of a table to a file or to standard output, if one is named."""
+    if path is None:
+        return
     text = json.dumps(content, indent=1, allow_nan=False) + "\n"
     if path == STANDARD_OUTPUT:
         print(text, end="", file=sys.stdout.output if isinstance(sys.stdout, _Muted) else sys.stdout, flush=True)
-    elif path is not None:
+    else:
         write_text(path, text)
 
 

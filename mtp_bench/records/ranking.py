@@ -3,17 +3,17 @@
 Recorded envs are ranked by the sums of the records; simulated ones by those of hidden scenes, from signed levels.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeVar
 
 from .. import notice
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.rank import NO_GAP, NOT_KINEMATIC, SAW_TRUTH, UNSTATED, guard, rank_text, ranks_among, why_not_on
-from ..scoring.statistics import PairedDifference, gap_closed
+from ..scoring.statistics import PairedDifference, share_closed
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import NOT_ON_HIDDEN, Ships, held_back, taken_names, why_not_comparable, why_not_genuine, why_unranked
@@ -23,6 +23,26 @@ from .shipped import baseline_networks, learned_truths, network_references, ship
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
 OTHERS = "other data, scenes or hidden scenes than the ranked ones"
+T = TypeVar("T")
+
+
+class BySubset(Mapping[Subset, T]):
+    """Values by subset, each made when it is first read, as a table shows few; those that are None are left out."""
+
+    def __init__(self, make: Callable[[Subset], T | None] = lambda subset: None) -> None:
+        self._value = cache(make)
+
+    def __getitem__(self, subset: Subset) -> T:
+        value = self._value(subset) if subset in SUBSETS else None
+        if value is None:
+            raise KeyError(subset)
+        return value
+
+    def __iter__(self) -> Iterator[Subset]:
+        return (subset for subset in SUBSETS if subset in self)
+
+    def __len__(self) -> int:
+        return len(list(self))
 
 
 @dataclass(frozen=True)
@@ -45,12 +65,12 @@ class Standing:
 
     places: Mapping[Subset, Place]
     compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings or waits
-    gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between STP and ground-truth tracks
-    own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between references of its predictor
-    association_gaps: Mapping[Subset, float] = field(default_factory=dict)
+    gaps: Mapping[Subset, float] = field(default_factory=BySubset)  # gap_closed between STP and ground-truth tracks
+    own_gaps: Mapping[Subset, float] = field(default_factory=BySubset)  # gap_closed between references of its predictor
+    association_gaps: Mapping[Subset, float] = field(default_factory=BySubset)
     gap_blank: str = UNSTATED  # why one of the ``gaps`` is missing
     association_gap_blank: str = UNSTATED
-    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of bADE, to STP's
+    differences: Mapping[Subset, PairedDifference] = field(default_factory=BySubset)  # of bADE, to STP's
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +84,14 @@ class _Entrant(Checked):
     def baseline(self) -> str:
         """Name of the submission; empty for another submission under the name of a baseline."""
         return "" if why_not_genuine(self.record) else self.record.submission.name
+
+    @cached_property
+    def conditions(self) -> tuple[object, ...]:
+        """Data, scenes and units: equal for results that can be compared."""
+        return conditions(self.sums)
+
+
+_Best = Mapping[str, _Entrant]  # by the name of a genuine submission: its finished record with the highest level
 
 
 def standings(
@@ -128,30 +156,34 @@ def _standings_of_env(
     ranked = [each for each in entrants if each.unranked is None]
     comparable = [each for each in entrants if each.not_comparable is None]
     main = _main_conditions(ranked or comparable)  # before a round: on public scenes
-    peers = [each for each in comparable if conditions(each.sums) == main]
-    truths = _truths(peers)
-    alike = [each for each in ranked if conditions(each.sums) == main]
+    peers = [each for each in comparable if each.conditions == main]
+    finished = (each for each in peers if each.record.status == "finished")
+    best = {each.baseline: each for each in sorted(finished, key=_precedence)}
+    truths = _truths(best)
+    alike = [each for each in ranked if each.conditions == main]
     held = {each.record.digest: why for each in alike if (why := held_back(each, truths)) is not None}
     group = [each for each in alike if each.record.digest not in held]
     whys = {each.record.digest: each.unranked or OTHERS for each in entrants}
-    places = {digest: dict.fromkeys(SUBSETS, Place(why=why)) for digest, why in (whys | held).items()}
-    if group:
-        places |= {each.record.digest: place for each, place in zip(group, _places(group, peers), strict=True)}
+    ranks = cache(partial(_places, group, cache(lambda each: _guarded(each, best))))
+    places: dict[str, Mapping[Subset, Place]] = {
+        digest: dict.fromkeys(SUBSETS, Place(why=why)) for digest, why in (whys | held).items()
+    }
+    places |= {each.record.digest: BySubset(partial(_place, ranks, each.record.digest)) for each in group}
     waiting = [each for each in peers if each.unranked == NOT_ON_HIDDEN]
     inside = {each.record.digest for each in group or waiting}
     standing = {digest: Standing(place, digest in inside) for digest, place in places.items()}
-    stp = _best_named(STP, peers)
     for each in peers:
-        found = replace(standing[each.record.digest], **_all_gaps(each, peers), differences=_differences(each, stp))
+        differences = BySubset(partial(_difference, each, best.get(STP)))
+        found = replace(standing[each.record.digest], **_all_gaps(each, best), differences=differences)
         standing[each.record.digest] = found
     return standing
 
 
 def _main_conditions(ranked: Sequence[_Entrant]) -> tuple[object, ...] | None:
     """Conditions of the main ranking, from the ranked entrants or others that compare; None without any."""
-    with_stp = {conditions(each.sums) for each in ranked if each.baseline == STP}
-    leading = [each for each in ranked if conditions(each.sums) in with_stp] or ranked  # a seal without STP yet
-    return conditions(max(leading, key=_precedence).sums) if leading else None
+    with_stp = {each.conditions for each in ranked if each.baseline == STP}
+    leading = [each for each in ranked if each.conditions in with_stp] or ranked  # a seal without STP yet
+    return max(leading, key=_precedence).conditions if leading else None
 
 
 def _precedence(entrant: _Entrant) -> tuple[object, ...]:
@@ -161,42 +193,43 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
     return made, LEVELS.index(entrant.level), name == STP, name in baseline_names(), entrant.record.digest
 
 
-def _places(group: Sequence[_Entrant], peers: Sequence[_Entrant]) -> list[dict[Subset, Place]]:
-    """Places of records that are ranked against each other; ``peers`` hold their reference agents."""
-    places: list[dict[Subset, Place]] = [{} for _ in group]
-    sums = [entrant.sums for entrant in group]
-    guards = [_guarded(entrant, peers) for entrant in group]
-    for subset in SUBSETS:
-        weight = sums[0].unit_weight(subset)
-        of_all = why_not_on(subset, sums[0].row_of(subset).effective_objects, weight)
-        why = [of_all or (None if subset == "all" else guarded) for guarded in guards]
-        ranks = ranks_among([each.unit_error(subset) for each in sums], weight, why)
-        for place, rank, reason in zip(places, ranks, why, strict=True):
-            place[subset] = Place(why=reason or "") if rank is None else Place(rank.place, rank.span)
-    return places
+def _place(places: Callable[[Subset], Mapping[str, Place]], digest: str, subset: Subset) -> Place:
+    return places(subset)[digest]
 
 
-def _guarded(entrant: _Entrant, peers: Sequence[_Entrant]) -> str | None:
+def _places(group: Sequence[_Entrant], guarded: Callable[[_Entrant], str | None], subset: Subset) -> dict[str, Place]:
+    """Places on a subset of records that are ranked against each other, by digest."""
+    first = group[0].sums
+    of_all = why_not_on(subset, first.row_of(subset).effective_objects, weight := first.unit_weight(subset))
+    why = [of_all or (None if subset == "all" else guarded(entrant)) for entrant in group]
+    ranks = ranks_among([entrant.sums.unit_error(subset) for entrant in group], weight, why)
+    return {
+        each.record.digest: Place(why=reason or "") if rank is None else Place(rank.place, rank.span)
+        for each, rank, reason in zip(group, ranks, why, strict=True)
+    }
+
+
+def _guarded(entrant: _Entrant, best: _Best) -> str | None:
     """Reason why a record is not ranked on event subsets, from those of STP and of STP with its own predictor."""
     pair = own_ends(entrant.record.submission)
-    stp, own = _best_named(STP, peers), None if pair is None else _best_named(pair[0], peers)
+    stp, own = best.get(STP), None if pair is None else best.get(pair[0])
     if stp is None:
         return "no record of stp beside it"
     limits = (None if each is None else each.sums.unit_error("all") for each in (stp, own))
     return guard(entrant.sums.unit_error("all"), entrant.sums.unit_weight("all"), *limits)
 
 
-def _all_gaps(entrant: _Entrant, peers: Sequence[_Entrant]) -> dict[str, Any]:
+def _all_gaps(entrant: _Entrant, best: _Best) -> dict[str, Any]:
     """Fields of a `Standing`: gaps that a record closes, and reasons of missing ones."""
     submission = entrant.record.submission
     kinematic, other = submission.ends == "controls", submission.ends == "own"
     unstated = "no reference with its predictor ships" if other else UNSTATED
-    own, why = _gaps(entrant, peers, own_ends(submission), unstated)
-    association, why_association = dict[Subset, float](), SAW_TRUTH
+    own, why = _gaps(entrant, best, own_ends(submission), unstated)
+    association, why_association = BySubset[float](), SAW_TRUTH
     if entrant.record.env.observe != "truth":
-        association, why_association = _gaps(entrant, peers, own_ends(submission, "associated"), unstated)
+        association, why_association = _gaps(entrant, best, own_ends(submission, "associated"), unstated)
     return {
-        "gaps": own if kinematic else {},
+        "gaps": own if kinematic else BySubset(),
         "gap_blank": NOT_KINEMATIC if other else why,
         "own_gaps": own,
         "association_gaps": association,
@@ -204,45 +237,33 @@ def _all_gaps(entrant: _Entrant, peers: Sequence[_Entrant]) -> dict[str, Any]:
     }
 
 
-def _gaps(
-    entrant: _Entrant, peers: Sequence[_Entrant], pair: tuple[str, str] | None, unstated: str
-) -> tuple[dict[Subset, float], str]:
-    """Gap that a record closes between two of ``peers`` on each subset, and why it is missing on others."""
+def _gaps(entrant: _Entrant, best: _Best, pair: tuple[str, str] | None, unstated: str) -> tuple[BySubset[float], str]:
+    """Gap that a record closes between those of a ``pair`` of names on each subset, and why it is missing on others."""
     if pair is None:
-        return {}, unstated
-    stp, truth = (_best_named(name, peers) for name in pair)
+        return BySubset(), unstated
+    stp, truth = map(best.get, pair)
     if stp is None or truth is None:
-        return {}, f"no record of {pair[0] if stp is None else pair[1]} beside it"
+        return BySubset(), f"no record of {pair[0] if stp is None else pair[1]} beside it"
     if len({each.record.samples for each in (entrant, stp, truth)}) > 1:
-        return {}, f"{entrant.record.samples} samples per object, its references have {stp.record.samples}"
-    closed: dict[Subset, float] = {}
-    for subset in SUBSETS if entrant.record.status == "finished" else ():
+        return BySubset(), f"{entrant.record.samples} samples per object, its references have {stp.record.samples}"
+
+    def closed(subset: Subset) -> float | None:
         error, high, low = (each.sums.unit_error(subset) for each in (entrant, stp, truth))
-        gap = gap_closed(error, high, low, stp.sums.unit_weight(subset))
-        if gap is not None:
-            closed[subset] = gap.closed
-    return closed, NO_GAP
+        return share_closed(error, high, low, stp.sums.unit_weight(subset))
+
+    return BySubset(closed) if entrant.record.status == "finished" else BySubset(), NO_GAP
 
 
-def _differences(entrant: _Entrant, stp: _Entrant | None) -> dict[Subset, PairedDifference]:
-    """BADE of a record minus that of STP's record with the same k, on each subset."""
+def _difference(entrant: _Entrant, stp: _Entrant | None, subset: Subset) -> PairedDifference | None:
+    """BADE of a record minus that of STP's record with the same k."""
     if stp is None or stp is entrant or stp.record.samples != entrant.record.samples:
-        return {}
-    if entrant.record.status != "finished":
-        return {}
-    by_subset = {subset: entrant.minus(stp, subset) for subset in SUBSETS}
-    return {subset: difference for subset, difference in by_subset.items() if difference is not None}
+        return None
+    return entrant.minus(stp, subset) if entrant.record.status == "finished" else None
 
 
-def _truths(peers: Sequence[_Entrant]) -> list[_Entrant]:
+def _truths(best: _Best) -> list[_Entrant]:
     """Records of ground-truth tracks and of the best learned predictor on them; empty unless there are both."""
-    truth, *learned = (_best_named(name, peers) for name in (TRUTH, *learned_truths()))
+    truth, *learned = map(best.get, (TRUTH, *learned_truths()))
     errors = [(each.sums.row.error, each) for each in learned if each is not None and each.sums.row.error is not None]
-    best = min(errors, key=itemgetter(0), default=None)
-    return [] if truth is None or best is None else [truth, best[1]]
-
-
-def _best_named(name: str, entrants: Sequence[_Entrant]) -> _Entrant | None:
-    """The finished record of the genuine submission ``name`` with the highest level."""
-    candidates = [each for each in entrants if each.baseline == name and each.record.status == "finished"]
-    return max(candidates, key=_precedence, default=None)
+    least = min(errors, key=itemgetter(0), default=None)
+    return [] if truth is None or least is None else [truth, least[1]]

@@ -73,7 +73,8 @@ def _each_subset(rows: list[Row]) -> list[Row]:
 
 
 def _equally_long(sums: UnitSums) -> UnitSums:
-    if len({len(sums.get(subset, ())) for subset in {*SUBSETS, *sums}} | {max(1, len(sums.get("all", ())))}) > 1:
+    lengths = {*map(len, sums.values())}
+    if len(lengths) != 1 or 0 in lengths or not sums.keys() >= {*SUBSETS}:
         raise ValueError("expected one sum or more of every subset, equally many of each")
     return sums
 

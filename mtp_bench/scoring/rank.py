@@ -3,17 +3,16 @@
 The gaps are to prediction from ground-truth tracks, and to perfect association.
 """
 
-import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import require_shape
+from ..errors import require_finite, require_shape
 from .definitions import GUARD, GUARD_SIGNIFICANT, LARGEST_SHARE, RANKED_OBJECTS, RANKED_SUBSETS, RANKED_UNITS, Subset
 from .rows import Budget
-from .statistics import Gap, beyond_rounding, effective_number, gap_closed, paired_difference
+from .statistics import Gap, beyond_rounding, effective_number, gap_closed, paired_difference, significant_pairs
 from .table import AgentScores, AgentTable
 
 NOT_CAUSAL = "not causal: stored tracks, which may have seen the future"
@@ -88,17 +87,12 @@ def rank_by_error(sums: ArrayLike, weight: ArrayLike) -> list[Rank]:
     """
     errors = np.asarray(sums, dtype=np.float64)
     require_shape("sums", errors, (None, None))
-    smaller, better, worse = np.zeros((3, len(errors)), dtype=np.int64)
-    for a, b in itertools.combinations(range(len(errors)), 2):
-        total = beyond_rounding(errors[a].sum(keepdims=True), errors[b].sum(keepdims=True)).sum()
-        if total == 0:
-            continue
-        first, last = (a, b) if total < 0 else (b, a)
-        smaller[last] += 1
-        difference = paired_difference(errors[first], errors[last], weight)
-        if difference is not None and difference.significant:
-            better[last] += 1
-            worse[first] += 1
+    require_finite("sums", errors)
+    pairs, total = np.array(np.triu_indices(len(errors), 1)), errors.sum(axis=1)
+    less = beyond_rounding(total[pairs[0]], total[pairs[1]])
+    pairs = np.where(less < 0, pairs, pairs[::-1])[:, less != 0]  # the smaller error first
+    sure = pairs[:, significant_pairs(errors, weight, pairs)]
+    smaller, better, worse = (np.bincount(each, minlength=len(errors)) for each in (pairs[1], sure[1], sure[0]))
     ends = zip((1 + better).tolist(), (len(errors) - worse).tolist(), strict=True)
     return [Rank(1 + int(place), span) for place, span in zip(smaller, ends, strict=True)]
 

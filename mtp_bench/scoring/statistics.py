@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import ShapeError, require_finite, require_shape
-from ..types import Floats
+from ..types import Bools, Floats
 from .definitions import RANKED_UNITS, SIGNIFICANT
 
 RESAMPLES = 2000
@@ -21,6 +21,7 @@ EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
 ROUNDING = 1e-12  # share of a number by which another may differ and be equal to it
 _SEED = 20_250_101
+_TOGETHER = 64  # differences whose sums are flipped in one product
 
 
 def bootstrap_interval(numerator: ArrayLike, denominator: ArrayLike) -> tuple[float, float] | None:
@@ -85,32 +86,37 @@ class PairedDifference(NamedTuple):
     """Difference of two means over the same targets, in the unit of their numerators."""
 
     mean: float
-    interval: tuple[float, float] | None  # 95 %, inverts the test: without 0 exactly if p < 0.05; None: unbounded
     p: float  # of the sign-flip test over units
+    units: tuple[bytes, bytes]  # differences and weights of the units that count
 
     @property
     def significant(self) -> bool:
         """True if p is below 0.05."""
         return self.p < SIGNIFICANT
 
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """The 95 % interval that inverts the test: without 0 exactly if p < 0.05; None: unbounded."""
+        return _flipped(*self.units).interval
+
 
 def paired_difference(a: ArrayLike, b: ArrayLike, denominator: ArrayLike) -> PairedDifference | None:
     """Difference a - b of two means: numerators [U], [U], denominator [U]; None where that is 0 in all units."""
-    gap, weight = beyond_rounding(a, b), as_sums("denominator", denominator)
+    gap, weight = beyond_rounding(as_sums("a", a), as_sums("b", b)), as_sums("denominator", denominator)
     require_shape("denominator", weight, gap.shape)
     mean = ratio(gap.sum(), weight.sum())
     if mean is None:
         return None
-    test = sign_flip_test(gap, weight)
-    return PairedDifference(mean, test.interval, test.p)
+    counted = (gap != 0) | (weight != 0)
+    units = gap[counted].tobytes(), weight[counted].tobytes()
+    return PairedDifference(mean, _chance(units[0]), units)
 
 
-def beyond_rounding(a: ArrayLike, b: ArrayLike) -> Floats:
-    """Differences a - b [U], 0 within rounding.
+def beyond_rounding(one: Floats, other: Floats) -> Floats:
+    """Differences of two arrays, 0 within rounding.
 
     Sums of the same terms in another order, or means of other numbers of equal seeds, differ by rounding alone.
     """
-    one, other = as_sums("a", a), as_sums("b", b)
     gap = one - other
     return np.where(np.abs(gap) <= ROUNDING * np.maximum(np.abs(one), np.abs(other)), 0.0, gap)
 
@@ -164,15 +170,40 @@ def _flipped(difference: bytes, weight: bytes) -> SignFlipTest:
     gap, share = np.frombuffer(difference), np.frombuffer(weight)
     if not gap.any():
         return SignFlipTest(1.0, (0.0, 0.0) if len(gap) >= RANKED_UNITS else None)
-    exact = len(gap) <= EXACT_UNITS
-    signs: Floats = _all_signs(len(gap)) if exact else _signs(len(gap)).astype(np.float64)
+    signs, observed = _flips(len(gap))
     low, high = _ends(gap, share, signs @ np.stack([gap, share], axis=1))
-    flips, observed = len(low) + (not exact), int(not exact)
-    p = (int(((low <= 0) & (high >= 0)).sum()) + observed) / flips
     # as many flips must hold a mean for its p to be 0.05 or more
-    least = int(np.ceil(SIGNIFICANT * flips - 1e-9)) - observed
+    least = int(np.ceil(SIGNIFICANT * (len(low) + observed) - 1e-9)) - observed
     interval = float(np.partition(low, least - 1)[least - 1]), float(np.partition(high, -least)[-least])
-    return SignFlipTest(p, interval if np.isfinite(interval).all() else None)
+    return SignFlipTest(_chance(difference), interval if np.isfinite(interval).all() else None)
+
+
+@lru_cache(maxsize=8192)
+def _chance(difference: bytes) -> float:
+    """The p of one difference in units that count."""
+    gap = np.frombuffer(difference)
+    return float(_chances(np.stack([gap, np.zeros_like(gap)]), np.array([[0], [1]]))[0])
+
+
+def significant_pairs(errors: Floats, weight: ArrayLike, pairs: NDArray[np.int64]) -> Bools:
+    """True where the differences of ``pairs`` [2, P] of rows of ``errors`` [A, U] are significant, many at once."""
+    share = as_sums("weight", weight)
+    require_shape("weight", share, (errors.shape[1],))
+    counted = (share != 0) | errors.any(axis=0)
+    return (_chances(errors[:, counted], pairs) < SIGNIFICANT) & share.any()
+
+
+def _chances(errors: Floats, pairs: NDArray[np.int64]) -> Floats:
+    """The p [P] of the differences of ``pairs`` [2, P] of rows of ``errors`` [A, U] in units that count."""
+    signs, observed = _flips(errors.shape[1])
+    extreme = np.empty(pairs.shape[1])
+    for begin in range(0, len(extreme), _TOGETHER):
+        here = slice(begin, begin + _TOGETHER)
+        gap = beyond_rounding(errors[pairs[0, here]], errors[pairs[1, here]])
+        slack = ROUNDING * np.abs(gap).sum(axis=1, keepdims=True)  # the same terms may be summed in another order
+        beyond = np.abs(gap.sum(axis=1, keepdims=True)) - np.abs(gap @ signs.T)
+        extreme[here] = (beyond <= slack).sum(axis=1)
+    return (extreme + observed) / (len(signs) + observed)
 
 
 def _ends(gap: Floats, share: Floats, flipped: Floats) -> tuple[Floats, Floats]:
@@ -202,10 +233,12 @@ def as_sums(name: str, values: ArrayLike) -> Floats:
     return array
 
 
-@lru_cache(maxsize=EXACT_UNITS)
-def _all_signs(units: int) -> Floats:
-    """All signs [2^U, U]."""
-    return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1)
+@lru_cache(maxsize=2)
+def _flips(units: int) -> tuple[Floats, int]:
+    """All signs [2^U, U] and 0; of more than EXACT_UNITS units random ones and 1, the observed signs beside them."""
+    if units > EXACT_UNITS:
+        return _signs(units).astype(np.float64), 1
+    return 1.0 - 2.0 * ((np.arange(1 << units)[:, None] >> np.arange(units)) & 1), 0
 
 
 @lru_cache(maxsize=64)  # a comparison of many agents uses the same signs again and again
@@ -230,6 +263,15 @@ class Gap(NamedTuple):
 
 
 def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> Gap | None:
+    """`share_closed` with its interval."""
+    closed = share_closed(error, stp, truth, weight)
+    if closed is None:
+        return None
+    high = as_sums("stp", stp)
+    return Gap(closed, share_interval(high - as_sums("error", error), high - as_sums("truth", truth)))
+
+
+def share_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> float | None:
     """Share (E_STP - E) / (E_STP - E_GT) from bADE summed over the targets of each unit [U].
 
     ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on ground-truth tracks, all with the same k;
@@ -240,4 +282,4 @@ def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: Array
         return None
     high = as_sums("stp", stp)
     closed, gap = high - as_sums("error", error), high - as_sums("truth", truth)
-    return Gap(float(closed.sum() / gap.sum()), share_interval(closed, gap))
+    return float(closed.sum() / gap.sum())

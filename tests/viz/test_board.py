@@ -14,9 +14,8 @@ from mtp_bench.errors import MtpBenchError
 from mtp_bench.records import Record
 from mtp_bench.records.attestation import Level
 from mtp_bench.records.consistency import inconsistencies
-from mtp_bench.scoring import SUBSETS
+from mtp_bench.scoring import SUBSETS, paired_difference
 from mtp_bench.scoring.definitions import KNOWN_SUBSETS
-from mtp_bench.scoring.statistics import PairedDifference
 from mtp_bench.submission.loader import ON_SCORED
 from mtp_bench.tables import to_text
 from mtp_bench.viz.board.columns import board_json
@@ -373,7 +372,7 @@ def test_the_scale_of_differences_holds_the_ranked_and_zero() -> None:
     assert scale.high >= 0.0
     assert len(scale.ticks) <= MOST_TICKS + 1
     assert (scale.x(scale.low), scale.x(scale.high)) == (PAD, WIDTH - PAD)
-    off = bar_of(scale, PairedDifference(3.0, (2.5, 3.5), 0.01))
+    off = bar_of(scale, paired_difference([2.5, 3.5] * 4, [0.0] * 8, [1.0] * 8))
     assert off is not None
     assert off["above"]
     assert not off["below"]
