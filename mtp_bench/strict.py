@@ -138,11 +138,13 @@ def _require_plain(value: Any, depth: int = 0) -> None:
         raise RecursionError
     if isinstance(value, dict):
         for key, inner in value.items():
-            _require_plain(key)
+            if not key.isascii():
+                _require_plain(key)
             _require_plain(inner, depth + 1)
     elif isinstance(value, list):
-        for inner in value:
-            _require_plain(inner, depth + 1)
+        if not ({*map(type, value)} <= {float, bool} and math.isfinite(sum(value))):
+            for inner in value:
+                _require_plain(inner, depth + 1)
     elif isinstance(value, str):
         if not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
             raise ValueError(f"the text {value[:40]!a} contains a lone surrogate, expected valid Unicode")

@@ -138,17 +138,25 @@ def read_level(path: Path, record: Record, trust: Trust) -> tuple[SignedLevel | 
 def _checked_level(file: Path, path: Path, record: Record, trust: Trust) -> SignedLevel:
     if file.is_symlink() or not file.is_file():
         raise RecordError(f"{file.name}: {UNTRUSTED}: it is not an ordinary file")
-    text = read_bounded(file, MOST_BYTES, RecordError)
-    content = parse_json(text, file.name, RecordError)
-    signed = parse_as(Attestation, text, file.name)
+    text, stored = (read_bounded(each, MOST_BYTES, RecordError) for each in (file, path))
+    trust.check_once(lambda: _require_signed(file.name, text, path.name, stored, trust), text, stored)
+    statement, signer = (signed := parse_as(Attestation, text, file.name)).statement, signed.signer
+    return SignedLevel(statement, signer, _seal_of(file, statement, record, trust))
+
+
+def _require_signed(name: str, text: str, of: str, stored: str, trust: Trust) -> None:
+    """Raise RecordError unless the level ``text`` is signed, of the record ``stored``, and consistent."""
+    content = parse_json(text, name, RecordError)
+    signed = parse_as(Attestation, text, name)
     why = trust.why_not_signed(canonical(content["statement"]), signed.signature, signed.signer)
     if why:
-        raise RecordError(f"{file.name}: {UNTRUSTED}: {why}")
-    stored = parse_json(read_bounded(path, MOST_BYTES, RecordError), path.name, RecordError)
-    digests = (content_digest(stored), measured_digest(stored))
-    if (signed.statement.record, signed.statement.measured) != digests:
-        raise RecordError(f"{file.name}: of another record, or of an earlier version of it")
-    return SignedLevel(signed.statement, signed.signer, _seal_of(file, signed.statement, record, trust))
+        raise RecordError(f"{name}: {UNTRUSTED}: {why}")
+    record = parse_json(stored, of, RecordError)
+    if (signed.statement.record, signed.statement.measured) != (content_digest(record), measured_digest(record)):
+        raise RecordError(f"{name}: of another record, or of an earlier version of it")
+    hidden = signed.statement.hidden
+    for problem in () if hidden is None else inconsistent_sums(hidden, float("inf")):
+        raise RecordError(f"{name}: hidden scenes: {problem}")
 
 
 def _seal_of(file: Path, statement: Statement, record: Record, trust: Trust) -> ListedSeal | None:
@@ -166,6 +174,4 @@ def _seal_of(file: Path, statement: Statement, record: Record, trust: Trust) -> 
             f"{file.name}: {hidden.scenes} hidden scenes of {record.env.id} with card {record.env.card_digest}, the "
             f"seal {listed.name!r} is of {listed.count} of {listed.env} with card {listed.card_digest}"
         )
-    for problem in inconsistent_sums(hidden, float("inf")):
-        raise RecordError(f"{file.name}: hidden scenes: {problem}")
     return listed

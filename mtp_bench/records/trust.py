@@ -1,9 +1,11 @@
 """The trusted leaderboard: keys that may sign levels (``ssh-keygen -Y``), listed seals, and owners of names."""
 
+import hashlib
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +14,9 @@ from typing import Annotated
 from pydantic import Field
 
 from .._bundle import bundled
+from .._version import __version__
 from ..errors import MtpBenchError, RecordError
+from ..files import cache_root
 from ..strict import Section, read_toml, validate
 from ..submission.manifest import SubmissionName
 from .seal import COMMITMENT, RETIRED, Commitment, ListedSeal, Retired, Sealed, commitment_of
@@ -25,6 +29,7 @@ MOST_SIGNATURE = 20_000  # characters
 MISSING = "ssh-keygen is not installed, so signatures can be neither made nor checked; install OpenSSH"
 _SECONDS = 30
 _MOST_OUTPUT = 200  # characters
+_EXPIRING = (b"valid-before", b"cert-authority")  # in the options of keys that are not trusted for ever
 
 
 class _Owners(Section):
@@ -41,6 +46,36 @@ class Trust:
     def keys(self) -> Path:
         """Keys that may sign, in OpenSSH's own format."""
         return self.folder / "keys" / "allowed_signers"
+
+    @property
+    def revoked(self) -> Path:
+        """Public keys that no longer sign, one per line."""
+        return self.folder / "keys" / "revoked_keys"
+
+    @cached_property
+    def _passed(self) -> Path | None:
+        """File of the cache with digests of what passed checks under these keys; None if one of them may expire."""
+        keys = [path.read_bytes() if path.is_file() else b"" for path in (self.keys, self.revoked)]
+        of_keys = hashlib.sha256(repr([__version__, *keys]).encode()).hexdigest()[:16]
+        return None if any(word in keys[0] for word in _EXPIRING) else cache_root() / "signed" / of_keys
+
+    @cached_property
+    def _known(self) -> frozenset[str]:
+        with suppress(OSError):
+            return frozenset([] if self._passed is None else self._passed.read_text(encoding="ascii").split())
+        return frozenset()
+
+    def check_once(self, check: Callable[[], object], *texts: str) -> None:
+        """Call ``check`` of signed ``texts``, which may raise, unless it passed before on this machine."""
+        digest = hashlib.sha256("\0".join(texts).encode()).hexdigest()
+        if digest in self._known:
+            return
+        check()
+        with suppress(OSError):
+            if self._passed is not None:
+                self._passed.parent.mkdir(parents=True, exist_ok=True)
+                with self._passed.open("a", encoding="ascii") as file:
+                    file.write(f"{digest}\n")
 
     @property
     def seals(self) -> Path:
@@ -87,12 +122,11 @@ class Trust:
             return MISSING
         if not self.keys.is_file():
             return f"there are no keys at {self.keys}"
-        revoked = self.folder / "keys" / "revoked_keys"  # one public key per line
         with tempfile.NamedTemporaryFile(suffix=".sig") as file:
             file.write(signature.encode(errors="replace"))
             file.flush()
             which = ["-f", str(self.keys), "-I", signer, "-n", NAMESPACE, "-s", file.name]
-            which += ["-r", str(revoked)] if revoked.is_file() else []
+            which += ["-r", str(self.revoked)] if self.revoked.is_file() else []
             return _ssh_keygen(["-Y", "verify", *which], message, _SECONDS)[1]
 
 

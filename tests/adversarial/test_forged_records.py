@@ -540,8 +540,17 @@ def test_without_ssh_keygen_no_level_is_shown_and_that_is_said(
 ) -> None:
     path, record = honest
     sign(path, record, key)
+    monkeypatch.setenv("MTP_BENCH_CACHE", str(tmp_path))
+    found = os.environ["PATH"]
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "ssh-keygen is not installed" in note(path, leaderboard)
+    monkeypatch.setenv("PATH", found)
+    assert read_level(path, record, trusted(leaderboard))[1] == ""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert read_level(path, record, trusted(leaderboard))[1] == "", "its signature was checked before"
+    with level_path(path).open("a") as file:
+        file.write("\n")
+    assert "ssh-keygen is not installed" in note(path, leaderboard), "of other bytes it was not"
 
 
 SIMULATED = "MTP-Merge-v0"
