@@ -214,12 +214,14 @@ def show(rows: list[dict[str, Any]], title: str) -> None:
     from rich.table import Table
 
     table = Table(title=title)
-    for column in ("program", "version", "CPU s", "boxes / CPU s", "TP", "FN", "FP", "IDS", "FRAG"):
+    for column in ("program", "version", "CPU s", "x sticky", "boxes / CPU s", "TP", "FN", "FP", "IDS", "FRAG"):
         table.add_column(column, justify="left" if column in ("program", "version") else "right")
     for row in rows:
+        cost, ratio = row["cpu_s"], row["cpu_s"] / rows[1]["cpu_s"]  # the peers keep pairs, too
         counts = [f"{row[name]:.0f}" for name in ("TP", "FN", "FP", "IDS", "FRAG")]
-        table.add_row(row["program"], row["version"], f"{row['cpu_s']:.3f}", f"{row['boxes_per_s']:,.0f}", *counts)
-    Console().print(table)
+        cells = f"{cost:.3f}", f"{ratio:.1f}", f"{row['boxes_per_s']:,.0f}"
+        table.add_row(row["program"], row["version"], *cells, *counts)
+    Console(width=110).print(table)
 
 
 def main() -> None:

@@ -4,7 +4,8 @@
 
 A frame is one step of one tracker for all classes; observations are made before the clock starts. CPU time of one core;
 per scene the least of the repeats, in which everything compared takes turns. Stages are wall time (their clock must be
-cheap), with about 2 us per frame for the clock itself. The plain tracker is the same in NumPy, and it is run once.
+cheap), with about 2 us per frame for the clock itself. The plain tracker is the same in NumPy, and it is run once;
+"plain / ours" is the ratio of its time to ours.
 An object's distinct histories are the distinct tracks that stand for it in the hypotheses, as the agent groups them.
 
 Memory is that of a process of its own, after ten frames with two hypotheses: the peak of the resident set (libraries

@@ -5,8 +5,8 @@
 Every row is a process of its own, with a cache folder of its own that is empty in rows called "cold". A row counts the
 processor's seconds of the process and of those that it started, its wall time and its largest process. With
 ``--against`` the row runs in a copy of that commit, too, one right after the other, with the same interpreter and the
-same packages. Rows in ms are counted inside their process, without start and compilation; the others are whole
-commands. A row that the other commit does not have is blank there.
+same packages, and those in a folder of ``PYTHONPATH``. Rows in ms are counted inside their process, without start and
+compilation; the others are whole commands. A row that the other commit does not have is blank there.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -54,17 +54,19 @@ gym.make(sys.argv[1]).reset(seed=0)
 """
 AGENT = """
 import sys, time
+from dataclasses import replace
 from mtp_bench.env.environment import MTPEnv
 from mtp_bench.cards import load_card
-from mtp_bench.running.run import agent_task, run_scene
+from mtp_bench.running.run import run_scene
 from mtp_bench.running.settings import setting_of
-from mtp_bench.submission.objects import submission_of
+from mtp_bench.submission.loader import SubmissionFactory, load_submission
 card = load_card(sys.argv[1])
-setting = setting_of(submission_of(sys.argv[2]), card)
+setting = setting_of(load_submission(sys.argv[2]), card)
+make = SubmissionFactory(str(setting.submission.path), setting.parameters)
 def play():
     env = MTPEnv(card, **setting.env_keywords(card), evaluation=True)
     name = env.scene_names[0]
-    agent = setting.submission.factory(setting.parameters)(agent_task(env, 0, name))
+    agent = make(replace(env.task, seed=0))
     spent, act = [0.0, 0], agent.act
     def timed(observation):
         start = time.process_time()
@@ -76,6 +78,25 @@ def play():
     return 1000 * spent[0] / spent[1]
 play()
 print("MS", min(play() for _ in range(3)))
+"""
+KERNELS = """
+try:
+    from mtp_bench.running.kernels import compile_kernels
+    from mtp_bench.parallel import Workers
+    compile_kernels(Workers(2))
+except ImportError:
+    from mtp_bench.gateway.layout import compile_kernels
+    compile_kernels()
+"""
+FRESH = """
+import sys, time, gymnasium as gym, mtp_bench
+env = gym.make(sys.argv[1])
+names = env.unwrapped.scene_names
+env.reset(seed=0, options={"scene": names[0]})
+start = time.process_time()
+for name in names[1:5]:
+    env.reset(options={"scene": name})
+print("MS", 1000 * (time.process_time() - start) / 4)
 """
 
 
@@ -89,6 +110,7 @@ class Row:
     code: str = ""
     cold: bool = False  # in an empty cache; else the row ran before, uncounted
     trainval: bool = False  # reads nuScenes trainval
+    before: tuple[str, ...] = ()  # words of the command that is run first, uncounted, in place of the row itself
 
 
 def _compare(cold: bool) -> Row:
@@ -104,7 +126,7 @@ ROWS = {
     "board": Row("board", "6 s", ("board",)),
     "board-env": Row("board of an environment", "2 s", ("board", "--env", NOISY)),
     "open-cold": Row("first open, nuScenes trainval", "5 s", ("MTP-nuScenes-v0",), OPENED, cold=True, trainval=True),
-    "open": Row("open again, nuScenes trainval", "5 s", ("MTP-nuScenes-v0",), OPENED, trainval=True),
+    "open": Row("open again, nuScenes trainval", ".34 s", ("MTP-nuScenes-v0",), OPENED, trainval=True),
     "step": Row("step and reset, Intersection", "1.0, 10 ms", (NOISY, "play"), STEPS),
     "step-evaluation": Row("step in an evaluation, Intersection", ".4 ms", (NOISY, "evaluation"), STEPS),
     "step-mini": Row("step and reset, nuScenes mini", "1.0, 5 ms", ("MTP-nuScenes-mini-v0", "play"), STEPS),
@@ -112,6 +134,15 @@ ROWS = {
     "mtp-kitti": Row("mtp a frame, KITTI", "1.5 ms", ("MTP-KITTI-v0", "mtp"), AGENT),
     "mtp-mini": Row("mtp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "mtp"), AGENT),
     "stp-mini": Row("stp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "stp"), AGENT),
+    "kernels": Row("kernels, once per machine", "30 s", (), KERNELS, cold=True),
+    "fresh": Row("fresh simulated scene, Intersection", "700 ms", (NOISY,), FRESH, cold=True),
+    "score": Row(
+        "score mtp on nuScenes val",
+        "6 s",
+        ("score", "{cache}/run"),
+        trainval=True,
+        before=("run", "mtp", "--env", "MTP-nuScenes-v0", "--output", "{cache}/run"),
+    ),
     "data": Row("mtp-bench data", "1.5 s", ("data",)),
 }
 
@@ -141,10 +172,15 @@ class Spent:
 
 def spent(row: Row, tree: Path, cache: Path, given: argparse.Namespace) -> Spent | None:
     """Run a row in a copy of the project; None if it fails there."""
-    environment = {**os.environ, "PYTHONPATH": str(tree), "MTP_BENCH_CACHE": str(cache / "cache")}
+    path = os.pathsep.join([str(tree), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "PYTHONPATH": path, "MTP_BENCH_CACHE": str(cache / "cache")}
     environment |= {"NUMBA_CACHE_DIR": str(cache / "numba"), "XDG_CACHE_HOME": str(cache / "xdg")}
     environment["MTP_BENCH_DATA"] = str(given.trainval if row.trainval else given.data)
-    command = [sys.executable, *(("-c", row.code) if row.code else ("-m", "mtp_bench")), *row.words]
+    command = [
+        sys.executable,
+        *(("-c", row.code) if row.code else ("-m", "mtp_bench")),
+        *(word.format(cache=cache) for word in row.words),
+    ]
     start = time.perf_counter()
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as error:
         child = subprocess.Popen(command, cwd=tree, env=environment, stdout=out, stderr=error, text=True)
@@ -171,7 +207,8 @@ def measured(row: Row, tree: Path, caches: Path, given: argparse.Namespace) -> S
         with tempfile.TemporaryDirectory() as empty:
             return spent(row, tree, Path(empty), given)
     own = caches / tree.name
-    return spent(row, tree, own, given) and spent(row, tree, own, given)
+    first = replace(row, words=row.before) if row.before else row
+    return spent(first, tree, own, given) and spent(row, tree, own, given)
 
 
 def copy_of(commit: str, folder: Path) -> Path:

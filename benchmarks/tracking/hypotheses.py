@@ -58,6 +58,7 @@ def against_hypotheses(task: Task, scenes: Scenes, sizes: Iterable[int], repeats
             "us per frame": 1e6 * seconds / frames,
             "x H=1": seconds / ours[1],
             "plain frames/s": frames / plain[h] if h in plain else None,
+            "plain / ours": plain[h] / seconds if h in plain else None,
             "plain x H=1": plain[h] / plain[1] if h in plain else None,
             "paper frames/s": PAPER.get(h),
             "paper x H=1": PAPER[1] / PAPER[h] if h in PAPER else None,

@@ -1,9 +1,10 @@
 """CLEAR MOT metrics and identity events (docs/definitions, "Events") of tracks that are given frame by frame."""
 
 import reprlib
+from collections import defaultdict
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 from numbers import Real
 from typing import Any, Literal
 
@@ -89,19 +90,21 @@ def _read_frames(frames: Iterable[Frame]) -> tuple[_Positions, _Positions]:
 
 def _positions(frames: Sequence[Frame], place: int, name: str) -> _Positions:
     """The ids at ``place`` of each frame, and the positions behind them."""
-    codes: dict[tuple[Hashable, Hashable], int] = {}
-    identity: list[int] = []
-    points: list[Floats] = [np.zeros((0, 2))]
-    count: list[int] = []
+    unused = count()
+    codes: dict[Hashable, dict[Hashable, int]] = defaultdict(lambda: defaultdict(unused.__next__))
+    identity, points = list[int](), list[Floats]()
     for frame in frames:
         ids = _ids(frame, place, name)
         if len(set(ids)) < len(ids):
             raise ShapeError(f"{name} ids of {_where(frame)} are {ids}, expected each id once")
-        identity += [codes.setdefault((frame[0], i), len(codes)) for i in ids]
+        identity += map(codes[frame[0]].__getitem__, ids)
         points.append(_points(frame, place + 1, len(ids), name))
-        count.append(len(ids))
-    rows, numbers = np.repeat(np.arange(len(frames)), count), np.array(identity, dtype=np.int64)
-    return _Positions(rows, numbers, np.concatenate(points), history(rows, numbers))
+    rows = np.repeat(np.arange(len(frames)), [len(each) for each in points])
+    numbers, xy = np.array(identity, dtype=np.int64), np.concatenate([np.zeros((0, 2)), *points])
+    if not np.isfinite(xy).all():
+        for frame, each in zip(frames, points, strict=True):
+            _points(frame, place + 1, len(each), name, finite=True)
+    return _Positions(rows, numbers, xy, history(rows, numbers))
 
 
 def _where(frame: Frame) -> str:
@@ -122,21 +125,22 @@ def _ids(frame: Frame, place: int, name: str) -> list[int | str]:
         ids = list(given.tolist() if isinstance(given, np.ndarray) else given)
     except TypeError:
         ids = [given]
-    odd = [i for i in ids if isinstance(i, bool) or not isinstance(i, int | str | np.integer)]
+    plain = {int, str}.issuperset(map(type, ids))
+    odd = [] if plain else [i for i in ids if isinstance(i, bool) or not isinstance(i, int | str | np.integer)]
     if odd:
         raise ShapeError(f"{name} ids of {_where(frame)} hold {odd[0]!r}, expected a list of integers or strings")
     return ids
 
 
-def _points(frame: Frame, place: int, count: int, name: str) -> Floats:
-    """Positions [M, 2] of a frame with ``count`` ids, m."""
+def _points(frame: Frame, place: int, count: int, name: str, finite: bool = False) -> Floats:
+    """Positions [M, 2] of a frame with ``count`` ids, m; ``finite``: they must be."""
     try:
         xy = np.asarray(frame[place], dtype=np.float64)
     except (TypeError, ValueError):
         xy = np.zeros(0)
     if xy.size == count == 0:
         return np.zeros((0, 2))
-    if xy.shape != (count, 2) or not np.isfinite(xy).all():
+    if xy.shape != (count, 2) or (finite and not np.isfinite(xy).all()):
         got = f"{name} xy of {_where(frame)} is {reprlib.repr(frame[place])}"
         raise ShapeError(f"{got}, expected finite metres of shape {(count, 2)}")
     return xy

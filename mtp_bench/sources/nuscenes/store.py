@@ -16,7 +16,7 @@ from ...errors import DataError
 from ...files import CACHE, cache_root, remove_damaged, whole_folder
 from ...types import Ints
 from ..cache import Arrays, read_arrays, write_arrays
-from .layout import PREDICTION, TABLES, table_paths
+from .layout import PREDICTION, table_paths
 from .objects import TrueBoxes, read_annotations
 from .tables import Keyframes, read_keyframes
 
@@ -86,8 +86,7 @@ def _path(prefix: str, sources: Mapping[str, Path]) -> Path:
             state = path.stat()
         except OSError as error:
             raise DataError(f"{path} cannot be read: {error.strerror or error}") from None
-        times = [state.st_mtime_ns, state.st_ctime_ns]
-        states.append([name, str(path.resolve()), state.st_size, state.st_ino, *times])
+        states.append([name, str(path.resolve()), state.st_size, state.st_ino, state.st_mtime_ns, state.st_ctime_ns])
     digest = hashlib.sha256(json.dumps([FORMAT, *states]).encode("utf-8", "surrogatepass")).hexdigest()[:16]
     return cache_root() / "nuscenes" / f"{prefix}-{digest}"
 
@@ -137,9 +136,8 @@ def open_tables(root: Path, version: str) -> TableStore:
 
 
 def _fill(sources: dict[str, Path], folder: Path) -> None:
-    paths = {name: sources[name] for name in TABLES}
-    keyframes = read_keyframes(paths)
-    boxes = read_annotations(paths, sources.get(PREDICTION), keyframes)
+    keyframes = read_keyframes(sources)
+    boxes = read_annotations(sources, sources.get(PREDICTION), keyframes)
     targets = []
     for index, name in enumerate(keyframes.scene):
         arrays = _scene_arrays(index, keyframes, boxes)

@@ -20,7 +20,6 @@ from .store import INDEX, CachedFolder, TableStore
 from .tables import LONGEST, Number, Quaternion, Vector, floats, require_rotations, upright_boxes
 
 MOST_TILTED = 0.05  # share of boxes: a detector may be wrong about some
-_UNKNOWN = np.nan, np.nan
 _CLASS_INDEX = {name: index for index, name in enumerate(CLASSES)}
 
 
@@ -88,7 +87,7 @@ def read_submission(path: Path, row: Mapping[str, int], kind: BoxKind = Detected
     sample = np.array([row[box.sample_token] for box in boxes], dtype=np.int64)
     rotation = floats([box.rotation for box in boxes], 4)
     _require_upright(path, boxes, rotation)
-    velocity = floats([_UNKNOWN if box.velocity is None else box.velocity for box in boxes], 2)
+    velocity = floats([box.velocity or (np.nan, np.nan) for box in boxes], 2)
     velocity[np.isnan(velocity).any(axis=1) | (velocity == 0).all(axis=1)] = np.nan
     order = np.argsort(sample, kind="stable")
     return SubmittedBoxes(
@@ -201,8 +200,7 @@ def _open(path: Path, tables: TableStore) -> DetectionStore:
 
 def _fill(path: Path, tables: TableStore, folder: Path) -> None:
     boxes = read_submission(path, tables.row_of_token)
-    covered = np.zeros(tables.start[-1], dtype=bool)
-    covered[boxes.covered] = True
+    covered = np.isin(np.arange(tables.start[-1]), boxes.covered)
     for name in tables.scenes:
         samples = tables.samples(name)
         if covered[samples].any():
