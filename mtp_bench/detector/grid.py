@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from ..types import Floats, Ints, Truth
 from .draws import Component, Draws, Keys, NoiseKind, NoiseSubject, decayed, extended_key, keys_of
@@ -31,6 +30,8 @@ class Neighbours:
         """
         if not len(place):
             return cls(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))
+        from scipy.spatial import KDTree
+
         separated = np.column_stack([place, 2.0 * length * moment])
         tree = KDTree(separated, balanced_tree=False, compact_nodes=False)
         one, two = tree.query_pairs(length, output_type="ndarray").reshape(-1, 2).T
