@@ -1,10 +1,17 @@
 """Status of the data of an env after reading all its scenes: broken files, skipped rows."""
 
+import hashlib
+import json
+import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 
+from .._version import __version__
 from ..cards import Card
+from ..errors import MtpBenchError
+from ..files import cache_root, make_folder, write_text
 from ..scoring.events import HOLES, LOST_TARGETS
 from ..scoring.targets import left_out
 from ..sources import DataStatus, describe, open_source
@@ -32,9 +39,18 @@ def skipped_line(skipped: Mapping[str, int]) -> str | None:
 
 
 def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
-    """Status of the data of ``card`` after reading all its scenes: broken files, counts, and a note on skipped rows."""
+    """Status of the data of ``card`` after reading all its scenes: broken files, counts, and a note on skipped rows.
+
+    Where all are sound, the counts are kept in the cache until a file has another size or time.
+    """
     status = describe(card, data)
-    if not status.usable or status.about.generated:
+    if not status.usable or status.about.generated or status.root is None:
+        return status
+    kept = cache_root() / "counts" / f"{card.digest}-{_state_of(status.root)}.json"
+    with suppress(OSError, ValueError, KeyError):
+        content = json.loads(kept.read_text(encoding="utf-8"))
+        status.counts.update(content["counts"])
+        status.notes += content["notes"]
         return status
     source, skipped = open_source(card, data), []
     for name in source.names:
@@ -43,6 +59,22 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
             skipped.append(scene.skipped | left_out(scene, card))
             rows = {"true boxes": len(scene.truth.box), "detections": len(scene.detections.box)}
             status.counts.update({"scenes": 1, "frames": scene.frames, **rows})
-    line = skipped_line(total_skipped(skipped))
-    status.notes += [] if line is None else [line]
+    notes = [*filter(None, [skipped_line(total_skipped(skipped))])]
+    status.notes += notes
+    if status.usable:
+        with suppress(MtpBenchError, OSError):
+            make_folder(kept.parent)
+            write_text(kept, json.dumps({"counts": status.counts, "notes": notes}))
     return status
+
+
+def _state_of(root: Path) -> str:
+    """Digest of names, sizes and times of the files below a folder, without images, and of the version that reads."""
+    state = hashlib.sha256(f"{__version__} {root.resolve()}".encode())
+    for folder, folders, names in os.walk(root, followlinks=True):
+        folders.sort()
+        for path in (Path(folder, name) for name in sorted(names) if not name.endswith((".jpg", ".png"))):
+            with suppress(OSError):  # a link to a missing file
+                found = path.stat()
+                state.update(f"{path} {found.st_size} {found.st_mtime_ns}\n".encode(errors="surrogateescape"))
+    return state.hexdigest()[:16]

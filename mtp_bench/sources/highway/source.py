@@ -46,7 +46,7 @@ class TrafficScenes:
 
     def missing(self, scenes: int | None = None) -> list[int]:
         """Seeds, of the first ones, whose worlds are not in the cache."""
-        return [seed for seed in self.seeds[:scenes] if self.store.read(seed) is None]
+        return [seed for seed in self.seeds[:scenes] if not self.store.path(seed).is_file()]
 
     def generate(self, scenes: int | None, workers: int) -> Work:
         """Simulate those of the first scenes that are not in the cache."""
