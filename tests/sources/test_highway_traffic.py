@@ -216,7 +216,7 @@ SCENARIOS: tuple[ScenarioName, ...] = ("intersection", "roundabout", "merge", "h
 def test_lane_coordinates_are_those_of_highway_env(scenario: ScenarioName) -> None:
     geometry = build_map(scenario, 5.0).geometry
     points = np.random.default_rng(0).uniform(-60.0, 60.0, (20, 2))
-    s, d = geometry.coordinates(points)
+    s, d = geometry.coordinates(points.T)
     for k, lane in enumerate(geometry.lanes):
         expected = np.array([lane.local_coordinates(point) for point in points])
         np.testing.assert_allclose(np.stack([s[k], d[k]], axis=1), expected, atol=1e-9)

@@ -66,13 +66,12 @@ class _Ego(Driver):
         gain = max(self.wanted, -speed / dt)
         self.s = min(self.s + speed * dt, float(self.way.s[-1]))
         self._place()
-        x, y = self.position.tolist()
-        return x, y, self.heading, speed + gain * dt, gain
+        return *self.position, self.heading, speed + gain * dt, gain
 
     def _place(self) -> None:
-        place, heading = self.way.at(np.array(self.s))
-        self.position, self.heading = place * [1.0, -1.0], -float(heading)
-        self.lane_number = int(self.way.lane[np.searchsorted(self.way.s, self.s, side="right") - 1])
+        x, y = (float(np.interp(self.s, self.way.s, column)) for column in self.way.xy.T)
+        self.position, self.heading = (x, -y), -float(np.interp(self.s, self.way.s, self.way.heading))
+        self.lane_number = int(self.way.lane[self.way.s.searchsorted(self.s, "right") - 1])
 
 
 class DrivenTraffic:
@@ -131,7 +130,8 @@ class DrivenTraffic:
         own = self._attempt.vehicles.index(self.ego)
         every = np.concatenate([vehicles, people, parked])
         reach = np.hypot(every[:, 4], every[:, 5]) / 2
-        near = np.flatnonzero(np.hypot(*(every[:, :2] - every[own, :2]).T) < reach + reach[own])
+        (x, y), (own_x, own_y) = every[:, :2].T, every[own, :2]
+        near = np.flatnonzero(np.hypot(x - own_x, y - own_y) < reach + reach[own])
         near = near[near != own]
         met = near[boxes_meet(every[near], every[np.full(len(near), own)])].tolist() if len(near) else []
         if met and self.collision is None:

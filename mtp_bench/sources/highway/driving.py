@@ -11,7 +11,7 @@ import numpy as np
 from ...types import Bools, Floats, Ints
 from .lanes import NO_LANE, LaneGeometry, RouteTable
 from .networks import RoadMap
-from .vehicles import Driver, places
+from .vehicles import Driver
 
 _DISCS = 7  # discs along a vehicle's axis that cover its box
 _DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS  # their centres, as shares of the length
@@ -29,52 +29,57 @@ _SLIP_RATE = 0.3  # rad/s, about 0.6 rad/s of steering
 
 
 class Fleet:
-    """Constants of N vehicles."""
+    """Constants of N vehicles, of M people on foot, and of the P discs that cover them."""
 
-    def __init__(self, vehicles: list[Driver], geometry: LaneGeometry) -> None:
-        self.vehicles = vehicles
+    def __init__(self, vehicles: list[Driver], people: int, geometry: LaneGeometry) -> None:
+        self.vehicles, self.people, n = vehicles, people, len(vehicles)
         self.numbers: Ints = np.array([v.number for v in vehicles], dtype=np.int64)
         traits = np.array([v.parameters for v in vehicles], dtype=np.float64).reshape(-1, 13)
         self.length, self.width, self.wheelbase = traits[:, :3].T.copy()  # [N]
         self.style = traits[:, 3:10]  # [N, 7] pace, top speed, time gap, least gap, acceleration, braking, politeness
         self.offset = traits[:, 10].copy()  # [N] m right of the middle of the lane, preferred
-        self.disc_places = (self.length[:, None] * _DISC_PLACES)[:, :, None]  # [N, discs, 1] m along the axis
-        self.disc_radius = np.repeat(np.hypot(self.width / 2, self.length / (2 * _DISCS)), _DISCS)
-        self.disc_owner = np.repeat(np.arange(len(vehicles)), _DISCS)
+        self.disc_places = self.length[:, None] * _DISC_PLACES  # [N, discs] m along the axis
+        self.center = np.arange(n) * _DISCS + _DISCS // 2  # [N] the disc in the middle
+        radius = np.repeat(np.hypot(self.width / 2, self.length / (2 * _DISCS)), _DISCS)
+        self.disc_radius = np.concatenate([radius, np.full(people, _PERSON_RADIUS)])  # [P]
+        self.disc_owner = np.concatenate([np.repeat(np.arange(n), _DISCS), n + np.arange(people)])  # [P] vehicle, person
         sizes = (self.length[:, None], self.width[:, None], self.wheelbase[:, None])
         outer, inner = swept_sides(*sizes, geometry.radius)
         right_turn = geometry.turn > 0
         self.left, self.right = np.where(right_turn, outer, inner), np.where(right_turn, inner, outer)  # [N, L] m
+        self.slip = np.arcsin(np.clip(sizes[2] / 2 * geometry.curvature, -0.9, 0.9))  # [N, L] rad, in the lanes
 
     def __len__(self) -> int:
         return len(self.vehicles)
 
 
 class RoadState(Fleet):
-    """N vehicles in the order of the road's list, and discs that cover vehicles and M people; highway-env's frame."""
+    """N vehicles in the order of the road's list, and the discs that cover vehicles and people; highway-env's frame."""
 
     def __init__(
         self, fleet: Fleet, road_map: RoadMap, routes: RouteTable, people: Floats, people_velocity: Floats
     ) -> None:
         """Read the state of the ``fleet`` and move the lane numbers of its vehicles on along their ``routes``.
 
-        ``people`` and ``people_velocity`` ``[M, 2]``: places and velocities of people on foot.
+        ``people`` and ``people_velocity`` ``[2, M]``: places and velocities of people on foot.
         """
         vars(self).update(vars(fleet))
-        vehicles, n, m = fleet.vehicles, len(fleet), len(people)
-        rows = [(v.heading, v.speed, *v.action.values(), v.route, v.lane_number) for v in vehicles]
-        columns = np.array(rows, dtype=np.float64).reshape(-1, 6).T.copy()
-        self.xy = places(vehicles)  # [N, 2]
-        self.heading, self.speed, self.steering, self.acceleration = columns[:4]  # [N], the last two of the last step
-        route, lane = columns[4:].astype(np.int64)
-        direction = np.stack([np.cos(self.heading), np.sin(self.heading)], axis=1)
-        discs = self.xy[:, None, :] + fleet.disc_places * direction[:, None, :]
-        points = np.concatenate([discs.reshape(-1, 2), people])
+        vehicles, center, length = fleet.vehicles, fleet.center, road_map.geometry.length
+        rows = [(*v.position, v.heading, v.speed, *v.action.values(), v.route, v.lane_number) for v in vehicles]
+        columns = np.array(rows, dtype=np.float64).reshape(-1, 8).T.copy()
+        self.xy = columns[:2]  # [2, N]
+        self.heading, self.speed, self.steering, self.acceleration = columns[2:6]  # [N], the last two of the last step
+        route, lane = columns[6:].astype(np.int64)
+        direction = np.array([np.cos(self.heading), np.sin(self.heading)])
+        discs = self.xy[:, :, None] + fleet.disc_places * direction[:, :, None]
+        points = np.concatenate([discs.reshape(2, -1), people], axis=1)
         self.along, self.across = road_map.geometry.coordinates(points)  # [L, P] lane coordinates of the discs
-        center, length = np.arange(n) * _DISCS + _DISCS // 2, road_map.geometry.length
         for _ in range(2):  # a lane may be shorter than a step
             after = routes.following[route, lane]
-            lane = np.where((self.along[lane, center] > length[lane]) & (after != NO_LANE), after, lane)
+            passed = (self.along[lane, center] > length[lane]) & (after != NO_LANE)
+            if not passed.any():
+                break
+            lane = np.where(passed, after, lane)
         for vehicle, number in zip(vehicles, lane.tolist(), strict=True):
             vehicle.lane_number = number
         self.route, self.lane = route, lane  # [N] lane that is driven in, or towards
@@ -82,9 +87,7 @@ class RoadState(Fleet):
         self.path = routes.path[route, lane]  # [N, K] lanes ahead, the present one first; `NO_LANE` without one
         self.path_start = routes.path_start[route, lane] - self.s[:, None]  # [N, K] m from the vehicle to their start
         self.progress = routes.start[route, lane] + self.s  # [N] m from the start of the route
-        self.velocity = np.concatenate([direction * self.speed[:, None], people_velocity])  # [N + M, 2]
-        self.disc_owner = np.concatenate([fleet.disc_owner, n + np.arange(m)])  # [P] index into ``velocity``
-        self.disc_radius = np.concatenate([fleet.disc_radius, np.full(m, _PERSON_RADIUS)])  # [P]
+        self.velocity = np.concatenate([direction * self.speed, people_velocity], axis=1)  # [2, N + M]
         self.finished: Bools = routes.last[route, lane] & (self.s > length[lane] - 1.0)  # [N] at the end of the route
 
 
@@ -98,52 +101,24 @@ class Leaders:
 
 def find_leaders(state: RoadState, geometry: LaneGeometry) -> Leaders:
     """Find the nearest disc of another vehicle or person in the strip that each vehicle is going to sweep."""
-    lanes = state.path
-    low, high = _swept_strip(state)
-    row, k, disc = _discs_in_lanes(state, geometry, lanes, low, high)
-    lane = lanes[row, k]
-    ahead = state.along[lane, disc] + state.path_start[row, k]
-    across, radius = state.across[lane, disc], state.disc_radius[disc]
-    blocks = (ahead > 0.0) & (across + radius > low[row, k]) & (across - radius < high[row, k])
-    blocks &= state.disc_owner[disc] != row
-    row, k, disc = row[blocks], k[blocks], disc[blocks]
-    gap = ahead[blocks] - radius[blocks]
-    least = np.full(len(state), np.inf)
-    np.minimum.at(least, row, gap)
-    nearest = np.flatnonzero(gap == least[row])
-    first = np.ones(len(nearest), dtype=np.bool_)  # of each vehicle
-    first[1:] = row[nearest[1:]] > row[nearest[:-1]]
-    nearest = nearest[first]
-    row, k, disc = row[nearest], k[nearest], disc[nearest]
-    lane = lanes[row, k]
-    tangent = geometry.heading(lane, state.along[lane, disc])
-    velocity = state.velocity[state.disc_owner[disc]]
-    speed = np.zeros(len(state))
-    speed[row] = velocity[:, 0] * np.cos(tangent) + velocity[:, 1] * np.sin(tangent)
-    return Leaders(least - state.length / 2, speed)
-
-
-def _discs_in_lanes(
-    state: RoadState, geometry: LaneGeometry, lanes: Ints, low: Floats, high: Floats
-) -> tuple[Ints, Ints, Ints]:
-    """Candidates for `find_leaders`: vehicle, index into its path ``lanes`` ``[N, K]``, disc that may be there.
-
-    ``low`` and ``high`` ``[N, K]``: the swept strip; per lane the widest one of all vehicles counts.
-    """
-    row, k = np.nonzero(lanes >= 0)
-    lane = lanes[row, k]
-    least, most = np.full(len(geometry), np.inf), np.full(len(geometry), -np.inf)
-    np.minimum.at(least, lane, low[row, k])
-    np.maximum.at(most, lane, high[row, k])
+    rows, (row, k) = np.arange(len(state)), np.nonzero(state.path >= 0)
+    if not len(rows):
+        return Leaders(np.zeros(0), np.zeros(0))
+    low, high = (side[row, k, None] for side in _swept_strip(state))
+    lane, radius = state.path[row, k], state.disc_radius
     inside = (state.along > -0.3) & (state.along < geometry.length[:, None] + 0.3)
-    radius = state.disc_radius
-    inside &= (state.across + radius > least[:, None]) & (state.across - radius < most[:, None])
-    disc, count = np.nonzero(inside)[1], inside.sum(axis=1)
-    begin = np.cumsum(count) - count
-    candidates = count[lane]
-    pair = np.repeat(np.arange(len(lane)), candidates)
-    shift = begin[lane] - (np.cumsum(candidates) - candidates)
-    return row[pair], k[pair], disc[np.arange(len(pair)) + shift[pair]]
+    ahead = np.where(inside, state.along, -np.inf)[lane] + state.path_start[row, k, None]  # [lanes of all paths, P]
+    blocks = (ahead > 0.0) & ((state.across + radius)[lane] > low) & ((state.across - radius)[lane] < high)
+    blocks &= state.disc_owner != row[:, None]
+    gap = np.where(blocks, ahead - radius, np.inf)
+    discs, gaps = np.zeros(state.path.shape, dtype=np.int64), np.full(state.path.shape, np.inf)
+    discs[row, k], gaps[row, k] = gap.argmin(axis=1), gap.min(axis=1)
+    k = gaps.argmin(axis=1)
+    disc, least, lane = discs[rows, k], gaps[rows, k], state.path[rows, k]
+    tangent = geometry.heading(lane, state.along[lane, disc])
+    velocity = state.velocity[:, state.disc_owner[disc]]
+    speed = velocity[0] * np.cos(tangent) + velocity[1] * np.sin(tangent)
+    return Leaders(least - state.length / 2, np.where(least < np.inf, speed, 0.0))
 
 
 def _swept_strip(state: RoadState) -> tuple[Floats, Floats]:
@@ -206,7 +181,7 @@ def steering_angles(state: RoadState, geometry: LaneGeometry, routes: RouteTable
     beyond = (ahead > geometry.length[state.lane]) & (after >= 0)
     lane = np.where(beyond, after, state.lane)
     s = np.where(beyond, ahead - geometry.length[state.lane], ahead)
-    slip = np.arcsin(np.clip(state.wheelbase / 2 * geometry.curvature[lane], -0.9, 0.9))
+    slip = state.slip[np.arange(len(state)), lane]
     rate = np.clip(-_LATERAL_RATE * (state.d - state.offset), -_LATERAL_SPEED, _LATERAL_SPEED)
     wanted = geometry.heading(lane, s) - slip + np.arcsin(np.clip(rate / np.maximum(v, 3.0), -0.35, 0.35))
     error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi

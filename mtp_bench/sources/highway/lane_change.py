@@ -34,7 +34,7 @@ class LaneChanges:
 
     def decide(self, state: RoadState, desired: Floats, step: int, dt: float) -> None:
         """Give a new lane number to vehicles that change lanes now; ``desired``: speeds ``[N]``."""
-        y = state.xy[:, 1] - state.d  # the middle of the present or target lane
+        y = state.xy[1] - state.d  # the middle of the present or target lane
         period = round(_PERIOD / dt)
         for i, vehicle in enumerate(state.vehicles):
             if (step + 3 * vehicle.number) % period:
@@ -75,7 +75,7 @@ class LaneChanges:
     def _gain(self, state: RoadState, i: int, desired: Floats, y: Floats, middle: float, must: bool) -> float | None:
         """Gain of a change to the lane at ``middle``, m/s2; None if it is not safe."""
         wide = (state.width + state.width[i]) / 2 + _BESIDE
-        in_target = (np.abs(state.xy[:, 1] - middle) < wide) | (np.abs(y - middle) < _BESIDE)
+        in_target = (np.abs(state.xy[1] - middle) < wide) | (np.abs(y - middle) < _BESIDE)
         in_present = np.abs(y - y[i]) < _BESIDE
         in_target[i] = in_present[i] = False
         front, rear = _neighbours(state, i, in_target)
@@ -103,8 +103,8 @@ class LaneChanges:
 
     def bounds(self, state: RoadState, desired: Floats) -> Floats:
         """Upper bounds ``[N]`` of the acceleration, for vehicles ahead and those that have to merge."""
-        y = state.xy[:, 1] - state.d
-        x = state.xy[:, 0]
+        y = state.xy[1] - state.d
+        x = state.xy[0]
         gap = x - x[:, None] - (state.length + state.length[:, None]) / 2
         free = free_acceleration(state.speed, desired, state.style)[:, None]
         follow = free - braking(state.speed[:, None], gap, state.speed, state.style[:, None, :])
@@ -122,7 +122,7 @@ class LaneChanges:
 
 def _neighbours(state: RoadState, i: int, among: Bools) -> tuple[tuple[int, float], tuple[int, float]]:
     """Nearest vehicles ahead and behind with their gaps; NO_LANE and inf without one."""
-    along = state.xy[:, 0] - state.xy[i, 0]
+    along = state.xy[0] - state.xy[0, i]
     gap = np.abs(along) - (state.length + state.length[i]) / 2
     nearest = []
     for side in (along >= 0, along < 0):

@@ -57,9 +57,9 @@ class LaneGeometry:
         return len(self.lanes)
 
     def coordinates(self, points: Floats) -> tuple[Floats, Floats]:
-        """Longitudinal and lateral coordinates ``[L, P]`` of points ``[P, 2]`` in every lane."""
-        along, across = np.empty((len(self), len(points))), np.empty((len(self), len(points)))
-        px, py = points.T.copy()
+        """Longitudinal and lateral coordinates ``[L, P]`` of points ``[2, P]`` in every lane."""
+        along, across = np.empty((2, len(self), points.shape[1]))
+        px, py = points
         if len(self._lines):
             x, y = px - self._start[:, :1], py - self._start[:, 1:]
             ux, uy = self._along[:, :1], self._along[:, 1:]

@@ -13,11 +13,13 @@ from .world import CLASSES, RATE, World
 
 _EGO_HEIGHT = 1.7  # m
 _PEOPLE_FROM, _PARKED_FROM = 1_000_000, 2_000_000  # numbers of people and parked cars follow those of drivers
+_NUMBERS = 10_000_000  # more than the largest number
 _BEST = 3  # candidates among which the ego is drawn
 _FAR, _NEAR = 0.6, 60.0  # least share of the longest way; m around the ego within which objects count
 _LARGEST_ANGLE = 3.141592  # rad, of six decimals
 _NO_EGO = (CLASSES.index("motorcycle"), CLASSES.index("pedestrian"))
 _COLUMNS = 12  # x y z yaw l w h, velocity x y, class, number, frame
+_MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0])  # of the first nine, from y down to y up
 
 
 class Recording:
@@ -25,8 +27,10 @@ class Recording:
 
     def __init__(self, parked: Floats) -> None:
         """``parked`` ``[K, 7]``: boxes of cars that never move."""
-        self._parked = parked
         self._rows: list[Floats] = []
+        self._parked: Floats = np.zeros((len(parked), _COLUMNS))  # of frame 0
+        self._parked[:, :7], self._parked[:, 9] = parked, CLASSES.index("car")
+        self._parked[:, 10] = _PARKED_FROM + np.arange(len(parked))
 
     @property
     def _frames(self) -> int:
@@ -45,7 +49,7 @@ class Recording:
 
     def identity(self, row: int) -> tuple[int, int]:
         """Class and number of a road user of the last frame, in the order vehicles, people, parked cars."""
-        kind, number = np.concatenate([self._rows[-1], self._parked_rows(1)])[row, 9:11].astype(np.int64).tolist()
+        kind, number = np.concatenate([self._rows[-1], self._parked])[row, 9:11].astype(np.int64).tolist()
         return kind, number
 
     def world(
@@ -69,11 +73,9 @@ class Recording:
         return seen_from(number, rows, len(chosen), RATE, lanes, renumbered=False)
 
     def _parked_rows(self, frames: int) -> Floats:
-        count = len(self._parked)
-        still, car = np.zeros((count, 2)), np.full(count, CLASSES.index("car"))
-        rows = np.column_stack([self._parked, still, car, _PARKED_FROM + np.arange(count)])
-        frame = np.repeat(np.arange(frames), count)
-        return np.column_stack([np.tile(rows, (frames, 1)), frame]).astype(np.float64)
+        rows = np.tile(self._parked, (frames, 1))
+        rows[:, 11] = np.repeat(np.arange(frames), len(self._parked))
+        return rows
 
     def _ego(self, rows: Floats, rng: np.random.Generator) -> int | None:
         """Number of a vehicle that is present in all frames, drives far and has many objects around it."""
@@ -92,10 +94,10 @@ class Recording:
 def right_handed(frames: Sequence[Floats]) -> Floats:
     """Rows ``[R, 12]`` of all frames (`_COLUMNS`), sorted by frame and number, from those of highway-env's frame."""
     rows = np.concatenate([np.empty((0, _COLUMNS)), *frames])
-    rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
-    rows[:, [1, 3, 8]] *= -1.0
-    rows[:, 3] = np.clip(wrap_angle(rows[:, 3]), -_LARGEST_ANGLE, _LARGEST_ANGLE)
-    rows[:, :9] = np.round(rows[:, :9], 6) + 0.0  # no negative zeros
+    rows = rows[np.argsort(rows[:, 11] * _NUMBERS + rows[:, 10], kind="stable")]
+    rows[:, :9] *= _MIRROR
+    rows[:, 3] = np.minimum(np.maximum(wrap_angle(rows[:, 3]), -_LARGEST_ANGLE), _LARGEST_ANGLE)
+    rows[:, :9] = rows[:, :9].round(6) + 0.0  # no negative zeros
     return rows
 
 
@@ -117,7 +119,7 @@ def course_velocity(vehicles: Sequence[Any]) -> Floats:
     motion = [(v.heading, v.speed, v.action["steering"]) for v in vehicles]
     heading, speed, steering = np.array(motion, dtype=np.float64).reshape(-1, 3).T
     course = heading + np.arctan(0.5 * np.tan(steering))
-    return np.asarray(np.stack([np.cos(course), np.sin(course)], axis=1) * speed[:, None])
+    return (np.array([np.cos(course), np.sin(course)]) * speed).T
 
 
 def _truth(rows: Floats, frames: int, renumbered: bool = True) -> Truth:

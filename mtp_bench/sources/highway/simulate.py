@@ -112,16 +112,17 @@ class _Drivers:
         self.vehicles: list[Driver] = []
         self.rules = RightOfWay(passages, road_map.first_in_first_out) if road_map.regulated else None
         self._changes = LaneChanges(road_map, routes) if road_map.overtaking else None
-        self._fleet = Fleet([], road_map.geometry)
+        self._fleet = Fleet([], 0, road_map.geometry)
 
     def step(self, step: int, obstacles: Floats) -> list[Driver]:
         """Move all drivers and people by 1 / `RATE` seconds; returns drivers at the end of their route.
 
         ``obstacles`` ``[N, 7]``: boxes that people on foot walk around.
         """
-        if self._fleet.vehicles != self.vehicles:
-            self._fleet = Fleet([*self.vehicles], self._map.geometry)
-        state = RoadState(self._fleet, self._map, self._routes, *self._crowd.xy())
+        people, velocity = (row.T for row in self._crowd.xy())
+        if self._fleet.vehicles != self.vehicles or self._fleet.people != people.shape[1]:
+            self._fleet = Fleet([*self.vehicles], people.shape[1], self._map.geometry)
+        state = RoadState(self._fleet, self._map, self._routes, people, velocity)
         acceleration = self._acceleration(state, step)
         angle = steering_angles(state, self._map.geometry, self._routes, 1.0 / RATE)
         move_vehicles(state.vehicles, state, angle, acceleration)

@@ -55,8 +55,10 @@ class VehicleTraits:
 class Driver:
     """A vehicle of the traffic; `move_vehicles` moves all of them at once."""
 
-    def __init__(self, position: Floats, heading: float, speed: float, traits: VehicleTraits, number: int) -> None:
-        self.position, self.heading, self.speed = position, heading, speed  # [2] m, rad, m/s
+    def __init__(
+        self, position: Sequence[float], heading: float, speed: float, traits: VehicleTraits, number: int
+    ) -> None:
+        self.position, self.heading, self.speed = position, heading, speed  # x and y in m, rad, m/s
         self.action = {"steering": 0.0, "acceleration": 0.0}  # of the last step
         self.traits, self.number = traits, number  # unique in a world
         self.route = self.lane_number = -1
@@ -77,13 +79,12 @@ def move_vehicles(vehicles: Sequence[Driver], state: Any, steering: Floats, gain
     dt, most = 1.0 / RATE, Vehicle.MAX_SPEED
     slip = np.arctan(1 / 2 * np.tan(steering))
     gain = np.where(speed > most, np.minimum(gain, most - speed), gain)
-    course = np.stack([np.cos(heading + slip), np.sin(heading + slip)], axis=1)
-    place = state.xy + speed[:, None] * course * dt
+    place = state.xy + speed * np.array([np.cos(heading + slip), np.sin(heading + slip)]) * dt
     heading = heading + speed * np.sin(slip) / (state.wheelbase / 2) * dt
     speed = speed + gain * dt
     for i, vehicle in enumerate(vehicles):
         if driven := vehicle.drive():
-            place[i], (heading[i], speed[i], gain[i]), steering[i] = driven[:2], driven[2:], 0.0
+            place[:, i], (heading[i], speed[i], gain[i]), steering[i] = driven[:2], driven[2:], 0.0
     states = (*_rounded(place, heading, speed), steering.tolist(), gain.tolist())
     for vehicle, *rounded, angle, acceleration in zip(vehicles, *states, strict=True):
         vehicle.position, vehicle.heading, vehicle.speed = rounded
@@ -92,26 +93,22 @@ def move_vehicles(vehicles: Sequence[Driver], state: Any, steering: Floats, gain
 
 def round_states(vehicles: Sequence[Driver]) -> None:
     """Round states to 1e-6, so that differences between processors in the last bits cannot grow."""
-    heading, speed = np.array([(v.heading, v.speed) for v in vehicles], dtype=np.float64).reshape(-1, 2).T
-    for vehicle, *state in zip(vehicles, *_rounded(places(vehicles), heading, speed), strict=True):
+    states = np.array([(*v.position, v.heading, v.speed) for v in vehicles], dtype=np.float64).reshape(-1, 4).T
+    for vehicle, *state in zip(vehicles, *_rounded(states[:2], *states[2:]), strict=True):
         vehicle.position, vehicle.heading, vehicle.speed = state
 
 
-def _rounded(place: Floats, heading: Floats, speed: Floats) -> tuple[Floats, list[float], list[float]]:
+def _rounded(place: Floats, heading: Floats, speed: Floats) -> tuple[list[list[float]], list[float], list[float]]:
+    """Rounded places ``[2, N]``, a pair each, headings and speeds."""
     heading = np.remainder(heading + np.pi, 2 * np.pi) - np.pi
     angles, speeds = ([round(value, 6) + 0.0 for value in column.tolist()] for column in (heading, speed))
-    return place.round(6) + 0.0, angles, speeds
-
-
-def places(vehicles: Sequence[Driver]) -> Floats:
-    """Places ``[N, 2]`` of vehicles."""
-    return np.concatenate([np.empty(0), *(v.position for v in vehicles)]).reshape(-1, 2)
+    return (place.T.round(6) + 0.0).tolist(), angles, speeds
 
 
 def vehicle_boxes(vehicles: Sequence[Driver]) -> Floats:
     """Boxes ``[N, 7]`` of vehicles in highway-env's frame (y down)."""
-    rows = [(v.size[2] / 2, v.heading, *v.size) for v in vehicles]
-    return np.concatenate([places(vehicles), np.array(rows, dtype=np.float64).reshape(-1, 5)], axis=1)
+    rows = [(*v.position, v.size[2] / 2, v.heading, *v.size) for v in vehicles]
+    return np.array(rows, dtype=np.float64).reshape(-1, 7)
 
 
 def draw_traits(fast: bool, rng: np.random.Generator) -> VehicleTraits:
@@ -204,8 +201,7 @@ class Entries:
         if speed is None:
             return False
         way = self._map.geometry.lanes[lane]
-        position = np.asarray(way.position(s, traits.offset), dtype=np.float64)
-        vehicle = Driver(position, float(way.heading_at(s)), speed, traits, self._made)
+        vehicle = Driver(way.position(s, traits.offset), float(way.heading_at(s)), speed, traits, self._made)
         vehicle.route, vehicle.lane_number = route, lane
         round_states([vehicle])
         self._vehicles.append(vehicle)
