@@ -10,7 +10,7 @@ The family is that of PDM-Closed (Dauner et al. 2023, "Parting with misconceptio
 planning"): proposals along a line, scored by a forecast.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
 
@@ -29,6 +29,7 @@ _UNLIKELY = 0.002  # weight of a sample below which it does not count
 _CELL = 1.0  # m, of the grid that finds the station next to a place, and of the table of speeds
 _ASIDE = 9.0  # m from the way, beyond which nothing is met
 _DISCS = 3  # that cover a box
+_DISC_PLACES = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS  # their centres, as shares of the length
 _SLOWER = 1.5  # m/s2, braking for lower limits ahead
 _STILL = 0.5  # m/s; slower objects keep their heading
 _HARMLESS, _HARMFUL = 0.15, 4.0  # weight of a contact of the standing ego; m/s from which the weight is 1
@@ -72,13 +73,14 @@ def _evened(seen: Obstacles) -> Obstacles:
     """The forecast at places about `_DENSE` s apart: some left out, or more put in between on straight lines."""
     if seen.dt <= _DENSE:
         every = min(int(_DENSE / seen.dt + 1e-6), seen.path.shape[2])
-        return replace(seen, path=seen.path[:, :, every - 1 :: every], dt=seen.dt * every)
+        return Obstacles(seen.box, seen.path[:, :, every - 1 :: every], seen.weight, seen.dt * every)
     parts = ceil(seen.dt / _DENSE - 1e-6)
     now = np.broadcast_to(seen.box[:, None, None, :2], (*seen.path.shape[:2], 1, 2))
     before = np.concatenate([now, seen.path[:, :, :-1]], axis=2)[:, :, :, None]
     share = np.arange(1, parts + 1)[:, None] / parts
     path = before + share * (seen.path[:, :, :, None] - before)
-    return replace(seen, path=path.reshape(*seen.path.shape[:2], parts * seen.path.shape[2], 2), dt=seen.dt / parts)
+    path = path.reshape(*seen.path.shape[:2], parts * seen.path.shape[2], 2)
+    return Obstacles(seen.box, path, seen.weight, seen.dt / parts)
 
 
 class Planner:
@@ -127,10 +129,9 @@ class Planner:
         stations[0], speeds[0] = s, speed
         gains = self._first * dt, self._then * dt
         for k, (place, pace) in enumerate(zip(stations[:-1], speeds[:-1], strict=True)):
-            cell = np.minimum((place / _CELL).astype(np.int64), len(self._tops) - 1)
-            top = np.maximum(self._tops[cell], pace - 2 * _SLOWER * dt)
-            faster = np.maximum(np.minimum(pace + gains[k * dt > PHASE - 1e-6], top), 0.0)
-            stations[k + 1], speeds[k + 1] = place + (pace + faster) * (dt / 2), faster
+            top = np.maximum(self._tops.take((place / _CELL).astype(np.int64), mode="clip"), pace - 2 * _SLOWER * dt)
+            faster = np.maximum(np.minimum(pace + gains[k * dt > PHASE - 1e-6], top), 0.0, out=speeds[k + 1])
+            np.add(place, (pace + faster) * (dt / 2), out=stations[k + 1])
         return stations.T, speeds.T
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
@@ -138,15 +139,16 @@ class Planner:
         even = _evened(seen)
         dt, path = even.dt, even.path
         stations, speeds = self.profiles(s, speed, dt, path.shape[2])
-        contacts = self._contacts(s, float(stations[:, -1].max()), even)
+        beside = self._beside(*seen.box.T[:2])
+        contacts = self._contacts(s, float(stations[:, -1].max()), even, self._follows(s, seen, *beside))
         share, owner = self._shares(stations, speeds, contacts, even)
         wish = (stations[:, -1] - s) / (dt * path.shape[2]) - self._effort
-        score = np.round(wish - self._weigh.caution * share.sum(axis=1), 9)  # ties do not hang on last bits
-        best, free = int(np.argmax(score)), int(np.argmax(np.round(wish, 9)))
-        if (self._leads(s, seen)[owner] & (share.min(axis=0) > _LIKELY)).any():
+        score = (wish - self._weigh.caution * share.sum(axis=1)).round(9)  # ties do not hang on last bits
+        best, free = int(score.argmax()), int(wish.round(9).argmax())
+        if (self._in_lane(s, seen, *beside)[owner] & (share.min(axis=0) > _LIKELY)).any():
             best = 0  # it brakes hardest
         kept = -1 if best == free or not share[free].any() else int(owner[share[free].argmax()])
-        risk = 1.0 - float(np.prod(1.0 - share[best]))
+        risk = 1.0 - float((1.0 - share[best]).prod())
         time = seen.dt * np.arange(seen.path.shape[2] + 1)
         shown = np.interp(time, dt * np.arange(path.shape[2] + 1), stations[best])
         return Decision(float(self._first[best]), risk, kept, shown)
@@ -158,75 +160,80 @@ class Planner:
         times = seen.dt * np.arange(1, stations.shape[1])
         here, before = stations[:, 1:], stations[:, :-1]
         nose = here + self._weigh.headway * speeds[:, 1:] * np.minimum(times / _OPENING, 1.0)
-        front = np.where(met.leads, nose[:, met.step], here[:, met.step])  # [C, M]
-        back = np.where(met.leads, before[:, met.step], here[:, met.step])  # a leader may be passed in one step
+        then = here[:, met.step]  # [C, M]
+        front = np.where(met.leads, nose[:, met.step], then)
+        back = np.where(met.leads, before[:, met.step], then)  # a leader may be passed in one step
         harm = np.minimum(_HARMLESS + (1 - _HARMLESS) * speeds[:, 1:] / _HARMFUL, 1.0)
         harm = np.exp(-times / self._weigh.patience) * harm
-        close = np.where(here[:, met.step] >= met.low, 1.0, _CLOSE)
+        close = np.where(then >= met.low, 1.0, _CLOSE)
         each = np.where((front >= met.low) & (back <= met.high), close * harm[:, met.step], 0.0)
-        group, start = np.unique(met.sample, return_index=True)
+        start = _starts(met.sample)
+        group = met.sample[start]
         chance = np.maximum.reduceat(each, start, axis=1) * seen.weight.ravel()[group]
-        owner, begin = np.unique(group // seen.weight.shape[1], return_index=True)
-        return np.minimum(np.add.reduceat(chance, begin, axis=1), 1.0), owner
+        owner = group // seen.weight.shape[1]
+        begin = _starts(owner)
+        return np.minimum(np.add.reduceat(chance, begin, axis=1), 1.0), owner[begin]
 
-    def _contacts(self, s: float, end: float, seen: Obstacles) -> _Contacts:
-        """Contacts that an ego between ``s`` and ``end`` m can have."""
+    def _contacts(self, s: float, end: float, seen: Obstacles, follows: Bools) -> _Contacts:
+        """Contacts that an ego between ``s`` and ``end`` m can have, but not with those [O] that follow it."""
         _, samples, steps, _ = seen.path.shape
         length, width = seen.box[:, 4], seen.box[:, 5]
-        follows = self._follows(s, seen)
-        station = self._station(seen.path.reshape(-1, 2))
+        x, y = seen.path.reshape(-1, 2).T
+        station = self._station(x, y)
         counts = (seen.weight > _UNLIKELY) & ~follows[:, None]
-        near = (station >= 0) & np.repeat(counts.ravel(), steps)
-        row = np.flatnonzero(near)
+        row = ((station >= 0) & counts.repeat(steps)).nonzero()[0]
         here = self._way.s[station[row]]
         row = row[(here > s - 2 * _ASIDE) & (here < end + 3 * _ASIDE)]
         owner, step = row // (samples * steps), row % steps
-        heading = self._headings(row, seen)
-        along = (np.arange(_DISCS) - (_DISCS - 1) / 2) / _DISCS * length[owner, None]  # [n, discs]
-        direction = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
-        disc = seen.path.reshape(-1, 2)[row, None] + along[..., None] * direction[:, None]
-        ahead, aside, tangent = self._beside(disc.reshape(-1, 2))
+        heading = self._headings(row, owner, step, seen)
+        along = _DISC_PLACES * length[owner, None]  # [n, discs]
+        disc_x = x[row, None] + along * np.cos(heading)[:, None]
+        disc_y = y[row, None] + along * np.sin(heading)[:, None]
+        ahead, aside, tangent = self._beside(disc_x.ravel(), disc_y.ravel())
         grown = self._weigh.margin + self._weigh.growth * seen.dt * (step + 1)
-        reach = np.repeat(np.hypot(width / 2, length / (2 * _DISCS))[owner] + grown, _DISCS)
-        meets = np.flatnonzero(aside < self._size[1] / 2 + reach)
+        reach = (np.hypot(width / 2, length / (2 * _DISCS))[owner] + grown).repeat(_DISCS)
+        meets = (aside < self._size[1] / 2 + reach).nonzero()[0]
         of = meets // _DISCS
         ahead, reach = ahead[meets], self._size[0] / 2 + reach[meets]
         leads = np.cos(heading[of] - tangent[meets]) > 0.5
         return _Contacts(ahead - reach, np.where(leads, ahead, ahead + reach), step[of], row[of] // steps, leads)
 
-    def _follows(self, s: float, seen: Obstacles) -> Bools:
-        """Mask [O] of objects behind the ego on its way."""
-        ahead, aside, tangent = self._beside(seen.box[:, :2])
+    def _follows(self, s: float, seen: Obstacles, ahead: Floats, aside: Floats, tangent: Floats) -> Bools:
+        """Mask [O] of objects behind the ego on its way, from what `_beside` says of them."""
         same_way = np.cos(seen.box[:, 3] - tangent) > 0.5
         return (ahead < s) & same_way & (aside < (self._size[1] + seen.box[:, 5]) / 2)
 
-    def _leads(self, s: float, seen: Obstacles) -> Bools:
+    def _in_lane(self, s: float, seen: Obstacles, ahead: Floats, aside: Floats, _: Floats) -> Bools:
         """Mask [O] of objects ahead of the ego in its lane."""
-        ahead, aside, _ = self._beside(seen.box[:, :2])
         return (ahead > s) & (aside < (self._size[1] + seen.box[:, 5]) / 2)
 
-    def _headings(self, row: Ints, seen: Obstacles) -> Floats:
+    def _headings(self, row: Ints, owner: Ints, step: Ints, seen: Obstacles) -> Floats:
         """Headings [n] of the forecast places in the rows [n] of the flat paths."""
-        samples, steps = seen.path.shape[1:3]
-        place, owner = seen.path.reshape(-1, 2), row // (samples * steps)
-        before = np.where((row % steps == 0)[:, None], seen.box[owner, :2], place[row - 1])
+        place = seen.path.reshape(-1, 2)
+        before = np.where((step == 0)[:, None], seen.box[owner, :2], place[row - 1])
         move = place[row] - before
         moves = np.hypot(move[:, 0], move[:, 1]) > _STILL * seen.dt
         return np.where(moves, np.arctan2(move[:, 1], move[:, 0]), seen.box[owner, 3])
 
-    def _station(self, place: Floats) -> Ints:
-        """Points of the way next to places [n, 2], -1 where it is far."""
-        corner, grid = self._grid
-        cell = np.floor((place - corner) / _CELL)
-        inside = np.asarray(((cell >= 0) & (cell < grid.shape)).all(axis=1))
-        column = np.where(inside[:, None], cell, 0).astype(np.int64)
-        return np.where(inside, grid[column[:, 0], column[:, 1]], -1)
+    def _station(self, x: Floats, y: Floats) -> Ints:
+        """Points of the way next to places [n], -1 where it is far, as in the outermost cells of the grid."""
+        (left, below), grid = self._grid
+        column = np.fmin(np.fmax((x - left) / _CELL, 0), len(grid) - 1).astype(np.int64)
+        row = np.fmin(np.fmax((y - below) / _CELL, 0), grid.shape[1] - 1).astype(np.int64)
+        return np.asarray(grid[column, row])
 
-    def _beside(self, place: Floats) -> tuple[Floats, Floats, Floats]:
-        """Stations, distances to the way and headings of the way for places [n, 2]; inf where it is far."""
-        station = self._station(place)
+    def _beside(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+        """Stations, distances to the way and headings of the way for places [n]; inf where it is far."""
+        station = self._station(x, y)
         tangent = self._way.heading[station]
-        away = place - self._way.xy[station]
+        away_x, away_y = x - self._way.xy[station, 0], y - self._way.xy[station, 1]
         cos, sin = np.cos(tangent), np.sin(tangent)
-        aside = np.where(station >= 0, np.abs(away[:, 1] * cos - away[:, 0] * sin), np.inf)
-        return self._way.s[station] + away[:, 0] * cos + away[:, 1] * sin, aside, tangent
+        aside = np.where(station >= 0, np.abs(away_y * cos - away_x * sin), np.inf)
+        return self._way.s[station] + away_x * cos + away_y * sin, aside, tangent
+
+
+def _starts(ascending: Ints) -> Ints:
+    """Index of the first of each run of equal numbers."""
+    first = np.ones(len(ascending), dtype=np.bool_)
+    np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
+    return first.nonzero()[0]

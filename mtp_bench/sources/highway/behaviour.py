@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...geometry import rotate
 from ...types import Bools, Floats, Ints
 from .driving import Leaders, RoadState, free_acceleration
 
@@ -48,7 +47,7 @@ class OrnsteinUhlenbeck:
     def step(self, numbers: Ints) -> Floats:
         """Values ``[K, n]`` of the processes ``numbers`` ``[n]`` after ``dt`` seconds; others do not change."""
         kinds, known = self._value.shape
-        missing = int(numbers.max(initial=-1)) + 1 - known
+        missing = max(numbers.tolist(), default=-1) + 1 - known
         if missing > 0:
             sizes = (missing + _DRAWN_AHEAD, len(numbers))
             draws = [[self._rng.standard_normal(n) for n in sizes] for _ in range(kinds)]
@@ -74,7 +73,7 @@ class _RandomPhases:
     def step(self, numbers: Ints) -> tuple[Bools, Floats]:
         """Masks ``[K, n]`` of ``numbers`` ``[n]`` in a phase of each kind, and the strength of their phases."""
         kinds, known = self._left.shape
-        missing = int(numbers.max(initial=-1)) + 1 - known
+        missing = max(numbers.tolist(), default=-1) + 1 - known
         if missing > 0:
             more = np.zeros((kinds, missing + _DRAWN_AHEAD))
             self._left, self._strength = (np.append(v, more, axis=1) for v in (self._left, self._strength))
@@ -154,11 +153,13 @@ class PedestrianBehaviour:
         self.turning = {group for group, u in zip(present, last, strict=True) if u > 1.0 - _BACK * self._dt}
 
     def walk(self, way: Floats, pace: Floats, numbers: Ints, groups: Ints, crossing: Bools) -> tuple[Floats, Floats]:
-        """Vectors to the goals ``[M, 2]``, turned a little, and present speeds ``[M]`` from the usual ``pace`` ``[M]``.
+        """Vectors to the goals ``[2, M]``, turned a little, and present speeds ``[M]`` from the usual ``pace`` ``[M]``.
 
         On a ``crossing`` ``[M]`` people walk straight on, and hesitate, but do not stop.
         """
         bearing, haste = self._varying.step(numbers)
         stops, slow = (np.array([g in chosen for g in groups.tolist()]) for chosen in (self._stops, self._hesitations))
-        speed = pace * np.where(slow & crossing, _SLOW, 1.0) * np.clip(1.0 + haste, 0.5, 1.3) * ~(stops & ~crossing)
-        return rotate(way, bearing * ~crossing), speed
+        haste = np.minimum(np.maximum(1.0 + haste, 0.5), 1.3)
+        speed = pace * np.where(slow & crossing, _SLOW, 1.0) * haste * ~(stops & ~crossing)
+        cos, sin = np.cos(bearing * ~crossing), np.sin(bearing * ~crossing)
+        return np.array([cos * way[0] - sin * way[1], sin * way[0] + cos * way[1]]), speed

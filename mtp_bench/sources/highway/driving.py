@@ -42,7 +42,9 @@ class Fleet:
         self.center = np.arange(n) * _DISCS + _DISCS // 2  # [N] the disc in the middle
         radius = np.repeat(np.hypot(self.width / 2, self.length / (2 * _DISCS)), _DISCS)
         self.disc_radius = np.concatenate([radius, np.full(people, _PERSON_RADIUS)])  # [P]
-        self.disc_owner = np.concatenate([np.repeat(np.arange(n), _DISCS), n + np.arange(people)])  # [P] vehicle, person
+        self.disc_owner = np.concatenate(
+            [np.repeat(np.arange(n), _DISCS), n + np.arange(people)]
+        )  # [P] vehicle, person
         sizes = (self.length[:, None], self.width[:, None], self.wheelbase[:, None])
         outer, inner = swept_sides(*sizes, geometry.radius)
         right_turn = geometry.turn > 0

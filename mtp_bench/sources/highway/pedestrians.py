@@ -41,11 +41,11 @@ class Person:
     waiting_point: Floats
     far_point: Floats  # where to step off the road
     departure: list[Floats]  # points of the way from there
-    place: Floats
+    place: list[float]
     ahead: list[Floats]  # next points of the way before the crossing, or after it
     stage: int
     passed: list[Floats]  # passed points of the way; empty for a person who cannot turn back
-    velocity: Floats = field(default_factory=lambda: np.zeros(2))
+    velocity: list[float] = field(default_factory=lambda: [0.0, 0.0])
     heading: float = 0.0
     waited: float = 0.0
 
@@ -78,12 +78,12 @@ class Crowd:
                 behaviour.start_standing(self._groups - 1)
 
     def xy(self) -> tuple[Floats, Floats]:
-        """Places and velocities ``[M, 2]`` in the frame of the road."""
+        """Places and velocities ``[2, M]`` in the frame of the road."""
         if self._xy is None:
             if self._known != self.people:
                 self._read()
-            turned = self._own @ self._turn
-            self._xy = self._start + turned[:, 0], turned[:, 1]
+            turned = self._own[:, :1] * self._turn[0] + self._own[:, 1:] * self._turn[1]
+            self._xy = self._start + turned[0], turned[1]
         return self._xy
 
     def _read(self) -> None:
@@ -91,14 +91,15 @@ class Crowd:
         people = self._known = [*self.people]
         rows = [(p.number, p.group, p.crossing) for p in people]
         self._number, self._group, crossing = np.array(rows, dtype=np.int64).reshape(-1, 3).T
-        self._start, self._turn = self._origin[crossing], self._axes[crossing]
+        self._start, self._turn = self._origin[crossing].T, self._axes[crossing].transpose(1, 2, 0).copy()
         self._pace = np.array([p.pace for p in people])
         self._size = np.array([(p.size[2] / 2, 0.0, *p.size) for p in people]).reshape(-1, 5)  # z yaw l w h
-        self._own = _points([v for p in people for v in (p.place, p.velocity)]).reshape(-1, 2, 2)
+        states = np.array([(*p.place, *p.velocity) for p in people], dtype=np.float64).reshape(-1, 2, 2)
+        self._own = states.transpose(1, 2, 0).copy()  # [place, velocity; along, across; M]
 
     def boxes(self) -> Floats:
         """Boxes ``[M, 7]`` in the frame of the road (y down)."""
-        box = np.concatenate([self.xy()[0], self._size], axis=1)
+        box = np.concatenate([self.xy()[0].T, self._size], axis=1)
         box[:, 3] = [p.heading for p in self.people]
         return box
 
@@ -129,7 +130,7 @@ class Crowd:
 
     def _walk(self, person: Person) -> CrossingPedestrian:
         patient = person.stage != CROSSING and person.waited <= person.patience
-        across, speed = float(person.place[0]), max(0.85 * person.pace, 0.5)
+        across, speed = person.place[0], max(0.85 * person.pace, 0.5)
         return CrossingPedestrian(person.crossing, across, person.direction, speed, patient)
 
     def _add_group(self, stage: int, share: float) -> None:
@@ -147,7 +148,7 @@ class Crowd:
         )  # fmt: skip
         pace, patience = float(rng.uniform(1.05, 1.55)), float(rng.uniform(*_PATIENCE))
         strolls = bool(rng.uniform() < _STROLL)
-        others = self.xy()[0]
+        others = self.xy()[0].T
         for k in range(size):
             points = way.stroll(k) if strolls else way.arrival(k) if stage == ARRIVING else way.departure(k)
             place, *ahead = walking.remaining_way(points, share)
@@ -174,14 +175,14 @@ class Crowd:
             number=self._made, group=self._groups, crossing=crossing, direction=way.direction,
             size=(round(sizes[0], 2), round(sizes[1], 2), round(sizes[2], 2)), pace=own_pace, patience=patience,
             waiting_point=way.waiting_point(k), far_point=way.far_point(k), departure=way.departure(k)[1:],
-            place=np.round(place, 6), ahead=ahead, stage=stage, passed=[],
-            velocity=np.round(own_pace * course, 6) + 0.0,
+            place=place.round(6).tolist(), ahead=ahead, stage=stage, passed=[],
+            velocity=((own_pace * course).round(6) + 0.0).tolist(),
             heading=round(float(np.arctan2(direction[1], direction[0])), 6),
         )  # fmt: skip
 
     def _advance(self, dt: float, free: Callable[[CrossingPedestrian], bool]) -> None:
         """Move all people on to the next stage; a group steps on the road together."""
-        slow = (np.hypot(self._own[:, 1, 0], self._own[:, 1, 1]) < 0.3).tolist()
+        slow = (np.hypot(*self._own[1]) < 0.3).tolist()
         at_kerb = set()  # those who wait, or are near enough to walk on without a stop
         for p, to_next, stands in zip(self.people, self._remaining().tolist(), slow, strict=True):
             turns = len(p.ahead) > 1 and to_next < _CORNER
@@ -209,8 +210,9 @@ class Crowd:
         if not self.people:
             return
         place, velocity = self.xy()
-        axes, origin = self._turn, self._start
-        goal = origin + np.einsum("ni,nij->nj", _points([p.goal for p in self.people]), axes)
+        along, across = self._turn  # axes [2, M] of the crossings
+        goals = _points([p.goal for p in self.people])
+        goal = self._start + (goals[0] * along + goals[1] * across)
         stage = np.array([p.stage for p in self.people])
         beside = stage != CROSSING
         way, pace = self._behaviour.walk(goal - place, self._pace, self._number, self._group, ~beside)
@@ -223,28 +225,29 @@ class Crowd:
         moved = walking.keep_off_road(walking.push_apart(place + dt * new), pavement, beside)
         moved = walking.keep_out_of_vehicles(place, moved, outlines)
         new = (moved - place) / dt
-        own = np.einsum("nij,nkj->nki", axes, np.stack([moved - origin, new], axis=1)).round(6) + 0.0
+        x, y = np.stack([moved - self._start, new], axis=1)
+        own = np.array([x * along[0] + y * along[1], x * across[0] + y * across[1]]).round(6) + 0.0
+        self._own = own.transpose(1, 0, 2)
         before = np.array([p.heading for p in self.people])
         heading = _turned_headings(before, new, goal - moved, stage == WAITING)
-        self._own = own
-        for p, (own_place, own_velocity), course in zip(self.people, own, heading.tolist(), strict=True):
+        for p, (own_place, own_velocity), course in zip(self.people, own.T.tolist(), heading.tolist(), strict=True):
             p.place, p.velocity, p.heading = own_place, own_velocity, course
 
     def _remaining(self) -> Floats:
         """Metres ``[M]`` to the next point of the way of each."""
-        way = _points([p.ahead[0] for p in self.people]) - self._own[:, 0]
-        return np.hypot(way[:, 0], way[:, 1])
+        way = _points([p.ahead[0] for p in self.people]) - self._own[0]
+        return np.asarray(np.hypot(way[0], way[1]))
 
 
 def _points(rows: list[Floats]) -> Floats:
-    """An array ``[n, 2]`` of points."""
-    return np.concatenate([np.empty(0), *rows]).reshape(-1, 2)
+    """An array ``[2, n]`` of points."""
+    return np.concatenate([np.empty(0), *rows]).reshape(-1, 2).T
 
 
 def _turned_headings(heading: Floats, velocity: Floats, to_goal: Floats, waiting: Bools) -> Floats:
     """Headings ``[M]`` after a step: people look where they walk, and at the road while they wait."""
-    walks = np.hypot(velocity[:, 0], velocity[:, 1]) > 0.3
-    course = np.where(walks[:, None], velocity, to_goal)
-    turn = (np.arctan2(course[:, 1], course[:, 0]) - heading + np.pi) % (2 * np.pi) - np.pi
+    walks = np.hypot(*velocity) > 0.3
+    x, y = np.where(walks, velocity, to_goal)
+    turn = (np.arctan2(y, x) - heading + np.pi) % (2 * np.pi) - np.pi
     turned = (heading + np.where(walks, 0.35, 0.1) * turn + np.pi) % (2 * np.pi) - np.pi
-    return np.where(walks | ~waiting, np.round(turned, 6) + 0.0, heading)
+    return np.where(walks | ~waiting, turned.round(6) + 0.0, heading)

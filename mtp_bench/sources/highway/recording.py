@@ -13,7 +13,6 @@ from .world import CLASSES, RATE, World
 
 _EGO_HEIGHT = 1.7  # m
 _PEOPLE_FROM, _PARKED_FROM = 1_000_000, 2_000_000  # numbers of people and parked cars follow those of drivers
-_NUMBERS = 10_000_000  # more than the largest number
 _BEST = 3  # candidates among which the ego is drawn
 _FAR, _NEAR = 0.6, 60.0  # least share of the longest way; m around the ego within which objects count
 _LARGEST_ANGLE = 3.141592  # rad, of six decimals
@@ -41,7 +40,7 @@ class Recording:
         n = len(vehicles)
         rows = np.empty((n + len(people), _COLUMNS))
         rows[:n, :7], rows[n:, :7] = vehicle_boxes, people
-        rows[:n, 7:9], rows[n:, 7:9] = course_velocity(vehicles), crowd.xy()[1]
+        rows[:n, 7:9], rows[n:, 7:9] = course_velocity(vehicles), crowd.xy()[1].T
         rows[:n, 9], rows[n:, 9] = [v.traits.class_id for v in vehicles], CLASSES.index("pedestrian")
         rows[:n, 10], rows[n:, 10] = [v.number for v in vehicles], [_PEOPLE_FROM + p.number for p in crowd.people]
         rows[:, 11] = len(self._rows)
@@ -94,7 +93,7 @@ class Recording:
 def right_handed(frames: Sequence[Floats]) -> Floats:
     """Rows ``[R, 12]`` of all frames (`_COLUMNS`), sorted by frame and number, from those of highway-env's frame."""
     rows = np.concatenate([np.empty((0, _COLUMNS)), *frames])
-    rows = rows[np.argsort(rows[:, 11] * _NUMBERS + rows[:, 10], kind="stable")]
+    rows = rows[np.lexsort((rows[:, 10], rows[:, 11]))]
     rows[:, :9] *= _MIRROR
     rows[:, 3] = np.minimum(np.maximum(wrap_angle(rows[:, 3]), -_LARGEST_ANGLE), _LARGEST_ANGLE)
     rows[:, :9] = rows[:, :9].round(6) + 0.0  # no negative zeros

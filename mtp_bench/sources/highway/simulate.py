@@ -119,7 +119,7 @@ class _Drivers:
 
         ``obstacles`` ``[N, 7]``: boxes that people on foot walk around.
         """
-        people, velocity = (row.T for row in self._crowd.xy())
+        people, velocity = self._crowd.xy()
         if self._fleet.vehicles != self.vehicles or self._fleet.people != people.shape[1]:
             self._fleet = Fleet([*self.vehicles], people.shape[1], self._map.geometry)
         state = RoadState(self._fleet, self._map, self._routes, people, velocity)

@@ -55,10 +55,8 @@ class VehicleTraits:
 class Driver:
     """A vehicle of the traffic; `move_vehicles` moves all of them at once."""
 
-    def __init__(
-        self, position: Sequence[float], heading: float, speed: float, traits: VehicleTraits, number: int
-    ) -> None:
-        self.position, self.heading, self.speed = position, heading, speed  # x and y in m, rad, m/s
+    def __init__(self, position: Any, heading: float, speed: float, traits: VehicleTraits, number: int) -> None:
+        self.position, self.heading, self.speed = position, heading, speed  # [2] m, rad, m/s
         self.action = {"steering": 0.0, "acceleration": 0.0}  # of the last step
         self.traits, self.number = traits, number  # unique in a world
         self.route = self.lane_number = -1
@@ -94,8 +92,8 @@ def move_vehicles(vehicles: Sequence[Driver], state: Any, steering: Floats, gain
 def round_states(vehicles: Sequence[Driver]) -> None:
     """Round states to 1e-6, so that differences between processors in the last bits cannot grow."""
     states = np.array([(*v.position, v.heading, v.speed) for v in vehicles], dtype=np.float64).reshape(-1, 4).T
-    for vehicle, *state in zip(vehicles, *_rounded(states[:2], *states[2:]), strict=True):
-        vehicle.position, vehicle.heading, vehicle.speed = state
+    for vehicle, place, *state in zip(vehicles, *_rounded(states[:2], *states[2:]), strict=True):
+        vehicle.position, (vehicle.heading, vehicle.speed) = np.array(place), state
 
 
 def _rounded(place: Floats, heading: Floats, speed: Floats) -> tuple[list[list[float]], list[float], list[float]]:

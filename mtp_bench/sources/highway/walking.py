@@ -111,108 +111,104 @@ def remaining_way(points: list[Floats], share: float) -> list[Floats]:
 
 
 def slow_at_kerb(place: Floats, velocity: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
-    """Velocities ``[M, 2]`` at which people ``on_sidewalk`` ``[M]`` can stop before the kerb."""
+    """Velocities ``[2, M]`` at which people ``on_sidewalk`` ``[M]`` can stop before the kerb."""
     outwards, room = _to_kerb(place, pavement)
     towards = _dot(velocity, outwards)
     excess = np.maximum(towards - np.sqrt(2.0 * _EASY_AT_KERB * np.maximum(room, 0.0)), 0.0) * on_sidewalk
-    return np.asarray(velocity - excess[:, None] * outwards)
+    return np.asarray(velocity - excess * outwards)
 
 
 def keep_off_road(place: Floats, pavement: Pavement, on_sidewalk: Bools) -> Floats:
-    """Places ``[M, 2]``; people ``on_sidewalk`` ``[M]`` are moved back to it."""
+    """Places ``[2, M]``; people ``on_sidewalk`` ``[M]`` are moved back to it."""
     outwards, room = _to_kerb(place, pavement)
-    back = np.maximum(-room, 0.0) * on_sidewalk
-    return place - back[:, None] * outwards
+    return place - np.maximum(-room, 0.0) * on_sidewalk * outwards
 
 
 def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
-    """Direction to the nearest kerb ``[M, 2]``, and the distance to it ``[M]``, negative on the road."""
+    """Direction to the nearest kerb ``[2, M]``, and the distance to it ``[M]``, negative on the road."""
     excess = np.maximum(pavement.corner - np.abs(place), 0.0)
-    distance = np.hypot(excess[:, 0], excess[:, 1])
-    outwards = -np.where(place < 0, -1.0, 1.0) * excess / np.maximum(distance, 1e-9)[:, None]
+    distance = np.hypot(*excess)
+    outwards = -np.where(place < 0, -1.0, 1.0) * excess / np.maximum(distance, 1e-9)
     return outwards, pavement.radius - _SIDEWALK_EDGE - distance
 
 
 def social_force(pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, group: Ints) -> Floats:
-    """Acceleration ``[M, 2]``, m/s2, of people on foot.
+    """Acceleration ``[2, M]``, m/s2, of people on foot.
 
-    ``pairs``: of their places, ``velocity`` ``[M, 2]`` m/s, ``to_goal`` ``[M, 2]`` vector to the goal, ``pace`` ``[M]``
+    ``pairs``: of their places, ``velocity`` ``[2, M]`` m/s, ``to_goal`` ``[2, M]`` vector to the goal, ``pace`` ``[M]``
     desired speed, ``group`` ``[M]`` number of the group.
     """
-    far = np.hypot(to_goal[:, 0], to_goal[:, 1])
-    wanted = to_goal / np.maximum(far, _TINY)[:, None] * np.minimum(pace, far / _SLOWING)[:, None]
+    far = np.hypot(*to_goal)
+    wanted = to_goal / np.maximum(far, _TINY) * np.minimum(pace, far / _SLOWING)
     between, gap, unit = pairs
-    ahead = wanted / np.maximum(np.hypot(wanted[:, 0], wanted[:, 1]), _TINY)[:, None]
-    facing = -_dot(ahead[:, None, :], unit)
+    ahead = wanted / np.maximum(np.hypot(*wanted), _TINY)
+    facing = -_dot(ahead, unit)
     friends: Bools = (group[:, None] == group) & (gap < np.inf)
     strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
     strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
-    push: Floats = (strength[..., None] * unit).sum(axis=1)
-    count = friends.sum(axis=1)
-    to_middle = -(between * friends[..., None]).sum(axis=1) / np.maximum(count, 1)[:, None]  # of the group
-    away = np.hypot(to_middle[:, 0], to_middle[:, 1]) > _TOGETHER
-    pull = to_middle * np.where(away, _PULL, 0.0)[:, None]
+    push: Floats = (strength * unit).sum(axis=1)
+    to_middle = -(between * friends).sum(axis=1) / np.maximum(friends.sum(axis=0), 1)  # of the group
+    pull = to_middle * np.where(np.hypot(*to_middle) > _TOGETHER, _PULL, 0.0)
     force: Floats = (wanted - velocity) / _RELAX + push + pull
     return limit_length(force, _STRONGEST)
 
 
-def pairs_of(place: Floats, least: float = _TINY) -> Pairs:
-    """Vectors from every person to every other ``[M, M, 2]``, their lengths (inf to oneself), and unit vectors."""
-    between = place[:, None] - place
-    gap = np.hypot(between[..., 0], between[..., 1])
-    unit = between / np.maximum(gap, least)[..., None]  # 0 to oneself
+def pairs_of(place: Floats) -> Pairs:
+    """Vectors ``[2, M, M]`` from the others to each person (last axis), lengths (inf to oneself), and unit vectors."""
+    between = place[:, None, :] - place[:, :, None]
+    gap = np.hypot(*between)
+    unit = between / np.maximum(gap, _TINY)  # 0 to oneself
     gap.reshape(-1)[:: len(gap) + 1] = np.inf
     return between, gap, unit
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
+    return np.asarray(a[0] * b[0] + a[1] * b[1])
 
 
 def limit_length(vector: Floats, most: Floats | float) -> Floats:
-    """Vectors ``[M, 2]`` shortened to at most ``most``."""
-    length = np.hypot(vector[:, 0], vector[:, 1])
-    return vector * np.minimum(1.0, most / np.maximum(length, _TINY))[:, None]
+    """Vectors ``[2, M]`` shortened to at most ``most``."""
+    return np.asarray(vector * np.minimum(1.0, most / np.maximum(np.hypot(*vector), _TINY)))
 
 
 def slow_before_others(place: Floats, pairs: Pairs, velocity: Floats, vehicles: "Outlines", dt: float) -> Floats:
-    """Velocities ``[M, 2]`` at which people can stop before each other and ``vehicles``; ``pairs``: of ``place``."""
+    """Velocities ``[2, M]`` at which people can stop before each other and ``vehicles``; ``pairs``: of ``place``."""
     _, gap, unit = pairs
-    own = -_dot(velocity[:, None, :], unit)  # approaching speed
+    own = -_dot(velocity, unit)  # approaching speed
     allowed = np.sqrt(2.0 * _EASY * np.maximum(gap - APART, 0.0))
     excess = np.maximum(own + own.T - allowed, 0.0)
     closing = np.maximum(own, 0.0)
     excess *= closing / np.maximum(closing + closing.T, _TINY)
-    worst = np.argmax(excess, axis=1)
-    rows = np.arange(len(place))
-    velocity = velocity + excess[rows, worst, None] * unit[rows, worst]
+    worst, people = excess.argmax(axis=0), np.arange(len(gap))
+    velocity = velocity + excess[worst, people] * unit[:, worst, people]
     before = vehicles.before
     coming = (before - vehicles.clearance(place + dt * velocity)) / dt
     allowed = np.sqrt(2.0 * _EASY * np.maximum(before - _ROOM, 0.0))
     share = np.where(coming > allowed, allowed / np.maximum(coming, _TINY), 1.0).min(axis=1, initial=1.0)
-    return np.asarray(velocity * share[:, None])
+    return np.asarray(velocity * share)
 
 
 def push_apart(place: Floats) -> Floats:
-    """Places ``[M, 2]`` after people closer than `APART` are moved apart."""
+    """Places ``[2, M]`` after people closer than `APART` are moved apart."""
     for _ in range(3):
-        _, gap, unit = pairs_of(place, 1e-6)
+        between = place[:, None, :] - place[:, :, None]
+        gap = np.hypot(*between)
         short = np.maximum(APART + 1e-3 - gap, 0.0)
+        short.reshape(-1)[:: len(gap) + 1] = 0.0  # to oneself
         if not short.any():
             break
-        place = place + 0.5 * (short[..., None] * unit).sum(axis=1)
+        place = place + 0.5 * (short * (between / np.maximum(gap, 1e-6))).sum(axis=1)
     return place
 
 
 def keep_out_of_vehicles(place: Floats, moved: Floats, vehicles: "Outlines") -> Floats:
-    """``moved`` ``[M, 2]``; people in front of a vehicle stay at ``place``."""
+    """``moved`` ``[2, M]``; people in front of a vehicle stay at ``place``."""
     after = vehicles.clearance(moved)
-    blocked = np.any((after < _FROM_BOX) & (after < vehicles.before), axis=1)
-    return np.where(blocked.reshape(-1, 1), place, moved)
+    return np.where(np.any((after < _FROM_BOX) & (after < vehicles.before), axis=1), place, moved)
 
 
 class Outlines:
-    """Outlines of boxes ``[N, 7]``, and their clearance ``[M, N]`` ``before`` people at ``place`` ``[M, 2]`` move."""
+    """Outlines of boxes ``[N, 7]``, and their clearance ``[M, N]`` ``before`` people at ``place`` ``[2, M]`` move."""
 
     def __init__(self, box: Floats, place: Floats) -> None:
         self._x, self._y, self._half_length, self._half_width = box[:, 0], box[:, 1], box[:, 4] / 2, box[:, 5] / 2
@@ -220,8 +216,8 @@ class Outlines:
         self.before = self.clearance(place)
 
     def clearance(self, points: Floats) -> Floats:
-        """Distance ``[M, N]`` of points ``[M, 2]`` to the outlines along the axes of the boxes; negative inside."""
-        dx, dy = points[:, :1] - self._x, points[:, 1:] - self._y
+        """Distance ``[M, N]`` of points ``[2, M]`` to the outlines along the axes of the boxes; negative inside."""
+        dx, dy = points[0, :, None] - self._x, points[1, :, None] - self._y
         along = np.abs(self._cos * dx + self._sin * dy) - self._half_length
         across = np.abs(self._cos * dy - self._sin * dx) - self._half_width
         return np.maximum(along, across)
