@@ -78,18 +78,27 @@ class Draws:
         """A generator for noise that belongs to the scene as a whole."""
         return np.random.default_rng([self.seed, _VERSION, int(self.subject), self.number, int(kind)])
 
-    def uniform(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
-        """Uniform numbers in (0, 1), one for each key of `keys_of`."""
-        bits = _mixed(keys + _offset(self._key, 64 * int(kind) + component + 1))
+    def uniforms(self, parts: tuple[int, ...], keys: Keys) -> Floats:
+        """Uniform numbers in (0, 1) ``[m, ...]`` for each key of `keys_of`, of m `parts`."""
+        bits = _mixed(_offsets(self._key, parts).reshape(-1, *[1] * keys.ndim) + keys)
         bits >>= _LOW_BITS
         number = bits.astype(np.float64)
         number += 0.5
         number *= 2.0**-53
         return number
 
+    def uniform(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
+        """Uniform numbers in (0, 1), one for each key of `keys_of`."""
+        return np.asarray(self.uniforms(parts(component, kind), keys)[0])
+
     def normal(self, kind: NoiseKind, component: int, keys: Keys) -> Floats:
         """Standard normal numbers, one for each key of `keys_of`."""
         return np.asarray(ndtri(self.uniform(kind, component, keys)))
+
+
+def parts(component: int, *kinds: NoiseKind) -> tuple[int, ...]:
+    """Numbers of a component of several kinds of noise, which can be drawn at once."""
+    return tuple([64 * int(kind) + int(component) + 1 for kind in kinds])
 
 
 @lru_cache(maxsize=64)
@@ -98,8 +107,8 @@ def _seeded(*words: int) -> int:
 
 
 @lru_cache(maxsize=4096)
-def _offset(key: int, number: int) -> Keys:
-    return _mixed(np.array([(key + number * int(_GOLDEN)) % 2**64], dtype=np.uint64))
+def _offsets(key: int, parts: tuple[int, ...]) -> Keys:
+    return _mixed(np.array([(key + part * int(_GOLDEN)) % 2**64 for part in parts], dtype=np.uint64))
 
 
 def keys_of(*index: Ints | Keys) -> Keys:

@@ -2,19 +2,24 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from operator import attrgetter
 
 import numpy as np
-from scipy.special import chdtri, ndtr
+from scipy.special import chdtri, ndtr, ndtri
 
 from ..geometry import rotate, wrap_angle
 from ..types import Bools, Floats, Ints
-from .draws import Component, Draws, NoiseKind, at_period, keys_of, stationary
-from .grid import Grid, Neighbours
+from .draws import Component, Draws, Keys, NoiseKind, at_period, keys_of, parts, stationary
+from .grid import Grid, Neighbours, Shares, shares_of
+from .profile import ClassNoise
 
 FARTHEST = 2.0  # m: a larger position error would turn it into another object's detection
 ROBUST_T4 = 1.4826 * 0.7406970841  # robust standard deviation of Student's t with 4 degrees of freedom
 _SMALLEST = 0.2, 0.3  # m and share of the true size: the larger one is the least estimated side
+_KINDS = NoiseKind.RADIAL, NoiseKind.TANGENTIAL, NoiseKind.TAIL
+_NEW = *_KINDS, NoiseKind.Z, NoiseKind.HEADING
+_OF_ROWS = *parts(Component.WHITE, *_NEW), *parts(Component.PUSH, _NEW[-1]), *parts(Component.OTHER, _NEW[-1])
+_SCALES = "radial.s0 radial.s1 radial.quality tangential.s0 tangential.s1 tangential.quality"
+_AXES = np.arange(3)
 _LATENT = np.linspace(-5.0, 5.0, 1001)  # tails beyond are as heavy as at the ends
 
 
@@ -35,17 +40,25 @@ def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: I
     """Draw the errors of all rows of a grid, or of some ``rows``; ``neighbours``, if any, share the lasting ones."""
     if rows is not None and grid.memory is None and neighbours is None:
         grid, rows = grid.select(rows), None
-    axes = (("radial", NoiseKind.RADIAL), ("tangential", NoiseKind.TANGENTIAL))
-    latent = np.stack([grid.latent(attrgetter(axis), neighbours, draws, kind) for axis, kind in axes], axis=-1)
-    tail, flipped = _tail_factors(grid, draws), _flips(grid, draws)
+    lasting, flipped = grid.lasting(_memories, neighbours, draws, _KINDS), _flips(grid, draws)
     if rows is not None:
-        grid, latent, tail, flipped = grid.select(rows), latent[rows], tail[rows], flipped[rows]
-    scales = [grid.of_rows(attrgetter(f"{axis}.s0", f"{axis}.s1", f"{axis}.quality")) for axis, _ in axes]
-    mean, deviation, heading = grid.of_rows(lambda n: (*n.z, n.heading.scale)).T
-    z = mean + deviation * draws.normal(NoiseKind.Z, Component.WHITE, grid.row_keys)
-    turn = heading / ROBUST_T4 * _student_t4(grid, draws) + np.pi * flipped
-    sizes, velocity = _size_errors(grid, draws), _velocity_errors(grid, draws)
-    return BoxErrors(latent, tail, np.stack(scales, axis=1), z, turn, sizes, velocity)
+        grid, lasting, flipped = grid.select(rows), lasting[:, rows], flipped[rows]
+    number = draws.uniforms(_OF_ROWS, grid.row_keys)
+    new, push = ndtri(number[: len(_NEW)]), number[len(_NEW) :]
+    radial, tangential, tail = grid.with_new(lasting, new[:3], _memories)
+    scale, (mean, deviation) = grid.of_rows(_SCALES), grid.of_rows("z").T
+    turn = grid.of_rows("heading.scale") / ROBUST_T4 * _student_t4(new[4], push) + np.pi * flipped
+    axes = of_axes(grid.row_keys)
+    latent, z = np.stack([radial, tangential], axis=-1), mean + deviation * new[3]
+    size, velocity = _size_errors(grid, draws, axes), _velocity_errors(grid, draws, axes[:, :2])
+    return BoxErrors(latent, _tail_factors(grid, tail), scale.reshape(-1, 2, 3), z, turn, size, velocity)
+
+
+def _memories(noise: ClassNoise) -> tuple[Shares, ...]:
+    """Those of the position errors, and that of their tails, which are as the radial error or new in every frame."""
+    radial = shares_of(noise.radial)
+    tail = radial[0], radial[1], 0.0, float(noise.radial.bias + noise.radial.ar <= 0)
+    return radial, shares_of(noise.tangential), tail
 
 
 def detected_boxes(
@@ -56,31 +69,24 @@ def detected_boxes(
     ``direction`` ``[R]`` rad points from the sensor to them; ``quality`` ``[R]`` is the random part of their quality.
     Velocities are NaN where the class has none or the true one is unknown.
     """
-    s0, s1, gain = np.moveaxis(errors.scale, -1, 0)
+    s0, s1, gain = errors.scale[..., 0], errors.scale[..., 1], errors.scale[..., 2]
     scale = (s0 + s1 * distance[:, None] / 10) * np.exp(-gain * quality[:, None])
     offset = np.clip(scale * errors.tail[:, None] * errors.latent, -FARTHEST, FARTHEST)
     found, size = np.array(box, dtype=np.float64), box[:, 4:]
-    found[:, :2] += rotate(offset, direction)
+    offset, turned = rotate(np.stack([offset, errors.velocity]), direction)
+    found[:, :2] += offset
     found[:, 2] += errors.z
     found[:, 3] = wrap_angle(found[:, 3] + errors.turn)
     least = np.minimum(size, np.maximum(_SMALLEST[0], _SMALLEST[1] * size))
     found[:, 4:] = np.maximum(size + errors.size, least)
-    if np.isnan(errors.velocity).all():
-        return found, np.full(velocity.shape, np.nan)
-    return found, velocity + rotate(errors.velocity, direction)
+    return found, velocity + turned
 
 
-def _tail_factors(grid: Grid, draws: Draws) -> Floats:
-    """Factors ``[R]`` that turn normal numbers into Student's t; they last as the radial error does."""
-    bias, ar, phi, nu = grid.of_objects(lambda n: (n.radial.bias, n.radial.ar, n.radial.phi, n.nu)).T
-    lasts = bias + ar > 0  # otherwise they are new in every frame
-    latent = grid.lasting(bias / np.maximum(bias + ar, 1e-12), phi, draws, NoiseKind.TAIL)
-    if not lasts.all():
-        latent = np.where(lasts[grid.column], latent, draws.normal(NoiseKind.TAIL, Component.WHITE, grid.row_keys))
-    factor = np.ones(len(latent))
-    row_nu = nu[grid.column]
-    for freedom in np.unique(nu):
-        rows = row_nu == freedom
+def _tail_factors(grid: Grid, latent: Floats) -> Floats:
+    """Factors ``[R]`` that turn normal numbers into Student's t, from normal numbers ``[R]``."""
+    factor, row_nu = np.ones(len(latent)), grid.of_rows("nu")
+    for freedom in {noise.nu for noise in grid.noise}:
+        rows = np.flatnonzero(row_nu == freedom)
         factor[rows] = np.interp(latent[rows], _LATENT, _mixing_quantiles(float(freedom)))
     return factor
 
@@ -91,49 +97,52 @@ def _mixing_quantiles(nu: float) -> Floats:
     return np.asarray(np.sqrt(nu / chdtri(nu, ndtr(_LATENT))))
 
 
-def _velocity_errors(grid: Grid, draws: Draws) -> Floats:
-    """Errors of velocities ``[R, 2]`` m/s; NaN where the class has none."""
-    deviation = grid.of_rows(lambda noise: np.nan if noise.velocity is None else noise.velocity)
+def _velocity_errors(grid: Grid, draws: Draws, keys: Keys) -> Floats:
+    """Errors of velocities ``[R, 2]`` m/s by keys ``[R, 2]``; NaN where the class has none."""
+    deviation = grid.of_rows("velocity")
     if np.isnan(deviation).all():
         return np.full((len(deviation), 2), np.nan)
-    error = draws.normal(NoiseKind.VELOCITY, Component.WHITE, keys_of(grid.row_keys[:, None], np.arange(2)))
+    error = draws.normal(NoiseKind.VELOCITY, Component.WHITE, keys)
     return np.asarray(deviation[:, None] * error)
 
 
 def _flips(grid: Grid, draws: Draws) -> Bools:
     """Mask of headings that are turned by pi ``[R]``: two-state Markov chains."""
-    flip, flip_again = grid.of_objects(lambda noise: (noise.heading.flip, noise.heading.flip_again)).T
+    flip, flip_again = grid.of_noise("heading.flip heading.flip_again").T
     after_no, after_yes = at_period(flip, flip_again, grid.steps)
-    if not after_no.any():
+    if not (len(grid.ids) and after_no.any()):
         return np.zeros(len(grid.column), dtype=bool)
-    first, uniform = stationary(after_no, after_yes), draws.uniform(NoiseKind.FLIP, Component.PUSH, grid.cell_keys)
+    first, after_no, after_yes = np.stack([stationary(after_no, after_yes), after_no, after_yes])[:, grid.noise_number]
+    uniform = draws.uniform(NoiseKind.FLIP, Component.PUSH, grid.cell_keys)
     if grid.memory is not None:
-        before = grid.memory.before(draws.subject, NoiseKind.FLIP, len(grid.ids)) > 0
+        name = draws.subject, NoiseKind.FLIP
+        before = grid.memory.before(name, uniform.shape) > 0
         state = uniform < np.where(grid.span[0] == grid.memory.frame, first, np.where(before, after_yes, after_no))
-        grid.memory.series[draws.subject, NoiseKind.FLIP] = state.astype(np.float64)
-        return state[grid.column]
+        grid.memory.series[name] = state.astype(np.float64)
+        return np.asarray(state[grid.column])
     uniform, begins = grid.on_grid(uniform, other=1.0), np.arange(grid.frames)[:, None] == grid.span[0] % grid.frames
-    states = np.zeros((grid.frames, len(grid.ids)), dtype=bool)
-    previous = states[0]
-    for t in range(grid.frames):
-        chance = np.where(begins[t], first, np.where(previous, after_yes, after_no))
-        previous = states[t] = uniform[t] < chance
-    return states[grid.frame, grid.column]
+    if_no, if_yes = (np.where(begins, uniform < first, uniform < chance) for chance in (after_no, after_yes))
+    states = if_no
+    for t in range(1, grid.frames):
+        states[t] = np.where(states[t - 1], if_yes[t], if_no[t])
+    return np.asarray(states[grid.frame, grid.column])
 
 
-def _student_t4(grid: Grid, draws: Draws) -> Floats:
-    """Student's t with 4 degrees of freedom ``[R]``: a normal number over the root of a chi-squared one."""
-    first, second = (
-        draws.uniform(NoiseKind.HEADING, component, grid.row_keys) for component in (Component.PUSH, Component.OTHER)
+def _student_t4(normal: Floats, uniform: Floats) -> Floats:
+    """Student's t with 4 degrees of freedom ``[R]``: normal numbers over roots of chi-squared ones, of ``[2, R]``."""
+    return np.asarray(normal / np.sqrt(-0.5 * np.log(uniform[0] * uniform[1])))
+
+
+def _size_errors(grid: Grid, draws: Draws, keys: Keys) -> Floats:
+    """Errors of length, width, height ``[R, 3]`` m by keys ``[R, 3]``."""
+    bias = grid.constant(draws, "size", lambda own: draws.normal(NoiseKind.SIZE, Component.BIAS, of_axes(own)).T)
+    white = draws.normal(NoiseKind.SIZE, Component.WHITE, keys)
+    share = grid.of_rows("size.white")[:, None]
+    return grid.of_rows("size.mean") + grid.of_rows("size.deviation") * (
+        np.sqrt(1 - share) * bias.T[grid.column] + np.sqrt(share) * white
     )
-    square = -0.5 * np.log(first * second)
-    return np.asarray(draws.normal(NoiseKind.HEADING, Component.WHITE, grid.row_keys) / np.sqrt(square))
 
 
-def _size_errors(grid: Grid, draws: Draws) -> Floats:
-    """Errors of length, width, height ``[R, 3]`` m."""
-    bias = draws.normal(NoiseKind.SIZE, Component.BIAS, keys_of(grid.object_keys[:, None], np.arange(3)))
-    white = draws.normal(NoiseKind.SIZE, Component.WHITE, keys_of(grid.row_keys[:, None], np.arange(3)))
-    share = grid.of_rows(lambda noise: noise.size.white)[:, None]
-    latent = np.sqrt(1 - share) * bias[grid.column] + np.sqrt(share) * white
-    return grid.of_rows(lambda noise: noise.size.mean) + grid.of_rows(lambda noise: noise.size.deviation) * latent
+def of_axes(keys: Keys) -> Keys:
+    """Keys ``[n, 3]`` of length, width and height."""
+    return keys_of(keys[:, None], _AXES)

@@ -1,14 +1,14 @@
 """Common parts of both kinds of false positives: places, classes, sizes and their detections."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..types import Detections, Floats, Ints, Truth, joined, select, starts_of
 from .errors import BoxErrors, detected_boxes
 from .grid import Memory
-from .profile import FreeFalsePositives
+from .profile import ClassNoise
 from .visibility import Sensor, polar
 
 _SPREAD = 0.1  # deviation of each side, share of its mean
@@ -49,23 +49,40 @@ def sorted_detections(parts: Sequence[DetectedRows], frames: int) -> Detections:
     return Detections(start, rows.box[order], rows.velocity[order], rows.class_id[order], rows.score[order])
 
 
-def detect_false_positives(errors: BoxErrors, visible: DetectedRows, scene: SensedScene) -> DetectedRows:
-    """Detections of the false positives ``visible`` that the sensor covers, with the ``errors`` of poor quality."""
+def detect_false_positives(parts: Sequence[tuple[BoxErrors, DetectedRows]], scene: SensedScene) -> DetectedRows:
+    """Detections of the visible false positives that the sensor covers, with their errors, those of poor quality."""
+    errors, visible = joined([each for each, _ in parts]), joined([each for _, each in parts])
     distance, bearing = polar(visible.box[:, :2], scene.ego[visible.frame])
-    kept = scene.sensor.covers(distance, bearing)
-    visible, errors, distance = select(visible, kept), select(errors, kept), distance[kept]
-    direction, quality = bearing[kept] + scene.ego[visible.frame, 3], np.full(len(distance), _POOR)
+    covered = np.flatnonzero(scene.sensor.covers(distance, bearing))
+    visible, errors, distance = select(visible, covered), select(errors, covered), distance[covered]
+    direction, quality = bearing[covered] + scene.ego[visible.frame, 3], np.full(len(distance), _POOR)
     box, velocity = detected_boxes(visible.box, visible.velocity, errors, distance, direction, quality)
     return replace(visible, box=box, velocity=velocity)
 
 
-def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, rng: np.random.Generator) -> Floats:
+@dataclass(eq=False)
+class PlaceNumbers:
+    """Uniform numbers ``[families, 2]`` of attempt after attempt to place families, drawn when they are needed."""
+
+    rng: np.random.Generator
+    families: int
+    drawn: list[Floats] = field(default_factory=list)
+
+    def of(self, attempt: int, family: Ints) -> Floats:
+        """Numbers ``[B, 2]`` of an attempt to place some families."""
+        while len(self.drawn) <= attempt:
+            self.drawn.append(self.rng.random((self.families, 2)))
+        return self.drawn[attempt][family]
+
+
+def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers: Callable[[int], Floats]) -> Floats:
     """Draw places ``[B, 2]`` around sensor poses ``[B, 4]``, at distances with these quantiles.
 
-    A place outside the sensor's area gets a new bearing; if no bearing fits, also a new distance.
+    ``numbers``: uniform ones ``[B, 2]`` of each attempt. A place outside the sensor's area gets a new bearing; if no
+    bearing fits, also a new distance.
     """
     low, high = (-np.inf, np.inf) if sensor.area is None else (sensor.area[:2], sensor.area[2:])
-    uniform = rng.random((len(ego), 2))
+    uniform = numbers(0)
     for attempt in range(2 * _TRIES + 1):
         distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
         direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
@@ -73,7 +90,7 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, rng: np
         outside = ((place < low) | (place > high)).any(axis=1)
         if not outside.any():
             break
-        redrawn = rng.random((len(ego), 2))
+        redrawn = numbers(attempt + 1)
         uniform[outside, 1] = redrawn[outside, 1]
         if attempt >= _TRIES:
             uniform[outside, 0] = redrawn[outside, 0]
@@ -112,14 +129,14 @@ class ReportedClasses:
 
 
 def reported_classes(
-    truth: Truth, classes: Sequence[str], noise_names: Sequence[str], noise_name: str, free: FreeFalsePositives | None
+    truth: Truth, classes: Sequence[str], noise_names: Sequence[str], noise_name: str, noise: ClassNoise
 ) -> ReportedClasses | None:
     """The ``classes`` that have the noise ``noise_name``, in proportion to their true boxes in the scene.
 
     ``noise_names``: of each class. Without such boxes: the class of that name, or the first one with this noise, with
-    the size of ``free``. None if no class has the noise, and without free false positives.
+    the size of ``noise.free``. None if no class has the noise, and without free false positives.
     """
-    candidates = [class_id for class_id, name in enumerate(noise_names) if name == noise_name]
+    free, candidates = noise.free, [class_id for class_id, name in enumerate(noise_names) if name == noise_name]
     if not candidates or free is None or not free.rate:
         return None
     boxes = np.bincount(truth.class_id, minlength=len(classes))

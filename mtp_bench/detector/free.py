@@ -10,17 +10,16 @@ from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
 from .errors import BoxErrors, draw_errors
 from .false_positives import (
     DetectedRows,
+    PlaceNumbers,
     ReportedClasses,
     SensedScene,
-    detect_false_positives,
     draw_places,
     ground_height,
     spread_sizes,
 )
-from .grid import Grid
+from .grid import Grid, kept
 from .profile import ClassNoise, FreeFalsePositives
 from .quality import best_ranks, score_by_rank
-from .visibility import polar
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,39 +35,49 @@ class _Members:
     class_id: Ints  # [B]
 
 
+@dataclass(frozen=True, eq=False)
+class _Appearances:
+    """Visible rows of the members of families, wherever the sensor is."""
+
+    members: _Members
+    member: Ints  # [R]
+    frame: Ints  # [R]
+    score: Floats  # [R]
+    errors: BoxErrors
+    numbers: PlaceNumbers  # of families
+
+
 def free_false_positives(
     noise: ClassNoise, classes: ReportedClasses, scene: SensedScene, number: int, seed: int
-) -> DetectedRows:
-    """Detections of the free false positives of one noise over a scene; members born beyond reach are dropped.
+) -> tuple[BoxErrors, DetectedRows]:
+    """Visible free false positives of one noise, with their errors; members born beyond reach are dropped.
 
     ``number`` separates the random numbers of several noises.
     """
     parameters = noise.free
     assert parameters is not None  # as `reported_classes` has seen
-    draws, known = Draws(seed, NoiseSubject.FREE, number), {} if scene.memory is None else scene.memory.families
-    if number not in known:
-        known[number] = _appearances(noise, parameters, classes, scene, draws)
-    members, member, frame, score, errors = known[number]
-    ego, first = scene.ego[members.birth], np.flatnonzero(np.diff(members.family, prepend=-1))
-    place = draw_places(parameters.distance, scene.sensor, ego[first], draws.generator(NoiseKind.PLACE))
-    place = place[members.family] + members.shift
-    shown = (polar(place, ego)[0] <= scene.sensor.reach)[member]
-    if scene.memory is not None:
-        shown &= frame == scene.memory.frame
-    rows = np.flatnonzero(shown)
-    member, used = member[rows], np.flatnonzero(np.bincount(member[rows]))
-    height = np.zeros(len(place))  # of the ground, in the frame of their birth
-    height[used] = ground_height(place[used], members.birth[used], scene)
-    height += members.size[:, 2] / 2
-    box = np.column_stack([place, height, members.heading, members.size])[member]
-    candidates = DetectedRows(frame[rows], box, np.zeros((len(rows), 2)), members.class_id[member], score[rows])
-    return detect_false_positives(select(errors, rows), candidates, scene)
+    draws = Draws(seed, NoiseSubject.FREE, number)
+    shown = kept(scene.memory, ("free", number), lambda: _appearances(noise, parameters, classes, scene, draws))
+    members, member, frame, score, errors = shown.members, shown.member, shown.frame, shown.score, shown.errors
+    rows = np.arange(len(member)) if scene.memory is None else np.flatnonzero(frame == scene.memory.frame)
+    own = member[rows]  # ascending
+    first = np.diff(own, prepend=-1) > 0
+    used, at = own[first], np.cumsum(first) - 1
+    birth = members.birth[used]
+    ego, family = scene.ego[birth], members.family[used]
+    place = draw_places(parameters.distance, scene.sensor, ego, lambda attempt: shown.numbers.of(attempt, family))
+    place += members.shift[used]
+    near = np.hypot(*(place - ego[:, :2]).T) <= scene.sensor.reach
+    used, rows, at = used[near], rows[near[at]], (np.cumsum(near) - 1)[at[near[at]]]
+    height = ground_height(place[near], birth[near], scene) + members.size[used, 2] / 2
+    box = np.column_stack([place[near], height, members.heading[used], members.size[used]])[at]
+    velocity, class_id = np.zeros((len(rows), 2)), members.class_id[used[at]]
+    return select(errors, rows), DetectedRows(frame[rows], box, velocity, class_id, score[rows])
 
 
 def _appearances(
     noise: ClassNoise, parameters: FreeFalsePositives, classes: ReportedClasses, scene: SensedScene, draws: Draws
-) -> tuple[_Members, Ints, Ints, Floats, BoxErrors]:
-    """Members; member, frame, score and errors of their visible rows, wherever the sensor is."""
+) -> _Appearances:
     members = _draw_members(parameters, classes, scene, draws)
     rows = Ragged(starts_of(members.life))
     member = rows.frame_of_rows
@@ -78,8 +87,9 @@ def _appearances(
     visible, rank = _visible(parameters, members, grid, draws)
     score = score_by_rank(rank, parameters.score)
     visible, score = visible[score >= noise.quality.floor], score[score >= noise.quality.floor]
-    frame = (members.birth[member] + age)[visible]
-    return members, member[visible], frame, score, draw_errors(grid, None, draws, visible)
+    frame, errors = (members.birth[member] + age)[visible], draw_errors(grid, None, draws, visible)
+    numbers = PlaceNumbers(draws.generator(NoiseKind.PLACE), int(members.family.max(initial=-1)) + 1)
+    return _Appearances(members, member[visible], frame, score, errors, numbers)
 
 
 def _visible(parameters: FreeFalsePositives, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:
@@ -101,7 +111,7 @@ def _latent(parameters: FreeFalsePositives, grid: Grid, draws: Draws, kind: Nois
     rng = draws.generator(kind)  # hashing so many numbers would take long
     constant, (push, white) = rng.standard_normal(len(grid.ids)), rng.standard_normal((2, len(grid.cells[0])))
     new = grid.on_grid(white)[grid.frame, grid.column]  # siblings share the numbers of their family
-    series = grid.autoregression(np.full(len(grid.ids), parameters.phi), draws, kind, push)
+    series = grid.autoregression(np.array([[parameters.phi]]), draws, (kind,), push[None])[0]
     return np.sqrt(ar) * series + np.sqrt(1 - ar) * new, constant
 
 

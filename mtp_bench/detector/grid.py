@@ -3,14 +3,19 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from operator import attrgetter
+from typing import Any, Self, TypeVar
 
 import numpy as np
+from scipy.special import ndtri
 
 from ..types import Floats, Ints, Truth
-from .draws import Component, Draws, Keys, NoiseKind, NoiseSubject, decayed, extended_key, keys_of
+from .draws import Component, Draws, Keys, NoiseKind, decayed, extended_key, keys_of, parts
 from .profile import ClassNoise, SharedMemory
 
+T = TypeVar("T")
+Parameter = str | Callable[[ClassNoise], Any]  # names of fields, or a function that stays: its values are remembered
+Shares = tuple[float, float, float, float]  # see `shares_of`
 _TINY = 1e-12
 
 
@@ -43,15 +48,19 @@ class Neighbours:
         return cls(row[order], other[order], np.concatenate([weight, weight])[order])
 
     def mixed(self, value: Floats, share: Floats) -> Floats:
-        """Numbers ``[R]`` of variance 1 mixed with those of the neighbours; the variance stays 1.
+        """Numbers ``[m, R]`` of variance 1 mixed with those of the neighbours; the variance stays 1.
 
-        ``share`` ``[R]`` is the weight of a neighbour at distance 0. Neighbours at rest keep the memory of ``value``.
+        ``share`` ``[m, R]``: weight of a neighbour at distance 0. Neighbours at rest keep the memory of ``value``.
         """
-        weight = share[self.row] * self.weight
+        if not len(self.row):
+            return value
+        weight = share.take(self.row, axis=1) * self.weight
+        terms, squares = weight * value.take(self.other, axis=1), weight**2
         # bincount adds in the given order, so the sum of a row does not depend on other rows
-        others = np.bincount(self.row, weight * value[self.other], len(value))
-        variance = 1.0 + np.bincount(self.row, weight**2, len(value))
-        return np.asarray((value + others) / np.sqrt(variance))
+        others, variance = (
+            np.stack([np.bincount(self.row, each, value.shape[1]) for each in part]) for part in (terms, squares)
+        )
+        return np.asarray((value + others) / np.sqrt(1.0 + variance))
 
 
 @dataclass(eq=False)
@@ -60,13 +69,33 @@ class Memory:
 
     frame: int = -1  # the one that is detected
     objects: dict[int, tuple[int, int, int]] = field(default_factory=dict)  # column, first frame, class index, by id
-    series: dict[tuple[NoiseSubject, NoiseKind], Floats] = field(default_factory=dict)  # last numbers, by column
-    families: dict[int, Any] = field(default_factory=dict)  # of free false positives, by number of the noise
+    series: dict[Any, Floats] = field(default_factory=dict)  # last numbers, by column, of subjects and kinds
+    kept: dict[Any, Any] = field(default_factory=dict)  # what does not change, by what it is
 
-    def before(self, subject: NoiseSubject, kind: NoiseKind, count: int) -> Floats:
-        """Numbers of the first ``count`` columns in the frame before; 0 for new ones."""
-        known = self.series.get((subject, kind), np.zeros(0))
-        return np.append(known, np.zeros(count - len(known)))
+    def before(self, name: Any, shape: tuple[int, ...]) -> Floats:
+        """The numbers of ``name`` in the frame before, filled up to ``shape`` with 0 for new columns."""
+        numbers = np.zeros(shape)
+        if (known := self.series.get(name)) is not None:
+            numbers[..., : known.shape[-1]] = known
+        return numbers
+
+    def grown(self, name: Any, keys: Keys, make: Callable[[Keys], Floats]) -> Floats:
+        """Numbers that ``make`` draws by the keys of objects ``[J]``, on the last axis, of new objects alone."""
+        known = self.kept.get(name)
+        if known is None or known.shape[-1] < len(keys):
+            new = make(keys if known is None else keys[known.shape[-1] :])
+            known = self.kept[name] = new if known is None else np.concatenate([known, new], axis=-1)
+        return known
+
+
+def kept(memory: Memory | None, name: Any, make: Callable[[], T]) -> T:
+    """What ``make`` returns; with a memory, made once under this name."""
+    if memory is None:
+        return make()
+    if name not in memory.kept:
+        memory.kept[name] = make()
+    value: T = memory.kept[name]
+    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,30 +125,44 @@ class Grid:
         """Keys of object and frame of every row ``[R]``."""
         return extended_key(self.object_keys[self.column], self.frame)
 
-    def of_objects(self, parameter: Callable[[ClassNoise], float | Sequence[float]]) -> Floats:
-        """A parameter of every object's noise: ``[J]``, or ``[J, n]`` for n numbers."""
-        return np.array([parameter(noise) for noise in self.noise], dtype=np.float64)[self.noise_number]
+    @cached_property
+    def row_noise(self) -> Ints:
+        """Index into ``noise`` of every row ``[R]``."""
+        return self.noise_number[self.column]
 
-    def of_rows(self, parameter: Callable[[ClassNoise], float | Sequence[float]]) -> Floats:
-        """A parameter of every row's noise: ``[R]``, or ``[R, n]`` for n numbers."""
-        return self.of_objects(parameter)[self.column]
+    def of_noise(self, parameter: Parameter) -> Floats:
+        """A parameter of every noise ``[K]``, or ``[K, ...]``; NaN for None."""
+        read = attrgetter(*parameter.split()) if isinstance(parameter, str) else parameter
+        return kept(self.memory, parameter, lambda: np.array([read(noise) for noise in self.noise], dtype=np.float64))
+
+    def of_rows(self, parameter: Parameter) -> Floats:
+        """A parameter of every row's noise ``[R]``, or ``[R, ...]``."""
+        return self.of_noise(parameter)[self.row_noise]
+
+    def constant(self, draws: Draws, name: Any, make: Callable[[Keys], Floats]) -> Floats:
+        """Numbers ``[..., J]`` that every object keeps; ``make`` draws them by the keys of objects."""
+        keys = self.object_keys
+        return make(keys) if self.memory is None else self.memory.grown((draws.subject, name), keys, make)
 
     def by_noise(self) -> list[tuple[ClassNoise, Ints]]:
-        """Each noise with its rows."""
-        number = self.noise_number[self.column]
-        return [(noise, np.flatnonzero(number == k)) for k, noise in enumerate(self.noise)]
+        """Each noise with its rows, without those that have none."""
+        rows_of = [(noise, np.flatnonzero(self.row_noise == number)) for number, noise in enumerate(self.noise)]
+        return [(noise, rows) for noise, rows in rows_of if len(rows)]
 
     def select(self, row: Ints) -> Self:
-        """The grid of some rows, without objects that have none of them."""
-        old = self.column[row]
-        kept = np.bincount(old, minlength=len(self.ids)) > 0
-        objects, column = np.flatnonzero(kept), (np.cumsum(kept) - 1)[old]
-        frame, end = self.frame[row], np.zeros(len(objects), dtype=np.int64)
+        """The grid of some rows; without a memory, without objects that have none of them."""
+        old, frame = self.column[row], self.frame[row]
+        if self.memory is not None:
+            part = replace(self, frame=frame, column=old)
+            vars(part)["object_keys"] = self.object_keys  # the objects are the same
+            return part
+        used = np.bincount(old, minlength=len(self.ids)) > 0
+        objects, column = np.flatnonzero(used), (np.cumsum(used) - 1)[old]
+        end = np.zeros(len(objects), dtype=np.int64)
         end[column] = frame + 1
         lives = self.span[0][objects], end  # memory begins where it did; later frames do not matter
         number = self.noise_number[objects]
-        ids = self.ids[objects]
-        return replace(self, ids=ids, frame=frame, column=column, noise_number=number, lives=lives, memory=None)
+        return replace(self, ids=self.ids[objects], frame=frame, column=column, noise_number=number, lives=lives)
 
     @cached_property
     def span(self) -> tuple[Ints, Ints]:
@@ -148,61 +191,70 @@ class Grid:
         return extended_key(self.object_keys[column], frame)
 
     def on_grid(self, value: Floats, other: float = 0.0) -> Floats:
-        """Numbers of the `cells` on the whole grid ``[F, J]``, ``other`` elsewhere."""
-        grid = np.full((self.frames, len(self.ids)), other)
-        grid[self.cells] = value
-        return grid
+        """Numbers ``[..., cells]`` of the `cells` on the whole grid ``[..., F, J]``, ``other`` elsewhere."""
+        grid = np.full((*value.shape[:-1], self.frames * len(self.ids)), other)
+        grid[..., self.cells[0] * len(self.ids) + self.cells[1]] = value
+        return grid.reshape(*value.shape[:-1], self.frames, len(self.ids))
 
-    def autoregression(self, phi: Floats, draws: Draws, kind: NoiseKind, push: Floats | None = None) -> Floats:
-        """Autoregressive standard normal numbers ``[R]`` from standard normal numbers ``push`` of all `cells`.
+    def autoregression(
+        self, phi: Floats, draws: Draws, kinds: Sequence[NoiseKind], push: Floats | None = None
+    ) -> Floats:
+        """Autoregressive standard normal numbers ``[m, R]`` of m kinds, from such numbers ``push`` of all `cells`.
 
-        ``phi`` ``[J]``: correlation between neighbouring frames of the profile.
+        ``phi`` ``[m, K]``: correlation between neighbouring frames of the profile, of every noise.
         """
         phi, (frame, column) = decayed(phi, self.steps), self.cells
-        scale = np.sqrt(1.0 - phi**2)[column]
-        scale[frame == self.span[0][column]] = 1.0
-        push = draws.normal(kind, Component.PUSH, self.cell_keys) if push is None else push
+        scale = np.sqrt(1.0 - phi**2).take(self.noise_number[column], axis=1)
+        scale[:, np.flatnonzero(frame == self.span[0][column])] = 1.0
+        push = ndtri(draws.uniforms(parts(Component.PUSH, *kinds), self.cell_keys)) if push is None else push
+        phi, value = phi.take(self.noise_number, axis=1), push * scale
         if self.memory is not None:
-            last = push * scale + phi * self.memory.before(draws.subject, kind, len(phi))
-            self.memory.series[draws.subject, kind] = last
-            return np.asarray(last[self.column])
-        value = self.on_grid(push * scale)
+            value += phi * self.memory.before((draws.subject, kinds), value.shape)
+            self.memory.series[draws.subject, kinds] = value
+            return np.asarray(value.take(self.column, axis=1))
+        value = self.on_grid(value)
         for t in range(1, self.frames):
-            value[t] += phi * value[t - 1]
-        return value[self.frame, self.column]
+            value[:, t] += phi * value[:, t - 1]
+        return value.reshape(len(value), -1).take(self.frame * len(self.ids) + self.column, axis=1)
 
-    def lasting(self, bias: Floats, phi: Floats, draws: Draws, kind: NoiseKind) -> Floats:
-        """Standard normal numbers ``[R]``: a constant share ``bias`` ``[J]``, the rest autoregressive with ``phi``."""
-        series = self.autoregression(phi, draws, kind)
-        constant = np.sqrt(bias) * draws.normal(kind, Component.BIAS, self.object_keys)
-        return np.asarray(constant[self.column] + np.sqrt(1 - bias)[self.column] * series)
-
-    def latent(
-        self, memory: Callable[[ClassNoise], SharedMemory], neighbours: Neighbours | None, draws: Draws, kind: NoiseKind
+    def lasting(
+        self,
+        memories: Callable[[ClassNoise], Sequence[Shares]],
+        neighbours: Neighbours | None,
+        draws: Draws,
+        kinds: Sequence[NoiseKind],
     ) -> Floats:
-        """Standard normal numbers ``[R]`` with a memory; their lasting part is shared with neighbours, if any."""
-        bias, ar, phi, white, shared = self.of_objects(
-            lambda n: (memory(n).bias, memory(n).ar, memory(n).phi, memory(n).white, memory(n).shared)
-        ).T
-        lasting = self.lasting(bias / np.maximum(bias + ar, _TINY), phi, draws, kind)
-        if neighbours is not None:
-            lasting = neighbours.mixed(lasting, shared[self.column])
-        new = draws.normal(kind, Component.WHITE, self.row_keys)
-        share = (white / (bias + ar + white))[self.column]  # the rounded shares of a profile may not sum to 1
-        return np.asarray(np.sqrt(1 - share) * lasting + np.sqrt(share) * new)
+        """Standard normal numbers ``[m, R]`` of m kinds: a constant part and an autoregressive one.
+
+        ``memories``: `shares_of` each kind. The numbers are shared with neighbours, if any.
+        """
+        bias, phi, shared, _ = self.of_noise(memories).T
+        series = self.autoregression(phi, draws, kinds)
+        constant = self.constant(draws, kinds, lambda keys: ndtri(draws.uniforms(parts(Component.BIAS, *kinds), keys)))
+        constant = np.sqrt(bias).take(self.noise_number, axis=1) * constant
+        value = constant.take(self.column, axis=1) + np.sqrt(1 - bias).take(self.row_noise, axis=1) * series
+        return value if neighbours is None else neighbours.mixed(value, shared.take(self.row_noise, axis=1))
+
+    def with_new(self, lasting: Floats, new: Floats, memories: Callable[[ClassNoise], Sequence[Shares]]) -> Floats:
+        """Numbers ``[m, R]`` of `lasting` with their share of ``new`` ones in every frame."""
+        share = self.of_noise(memories).T[3]
+        old = np.sqrt(1 - share).take(self.row_noise, axis=1) * lasting
+        return np.asarray(old + np.sqrt(share).take(self.row_noise, axis=1) * new)
+
+
+def shares_of(memory: SharedMemory) -> Shares:
+    """Constant share of the lasting part, phi, weight of a neighbour at distance 0, and share of the new part."""
+    lasting = memory.bias + memory.ar  # the rounded shares of a profile may not sum to 1
+    return memory.bias / max(lasting, _TINY), memory.phi, memory.shared, memory.white / (lasting + memory.white)
 
 
 def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float, memory: Memory | None = None) -> Grid:
     """Grid of a truth; ``noise`` is that of each class index; ``memory``: of its last frame, which alone has rows."""
-    distinct: list[ClassNoise] = []
-    for parameters in noise:
-        if parameters not in distinct:
-            distinct.append(parameters)
-    number = np.array([distinct.index(parameters) for parameters in noise])
+    distinct, number = kept(memory, "noise", lambda: _distinct(noise))
     if memory is None:
         ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
         number = number[truth.class_id[first]]
-        return Grid(truth.frames, ids, truth.frame_of_rows, column, tuple(distinct), number, steps)
+        return Grid(truth.frames, ids, truth.frame_of_rows, column, distinct, number, steps)
     rows, objects = truth.object_id.tolist(), memory.objects
     for object_id, class_id in zip(rows, truth.class_id.tolist(), strict=True):
         objects.setdefault(object_id, (len(objects), memory.frame, class_id))
@@ -210,7 +262,16 @@ def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float, memory: 
     _, since, class_ids = np.array(list(objects.values()), dtype=np.int64).reshape(-1, 3).T
     lives, ids = (since, np.full(len(since), memory.frame + 1)), np.array(list(objects), dtype=np.int64)
     frame = np.full(len(rows), memory.frame)
-    return Grid(truth.frames, ids, frame, column, tuple(distinct), number[class_ids], steps, lives, memory)
+    return Grid(truth.frames, ids, frame, column, distinct, number[class_ids], steps, lives, memory)
+
+
+def _distinct(noise: Sequence[ClassNoise]) -> tuple[tuple[ClassNoise, ...], Ints]:
+    """The different ones of ``noise``, and the index of each among them."""
+    distinct: list[ClassNoise] = []
+    for parameters in noise:
+        if parameters not in distinct:
+            distinct.append(parameters)
+    return tuple(distinct), np.array([distinct.index(parameters) for parameters in noise])
 
 
 def truth_neighbours(grid: Grid, place: Floats, length: float) -> Neighbours:

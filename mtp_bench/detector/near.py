@@ -2,21 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import attrgetter
 
 import numpy as np
 
 from ..geometry import rotate
 from ..types import Bools, Floats, Ints, Truth
-from .draws import Component, Draws, NoiseKind, NoiseSubject, exponential, keys_of, skewed
-from .errors import draw_errors
-from .false_positives import DetectedRows, SensedScene, detect_false_positives, spread_sizes
+from .draws import Component, Draws, NoiseKind, NoiseSubject, exponential, parts, skewed
+from .errors import BoxErrors, draw_errors, of_axes
+from .false_positives import DetectedRows, SensedScene, spread_sizes
 from .grid import Grid
 from .profile import SLOTS, ClassNoise, NearFalsePositives
 from .quality import Qualities, best_ranks, score_by_rank
 
 BESIDE = 0.75, 1.5  # m from the object's centre, where the chance to have the object's class changes
-
+_PLACE = *parts(Component.BIAS, NoiseKind.PLACE), *parts(Component.OTHER, NoiseKind.PLACE)
+_PLACE += *parts(Component.BIAS, NoiseKind.CLASS), *parts(Component.OTHER, NoiseKind.CLASS)
 _NONE = NearFalsePositives(
     bias=0, ar=0, phi=0, white=1, chance=1e-12, score=(0.0,) * 11, offset=(0.0,) * 11, same=(1, 1, 1)
 )
@@ -24,8 +24,8 @@ _NONE = NearFalsePositives(
 
 def near_false_positives(
     grid: Grid, scene: SensedScene, qualities: Qualities, similar: Sequence[Ints], seed: int
-) -> DetectedRows:
-    """Detections of the false positives beside the true boxes of a scene.
+) -> tuple[BoxErrors, DetectedRows]:
+    """Visible false positives beside the true boxes of a scene, with their errors.
 
     ``grid`` and ``qualities``: of the true boxes; ``similar``: see `classes_of_same_noise`. A duplicate appears only
     beside a detected object.
@@ -42,17 +42,19 @@ def near_false_positives(
     row = np.repeat(np.arange(len(grid.frame)), SLOTS)
     visible, rank = _visible(slots, qualities.random[row], draws)
     every, slots, row = slots, slots.select(visible), row[visible]
-    true_class, offset = scene.truth.class_id[row], _offsets(slots, draws)
-    class_id = _classes(slots, true_class, offset, similar, draws)
-    score = _scores(slots, rank, (class_id == true_class) & (offset < BESIDE[0]))
-    without_object = (class_id == true_class) & (offset < BESIDE[1]) & ~qualities.detected[row]
-    floor = slots.of_rows(lambda noise: noise.quality.floor)
-    reported = np.flatnonzero(~without_object & (score >= floor))
+    offset, angle, same, other = slots.constant(draws, "place", lambda keys: draws.uniforms(_PLACE, keys))[
+        :, slots.column
+    ]
+    true_class, offset = scene.truth.class_id[row], _offsets(slots, offset)
+    class_id = _classes(slots, true_class, offset, same, other, similar)
+    of_object = class_id == true_class
+    score = _scores(slots, rank, of_object & (offset < BESIDE[0]))
+    without_object = of_object & (offset < BESIDE[1]) & ~qualities.detected[row]
+    reported = np.flatnonzero(~without_object & (score >= slots.of_rows("quality.floor")))
     slots, row = slots.select(reported), row[reported]
-    box = _boxes(slots, scene.truth.box[row], offset[reported], draws)
-    velocity = scene.truth.velocity[row]
-    candidates = DetectedRows(slots.frame, box, velocity, class_id[reported], score[reported])
-    return detect_false_positives(draw_errors(every, None, draws, visible[reported]), candidates, scene)
+    box = _boxes(slots, scene.truth.box[row], offset[reported], 2 * np.pi * angle[reported], draws)
+    candidates = DetectedRows(slots.frame, box, scene.truth.velocity[row], class_id[reported], score[reported])
+    return draw_errors(every, None, draws, visible[reported]), candidates
 
 
 def classes_of_same_noise(truth: Truth, noise_names: Sequence[str]) -> list[Ints]:
@@ -67,17 +69,26 @@ def _parameters(noise: ClassNoise) -> NearFalsePositives:
     return _NONE if noise.near is None else noise.near
 
 
+def _memory(noise: ClassNoise) -> tuple[float, float, float, float]:
+    near = _parameters(noise)
+    return near.bias, near.ar / max(1 - near.bias, 1e-12), near.phi, near.parent
+
+
+def _same(noise: ClassNoise) -> tuple[float, ...]:
+    return _parameters(noise).same
+
+
 def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, Floats]:
     """Visible rows, and the ranks of their quality among those."""
-    memory = attrgetter("bias", "ar", "phi", "parent")
-    bias, ar, phi, parent = slots.of_objects(lambda noise: memory(_parameters(noise))).T
-    ar, parent = (ar / np.maximum(1 - bias, 1e-12))[slots.column], parent[slots.column]
-    new = draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys)
-    series = slots.autoregression(phi, draws, NoiseKind.QUALITY)
-    normal = np.sqrt(ar) * series + np.sqrt(1 - ar) * new
-    normal = parent * object_quality + np.sqrt(1 - parent**2) * normal
-    positive = exponential(draws.normal(NoiseKind.QUALITY, Component.BIAS, slots.object_keys))
-    quality = skewed(normal, positive[slots.column], bias[slots.column])
+    bias, ar, phi, parent = slots.of_noise(_memory).T
+    series = slots.autoregression(phi[None], draws, (NoiseKind.QUALITY,))[0]
+    number, new = slots.row_noise, draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys)
+    normal = np.sqrt(ar)[number] * series + np.sqrt(1 - ar)[number] * new
+    normal = parent[number] * object_quality + np.sqrt(1 - parent**2)[number] * normal
+    positive = slots.constant(
+        draws, "skew", lambda keys: exponential(draws.normal(NoiseKind.QUALITY, Component.BIAS, keys))
+    )
+    quality = skewed(normal, positive[slots.column], bias[number])
     rank = np.full(len(quality), np.nan)
     for noise, rows in slots.by_noise():
         index, own_rank = best_ranks(quality[rows], _parameters(noise).bias, _parameters(noise).chance)
@@ -86,12 +97,12 @@ def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, F
     return visible, rank[visible]
 
 
-def _offsets(slots: Grid, draws: Draws) -> Floats:
-    """Distances from the objects' centres ``[R]`` m."""
-    offset = draws.uniform(NoiseKind.PLACE, Component.BIAS, slots.object_keys)[slots.column]
+def _offsets(slots: Grid, uniform: Floats) -> Floats:
+    """Distances from the objects' centres ``[R]`` m, from uniform numbers."""
+    offset = np.zeros(len(uniform))
     for noise, rows in slots.by_noise():
         quantiles = _parameters(noise).offset
-        offset[rows] = np.interp(offset[rows], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
+        offset[rows] = np.interp(uniform[rows], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
     return offset
 
 
@@ -106,26 +117,24 @@ def _scores(slots: Grid, rank: Floats, duplicate: Bools) -> Floats:
     return score
 
 
-def _boxes(slots: Grid, true: Floats, offset: Floats, draws: Draws) -> Floats:
+def _boxes(slots: Grid, true: Floats, offset: Floats, angle: Floats, draws: Draws) -> Floats:
     """Boxes ``[R, 7]`` at the distances ``offset`` from ``true`` boxes, on the same ground; they turn with them."""
-    angle = 2 * np.pi * draws.uniform(NoiseKind.PLACE, Component.OTHER, slots.object_keys)[slots.column]
     box = np.array(true, dtype=np.float64)
     box[:, :2] += rotate(offset[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), true[:, 3])
-    keys = keys_of(slots.object_keys[:, None], np.arange(3)[None, :])
-    box[:, 4:] = spread_sizes(box[:, 4:], draws.normal(NoiseKind.SIZE, Component.OTHER, keys)[slots.column])
+    normal = slots.constant(draws, "side", lambda keys: draws.normal(NoiseKind.SIZE, Component.OTHER, of_axes(keys)).T)
+    box[:, 4:] = spread_sizes(box[:, 4:], normal.T[slots.column])
     box[:, 2] += (box[:, 6] - true[:, 6]) / 2
     return box
 
 
-def _classes(slots: Grid, true_class: Ints, offset: Floats, similar: Sequence[Ints], draws: Draws) -> Ints:
-    """Classes ``[R]``: that of the object, or another one with the same noise."""
-    zone = np.digitize(offset, BESIDE)
-    same = slots.of_rows(lambda noise: _parameters(noise).same)[np.arange(len(offset)), zone]
-    wrong = draws.uniform(NoiseKind.CLASS, Component.BIAS, slots.object_keys)[slots.column] >= same
-    uniform = draws.uniform(NoiseKind.CLASS, Component.OTHER, slots.object_keys)[slots.column]
+def _classes(
+    slots: Grid, true_class: Ints, offset: Floats, uniform: Floats, other: Floats, similar: Sequence[Ints]
+) -> Ints:
+    """Classes ``[R]``: that of the object, or another one with the same noise, by two uniform numbers."""
+    wrong = uniform >= slots.of_rows(_same)[np.arange(len(offset)), np.digitize(offset, BESIDE)]
     class_id = np.array(true_class)
-    for k, others in enumerate(similar):
-        rows = np.flatnonzero(wrong & (true_class == k))
+    for k in set(true_class[wrong].tolist()):
+        rows, others = np.flatnonzero(wrong & (true_class == k)), similar[k]
         if len(others):
-            class_id[rows] = others[np.floor(uniform[rows] ** 2 * len(others)).astype(np.int64)]
+            class_id[rows] = others[np.floor(other[rows] ** 2 * len(others)).astype(np.int64)]
     return class_id

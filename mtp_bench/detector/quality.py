@@ -1,14 +1,13 @@
 """Quality of every object in every frame, and the score that follows from it."""
 
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from ..types import Bools, Floats, Ints
-from .draws import Draws, NoiseKind, exponential, skewed, skewed_cdf, skewed_quantile
-from .grid import Grid, Neighbours
-from .profile import RANKS
+from .draws import Component, Draws, NoiseKind, exponential, skewed, skewed_cdf, skewed_quantile
+from .grid import Grid, Neighbours, Shares, shares_of
+from .profile import RANKS, ClassNoise
 from .visibility import HIDDEN, LARGELY, PARTLY, Visibility
 
 
@@ -24,7 +23,7 @@ class Qualities(NamedTuple):
 def draw_qualities(grid: Grid, visibility: Visibility, neighbours: Neighbours, draws: Draws) -> Qualities:
     """Draw qualities of all rows, also of those outside the sensor's coverage."""
     random = random_quality(grid, neighbours, draws)
-    location = (quality_features(visibility) * grid.of_rows(lambda noise: noise.quality.location)).sum(-1)
+    location = (quality_features(visibility) * grid.of_rows("quality.location")).sum(-1)
     score, detected, floor = np.zeros(len(random)), np.zeros(len(random), dtype=bool), np.zeros(len(random))
     for noise, rows in grid.by_noise():
         parameters = noise.quality
@@ -36,11 +35,15 @@ def draw_qualities(grid: Grid, visibility: Visibility, neighbours: Neighbours, d
 
 def random_quality(grid: Grid, neighbours: Neighbours, draws: Draws) -> Floats:
     """Random part of the quality ``[R]``: a normal number, less the exponential number of a lapse."""
-    normal = grid.latent(lambda noise: noise.quality, neighbours, draws, NoiseKind.QUALITY)
-    parameters = attrgetter("bias", "phi", "shared", "share")
-    bias, phi, shared, share = grid.of_objects(lambda noise: parameters(noise.quality.lapses)).T
-    lapse = neighbours.mixed(grid.lasting(bias, phi, draws, NoiseKind.LAPSE), shared[grid.column])
-    return -skewed(-normal, exponential(lapse), share[grid.column])
+    lasting = grid.lasting(_memories, neighbours, draws, (NoiseKind.QUALITY, NoiseKind.LAPSE))
+    new = draws.normal(NoiseKind.QUALITY, Component.WHITE, grid.row_keys)
+    normal, lapse = grid.with_new(lasting, new, _memories)
+    return -skewed(-normal, exponential(lapse), grid.of_rows("quality.lapses.share"))
+
+
+def _memories(noise: ClassNoise) -> tuple[Shares, Shares]:
+    lapses = noise.quality.lapses
+    return shares_of(noise.quality), (lapses.bias, lapses.phi, lapses.shared, 0.0)
 
 
 def quality_features(visibility: Visibility) -> Floats:

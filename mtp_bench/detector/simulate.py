@@ -1,7 +1,7 @@
 """Simulation of a detector; ``README.md`` beside this file describes the model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from ..errors import require_shape
 from ..types import Detections, Floats, Truth, select
 from .draws import Draws
 from .errors import detected_boxes, draw_errors
-from .false_positives import DetectedRows, SensedScene, reported_classes, sorted_detections
+from .false_positives import DetectedRows, SensedScene, detect_false_positives, reported_classes, sorted_detections
 from .free import free_false_positives
-from .grid import Memory, truth_grid, truth_neighbours
+from .grid import Memory, kept, truth_grid, truth_neighbours
 from .near import classes_of_same_noise, near_false_positives
 from .profile import Profile
 from .quality import draw_qualities
@@ -51,15 +51,15 @@ def simulate(
     visibility = visibility_of(truth, ego, sensor) if visibility is None else visibility
     frames, known, memory, level = len(ego), truth, None, None
     if going_on is not None:
-        known, memory, level, more = going_on.known, going_on.memory, going_on.level, max(going_on.frames - frames, 0)
-        truth = replace(truth, start=np.pad(truth.start, (0, more), mode="edge"))
-        ego = np.pad(ego, ((0, more), (0, 0)), mode="edge")
+        known, memory, level = going_on.known, going_on.memory, going_on.level
+        ego = np.concatenate([ego, np.repeat(ego[-1:], max(going_on.frames - frames, 0), axis=0)])
     if memory is not None:
         memory.frame = frames - 1
     field_ratio = float(min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view))
     scene = SensedScene(truth, ego, sensor, dt / profile.dt, field_ratio, level, memory)
     draws = Draws(seed)
-    grid = truth_grid(truth, [profile.noise(name) for name in classes], scene.steps, memory)
+    steps, noise_names = scene.steps, [profile.noise_name(name) for name in classes]
+    grid = truth_grid(truth, [profile.classes[name] for name in noise_names], steps, memory)
     neighbours = truth_neighbours(grid, truth.box[:, :2], profile.neighbours)
     qualities = draw_qualities(grid, visibility, neighbours, draws)
     direction = visibility.bearing + ego[grid.frame, 3]
@@ -67,13 +67,16 @@ def simulate(
     errors, seen = draw_errors(grid, neighbours, draws, hit), (visibility.distance, direction, qualities.random)
     box, velocity = detected_boxes(truth.box[hit], truth.velocity[hit], errors, *(column[hit] for column in seen))
     objects = DetectedRows(grid.frame[hit], box, velocity, truth.class_id[hit], qualities.score[hit])
-    noise_names = [profile.noise_name(name) for name in classes]
-    similar = classes_of_same_noise(known, noise_names)
-    rows = [objects, near_false_positives(grid, scene, qualities, similar, seed)]
-    for number, (name, noise) in enumerate(profile.classes.items()):
-        reported = reported_classes(known, classes, noise_names, name, noise.free)
+    similar = kept(memory, "similar", lambda: classes_of_same_noise(known, noise_names))
+    false = [near_false_positives(grid, scene, qualities, similar, seed)]
+    every = kept(
+        memory, "reported",
+        lambda: [reported_classes(known, classes, noise_names, *each) for each in profile.classes.items()],
+    )  # fmt: skip
+    for number, (noise, reported) in enumerate(zip(profile.classes.values(), every, strict=True)):
         if reported is not None:
-            rows.append(free_false_positives(noise, reported, scene, number, seed))
+            false.append(free_false_positives(noise, reported, scene, number, seed))
+    rows = [objects, detect_false_positives(false, scene)]
     if going_on is not None and memory is None:
         rows = [select(part, part.frame < frames) for part in rows]
     return sorted_detections(rows, frames)

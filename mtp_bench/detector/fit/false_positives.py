@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 
 from ...types import Bools, Floats, Ints, Scene, joined
 from ..draws import Draws
-from ..false_positives import SensedScene, reported_classes
+from ..false_positives import SensedScene, detect_false_positives, reported_classes
 from ..free import free_false_positives
 from ..grid import Neighbours, truth_grid, truth_neighbours
 from ..near import BESIDE, classes_of_same_noise, near_false_positives
@@ -216,11 +216,11 @@ class _FalsePositiveSimulation:
         truth, draw = scene.truth, 1000 * seed + number
         similar = classes_of_same_noise(truth, self.noise_names)
         grid = truth_grid(truth, [profile.noise(name) for name in self.classes], 1.0)
-        rows = [near_false_positives(grid, scene, qualities, similar, draw)]
-        reported = reported_classes(truth, self.classes, self.noise_names, self.name, noise.free)
+        parts = [near_false_positives(grid, scene, qualities, similar, draw)]
+        reported = reported_classes(truth, self.classes, self.noise_names, self.name, noise)
         if reported is not None:
-            rows.append(free_false_positives(noise, reported, scene, 0, draw))
-        found = joined(rows)
+            parts.append(free_false_positives(noise, reported, scene, 0, draw))
+        found = detect_false_positives(parts, scene)
         of_class = np.array(self.noise_names)[truth.class_id] == self.name
         nearest, beside = nearest_true_boxes(truth, of_class, found.frame, found.box)
         parent = np.append(np.where(qualities.reported, qualities.score, -np.inf), -np.inf)[nearest]
