@@ -1,12 +1,14 @@
 """Simulated detections in place of stored ones: the frame of reference that they stand still in."""
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
+import pytest
 
 from mtp_bench.cards import load_card, with_detector, with_scenes
 from mtp_bench.geometry import rotate, transform_boxes, wrap_angle
-from mtp_bench.sources import load_scenes
+from mtp_bench.sources import load_scenes, simulated
 from mtp_bench.sources.base import no_detections
 from mtp_bench.sources.motion import looking_back
 from mtp_bench.sources.simulated import detected
@@ -99,3 +101,24 @@ def test_what_stands_moves_against_a_frame_that_drives_true_or_not() -> None:
         expected = (place - rotate(still - before[:, :2], -before[:, 3])) * CARD.task.rate
         assert np.abs(np.median(seen.velocity[which] - expected, axis=0)).max() < 0.2
         assert np.linalg.norm(np.median(expected, axis=0)) > 5
+
+
+def test_detections_are_simulated_once_and_nobody_can_change_those_that_are_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    truth, ego = traffic(frames=20)
+    scene = Scene("kept", np.arange(20) / CARD.task.rate, ego, truth, no_detections(20))
+    monkeypatch.setattr(simulated, "_KEPT", {})
+    first = detected(scene, CARD).detections
+    expected = {name: column.copy() for name, column in vars(first).items()}
+    first.box[:] = 0.0
+    simulate = Mock(return_value=first)
+    monkeypatch.setattr("mtp_bench.detector.simulate.simulate", simulate)
+    for name, column in vars(detected(scene, CARD).detections).items():
+        np.testing.assert_array_equal(column, expected[name])
+    assert not simulate.call_count
+    detected(replace(scene, name="of another name, so another noise"), CARD)
+    monkeypatch.setattr(simulated, "KEPT_BYTES", 0)
+    detected(replace(scene, ego=ego + 1.0), CARD)
+    assert simulate.call_count == 2
+    assert not simulated._KEPT
