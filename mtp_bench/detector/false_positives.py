@@ -1,7 +1,7 @@
 """Common parts of both kinds of false positives: places, classes, sizes and their detections."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,29 +60,14 @@ def detect_false_positives(parts: Sequence[tuple[BoxErrors, DetectedRows]], scen
     return replace(visible, box=box, velocity=velocity)
 
 
-@dataclass(eq=False)
-class PlaceNumbers:
-    """Uniform numbers ``[families, 2]`` of attempt after attempt to place families, drawn when they are needed."""
-
-    rng: np.random.Generator
-    families: int
-    drawn: list[Floats] = field(default_factory=list)
-
-    def of(self, attempt: int, family: Ints) -> Floats:
-        """Numbers ``[B, 2]`` of an attempt to place some families."""
-        while len(self.drawn) <= attempt:
-            self.drawn.append(self.rng.random((self.families, 2)))
-        return self.drawn[attempt][family]
-
-
-def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers: Callable[[int], Floats]) -> Floats:
+def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers: Callable[[], Floats]) -> Floats:
     """Draw places ``[B, 2]`` around sensor poses ``[B, 4]``, at distances with these quantiles.
 
-    ``numbers``: uniform ones ``[B, 2]`` of each attempt. A place outside the sensor's area gets a new bearing; if no
-    bearing fits, also a new distance.
+    ``numbers``: new uniform ones ``[B, 2]``. A place outside the sensor's area gets a new bearing; if no bearing fits,
+    also a new distance.
     """
     low, high = (-np.inf, np.inf) if sensor.area is None else (sensor.area[:2], sensor.area[2:])
-    uniform = numbers(0)
+    uniform = numbers()
     for attempt in range(2 * _TRIES + 1):
         distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
         direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
@@ -90,7 +75,7 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers
         outside = ((place < low) | (place > high)).any(axis=1)
         if not outside.any():
             break
-        redrawn = numbers(attempt + 1)
+        redrawn = numbers()
         uniform[outside, 1] = redrawn[outside, 1]
         if attempt >= _TRIES:
             uniform[outside, 0] = redrawn[outside, 0]

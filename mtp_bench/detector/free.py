@@ -10,7 +10,6 @@ from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
 from .errors import BoxErrors, draw_errors
 from .false_positives import (
     DetectedRows,
-    PlaceNumbers,
     ReportedClasses,
     SensedScene,
     draw_places,
@@ -35,18 +34,6 @@ class _Members:
     class_id: Ints  # [B]
 
 
-@dataclass(frozen=True, eq=False)
-class _Appearances:
-    """Visible rows of the members of families, wherever the sensor is."""
-
-    members: _Members
-    member: Ints  # [R]
-    frame: Ints  # [R]
-    score: Floats  # [R]
-    errors: BoxErrors
-    numbers: PlaceNumbers  # of families
-
-
 def free_false_positives(
     noise: ClassNoise, classes: ReportedClasses, scene: SensedScene, number: int, seed: int
 ) -> tuple[BoxErrors, DetectedRows]:
@@ -57,15 +44,16 @@ def free_false_positives(
     parameters = noise.free
     assert parameters is not None  # as `reported_classes` has seen
     draws = Draws(seed, NoiseSubject.FREE, number)
-    shown = kept(scene.memory, ("free", number), lambda: _appearances(noise, parameters, classes, scene, draws))
-    members, member, frame, score, errors = shown.members, shown.member, shown.frame, shown.score, shown.errors
+    members, member, frame, score, errors = kept(
+        scene.memory, ("free", number), lambda: _appearances(noise, parameters, classes, scene, draws)
+    )
     rows = np.arange(len(member)) if scene.memory is None else np.flatnonzero(frame == scene.memory.frame)
     own = member[rows]  # ascending
     first = np.diff(own, prepend=-1) > 0
     used, at = own[first], np.cumsum(first) - 1
-    birth = members.birth[used]
-    ego, family = scene.ego[birth], members.family[used]
-    place = draw_places(parameters.distance, scene.sensor, ego, lambda attempt: shown.numbers.of(attempt, family))
+    birth, family, rng = members.birth[used], members.family[used], draws.generator(NoiseKind.PLACE)
+    ego, every = scene.ego[birth], (int(members.family.max(initial=-1)) + 1, 2)  # numbers of all families, seen or not
+    place = draw_places(parameters.distance, scene.sensor, ego, lambda: rng.random(every)[family])
     place += members.shift[used]
     near = np.hypot(*(place - ego[:, :2]).T) <= scene.sensor.reach
     used, rows, at = used[near], rows[near[at]], (np.cumsum(near) - 1)[at[near[at]]]
@@ -77,7 +65,8 @@ def free_false_positives(
 
 def _appearances(
     noise: ClassNoise, parameters: FreeFalsePositives, classes: ReportedClasses, scene: SensedScene, draws: Draws
-) -> _Appearances:
+) -> tuple[_Members, Ints, Ints, Floats, BoxErrors]:
+    """Members; member, frame, score and errors of their visible rows, wherever the sensor is."""
     members = _draw_members(parameters, classes, scene, draws)
     rows = Ragged(starts_of(members.life))
     member = rows.frame_of_rows
@@ -87,9 +76,8 @@ def _appearances(
     visible, rank = _visible(parameters, members, grid, draws)
     score = score_by_rank(rank, parameters.score)
     visible, score = visible[score >= noise.quality.floor], score[score >= noise.quality.floor]
-    frame, errors = (members.birth[member] + age)[visible], draw_errors(grid, None, draws, visible)
-    numbers = PlaceNumbers(draws.generator(NoiseKind.PLACE), int(members.family.max(initial=-1)) + 1)
-    return _Appearances(members, member[visible], frame, score, errors, numbers)
+    frame = (members.birth[member] + age)[visible]
+    return members, member[visible], frame, score, draw_errors(grid, None, draws, visible)
 
 
 def _visible(parameters: FreeFalsePositives, members: _Members, grid: Grid, draws: Draws) -> tuple[Ints, Floats]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from operator import attrgetter
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import numpy as np
 from scipy.special import ndtri
@@ -13,8 +13,8 @@ from ..types import Floats, Ints, Truth
 from .draws import Component, Draws, Keys, NoiseKind, decayed, extended_key, keys_of, parts
 from .profile import ClassNoise, SharedMemory
 
-T = TypeVar("T")
 Parameter = str | Callable[[ClassNoise], Any]  # names of fields, or a function that stays: its values are remembered
+Kinds = tuple[NoiseKind, ...]
 Shares = tuple[float, float, float, float]  # see `shares_of`
 _TINY = 1e-12
 
@@ -88,14 +88,13 @@ class Memory:
         return known
 
 
-def kept(memory: Memory | None, name: Any, make: Callable[[], T]) -> T:
+def kept(memory: Memory | None, name: Any, make: Callable[[], Any]) -> Any:
     """What ``make`` returns; with a memory, made once under this name."""
     if memory is None:
         return make()
     if name not in memory.kept:
         memory.kept[name] = make()
-    value: T = memory.kept[name]
-    return value
+    return memory.kept[name]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +132,10 @@ class Grid:
     def of_noise(self, parameter: Parameter) -> Floats:
         """A parameter of every noise ``[K]``, or ``[K, ...]``; NaN for None."""
         read = attrgetter(*parameter.split()) if isinstance(parameter, str) else parameter
-        return kept(self.memory, parameter, lambda: np.array([read(noise) for noise in self.noise], dtype=np.float64))
+        value: Floats = kept(
+            self.memory, parameter, lambda: np.array([read(noise) for noise in self.noise], np.float64)
+        )
+        return value
 
     def of_rows(self, parameter: Parameter) -> Floats:
         """A parameter of every row's noise ``[R]``, or ``[R, ...]``."""
@@ -196,9 +198,7 @@ class Grid:
         grid[..., self.cells[0] * len(self.ids) + self.cells[1]] = value
         return grid.reshape(*value.shape[:-1], self.frames, len(self.ids))
 
-    def autoregression(
-        self, phi: Floats, draws: Draws, kinds: Sequence[NoiseKind], push: Floats | None = None
-    ) -> Floats:
+    def autoregression(self, phi: Floats, draws: Draws, kinds: Kinds, push: Floats | None = None) -> Floats:
         """Autoregressive standard normal numbers ``[m, R]`` of m kinds, from such numbers ``push`` of all `cells`.
 
         ``phi`` ``[m, K]``: correlation between neighbouring frames of the profile, of every noise.
@@ -217,13 +217,7 @@ class Grid:
             value[:, t] += phi * value[:, t - 1]
         return value.reshape(len(value), -1).take(self.frame * len(self.ids) + self.column, axis=1)
 
-    def lasting(
-        self,
-        memories: Callable[[ClassNoise], Sequence[Shares]],
-        neighbours: Neighbours | None,
-        draws: Draws,
-        kinds: Sequence[NoiseKind],
-    ) -> Floats:
+    def lasting(self, memories: Parameter, neighbours: Neighbours | None, draws: Draws, kinds: Kinds) -> Floats:
         """Standard normal numbers ``[m, R]`` of m kinds: a constant part and an autoregressive one.
 
         ``memories``: `shares_of` each kind. The numbers are shared with neighbours, if any.
@@ -235,7 +229,7 @@ class Grid:
         value = constant.take(self.column, axis=1) + np.sqrt(1 - bias).take(self.row_noise, axis=1) * series
         return value if neighbours is None else neighbours.mixed(value, shared.take(self.row_noise, axis=1))
 
-    def with_new(self, lasting: Floats, new: Floats, memories: Callable[[ClassNoise], Sequence[Shares]]) -> Floats:
+    def with_new(self, lasting: Floats, new: Floats, memories: Parameter) -> Floats:
         """Numbers ``[m, R]`` of `lasting` with their share of ``new`` ones in every frame."""
         share = self.of_noise(memories).T[3]
         old = np.sqrt(1 - share).take(self.row_noise, axis=1) * lasting
@@ -250,7 +244,8 @@ def shares_of(memory: SharedMemory) -> Shares:
 
 def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float, memory: Memory | None = None) -> Grid:
     """Grid of a truth; ``noise`` is that of each class index; ``memory``: of its last frame, which alone has rows."""
-    distinct, number = kept(memory, "noise", lambda: _distinct(noise))
+    distinct = kept(memory, "noise", lambda: tuple(one for i, one in enumerate(noise) if one not in noise[:i]))
+    number = kept(memory, "number", lambda: np.array([distinct.index(one) for one in noise]))
     if memory is None:
         ids, first, column = np.unique(truth.object_id, return_index=True, return_inverse=True)
         number = number[truth.class_id[first]]
@@ -263,15 +258,6 @@ def truth_grid(truth: Truth, noise: Sequence[ClassNoise], steps: float, memory: 
     lives, ids = (since, np.full(len(since), memory.frame + 1)), np.array(list(objects), dtype=np.int64)
     frame = np.full(len(rows), memory.frame)
     return Grid(truth.frames, ids, frame, column, distinct, number[class_ids], steps, lives, memory)
-
-
-def _distinct(noise: Sequence[ClassNoise]) -> tuple[tuple[ClassNoise, ...], Ints]:
-    """The different ones of ``noise``, and the index of each among them."""
-    distinct: list[ClassNoise] = []
-    for parameters in noise:
-        if parameters not in distinct:
-            distinct.append(parameters)
-    return tuple(distinct), np.array([distinct.index(parameters) for parameters in noise])
 
 
 def truth_neighbours(grid: Grid, place: Floats, length: float) -> Neighbours:

@@ -42,9 +42,8 @@ def near_false_positives(
     row = np.repeat(np.arange(len(grid.frame)), SLOTS)
     visible, rank = _visible(slots, qualities.random[row], draws)
     every, slots, row = slots, slots.select(visible), row[visible]
-    offset, angle, same, other = slots.constant(draws, "place", lambda keys: draws.uniforms(_PLACE, keys))[
-        :, slots.column
-    ]
+    places = slots.constant(draws, "place", lambda keys: draws.uniforms(_PLACE, keys))
+    offset, angle, same, other = places[:, slots.column]
     true_class, offset = scene.truth.class_id[row], _offsets(slots, offset)
     class_id = _classes(slots, true_class, offset, same, other, similar)
     of_object = class_id == true_class
@@ -85,10 +84,8 @@ def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, F
     number, new = slots.row_noise, draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys)
     normal = np.sqrt(ar)[number] * series + np.sqrt(1 - ar)[number] * new
     normal = parent[number] * object_quality + np.sqrt(1 - parent**2)[number] * normal
-    positive = slots.constant(
-        draws, "skew", lambda keys: exponential(draws.normal(NoiseKind.QUALITY, Component.BIAS, keys))
-    )
-    quality = skewed(normal, positive[slots.column], bias[number])
+    constant = slots.constant(draws, "skew", lambda keys: draws.normal(NoiseKind.QUALITY, Component.BIAS, keys))
+    quality = skewed(normal, exponential(constant)[slots.column], bias[number])
     rank = np.full(len(quality), np.nan)
     for noise, rows in slots.by_noise():
         index, own_rank = best_ranks(quality[rows], _parameters(noise).bias, _parameters(noise).chance)

@@ -116,9 +116,9 @@ def test_detections_are_simulated_once_and_nobody_can_change_those_that_are_kept
     monkeypatch.setattr("mtp_bench.detector.simulate.simulate", simulate)
     for name, column in vars(detected(scene, CARD).detections).items():
         np.testing.assert_array_equal(column, expected[name])
-    assert not simulate.call_count
+    simulate.assert_not_called()
     detected(replace(scene, name="of another name, so another noise"), CARD)
     monkeypatch.setattr(simulated, "KEPT_BYTES", 0)
     detected(replace(scene, ego=ego + 1.0), CARD)
-    assert simulate.call_count == 2
+    assert len(simulate.mock_calls) == 2
     assert not simulated._KEPT
