@@ -18,6 +18,7 @@ _SMALLEST = 0.2, 0.3  # m and share of the true size: the larger one is the leas
 _KINDS = NoiseKind.RADIAL, NoiseKind.TANGENTIAL, NoiseKind.TAIL
 _NEW = *_KINDS, NoiseKind.Z, NoiseKind.HEADING
 _OF_ROWS = *parts(Component.WHITE, *_NEW), *parts(Component.PUSH, _NEW[-1]), *parts(Component.OTHER, _NEW[-1])
+_OF_AXES = parts(Component.WHITE, NoiseKind.SIZE, NoiseKind.VELOCITY)
 _SCALES = "radial.s0 radial.s1 radial.quality tangential.s0 tangential.s1 tangential.quality"
 _AXES = np.arange(3)
 _LATENT = np.linspace(-5.0, 5.0, 1001)  # tails beyond are as heavy as at the ends
@@ -47,10 +48,11 @@ def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: I
     new, push = ndtri(number[: len(_NEW)]), number[len(_NEW) :]
     radial, tangential, tail = grid.with_new(lasting, new[:3], _memories)
     scale, (mean, deviation) = grid.of_rows(_SCALES), grid.of_rows("z").T
-    turn = grid.of_rows("heading.scale") / ROBUST_T4 * _student_t4(new[4], push) + np.pi * flipped
-    axes = of_axes(grid.row_keys)
+    student_t4 = new[4] / np.sqrt(-0.5 * np.log(push[0] * push[1]))  # a normal number over the root of chi-squared
+    turn = grid.of_rows("heading.scale") / ROBUST_T4 * student_t4 + np.pi * flipped
     latent, z = np.stack([radial, tangential], axis=-1), mean + deviation * new[3]
-    size, velocity = _size_errors(grid, draws, axes), _velocity_errors(grid, draws, axes[:, :2])
+    size, velocity = ndtri(draws.uniforms(_OF_AXES, of_axes(grid.row_keys)))
+    size, velocity = _size_errors(grid, draws, size), grid.of_rows("velocity")[:, None] * velocity[:, :2]
     return BoxErrors(latent, _tail_factors(grid, tail), scale.reshape(-1, 2, 3), z, turn, size, velocity)
 
 
@@ -97,15 +99,6 @@ def _mixing_quantiles(nu: float) -> Floats:
     return np.asarray(np.sqrt(nu / chdtri(nu, ndtr(_LATENT))))
 
 
-def _velocity_errors(grid: Grid, draws: Draws, keys: Keys) -> Floats:
-    """Errors of velocities ``[R, 2]`` m/s by keys ``[R, 2]``; NaN where the class has none."""
-    deviation = grid.of_rows("velocity")
-    if np.isnan(deviation).all():
-        return np.full((len(deviation), 2), np.nan)
-    error = draws.normal(NoiseKind.VELOCITY, Component.WHITE, keys)
-    return np.asarray(deviation[:, None] * error)
-
-
 def _flips(grid: Grid, draws: Draws) -> Bools:
     """Mask of headings that are turned by pi ``[R]``: two-state Markov chains."""
     flip, flip_again = grid.of_noise("heading.flip heading.flip_again").T
@@ -128,15 +121,9 @@ def _flips(grid: Grid, draws: Draws) -> Bools:
     return np.asarray(states[grid.frame, grid.column])
 
 
-def _student_t4(normal: Floats, uniform: Floats) -> Floats:
-    """Student's t with 4 degrees of freedom ``[R]``: normal numbers over roots of chi-squared ones, of ``[2, R]``."""
-    return np.asarray(normal / np.sqrt(-0.5 * np.log(uniform[0] * uniform[1])))
-
-
-def _size_errors(grid: Grid, draws: Draws, keys: Keys) -> Floats:
-    """Errors of length, width, height ``[R, 3]`` m by keys ``[R, 3]``."""
+def _size_errors(grid: Grid, draws: Draws, white: Floats) -> Floats:
+    """Errors of length, width, height ``[R, 3]`` m from normal numbers that are new in every frame."""
     bias = grid.constant(draws, "size", lambda own: draws.normal(NoiseKind.SIZE, Component.BIAS, of_axes(own)).T)
-    white = draws.normal(NoiseKind.SIZE, Component.WHITE, keys)
     share = grid.of_rows("size.white")[:, None]
     return grid.of_rows("size.mean") + grid.of_rows("size.deviation") * (
         np.sqrt(1 - share) * bias.T[grid.column] + np.sqrt(share) * white

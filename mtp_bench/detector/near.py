@@ -68,18 +68,14 @@ def _parameters(noise: ClassNoise) -> NearFalsePositives:
     return _NONE if noise.near is None else noise.near
 
 
-def _memory(noise: ClassNoise) -> tuple[float, float, float, float]:
+def _numbers(noise: ClassNoise) -> tuple[float, ...]:
     near = _parameters(noise)
-    return near.bias, near.ar / max(1 - near.bias, 1e-12), near.phi, near.parent
-
-
-def _same(noise: ClassNoise) -> tuple[float, ...]:
-    return _parameters(noise).same
+    return near.bias, near.ar / max(1 - near.bias, 1e-12), near.phi, near.parent, *near.same
 
 
 def _visible(slots: Grid, object_quality: Floats, draws: Draws) -> tuple[Ints, Floats]:
     """Visible rows, and the ranks of their quality among those."""
-    bias, ar, phi, parent = slots.of_noise(_memory).T
+    bias, ar, phi, parent, *_ = slots.of_noise(_numbers).T
     series = slots.autoregression(phi[None], draws, (NoiseKind.QUALITY,))[0]
     number, new = slots.row_noise, draws.normal(NoiseKind.QUALITY, Component.WHITE, slots.row_keys)
     normal = np.sqrt(ar)[number] * series + np.sqrt(1 - ar)[number] * new
@@ -128,7 +124,7 @@ def _classes(
     slots: Grid, true_class: Ints, offset: Floats, uniform: Floats, other: Floats, similar: Sequence[Ints]
 ) -> Ints:
     """Classes ``[R]``: that of the object, or another one with the same noise, by two uniform numbers."""
-    wrong = uniform >= slots.of_rows(_same)[np.arange(len(offset)), np.digitize(offset, BESIDE)]
+    wrong = uniform >= slots.of_rows(_numbers)[np.arange(len(offset)), 4 + np.digitize(offset, BESIDE)]
     class_id = np.array(true_class)
     for k in set(true_class[wrong].tolist()):
         rows, others = np.flatnonzero(wrong & (true_class == k)), similar[k]

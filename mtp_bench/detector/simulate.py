@@ -43,9 +43,8 @@ def simulate(
 
     ``truth``: true boxes with the neutral ones, ``class_id`` an index into ``classes``; ``ego``: ``[F, 4]`` x y z yaw
     of the sensor, in the frame of the truth; ``seed``: not negative; ``dt``: s between frames, by which the memory of
-    the profile decays; ``visibility``: `visibility_of` the truth, if known; ``going_on``: of a closed loop.
-    Rows of a frame are sorted by descending
-    score, then by x. Raises UnknownNameError for a class that the profile does not have.
+    the profile decays; ``visibility``: `visibility_of` the truth, if known; ``going_on``: of a closed loop. Rows of a
+    frame are sorted by descending score, then by x. Raises UnknownNameError for a class that the profile does not have.
     """
     require_shape("ego", ego, (truth.frames, 4))
     visibility = visibility_of(truth, ego, sensor) if visibility is None else visibility

@@ -168,6 +168,6 @@ def _shared_weight(latent: Floats, near: Neighbours, objects: ObjectSamples, las
     implied = np.zeros(len(shares))
     for number in np.random.default_rng(0).standard_normal((_MIXES, len(latent))):
         for i, share in enumerate(shares):
-            mixed = near.mixed(number, np.full(len(number), share))
+            mixed = near.mixed(number[None], np.full((1, len(number)), share))[0]
             implied[i] += lasting * np.mean(mixed[near.row[pair]] * mixed[near.other[pair]]) / _MIXES
     return round(float(shares[int(np.argmin(np.abs(implied - real)))]), 4)
