@@ -8,14 +8,7 @@ from ..geometry import wrap_angle
 from ..types import Floats, Ints, Ragged, select, starts_of
 from .draws import Draws, NoiseKind, NoiseSubject, decayed, exponential, skewed
 from .errors import BoxErrors, draw_errors
-from .false_positives import (
-    DetectedRows,
-    ReportedClasses,
-    SensedScene,
-    draw_places,
-    ground_height,
-    spread_sizes,
-)
+from .false_positives import DetectedRows, ReportedClasses, SensedScene, draw_places, ground_height, spread_sizes
 from .grid import Grid, kept
 from .profile import ClassNoise, FreeFalsePositives
 from .quality import best_ranks, score_by_rank

@@ -29,16 +29,9 @@ class OpenScene:
 
 
 def simulate(
-    truth: Truth,
-    ego: Floats,
-    classes: Sequence[str],
-    profile: Profile,
-    sensor: Sensor,
-    seed: int,
-    dt: float,
-    visibility: Visibility | None = None,
-    going_on: OpenScene | None = None,
-) -> Detections:
+    truth: Truth, ego: Floats, classes: Sequence[str], profile: Profile, sensor: Sensor, seed: int, dt: float,
+    visibility: Visibility | None = None, going_on: OpenScene | None = None,
+) -> Detections:  # fmt: skip
     """Simulate the detections of a scene; equal arguments give equal detections.
 
     ``truth``: true boxes with the neutral ones, ``class_id`` an index into ``classes``; ``ego``: ``[F, 4]`` x y z yaw

@@ -63,13 +63,11 @@ def _count_near(real: FalsePositiveSamples, near: Bools, boxes: int, dt: float) 
     first, second, third = (round(float(real.of_class[row].mean()) if row.any() else 1.0, 4) for row in rows)
     duplicates = rows[0] & real.of_class
     return NearFalsePositives(
-        chance=round(min(float(near.sum()) / boxes / SLOTS, 1.0), 5),
-        score=_quantiles(real.score[near], RANKS),
-        offset=_quantiles(real.beside[near]),
-        same=(first, second, third),
+        chance=round(min(float(near.sum()) / boxes / SLOTS, 1.0), 5), score=_quantiles(real.score[near], RANKS),
+        offset=_quantiles(real.beside[near]), same=(first, second, third),
         duplicates=_quantiles(real.score[duplicates], RANKS) if duplicates.sum() >= _FEW_DUPLICATES else None,
         **_memory(1.0, 0.0, dt),
-    )
+    )  # fmt: skip
 
 
 def _count_free(real: FalsePositiveSamples, free: Bools, frames: int, dt: float) -> FreeFalsePositives | None:
@@ -86,18 +84,12 @@ def _count_free(real: FalsePositiveSamples, free: Bools, frames: int, dt: float)
     distance = np.hypot(*(place[pairs.row] - place[pairs.other]).T)
     length, width, height = (round(float(side), 4) for side in real.size[free].mean(axis=0))
     return FreeFalsePositives(
-        rate=round(rate, 4),
-        dispersion=round(max(float((count**2).sum()) / frames / rate - rate, 1.0), 4),
-        chance=0.15,
-        survive=0.88,
-        siblings=0.4,
-        spread=round(float(np.median(distance)) / 1.3 if len(distance) else 1.0, 3),
-        family=0.5,
-        size=(length, width, height),
-        distance=_quantiles(np.maximum(real.distance[free], _NEAREST)),
-        score=_quantiles(real.score[free], RANKS),
-        **_memory(1.0, 0.0, dt),
-    )
+        rate=round(rate, 4), dispersion=round(max(float((count**2).sum()) / frames / rate - rate, 1.0), 4),
+        chance=0.15, survive=0.88, siblings=0.4,
+        spread=round(float(np.median(distance)) / 1.3 if len(distance) else 1.0, 3), family=0.5,
+        size=(length, width, height), distance=_quantiles(np.maximum(real.distance[free], _NEAREST)),
+        score=_quantiles(real.score[free], RANKS), **_memory(1.0, 0.0, dt),
+    )  # fmt: skip
 
 
 def _quantiles(value: Floats, share: Sequence[float] = _PLACES) -> tuple[float, ...]:

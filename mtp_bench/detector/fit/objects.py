@@ -41,15 +41,11 @@ def fit_objects(objects: ObjectSamples, floor: float) -> ClassNoise:
         axes.append(PositionNoise(s0=round(s0, 4), s1=round(s1, 4), quality=round(gain, 4), shared=shared, **memory))
     velocity = objects.velocity_error[np.isfinite(objects.velocity_error).all(axis=1)]
     return ClassNoise(
-        quality=quality,
-        radial=axes[0],
-        tangential=axes[1],
-        nu=round(nu, 4),
-        heading=_heading(objects),
+        quality=quality, radial=axes[0], tangential=axes[1], nu=round(nu, 4), heading=_heading(objects),
         size=_size(objects),
         velocity=round(robust_deviation(velocity.ravel()) or 0.0, 4) if len(velocity) >= _FEW else None,
         z=_height(objects),
-    )
+    )  # fmt: skip
 
 
 def _heading(objects: ObjectSamples) -> HeadingNoise:

@@ -20,16 +20,9 @@ LEAST_HITS = 100  # detected true boxes that a class needs
 
 
 def fit_profile(
-    scenes: Iterable[Scene],
-    classes: Sequence[str],
-    dt: float,
-    sensor: Sensor,
-    name: str,
-    summary: str,
-    source: str,
-    floor: Mapping[str, float] | None = None,
-    alike: Mapping[str, str] | None = None,
-) -> Profile:
+    scenes: Iterable[Scene], classes: Sequence[str], dt: float, sensor: Sensor, name: str, summary: str,
+    source: str, floor: Mapping[str, float] | None = None, alike: Mapping[str, str] | None = None,
+) -> Profile:  # fmt: skip
     """Fit a profile of the detector that made the detections of ``scenes``, whose truth must be complete.
 
     ``dt``: s between frames; ``sensor``: its coverage; ``floor``: least score per class of the detections that count,

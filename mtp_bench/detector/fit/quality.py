@@ -68,16 +68,11 @@ def _margins(objects: ObjectSamples, floor: float, lapses: float) -> Quality:
     level[objects.hit] = np.maximum(np.searchsorted(cut, score, side="right"), 1)
     weight, latent = fit_ordered_levels(objects.feature, level, len(cut) + 1, lapses)
     return Quality(
-        bias=0.5,
-        ar=0.3,
-        phi=0.7,
-        white=0.2,
-        location=_rounded(weight),
+        bias=0.5, ar=0.3, phi=0.7, white=0.2, location=_rounded(weight),
         lapses=Lapses(share=lapses, bias=0.5, phi=0.7, shared=0.5),
-        latent=_rounded(np.append(latent, latent[-1] + _BEST)),
-        score=_rounded(np.append(cut, score.max())),
+        latent=_rounded(np.append(latent, latent[-1] + _BEST)), score=_rounded(np.append(cut, score.max())),
         floor=floor,
-    )
+    )  # fmt: skip
 
 
 def _rounded(values: Floats) -> tuple[float, ...]:

@@ -81,12 +81,9 @@ Samples = tuple[ObjectSamples, FalsePositiveSamples]
 
 
 def collect_samples(
-    scenes: Iterable[Scene],
-    classes: Sequence[str],
-    sensor: Sensor,
-    floor: Mapping[str, float] | None = None,
+    scenes: Iterable[Scene], classes: Sequence[str], sensor: Sensor, floor: Mapping[str, float] | None = None,
     pooled: Mapping[str, str] | None = None,
-) -> dict[str, Samples]:
+) -> dict[str, Samples]:  # fmt: skip
     """Samples per class over ``scenes``; raises DataError without a scene.
 
     ``floor``: least score per class of the detections that count; ``pooled``: classes, and the class whose samples
@@ -129,17 +126,12 @@ def _object_samples(
     tangential = away[:, 0] * offset[:, 1] - away[:, 1] * offset[:, 0]
     heading = wrap_angle(box[:, 3] - true[:, 3])
     return ObjectSamples(
-        object=number,
-        frame=frame,
-        hit=hit,
+        object=number, frame=frame, hit=hit,
         feature=quality_features(visibility_of(scene.truth, scene.ego, sensor, scene.visible)),
         error=np.column_stack([radial, tangential, box[:, 2] - true[:, 2], heading, box[:, 4:] - true[:, 4:]]),
-        velocity_error=velocity - scene.truth.velocity,
-        score=score,
-        scene=np.full(len(true), scene_number),
-        place=true[:, :2],
-        direction=np.arctan2(away[:, 1], away[:, 0]),
-    )
+        velocity_error=velocity - scene.truth.velocity, score=score, scene=np.full(len(true), scene_number),
+        place=true[:, :2], direction=np.arctan2(away[:, 1], away[:, 0]),
+    )  # fmt: skip
 
 
 def _false_positive_samples(
@@ -153,18 +145,12 @@ def _false_positive_samples(
     frame, box = all_frames[row], detections.box[row]
     nearest, beside = nearest_true_boxes(truth, np.isin(truth.class_id, class_ids), frame, box)
     return FalsePositiveSamples(
-        count=np.diff(starts_of_sorted(frame, scene.frames)),
-        duplicate=matches.duplicate[row],
-        score=detections.score[row],
-        size=box[:, 4:7],
-        distance=distance[inside],
-        scene=np.full(len(row), scene_number),
-        frame=frame,
-        place=box[:, :2],
-        beside=beside,
+        count=np.diff(starts_of_sorted(frame, scene.frames)), duplicate=matches.duplicate[row],
+        score=detections.score[row], size=box[:, 4:7], distance=distance[inside],
+        scene=np.full(len(row), scene_number), frame=frame, place=box[:, :2], beside=beside,
         of_class=np.append(truth.class_id, -1)[nearest] == detections.class_id[row],
         parent=np.append(detections.score, np.nan)[np.append(matches.detection, -1)[nearest]],
-    )
+    )  # fmt: skip
 
 
 def nearest_true_boxes(truth: Truth, kept: Bools, frame: Ints, box: Floats) -> tuple[Ints, Floats]:
