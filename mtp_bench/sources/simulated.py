@@ -70,7 +70,7 @@ def detected(scene: Scene, card: Card, seed: int | None = None, going_on: OpenSc
 
 
 def _remembered(noise: object, arrays: Sequence[Any], simulate: Callable[[], Detections]) -> Detections:
-    """What ``simulate`` returns for ``noise`` and ``arrays``: all settings of a comparison play the same scenes."""
+    """Detections of ``noise`` and ``arrays``, simulated once: all settings of a comparison play the same scenes."""
     digest = hashlib.sha256(repr(noise).encode())
     for array in arrays:
         digest.update(f"{array.dtype.str}{array.shape}".encode() + array.tobytes())
