@@ -98,6 +98,18 @@ for name in names[1:5]:
     env.reset(options={"scene": name})
 print("MS", 1000 * (time.process_time() - start) / 4)
 """
+TRAINING = """
+import sys, time, gymnasium as gym, stable_baselines3 as sb3, torch, mtp_bench
+from mtp_bench.wrappers import AssociationOnly
+torch.set_num_threads(1)
+env = gym.make(sys.argv[1], split="train", scenes=mtp_bench.MTPEnv(sys.argv[1], split="train").scene_names[:4])
+sizes = {"n_steps": 256, "batch_size": 256, "policy_kwargs": {"net_arch": [32]}}
+agent = sb3.PPO("MlpPolicy", AssociationOnly(env, detections=16, choices=1), seed=0, device="cpu", **sizes)
+agent.learn(256)
+start = time.process_time()
+agent.learn(1024)
+print("MS", 1000 * (time.process_time() - start) / 1024)
+"""
 
 
 @dataclass(frozen=True)
@@ -110,26 +122,24 @@ class Row:
     code: str = ""
     cold: bool = False  # in an empty cache; else the row ran before, uncounted
     trainval: bool = False  # reads nuScenes trainval
+    warmed: str = ""  # the cold row whose cache it goes on with
     before: tuple[str, ...] = ()  # words of the command that is run first, uncounted, in place of the row itself
 
 
-def _compare(cold: bool) -> Row:
-    words = ("compare", "stp", "mtp", "--env", NOISY, "--scenes", "10", "--jobs", "2")
-    return Row(f"compare, {'cold' if cold else 'warm'}", "150 s" if cold else "60 s", words, cold=cold)
-
-
+COMPARE = ("compare", "stp", "mtp", "--env", NOISY, "--scenes", "10", "--jobs", "2")
 ROWS = {
     "help": Row("mtp-bench --help", ".5 s", ("--help",)),
     "import": Row("import mtp_bench", ".5 s", (), "import mtp_bench"),
-    "compare-cold": _compare(cold=True),
-    "compare": _compare(cold=False),
+    "compare-cold": Row("compare, cold", "150 s", COMPARE, cold=True),
+    "compare": Row("compare, warm", "60 s", COMPARE, warmed="compare-cold"),
     "board": Row("board", "6 s", ("board",)),
     "board-env": Row("board of an environment", "2 s", ("board", "--env", NOISY)),
     "open-cold": Row("first open, nuScenes trainval", "5 s", ("MTP-nuScenes-v0",), OPENED, cold=True, trainval=True),
-    "open": Row("open again, nuScenes trainval", ".34 s", ("MTP-nuScenes-v0",), OPENED, trainval=True),
+    "open": Row("open again", ".34 s", ("MTP-nuScenes-v0",), OPENED, trainval=True, warmed="open-cold"),
     "step": Row("step and reset, Intersection", "1.0, 10 ms", (NOISY, "play"), STEPS),
     "step-evaluation": Row("step in an evaluation, Intersection", ".4 ms", (NOISY, "evaluation"), STEPS),
     "step-mini": Row("step and reset, nuScenes mini", "1.0, 5 ms", ("MTP-nuScenes-mini-v0", "play"), STEPS),
+    "training": Row("a step of PPO (SB3), Roundabout", "-", ("MTP-Roundabout-v0",), TRAINING),
     "mtp": Row("mtp a frame, Intersection", "1.5 ms", (NOISY, "mtp"), AGENT),
     "mtp-kitti": Row("mtp a frame, KITTI", "1.5 ms", ("MTP-KITTI-v0", "mtp"), AGENT),
     "mtp-mini": Row("mtp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "mtp"), AGENT),
@@ -157,11 +167,14 @@ class Spent:
     ms: tuple[float, ...] = ()
 
     @property
+    def brief(self) -> str:
+        """The time of the processor."""
+        return ", ".join(f"{each:.3g}" for each in self.ms) + " ms" if self.ms else f"{self.cpu:.1f} s"
+
+    @property
     def shown(self) -> str:
         """A cell of the table."""
-        if self.ms:
-            return ", ".join(f"{each:.2f}" for each in self.ms) + " ms"
-        return f"{self.cpu:.1f} s CPU, {self.wall:.1f} s, {self.peak:.0f} MiB"
+        return self.brief if self.ms else f"{self.brief} CPU, {self.wall:.1f} s, {self.peak:.0f} MiB"
 
     def ratio(self, other: Spent) -> str:
         """Ratio of what ``other`` took to this."""
@@ -201,14 +214,14 @@ def spent(row: Row, tree: Path, cache: Path, given: argparse.Namespace) -> Spent
     )
 
 
-def measured(row: Row, tree: Path, caches: Path, given: argparse.Namespace) -> Spent | None:
-    """The row, after a run that is not counted unless it is cold."""
-    if row.cold:
-        with tempfile.TemporaryDirectory() as empty:
-            return spent(row, tree, Path(empty), given)
-    own = caches / tree.name
+def measured(key: str, tree: Path, caches: Path, given: argparse.Namespace) -> Spent | None:
+    """A row, after a run that is not counted unless it is cold, or goes on with the cache of a cold one."""
+    row = ROWS[key]
+    own = caches / tree.name / (key if row.cold else row.warmed or "warm")
     first = replace(row, words=row.before) if row.before else row
-    return spent(first, tree, own, given) and spent(row, tree, own, given)
+    if not row.cold and not (row.warmed and own.is_dir()) and spent(first, tree, own, given) is None:
+        return None
+    return spent(row, tree, own, given)
 
 
 def copy_of(commit: str, folder: Path) -> Path:
@@ -220,6 +233,16 @@ def copy_of(commit: str, folder: Path) -> Path:
     return tree
 
 
+def markdown(found: dict[str, tuple[Spent | None, Spent | None]], against: str) -> str:
+    """The rows as a table of Markdown: reach, the other commit, now, ratio, and the largest process now."""
+    lines = [f"| what | to reach | {against} | now | ratio | memory now, MiB |", "|---|--:|--:|--:|--:|--:|"]
+    for key, (then, now) in found.items():
+        row, ratio = ROWS[key], now.ratio(then) if now and then else ""
+        both = (each.brief if each else "" for each in (then, now))
+        lines.append("| " + " | ".join([row.name, row.reach, *both, ratio, f"{now.peak:.0f}" if now else ""]) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--against", metavar="COMMIT")
@@ -227,6 +250,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=os.environ.get("MTP_BENCH_DATA", HERE.parent / "shared/data"))
     parser.add_argument("--trainval", type=Path, default=HERE.parent / "shared/nuscenes_trainval")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--markdown", type=Path, help="file for the table of docs/project/speed.md")
     given = parser.parse_args()
     table = Table(title=f"What a user waits for, {os.cpu_count()} cores")
     for head in (
@@ -237,22 +261,25 @@ def main() -> None:
         *(["ratio"] * bool(given.against)),
     ):
         table.add_column(head, justify="left" if not head else "right")
-    found: dict[str, dict[str, object]] = {}
+    found: dict[str, tuple[Spent | None, Spent | None]] = {}
     with tempfile.TemporaryDirectory() as folder:
         caches = Path(folder) / "caches"
         old = copy_of(given.against, Path(folder)) if given.against else None
         for key in given.rows.split(","):
             row = ROWS[key]
-            then = measured(row, old, caches, given) if old else None
-            now = measured(row, HERE, caches, given)
+            then = measured(key, old, caches, given) if old else None
+            now = measured(key, HERE, caches, given)
             ratio = now.ratio(then) if now and then else ""
             cells = [then.shown if then else "", now.shown if now else "failed", ratio]
             table.add_row(row.name, row.reach, *(cells if old else cells[1:2]))
             print(row.name, *cells, sep=" | ", flush=True)
-            found[key] = {"then": then and asdict(then), "now": now and asdict(now)}
+            found[key] = then, now
     Console(width=150).print(table)
+    if given.markdown:
+        given.markdown.write_text(markdown(found, str(given.against)), encoding="utf-8")
     if given.json:
-        given.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        rows = {key: {"then": then and asdict(then), "now": now and asdict(now)} for key, (then, now) in found.items()}
+        given.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
