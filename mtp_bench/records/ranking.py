@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 
 class BySubset(Mapping[Subset, T]):
-    """Values by subset, each made when it is first read, as a table shows few; those that are None are left out."""
+    """Values by subset, each made when it is first read, as a table shows few; missing ones are left out."""
 
     def __init__(self, make: Callable[[Subset], T | None] = lambda subset: None) -> None:
         self._value = cache(make)
