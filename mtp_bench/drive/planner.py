@@ -11,7 +11,7 @@ planning"): proposals along a line, scored by a forecast.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import ceil
 
 import numpy as np
@@ -83,6 +83,19 @@ def _evened(seen: Obstacles) -> Obstacles:
     return Obstacles(seen.box, path, seen.weight, seen.dt / parts)
 
 
+@lru_cache(maxsize=32)
+def _grid(way: Way) -> tuple[Floats, Ints]:
+    """Lower corner [2] and stations of the cells around a way, -1 where it is far."""
+    low = way.xy.min(axis=0) - _ASIDE - _CELL
+    near = np.zeros(np.ceil((way.xy.max(axis=0) + _ASIDE - low) / _CELL).astype(np.int64) + 1, dtype=np.bool_)
+    wide = round(_ASIDE / _CELL)
+    for x, y in ((way.xy[::2] - low) / _CELL).astype(np.int64).tolist():
+        near[max(x - wide, 0) : x + wide + 1, max(y - wide, 0) : y + wide + 1] = True
+    grid = np.full(near.shape, -1)
+    grid[near] = KDTree(way.xy).query(low + (np.argwhere(near) + 0.5) * _CELL)[1]
+    return low, grid
+
+
 class Planner:
     """Decisions for one ego on its ``way``; ``size``: its length and width, m."""
 
@@ -106,18 +119,6 @@ class Planner:
     def _tops(self) -> Floats:
         """The same, every `_CELL` m from the start of the way."""
         return np.interp(np.arange(0.0, self._way.s[-1] + _CELL, _CELL), self._way.s, self._allowed)
-
-    @cached_property
-    def _grid(self) -> tuple[Floats, Ints]:
-        """Lower corner [2] and stations of the cells around the way, -1 where the way is far."""
-        low = self._way.xy.min(axis=0) - _ASIDE - _CELL
-        near = np.zeros(np.ceil((self._way.xy.max(axis=0) + _ASIDE - low) / _CELL).astype(np.int64) + 1, dtype=np.bool_)
-        wide = round(_ASIDE / _CELL)
-        for x, y in ((self._way.xy[::2] - low) / _CELL).astype(np.int64).tolist():
-            near[max(x - wide, 0) : x + wide + 1, max(y - wide, 0) : y + wide + 1] = True
-        grid = np.full(near.shape, -1)
-        grid[near] = KDTree(self._way.xy).query(low + (np.argwhere(near) + 0.5) * _CELL)[1]
-        return low, grid
 
     def allowed(self, s: float) -> float:
         """Highest speed at ``s`` m along the way, m/s."""
@@ -217,7 +218,7 @@ class Planner:
 
     def _station(self, x: Floats, y: Floats) -> Ints:
         """Points of the way next to places [n], -1 where it is far, as in the outermost cells of the grid."""
-        (left, below), grid = self._grid
+        (left, below), grid = _grid(self._way)
         column = np.fmin(np.fmax((x - left) / _CELL, 0), len(grid) - 1).astype(np.int64)
         row = np.fmin(np.fmax((y - below) / _CELL, 0), grid.shape[1] - 1).astype(np.int64)
         return np.asarray(grid[column, row])

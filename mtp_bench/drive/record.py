@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from ..sources.highway.driven import STANDING, DrivenTraffic, Way
 from ..sources.highway.simulate import boxes_meet
@@ -82,9 +81,17 @@ def is_comfortable(acceleration: Floats, speed: Floats, heading: Floats) -> bool
     across = speed * np.gradient(heading) * RATE if len(heading) > 1 else np.zeros(1)
     within = (acceleration >= LIMITS["braking"]).all() and (acceleration <= LIMITS["gaining"]).all()
     if len(acceleration) >= _WINDOW:
-        jerk = savgol_filter(acceleration, _WINDOW, 2, deriv=1, delta=1 / RATE)
-        within &= bool((np.abs(jerk) <= LIMITS["jerk"]).all())
+        within &= bool((np.abs(smoothed_jerk(acceleration)) <= LIMITS["jerk"]).all())
     return bool(within and (np.abs(across) <= LIMITS["across"]).all())
+
+
+def smoothed_jerk(acceleration: Floats) -> Floats:
+    """Jerk [N] m/s3 of parabolas through `_WINDOW` accelerations [N] each (Savitzky-Golay, as in `scipy.signal`)."""
+    k, half = np.arange(_WINDOW) - _WINDOW // 2, _WINDOW // 2
+    _, slope, bend = np.linalg.pinv(np.stack([k**0, k, k**2], axis=1))
+    slopes = RATE * (slope + 2 * np.outer(k, bend))  # [_WINDOW at which, _WINDOW through which]
+    windows = np.lib.stride_tricks.sliding_window_view(acceleration, _WINDOW)
+    return np.concatenate([slopes[:half] @ windows[0], windows @ slopes[half], slopes[half + 1 :] @ windows[-1]])
 
 
 def _along(vector: Floats, yaw: Floats) -> Floats:

@@ -77,7 +77,7 @@ class _RandomPhases:
         if missing > 0:
             more = np.zeros((kinds, missing + _DRAWN_AHEAD))
             self._left, self._strength = (np.append(v, more, axis=1) for v in (self._left, self._strength))
-        draw = self._rng.uniform(size=(kinds, 3, len(numbers)))
+        draw = self._rng.random((kinds, 3, len(numbers)))
         left = self._left[:, numbers] - self._dt
         begins = (left <= 0) & (draw[:, 0] < self._chance)
         (shortest, longer), (weak, stronger) = self._ranges
@@ -139,7 +139,7 @@ class PedestrianBehaviour:
 
     def step(self, present: list[int]) -> None:
         """Advance the ``present`` groups, in the order of their numbers, by ``dt`` seconds."""
-        draw = self._rng.uniform(size=(len(present), 5))
+        draw = self._rng.random((len(present), 5))
         self._stops = {group: left - self._dt for group, left in self._stops.items() if left > 0}
         self._hesitations = {group: left - self._dt for group, left in self._hesitations.items() if left > 0}
         for group, (stop, kind, duration, slow, _) in zip(present, draw.tolist(), strict=True):

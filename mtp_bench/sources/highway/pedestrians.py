@@ -92,7 +92,8 @@ class Crowd:
         rows = [(p.number, p.group, p.crossing) for p in people]
         self._number, self._group, crossing = np.array(rows, dtype=np.int64).reshape(-1, 3).T
         self._start, self._turn = self._origin[crossing].T, self._axes[crossing].transpose(1, 2, 0).copy()
-        self._pace = np.array([p.pace for p in people])
+        self._pace, self._heading = np.array([(p.pace, p.heading) for p in people]).reshape(-1, 2).T
+        self._friends = (self._group[:, None] == self._group) & ~np.eye(len(people), dtype=np.bool_)
         self._size = np.array([(p.size[2] / 2, 0.0, *p.size) for p in people]).reshape(-1, 5)  # z yaw l w h
         states = np.array([(*p.place, *p.velocity) for p in people], dtype=np.float64).reshape(-1, 2, 2)
         self._own = states.transpose(1, 2, 0).copy()  # [place, velocity; along, across; M]
@@ -100,7 +101,7 @@ class Crowd:
     def boxes(self) -> Floats:
         """Boxes ``[M, 7]`` in the frame of the road (y down)."""
         box = np.concatenate([self.xy()[0].T, self._size], axis=1)
-        box[:, 3] = [p.heading for p in self.people]
+        box[:, 3] = self._heading
         return box
 
     def walks(self) -> list[CrossingPedestrian]:
@@ -210,14 +211,13 @@ class Crowd:
         if not self.people:
             return
         place, velocity = self.xy()
-        along, across = self._turn  # axes [2, M] of the crossings
         goals = _points([p.goal for p in self.people])
-        goal = self._start + (goals[0] * along + goals[1] * across)
+        goal = self._start + (goals[0] * self._turn[0] + goals[1] * self._turn[1])
         stage = np.array([p.stage for p in self.people])
         beside = stage != CROSSING
         way, pace = self._behaviour.walk(goal - place, self._pace, self._number, self._group, ~beside)
         pairs, outlines = walking.pairs_of(place), walking.Outlines(vehicles, place)
-        force = walking.social_force(pairs, velocity, way, pace, self._group)
+        force = walking.social_force(pairs, velocity, way, pace, self._friends)
         new = walking.limit_length(velocity + dt * force, 1.25 * pace)
         new = walking.slow_before_others(place, pairs, new, outlines, dt)
         new = walking.slow_at_kerb(place, new, pavement, beside)
@@ -225,13 +225,12 @@ class Crowd:
         moved = walking.keep_off_road(walking.push_apart(place + dt * new), pavement, beside)
         moved = walking.keep_out_of_vehicles(place, moved, outlines)
         new = (moved - place) / dt
-        x, y = np.stack([moved - self._start, new], axis=1)
-        own = np.array([x * along[0] + y * along[1], x * across[0] + y * across[1]]).round(6) + 0.0
-        self._own = own.transpose(1, 0, 2)
-        before = np.array([p.heading for p in self.people])
-        heading = _turned_headings(before, new, goal - moved, stage == WAITING)
-        for p, (own_place, own_velocity), course in zip(self.people, own.T.tolist(), heading.tolist(), strict=True):
-            p.place, p.velocity, p.heading = own_place, own_velocity, course
+        states = np.array([moved - self._start, new])
+        self._own = (states[:, :1] * self._turn[:, 0] + states[:, 1:] * self._turn[:, 1]).round(6) + 0.0
+        self._heading = _turned_headings(self._heading, new, goal - moved, stage == WAITING)
+        rows = zip(self.people, *self._own.transpose(0, 2, 1).tolist(), self._heading.tolist(), strict=True)
+        for person, *state in rows:
+            person.place, person.velocity, person.heading = state
 
     def _remaining(self) -> Floats:
         """Metres ``[M]`` to the next point of the way of each."""

@@ -108,7 +108,7 @@ def seen_from(
     ``renumbered``: objects are numbered from 0, else they keep the numbers of their rows.
     """
     own = rows[:, 10] == number
-    ego = rows[own][:, [0, 1, 2, 3]]
+    ego = rows[own, :4]
     ego[:, 2] = _EGO_HEIGHT
     return World(np.arange(frames) / rate, ego, _truth(rows[~own], frames, renumbered), lanes)
 

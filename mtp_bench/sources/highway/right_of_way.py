@@ -39,7 +39,7 @@ class CrossingPedestrian:
     patient: bool = False  # lets a vehicle go first that has waited long
 
 
-@dataclass
+@dataclass(slots=True)
 class _Approach:
     """A vehicle on its route."""
 
@@ -159,7 +159,7 @@ class RightOfWay:
             for zone in passage.zones.get(other.route, ()):
                 if _has_left(other, zone):
                     continue
-                if self._soonest(me, zone.start) > self._latest(other, zone) + _AFTER:
+                if self._soonest(me, zone.start) > self._latest(other, zone.other_end) + _AFTER:
                     yields.append((number, zone))
                 elif self._can_go_before(me, other, zone):
                     before.append((number, zone.mirrored))
@@ -185,7 +185,7 @@ class RightOfWay:
     def _can_go_before(self, me: _Approach, other: _Approach, zone: ConflictZone) -> bool:
         if self.first_in_first_out or other.front > zone.other_start:
             return False
-        return self._latest(me, zone.mirrored) + _BEFORE < self._soonest(other, zone.other_start)
+        return self._latest(me, zone.end) + _BEFORE < self._soonest(other, zone.other_start)
 
     def _wait_inside(self, me: _Approach, yields: Orders, walks: list[CrossingPedestrian]) -> float:
         """Free metres of a vehicle with the right of way."""
@@ -194,7 +194,10 @@ class RightOfWay:
             if number not in self._granted or me.front > zone.start + 0.5:
                 continue
             other = self._vehicles[number]
-            if not _has_left(other, zone) and self._soonest(me, zone.start) < self._latest(other, zone) + _KEEP:
+            if (
+                not _has_left(other, zone)
+                and self._soonest(me, zone.start) < self._latest(other, zone.other_end) + _KEEP
+            ):
                 stop = min(stop, max(zone.start - me.front, 0.0))
         for stretch in self.passages[me.route].stretches:
             if me.front < stretch.start and any(self._meets(me, stretch, walk) for walk in walks):
@@ -210,20 +213,19 @@ class RightOfWay:
             return False
         enters = max(to_middle - _BESIDE, 0.0) / walk.speed
         leaves = (to_middle + _BESIDE) / walk.speed
-        zone = ConflictZone(0.0, 0.0, stretch.start, stretch.end, False)
-        soonest, latest = self._soonest(me, stretch.start), self._latest(me, zone)
+        soonest, latest = self._soonest(me, stretch.start), self._latest(me, stretch.end)
         return soonest < leaves + _ON_FOOT / 2 and enters < latest + _ON_FOOT
 
     def _soonest(self, vehicle: _Approach, place: float) -> float:
         """Earliest time at a place, s from now."""
         return _travel_time(place - vehicle.front, vehicle.speed, 2.2, 1.05 * self.passages[vehicle.route].cruise)
 
-    def _latest(self, other: _Approach, zone: ConflictZone) -> float:
-        """Latest time at which the other vehicle leaves the zone, s from now; inf if it may stop before."""
-        if min(other.free, other.stop) < zone.other_end - other.rear:
+    def _latest(self, other: _Approach, end: float) -> float:
+        """Latest time at which the other vehicle passes an ``end``, s from now; inf if it may stop before."""
+        if min(other.free, other.stop) < end - other.rear:
             return math.inf
         cruise = 0.85 * self.passages[other.route].cruise
-        return _travel_time(zone.other_end - other.rear, other.speed, 0.7 * other.acceleration, cruise)
+        return _travel_time(end - other.rear, other.speed, 0.7 * other.acceleration, cruise)
 
 
 def _has_left(other: _Approach, zone: ConflictZone) -> bool:

@@ -133,7 +133,7 @@ class _Drivers:
     def _acceleration(self, state: RoadState, step: int) -> Floats:
         geometry, routes, style = self._map.geometry, self._routes, state.style
         ahead = find_leaders(state, geometry)
-        desired, free = self._behaviour.free_acceleration(state, desired_speed(state, geometry))
+        desired, free = self._behaviour.free_acceleration(state, desired_speed(state))
         result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, style)
         lines = np.full(len(state), np.inf)
         if self.rules is not None:

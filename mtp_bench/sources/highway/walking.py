@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...types import Bools, Floats, Ints
+from ...types import Bools, Floats
 from .networks import Crossing, Pavement
 from .world import STRAIGHT_ON, STRIP
 
@@ -132,18 +132,17 @@ def _to_kerb(place: Floats, pavement: Pavement) -> tuple[Floats, Floats]:
     return outwards, pavement.radius - _SIDEWALK_EDGE - distance
 
 
-def social_force(pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, group: Ints) -> Floats:
+def social_force(pairs: Pairs, velocity: Floats, to_goal: Floats, pace: Floats, friends: Bools) -> Floats:
     """Acceleration ``[2, M]``, m/s2, of people on foot.
 
     ``pairs``: of their places, ``velocity`` ``[2, M]`` m/s, ``to_goal`` ``[2, M]`` vector to the goal, ``pace`` ``[M]``
-    desired speed, ``group`` ``[M]`` number of the group.
+    desired speed, ``friends`` ``[M, M]``: others of the same group.
     """
     far = np.hypot(*to_goal)
     wanted = to_goal / np.maximum(far, _TINY) * np.minimum(pace, far / _SLOWING)
     between, gap, unit = pairs
     ahead = wanted / np.maximum(np.hypot(*wanted), _TINY)
     facing = -_dot(ahead, unit)
-    friends: Bools = (group[:, None] == group) & (gap < np.inf)
     strength = _PUSH * np.exp((APART - gap) / _RANGE) * (gap < _SIGHT) * np.where(friends, _FRIEND, 1.0)
     strength *= _BLIND + (1 - _BLIND) * (1 + facing) / 2
     push: Floats = (strength * unit).sum(axis=1)
