@@ -57,13 +57,10 @@ def changed_card(
     files: str | None = None,
 ) -> Card:
     """``card`` with all changes that are given. Own scenes (``files``) come first: split and detector are of them."""
-    if files is not None:
-        card = with_files(card, files)
-    if split is not None:
-        card = with_split(card, split)
-    if detector is not None:
-        card = with_detector(card, detector)
-    return card if detection_file is None else with_detections(card, detection_file)
+    changes = ((with_files, files), (with_split, split), (with_detector, detector), (with_detections, detection_file))
+    for change, value in changes:
+        card = card if value is None else change(card, value)
+    return card
 
 
 def with_split(card: Card, split: str) -> Card:

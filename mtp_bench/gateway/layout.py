@@ -137,11 +137,13 @@ def layout_for(image: Image, data: str | None, own: Sequence[Path] = ()) -> Layo
     ``own``: the user's files and folders of scenes, detections or tracks. Raises SubmissionError if they, the data or
     the cache of scenes are inside a folder that is shown.
     """
-    links, shown = _system_libraries()
-    _add(shown, (os.fspath(interpreter()), *_standard_library(), *packages()))
+    links, shown = _interpreter_files()
+    _add(shown, packages())
     package = library() / "mtp_bench"
     covered = [str(package)] if _inside(package, shown) else []
-    shown += [(str(path), str(path)) for part in LIBRARY for path in _with_bytecode(package / part) if path.exists()]
+    parts = [package / part for part in LIBRARY]
+    parts += [Path(importlib.util.cache_from_source(path)) for path in parts if path.suffix == ".py"]  # compiled once
+    shown += [(str(path), str(path)) for path in parts if path.exists()]
     shown += [(str(folder), f"{KERNELS}/{folder.name}") for folder in compiled_kernels()]
     shown += [(str(image.submission), SUBMISSION), (str(image.networks), NETWORKS)]
     _require_hidden([*(here for here, _ in shown), str(image.source)], data, own)
@@ -154,15 +156,9 @@ def _with_tmp(links: Sequence[tuple[str, str]], shown: Sequence[tuple[str, str]]
     return tuple(links) if below else (*links, (TEMPORARY.removeprefix("/"), "/tmp"))
 
 
-def _with_bytecode(path: Path) -> tuple[Path, ...]:
-    """The path of a folder; or those of a module and its bytecode, so that no process compiles it again."""
-    return (path, Path(importlib.util.cache_from_source(path))) if path.suffix == ".py" else (path,)
-
-
 def bare_layout() -> Layout:
     """The layout with the fewest files that the interpreter can start with, to try the sandbox."""
-    links, shown = _system_libraries()
-    _add(shown, (os.fspath(interpreter()), *_standard_library()))
+    links, shown = _interpreter_files()
     return Layout(tuple(shown), _with_tmp(links, shown))
 
 
@@ -209,21 +205,19 @@ def compiled_kernels() -> list[Path]:
     return [kernel.folder for kernel in all_kernels() if kernel.folder.is_dir()]
 
 
-def _system_libraries() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+def _interpreter_files() -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Links, and what is shown, for the interpreter: shared libraries of the system, itself, its standard library."""
     links, shown = list[tuple[str, str]](), list[tuple[str, str]]()
     for path in map(Path, _SYSTEM):
         if path.is_symlink():
             links.append((str(path.readlink()), str(path)))
         elif path.is_dir():
             _add(shown, [str(path)])
-    _add(shown, ["/etc/ld.so.cache"])
-    return links, shown
-
-
-def _standard_library() -> list[str]:
     paths = sysconfig.get_paths()
     beside = [str(Path(prefix) / "lib") for prefix in (sys.base_prefix, sys.base_exec_prefix)]  # with libpython
-    return list(dict.fromkeys([*beside, paths["stdlib"], paths["platstdlib"]]))
+    own = dict.fromkeys([*beside, paths["stdlib"], paths["platstdlib"]])
+    _add(shown, ["/etc/ld.so.cache", os.fspath(interpreter()), *own])
+    return links, shown
 
 
 def _add(shown: list[tuple[str, str]], paths: Iterable[str]) -> None:

@@ -6,7 +6,7 @@ A panel holds lines, bars, dots with intervals, and levels.
 import io
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
@@ -40,39 +40,6 @@ class Drawing:
     png: bytes
 
 
-def draw(
-    name: str,
-    title: str,
-    sentence: str,
-    n: str,
-    paint: Callable[..., object],
-    panels: int = 1,
-    size: tuple[float, float] | None = None,
-    rows: int = 1,
-) -> Drawing:
-    """A figure of ``panels`` in ``rows``; ``paint`` gets the axes of each panel. ``size``: width and height, inches."""
-    from matplotlib import style
-
-    salt: Any = {"svg.hashsalt": name}  # ids are stable, and differ between figures of a page
-    with style.context(["default", _STYLE, salt]):  # whatever file of settings is in the current folder
-        from matplotlib.figure import Figure
-
-        across = -(-panels // rows)
-        width, height = size or (WIDTH if across == 1 else WIDTH * 1.45, HEIGHT * rows)
-        canvas = Figure(figsize=(width, height), layout="constrained")
-        paint(*canvas.subplots(rows, across, squeeze=False).ravel()[:panels])
-        text, png = io.StringIO(), io.BytesIO()
-        about = {"Title": title, "Description": f"{sentence} n: {n}."}
-        canvas.savefig(text, format="svg", bbox_inches="tight", metadata={**about, "Date": None, "Creator": None})
-        options: Any = {"dpi": DOTS, "pil_kwargs": {"optimize": True}}
-        canvas.savefig(png, format="png", bbox_inches="tight", metadata={**about, "Software": None}, **options)
-    svg = text.getvalue()
-    svg = re.sub(r"<style[^>]*>.*?</style>", "", svg[svg.index("<svg") :], flags=re.DOTALL)  # pages have a style
-    svg = svg.replace("'DejaVu Sans'", "system-ui, 'DejaVu Sans', sans-serif")
-    label = f'<svg role="img" aria-label="{escape(f"{title}. {sentence}")}" data-figure="{name}" '
-    return Drawing(title, sentence, n, width > WIDTH * 1.2, svg.replace("<svg ", label, 1), png.getvalue())
-
-
 @dataclass(frozen=True)
 class Series:
     """Values with one colour and one line of the legend."""
@@ -100,15 +67,49 @@ class Panel:
     log: bool = False
 
 
-def draw_panels(axes: Sequence[Any], panels: Sequence[Panel], legend: int = 3) -> None:
-    """Draw each panel, with one legend of so many columns above all of them: that of the panel with most entries."""
-    for axis, panel in zip(axes, panels, strict=True):
+@dataclass(frozen=True)
+class Sketch:
+    """Content of a figure, without its title and sentence."""
+
+    panels: Sequence[Panel]
+    size: tuple[float, float] | None = None  # width and height, inches
+    rows: int = 1  # of panels
+    legend: int = 3  # columns
+
+
+def draw(name: str, title: str, sentence: str, n: str, sketch: Sketch) -> Drawing:
+    """A figure with its texts; ``name``: of its file."""
+    from matplotlib import style
+
+    salt: Any = {"svg.hashsalt": name}  # ids are stable, and differ between figures of a page
+    with style.context(["default", _STYLE, salt]):  # whatever file of settings is in the current folder
+        from matplotlib.figure import Figure
+
+        across = -(-len(sketch.panels) // sketch.rows)
+        width, height = sketch.size or (WIDTH if across == 1 else WIDTH * 1.45, HEIGHT * sketch.rows)
+        canvas = Figure(figsize=(width, height), layout="constrained")
+        draw_panels(canvas.subplots(sketch.rows, across, squeeze=False).ravel()[: len(sketch.panels)], sketch)
+        text, png = io.StringIO(), io.BytesIO()
+        about = {"Title": title, "Description": f"{sentence} n: {n}."}
+        canvas.savefig(text, format="svg", bbox_inches="tight", metadata={**about, "Date": None, "Creator": None})
+        options: Any = {"dpi": DOTS, "pil_kwargs": {"optimize": True}}
+        canvas.savefig(png, format="png", bbox_inches="tight", metadata={**about, "Software": None}, **options)
+    svg = text.getvalue()
+    svg = re.sub(r"<style[^>]*>.*?</style>", "", svg[svg.index("<svg") :], flags=re.DOTALL)  # pages have a style
+    svg = svg.replace("'DejaVu Sans'", "system-ui, 'DejaVu Sans', sans-serif")
+    label = f'<svg role="img" aria-label="{escape(f"{title}. {sentence}")}" data-figure="{name}" '
+    return Drawing(title, sentence, n, width > WIDTH * 1.2, svg.replace("<svg ", label, 1), png.getvalue())
+
+
+def draw_panels(axes: Any, sketch: Sketch) -> None:
+    """Draw each panel of a sketch on its axes, with one legend above all: that of the panel with most entries."""
+    for axis, panel in zip(axes, sketch.panels, strict=True):
         draw_panel(axis, panel)
     entries = [axis.get_legend_handles_labels() for axis in axes]
     handles, labels = max(entries, key=lambda pair: len(pair[1]))
     if labels:
         axes[0].figure.legend(
-            handles, labels, loc="outside upper left", ncols=legend, borderaxespad=0.2, columnspacing=1.2,
+            handles, labels, loc="outside upper left", ncols=sketch.legend, borderaxespad=0.2, columnspacing=1.2,
             handlelength=1.8,
         )  # fmt: skip
 

@@ -2,13 +2,13 @@
 
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from ..scoring.parts import PARTS
 from ..tables import Table
 from ..viz.terminal.output import counted
-from .drawing import COLORS, HATCHES, MARKERS, SERIES, Drawing, Panel, Series, draw, draw_panels
+from .drawing import COLORS, HATCHES, MARKERS, SERIES, Drawing, Panel, Series, Sketch, draw
 from .findings import Findings
 from .rows import subset_name, texts_of
 
@@ -20,27 +20,13 @@ EVENT_COLORS = {"ids": "vermillion", "lost": "orange", "reacquired": "sky", "fra
 FROM_ZERO = (0.0, None)
 
 
-@dataclass(frozen=True)
-class Sketch:
-    """Content of a figure, without its title and sentence."""
-
-    panels: Sequence[Panel]
-    size: tuple[float, float] | None = None  # inches
-    rows: int = 1  # of panels
-    legend: int = 3  # columns
-
-
 def make_figures(findings: Findings, tables: Tables) -> dict[str, Drawing]:
     """Every figure whose table has the values that it shows, by name."""
     figures = {}
     for name, (table, sketch_of) in FIGURES.items():
         sketch = sketch_of(findings, tables[table].rows) if table in tables else Sketch(())
         if sketch.panels:
-            figures[name] = draw(
-                name, *texts_of("figures", name, findings), n_of(findings),
-                lambda *axes, sketch=sketch: draw_panels(axes, sketch.panels, sketch.legend),
-                len(sketch.panels), sketch.size, sketch.rows,
-            )  # fmt: skip
+            figures[name] = draw(name, *texts_of("figures", name, findings), n_of(findings), sketch)
     return figures
 
 

@@ -48,17 +48,16 @@ def check_agent(
     suite = Suite(make_agent, env_id, keywords, seed, env, chosen)
     findings: list[Finding] = []
     for name, check, passed in _CHECKS:
-        results: list[Finding] = []
-        failed = False
+        before = len(findings)
         try:
             for finding in check(suite):
-                results.append(replace(finding, check=name))
+                findings.append(replace(finding, check=name))
         except AgentError as error:
-            results.append(replace(error.finding, check=name))
-            failed = True
-        findings += results or [Finding("ok", name, passed)]
-        if failed and name in ("build", "contract"):
-            break  # all other checks would fail likewise
+            findings.append(replace(error.finding, check=name))
+            if name in ("build", "contract"):
+                break  # all other checks would fail likewise
+        if len(findings) == before:
+            findings.append(Finding("ok", name, passed))
     return findings
 
 

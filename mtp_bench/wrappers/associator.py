@@ -35,7 +35,7 @@ class Associator:
 
         self._task, self._choices, self._near = task, choices, near
         self.shape = rows, OWN + len(task.classes) + _OF_TRACK * choices  # of the table
-        self._slots = Slots(MOST_TRACKS, _PATIENCE)
+        self._slots = Slots()
         self._agent = Pipeline(self._slots, predictor, KMeansSampler(), presence=presence)
 
     def reset(self) -> None:
@@ -102,12 +102,9 @@ class Associator:
 class Slots:
     """A `Tracker` of one hypothesis whose detections are assigned to tracks by `choose` before each frame.
 
-    A track without a detection keeps its velocity, and ends after more than ``patience`` frames in a row without one.
-    ``slots``: number of tracks at a time; no track begins if none is free.
+    A track without a detection keeps its velocity, and ends after more than _PATIENCE frames in a row without one.
+    There are MOST_TRACKS slots; no track begins if none is free.
     """
-
-    def __init__(self, slots: int, patience: int) -> None:
-        self._slots, self._patience = slots, patience
 
     def reset(self, task: Task) -> None:
         """Forget everything."""
@@ -116,7 +113,7 @@ class Slots:
 
     def begin(self, task: Task) -> None:
         """Begin a scene, or what follows a hole in time: without tracks."""
-        n, past = self._slots, task.past
+        n, past = MOST_TRACKS, task.past
         self.identity = np.full(n, FREE)  # [N]
         self.class_id = np.zeros(n, dtype=np.int64)  # [N]
         self.unseen, self._age = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)  # [N] frames
@@ -155,7 +152,7 @@ class Slots:
         self.unseen += 1
         self._begin(slots[self.identity[slots] == FREE])
         self._take(slots, rows, observation)
-        self.identity[self.unseen > self._patience] = FREE
+        self.identity[self.unseen > _PATIENCE] = FREE
         return self._tracks()
 
     def _begin(self, slots: Ints) -> None:

@@ -4,10 +4,9 @@ from itertools import combinations
 from xml.etree import ElementTree
 
 import pytest
-from matplotlib.axes import Axes
 
 from mtp_bench.scoring.parts import PARTS
-from mtp_bench.study.drawing import COLORS, SERIES, Panel, Series, draw, draw_panel
+from mtp_bench.study.drawing import COLORS, SERIES, Panel, Series, Sketch, draw
 from mtp_bench.study.figures import PART_COLORS
 from tests.support.colours import APART, TO_XYZ, VISION, distance, linear
 
@@ -29,13 +28,12 @@ def test_words_are_read_on_their_ground() -> None:
         assert (high + 0.05) / (low + 0.05) > 4.5
 
 
-def painted(axis: Axes) -> None:
-    series = Series("one & other", [1, 2, 3], [3.0, None, 1.0], "blue", "line", [(2.0, 4.0), None, (0.5, 1.5)])
-    draw_panel(axis, Panel([series], "hypotheses H", "error, m"))
+LINE = Series("one & other", [1, 2, 3], [3.0, None, 1.0], "blue", "line", [(2.0, 4.0), None, (0.5, 1.5)])
+SKETCH = Sketch([Panel([LINE], "hypotheses H", "error, m")])
 
 
 def test_a_figure_says_what_it_is_and_of_how_many() -> None:
-    figure = draw("falls", "It falls", "The error falls & stays < 3 m.", "7 targets", painted)
+    figure = draw("falls", "It falls", "The error falls & stays < 3 m.", "7 targets", SKETCH)
     root = ElementTree.fromstring(figure.svg)
     words = " ".join(root.itertext())
     for text in ("It falls", "The error falls & stays < 3 m.", "n: 7 targets.", "hypotheses H", "error, m"):
@@ -46,7 +44,7 @@ def test_a_figure_says_what_it_is_and_of_how_many() -> None:
 
 
 def test_the_same_figure_has_the_same_bytes_and_another_one_other_ids() -> None:
-    one, again, other = (draw(name, "It falls", "It falls.", "7", painted) for name in ("a", "a", "b"))
+    one, again, other = (draw(name, "It falls", "It falls.", "7", SKETCH) for name in ("a", "a", "b"))
     assert (one.svg, one.png) == (again.svg, again.png)
 
     def ids(svg: str) -> set[str]:

@@ -55,16 +55,9 @@ def data_lines(statuses: Mapping[str, DataStatus]) -> list[str]:
 
 def status_json(status: DataStatus) -> dict[str, Any]:
     """State of one environment's data for ``data --json``."""
-    return {
-        "dataset": status.about.name,
-        "root": None if status.root is None else str(status.root),
-        "searched": [str(path) for path in status.searched],
-        "usable": status.usable,
-        "missing": status.missing,
-        "problems": status.problems,
-        "notes": status.notes,
-        "counts": dict(status.counts),
-    }
+    root, searched = None if status.root is None else str(status.root), [str(path) for path in status.searched]
+    found = {name: getattr(status, name) for name in ("usable", "missing", "problems", "notes")}
+    return {"dataset": status.about.name, "root": root, "searched": searched, **found, "counts": dict(status.counts)}
 
 
 def _findings(statuses: Mapping[str, DataStatus]) -> list[str]:

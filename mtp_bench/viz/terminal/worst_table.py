@@ -46,7 +46,9 @@ def worst_table(rows: Sequence[WorstRow], total: float) -> Table:
     columns = (
         *([Column("scene", read=lambda row: row.scene.name)] if several else []),
         Column("moment", read=lambda row: f"{row.class_name} {row.moment.at.name}"),
-        Column("seconds", read=_seconds),
+        Column(
+            "seconds", read=lambda row: f"{row.seconds(row.incident.first):.1f}–{row.seconds(row.incident.until):.1f}"
+        ),
         Column("to ego\n(m)", format=".0f", optional=True, read=lambda row: row.moment.distance),
         Column("share", unit="share", read=lambda row: row.moment.cost / total),
         Column("error\n(m)", format=".1f", read=lambda row: row.error),
@@ -74,10 +76,6 @@ def run_line(parts: Mapping[str, float], scenes: int) -> str:
 def _causes(row: WorstRow) -> str:
     beside = "\n(the detections there are of other objects)" if row.moment.borrowed else ""
     return f"{parts_text(row.moment.parts, most=3)}{beside}"
-
-
-def _seconds(row: WorstRow) -> str:
-    return f"{row.seconds(row.incident.first):.1f}–{row.seconds(row.incident.until):.1f}"
 
 
 def _record(row: WorstRow) -> dict[str, Any]:
