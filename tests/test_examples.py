@@ -5,21 +5,27 @@ real recordings).
 """
 
 import re
+import runpy
 import shlex
+import subprocess
+import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from docs.generate.outputs import COLUMNS, OUTPUTS, ROOT, run
 from docs.generate.outputs import EXAMPLES as FOLDER
-from docs.generate.outputs import OUTPUTS, ROOT, run
+from mtp_bench.commands.app import main
 from tests.support.command_line import CommandLine
 from tests.test_readme import blocks
 
 NEEDS = re.compile(r"^# needs: (.+)$", flags=re.MULTILINE)
 ELSEWHERE = {"rl_association": "tests/wrappers/test_rl_example.py"}  # it takes a minute: there it trains on less
 FAULTS = FOLDER / "planted_faults.py"  # run with the commands of the page about its log
-EXAMPLES = sorted(path for path in FOLDER.glob("*.py") if path.stem not in ELSEWHERE and path != FAULTS)
+FIRST = FOLDER / "first_agent.py"  # as a program
+EXAMPLES = sorted(path for path in FOLDER.glob("*.py") if path.stem not in ELSEWHERE and path not in (FAULTS, FIRST))
 
 
 def needs(example: Path) -> list[str]:
@@ -50,16 +56,42 @@ def sentences(output: str) -> list[str]:
     return [re.sub(r"\d+(\.\d+)?", "#", " ".join(line.split())) for line in lines]
 
 
+def run_here(example: Path, folder: Path) -> None:
+    """Run an example in this process, which has loaded most libraries already; commands that it starts, too."""
+    in_processes = subprocess.run
+
+    def started(words: list[str], **keywords: Any) -> Any:
+        if words[:3] != [sys.executable, "-m", "mtp_bench"]:
+            return in_processes(words, **keywords)
+        patch.setattr(sys, "argv", ["mtp-bench", *words[3:]])
+        with pytest.raises(SystemExit) as left:
+            main()
+        return subprocess.CompletedProcess(words, left.value.code or 0).check_returncode()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("COLUMNS", COLUMNS)
+        patch.syspath_prepend(example.parent)
+        patch.setattr(subprocess, "run", started)
+        patch.setattr(sys, "argv", [str(example)])
+        runpy.run_path(str(example), run_name="__main__")
+
+
 @pytest.mark.parametrize("example", [case(example) for example in EXAMPLES])
-def test_it_runs(example: Path, tmp_path: Path) -> None:
-    done = run(example, tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip(), "an example shows something"
+def test_it_runs(example: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run_here(example, tmp_path)
+    printed = capsys.readouterr().out
+    assert printed.strip(), "an example shows something"
     shown = OUTPUTS / f"{example.stem}.txt"
     if shown.exists():
-        printed = sentences(done.stdout)
-        unknown = [line for line in sentences(shown.read_text()) if line not in printed]
-        assert not unknown, f"{done.stdout}\nthe documentation shows other lines: python -m docs.generate.outputs"
+        unknown = set(sentences(shown.read_text())) - set(sentences(printed))
+        assert not unknown, f"{printed}\nthe documentation shows other lines: python -m docs.generate.outputs"
+
+
+def test_the_first_runs_as_a_program(tmp_path: Path) -> None:
+    done = run(FIRST, tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == (OUTPUTS / f"{FIRST.stem}.txt").read_text()
 
 
 @pytest.mark.parametrize("name", sorted(path.stem for path in (FOLDER / "reference").glob("*.py")))
@@ -78,9 +110,12 @@ def test_the_example_of_the_commands_runs(tmp_path: Path, monkeypatch: pytest.Mo
     assert (tmp_path / "frame.png").exists()
 
 
-def test_planted_faults_and_commands_on_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cli: CommandLine) -> None:
+def test_planted_faults_and_commands_on_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(tmp_path)
-    test_it_runs(FAULTS, tmp_path)
+    test_it_runs(FAULTS, tmp_path, capsys)
+    cli = CommandLine(capsys)
     lines = "".join(blocks(ROOT / "docs/visualization/fault.md", "sh")).splitlines()
     commands = [shlex.split(line, comments=True)[1:] for line in lines]
     shown = [words for words in commands if words[0] == "worst" or "--png" in words]
