@@ -9,7 +9,6 @@ import base64
 import os
 import re
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,6 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "notebooks"
 NAMES = ("first_scene", "own_predictor", "own_tracker", "own_model", "results")  # as in the navigation
 SECONDS = 600  # for one cell
-AT_ONCE = 2
 QUIET: dict[str, Any] = {
     "extra_arguments": ["--IPKernelApp.log_level=40"]
 }  # it warns of TCP, which stays on this machine
@@ -52,9 +50,37 @@ def files() -> dict[str, str | bytes]:
 
 @cache
 def executed() -> dict[str, Any]:
-    """All notebooks with their outputs. Raises CellExecutionError for a cell that fails."""
-    with ThreadPoolExecutor(AT_ONCE) as pool:
-        return dict(zip(NAMES, pool.map(_executed, NAMES), strict=True))
+    """All notebooks with their outputs. Raises CellExecutionError for a cell that fails.
+
+    One process runs them one after the other, each without the names of those before: a process for each would spend
+    most of its time on loading libraries.
+    """
+    import jupytext
+    from nbclient import NotebookClient
+    from nbformat.v4 import new_code_cell, new_notebook
+
+    read = {name: jupytext.read(FOLDER / f"{name}.py") for name in NAMES}
+    cells = [cell for notebook in read.values() for cell in (new_code_cell("%reset -f"), *notebook.cells)]
+    whole = new_notebook(cells=cells)
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "MTP_BENCH_QUIET": "1"}
+    with tempfile.TemporaryDirectory() as folder:
+        client = NotebookClient(whole, timeout=SECONDS, startup_timeout=SECONDS, kernel_name="python3", **QUIET)
+        client.resources = {"metadata": {"path": folder}}
+        client.execute(env=environment)
+    for notebook in read.values():
+        notebook.metadata |= whole.metadata
+        _number(notebook)
+    return read
+
+
+def _number(notebook: Any) -> None:
+    """Number the cells of a notebook from 1 on, without times: the same notebook gives the same file."""
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for number, cell in enumerate(code, 1):
+        cell.metadata.pop("execution", None)
+        for part in (cell, *(output for output in cell.outputs if "execution_count" in output)):
+            part.execution_count = number
 
 
 def code_lines(name: str) -> int:
@@ -63,22 +89,6 @@ def code_lines(name: str) -> int:
 
     cells = jupytext.read(FOLDER / f"{name}.py").cells
     return sum(bool(line.strip()) for cell in cells if cell.cell_type == "code" for line in cell.source.splitlines())
-
-
-def _executed(name: str) -> Any:
-    import jupytext
-    from nbclient import NotebookClient
-
-    notebook = jupytext.read(FOLDER / f"{name}.py")
-    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "MTP_BENCH_QUIET": "1"}
-    with tempfile.TemporaryDirectory() as folder:
-        client = NotebookClient(notebook, timeout=SECONDS, startup_timeout=SECONDS, kernel_name="python3", **QUIET)
-        client.resources = {"metadata": {"path": folder}}
-        client.execute(env=environment)
-    for cell in notebook.cells:
-        cell.metadata.pop("execution", None)  # times: the same notebook gives the same file
-    return notebook
 
 
 def _page(name: str, notebook: Any) -> tuple[str, dict[str, bytes]]:

@@ -15,7 +15,7 @@ import mtp_bench
 from .svg import BLACK, GREY, LIGHT, box, drawing, text
 
 FROM = 4.0  # seconds into the scene
-FRAMES, SHOWN_RATE = 24, 5  # frames, and how many of them are shown per second
+FRAMES, SHOWN_RATE = 12, 5  # frames, and how many of them are shown per second
 SIZE = 600, 450  # px
 QUALITY, EFFORT = 50, 2  # of WebP: more effort makes files hardly smaller
 
