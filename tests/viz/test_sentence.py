@@ -17,14 +17,17 @@ from mtp_bench.viz.replay import replay
 from mtp_bench.viz.sentence import WORDS, sentence
 from tests.support.runs import run_scenes
 
-RUNS = {"MTP-KITTI-v0": 11, "MTP-nuScenes-mini-v0": 10, "MTP-PETS-v0": 4, "MTP-Intersection-v0": 3}  # scenes
+RUNS = {  # scenes with sentences of all kinds: others say little more
+    "MTP-KITTI-v0": slice(6, 9), "MTP-nuScenes-mini-v0": slice(2), "MTP-PETS-v0": slice(4),
+    "MTP-Intersection-v0": slice(2),
+}  # fmt: skip
 
 
 @pytest.mark.data
 @pytest.mark.parametrize("env_id", RUNS)
 def test_sentences_state_facts(env_id: str, data_root: Path) -> None:
     card, submission = load_card(env_id), load_submission("stp")
-    names = open_source(card, str(data_root)).names[: RUNS[env_id]]
+    names = open_source(card, str(data_root)).names[RUNS[env_id]]
     make, keywords = submission.factory(submission.parameters), {"data": str(data_root)}
     runs = run_scenes(make, env_id, keywords, names, finish=replay)
     focuses = [Focus(run, at) for run in runs for at in (*run.incidents, *(m.at for m in moments(run)[:20]))]
@@ -99,8 +102,9 @@ def check_detections(focus: Focus, text: str, where: str) -> None:
         assert shown(float(far[seen == at.object_id].item()), metres), where
     for metres in re.findall(r"takes a detection of no object, ([\d.]+) m", text):
         assert any(shown(each, metres) for each in far[seen < 0]), where
-    for row in range(truth.start[t], truth.start[t + 1]):
-        if re.search(rf"(is that|the detection) of {re.escape(focus.name_of(row))}\b", text):
+    said_of = re.findall(r"(?:is that|the detection) of (?=(.*))", text)
+    for row in range(truth.start[t], truth.start[t + 1]) if said_of else ():
+        if any(re.match(rf"{re.escape(focus.name_of(row))}\b", said) for said in said_of):
             assert truth.object_id[row] in seen, where
     if "ast detected at " in text or "here since " in text:
         last = table.frame_of_rows[focus.replay.detected == at.object_id]
