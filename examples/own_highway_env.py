@@ -56,7 +56,7 @@ if "Bend-v0" not in gymnasium.registry:
 # --8<-- [start:run]
 if __name__ == "__main__":
     shipped = load_card("MTP-Roundabout-v0").stored()  # 2 Hz, detector, task and sizes
-    seeds = {"train": [0, 20], "val": [100, 106], "test": [200, 206]}
+    seeds = {"train": [0, 20], "val": [100, 104], "test": [200, 204]}
     source = {"name": "gym", "id": "own_highway_env:Bend-v0", "policy": "idm", "seconds": 20.0, "seeds": seeds}
     own = {"id": "MTP-Bend-v0", "summary": "a road with a bend", "source": source, "lanes": True}
     card = parse_card({**shipped, **own})
