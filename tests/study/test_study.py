@@ -108,7 +108,9 @@ def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     assert sums == sorted(sums, reverse=True)
     assert sum(sums) == pytest.approx(100, abs=len(sums)), "each is rounded"
     assert "predictor" in causes
-    assert "95" not in "".join(figure.sentence for figure in make_figures(made.findings, made.tables).values())
+    captions = re.findall(r"<figcaption>([^<]*) <span", text)
+    assert len(captions) == len(FIGURES)
+    assert "95" not in "".join(captions)
     figure = (made.folder / "figures" / "parts.svg").read_text()
     assert "stp_hedged" not in figure, "its error is not split"
     assert "not split (rest)" in figure
