@@ -57,11 +57,11 @@ def executed() -> dict[str, Any]:
     """
     import jupytext
     from nbclient import NotebookClient
-    from nbformat.v4 import new_code_cell, new_notebook
 
     read = {name: jupytext.read(FOLDER / f"{name}.py") for name in NAMES}
-    cells = [cell for notebook in read.values() for cell in (new_code_cell("%reset -f"), *notebook.cells)]
-    whole = new_notebook(cells=cells)
+    whole = jupytext.reads("", "py:percent")
+    for notebook in read.values():
+        whole.cells += jupytext.reads("# %%\n# %reset -f", "py:percent").cells + notebook.cells
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "MTP_BENCH_QUIET": "1"}
     with tempfile.TemporaryDirectory() as folder:
