@@ -78,7 +78,8 @@ def _evened(seen: Obstacles) -> Obstacles:
     now = np.broadcast_to(seen.box[:, None, None, :2], (*seen.path.shape[:2], 1, 2))
     before = np.concatenate([now, seen.path[:, :, :-1]], axis=2)[:, :, :, None]
     share = np.arange(1, parts + 1)[:, None] / parts
-    path = before + share * (seen.path[:, :, :, None] - before)
+    path = share * (seen.path[:, :, :, None] - before)
+    path += before
     path = path.reshape(*seen.path.shape[:2], parts * seen.path.shape[2], 2)
     return Obstacles(seen.box, path, seen.weight, seen.dt / parts)
 
@@ -101,8 +102,7 @@ class Planner:
 
     def __init__(self, way: Way, size: tuple[float, float], parameters: PlannerSection) -> None:
         self._way, self._size, self._weigh = way, size, parameters
-        first, then = np.meshgrid(FIRST, THEN, indexing="ij")
-        self._first, self._then = first.ravel(), then.ravel()
+        self._first, self._then = FIRST.repeat(len(THEN)), np.tile(THEN, len(FIRST))
         self._effort = parameters.comfort * np.maximum(-self._first - 2.0, 0.0)
         self._effort += parameters.smoothness * np.abs(self._first)
 
@@ -137,22 +137,34 @@ class Planner:
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
         """The best profile for an ego at ``s`` m with ``speed`` m/s."""
-        even = _evened(seen)
+        near = self._near(seen)
+        even = _evened(Obstacles(seen.box[near], seen.path[near], seen.weight[near], seen.dt))
         dt, path = even.dt, even.path
         stations, speeds = self.profiles(s, speed, dt, path.shape[2])
-        beside = self._beside(*seen.box.T[:2])
-        contacts = self._contacts(s, float(stations[:, -1].max()), even, self._follows(s, seen, *beside))
+        ahead, aside, tangent = self._beside(*even.box.T[:2])
+        in_lane = aside < (self._size[1] + even.box[:, 5]) / 2
+        follows = (ahead < s) & in_lane & (np.cos(even.box[:, 3] - tangent) > 0.5)
+        contacts = self._contacts(s, float(stations[:, -1].max()), even, follows)
         share, owner = self._shares(stations, speeds, contacts, even)
         wish = (stations[:, -1] - s) / (dt * path.shape[2]) - self._effort
         score = (wish - self._weigh.caution * share.sum(axis=1)).round(9)  # ties do not hang on last bits
         best, free = int(score.argmax()), int(wish.round(9).argmax())
-        if (self._in_lane(s, seen, *beside)[owner] & (share.min(axis=0) > _LIKELY)).any():
+        if (((ahead > s) & in_lane)[owner] & (share.min(axis=0) > _LIKELY)).any():
             best = 0  # it brakes hardest
-        kept = -1 if best == free or not share[free].any() else int(owner[share[free].argmax()])
+        kept = -1 if best == free or not share[free].any() else int(near[owner[share[free].argmax()]])
         risk = 1.0 - float((1.0 - share[best]).prod())
         time = seen.dt * np.arange(seen.path.shape[2] + 1)
         shown = np.interp(time, dt * np.arange(path.shape[2] + 1), stations[best])
         return Decision(float(self._first[best]), risk, kept, shown)
+
+    def _near(self, seen: Obstacles) -> Ints:
+        """Rows of the objects whose forecasts come to the rectangle around the way; most at a junction do not."""
+        near, far = np.ones(len(seen.box), dtype=np.bool_), _ASIDE + 2 * _CELL
+        for axis in range(2 if seen.dt > _DENSE else 0):  # else most places are left out anyway
+            now, places, way = seen.box[:, axis], seen.path[..., axis], self._way.xy[:, axis]
+            near &= np.fmax(np.fmax.reduce(places, axis=(1, 2)), now) > way.min() - far  # missing samples may be NaN
+            near &= np.fmin(np.fmin.reduce(places, axis=(1, 2)), now) < way.max() + far
+        return near.nonzero()[0]
 
     def _shares(self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles) -> tuple[Floats, Ints]:
         """Risk [C, n] of profiles with ``stations`` and ``speeds`` [C, T + 1] by each of n objects, and their rows."""
@@ -168,11 +180,11 @@ class Planner:
         harm = np.exp(-times / self._weigh.patience) * harm
         close = np.where(then >= met.low, 1.0, _CLOSE)
         each = np.where((front >= met.low) & (back <= met.high), close * harm[:, met.step], 0.0)
-        start = _starts(met.sample)
+        start = np.diff(met.sample, prepend=-1).nonzero()[0]
         group = met.sample[start]
         chance = np.maximum.reduceat(each, start, axis=1) * seen.weight.ravel()[group]
         owner = group // seen.weight.shape[1]
-        begin = _starts(owner)
+        begin = np.diff(owner, prepend=-1).nonzero()[0]
         return np.minimum(np.add.reduceat(chance, begin, axis=1), 1.0), owner[begin]
 
     def _contacts(self, s: float, end: float, seen: Obstacles, follows: Bools) -> _Contacts:
@@ -199,15 +211,6 @@ class Planner:
         leads = np.cos(heading[of] - tangent[meets]) > 0.5
         return _Contacts(ahead - reach, np.where(leads, ahead, ahead + reach), step[of], row[of] // steps, leads)
 
-    def _follows(self, s: float, seen: Obstacles, ahead: Floats, aside: Floats, tangent: Floats) -> Bools:
-        """Mask [O] of objects behind the ego on its way, from what `_beside` says of them."""
-        same_way = np.cos(seen.box[:, 3] - tangent) > 0.5
-        return (ahead < s) & same_way & (aside < (self._size[1] + seen.box[:, 5]) / 2)
-
-    def _in_lane(self, s: float, seen: Obstacles, ahead: Floats, aside: Floats, _: Floats) -> Bools:
-        """Mask [O] of objects ahead of the ego in its lane."""
-        return (ahead > s) & (aside < (self._size[1] + seen.box[:, 5]) / 2)
-
     def _headings(self, row: Ints, owner: Ints, step: Ints, seen: Obstacles) -> Floats:
         """Headings [n] of the forecast places in the rows [n] of the flat paths."""
         place = seen.path.reshape(-1, 2)
@@ -231,10 +234,3 @@ class Planner:
         cos, sin = np.cos(tangent), np.sin(tangent)
         aside = np.where(station >= 0, np.abs(away_y * cos - away_x * sin), np.inf)
         return self._way.s[station] + away_x * cos + away_y * sin, aside, tangent
-
-
-def _starts(ascending: Ints) -> Ints:
-    """Index of the first of each run of equal numbers."""
-    first = np.ones(len(ascending), dtype=np.bool_)
-    np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
-    return first.nonzero()[0]

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from mtp_bench.drive.planner import Decision
-from mtp_bench.drive.record import is_comfortable, record_of
+from mtp_bench.drive.record import is_comfortable, record_of, smoothed_jerk
 from mtp_bench.scoring.driving import AgentDrives, driving_rows, fault_interval, scene_score, score_interval
 from mtp_bench.scoring.statistics import bootstrap_interval, sign_flip_test
 from mtp_bench.sources.highway.world import CLASSES, World
@@ -66,6 +67,8 @@ def test_comfort() -> None:
     assert not is_comfortable(np.where(step < 15, -3.9, 2.3), speed, none), "a jerk"
     assert is_comfortable(none, speed, 0.045 * step), "4.5 m/s2 across"
     assert not is_comfortable(none, speed, 0.05 * step), "5 m/s2 across"
+    gains = np.random.default_rng(0).normal(size=30)
+    np.testing.assert_allclose(smoothed_jerk(gains), savgol_filter(gains, 15, 2, deriv=1, delta=0.1), atol=1e-11)
 
 
 def of(way: float, collision: str = "", at_fault: bool = False, near: int = 0, comfortable: bool = True) -> Drive:

@@ -159,7 +159,6 @@ class PedestrianBehaviour:
         """
         bearing, haste = self._varying.step(numbers)
         stops, slow = (np.array([g in chosen for g in groups.tolist()]) for chosen in (self._stops, self._hesitations))
-        haste = np.minimum(np.maximum(1.0 + haste, 0.5), 1.3)
-        speed = pace * np.where(slow & crossing, _SLOW, 1.0) * haste * ~(stops & ~crossing)
+        speed = pace * np.where(slow & crossing, _SLOW, 1.0) * (1.0 + haste).clip(0.5, 1.3) * ~(stops & ~crossing)
         cos, sin = np.cos(bearing * ~crossing), np.sin(bearing * ~crossing)
         return np.array([cos * way[0] - sin * way[1], sin * way[0] + cos * way[1]]), speed

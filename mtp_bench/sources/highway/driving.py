@@ -184,16 +184,12 @@ def steering_angles(state: RoadState, geometry: LaneGeometry, routes: RouteTable
     lane = np.where(beyond, after, state.lane)
     s = np.where(beyond, ahead - geometry.length[state.lane], ahead)
     slip = state.slip[np.arange(len(state)), lane]
-    rate = _within(-_LATERAL_RATE * (state.d - state.offset), -_LATERAL_SPEED, _LATERAL_SPEED)
-    wanted = geometry.heading(lane, s) - slip + np.arcsin(_within(rate / np.maximum(v, 3.0), -0.35, 0.35))
+    rate = (-_LATERAL_RATE * (state.d - state.offset)).clip(-_LATERAL_SPEED, _LATERAL_SPEED)
+    wanted = geometry.heading(lane, s) - slip + np.arcsin((rate / np.maximum(v, 3.0)).clip(-0.35, 0.35))
     error = np.remainder(wanted - state.heading + np.pi, 2 * np.pi) - np.pi
     bend = v * geometry.curvature[lane]
     most = _SWERVE / np.maximum(v, _SLOW)
-    rate = _within(_HEADING_RATE * error, bend - most, bend + most)
-    turn = np.arcsin(_within(state.wheelbase / 2 * rate / v, -_MOST_SLIP, _MOST_SLIP))
+    rate = (_HEADING_RATE * error).clip(bend - most, bend + most)
+    turn = np.arcsin((state.wheelbase / 2 * rate / v).clip(-_MOST_SLIP, _MOST_SLIP))
     now = np.arctan(np.tan(state.steering) / 2)
-    return np.asarray(np.arctan(2 * np.tan(_within(turn, now - _SLIP_RATE * dt, now + _SLIP_RATE * dt))))
-
-
-def _within(value: Floats, least: Floats | float, most: Floats | float) -> Floats:
-    return np.minimum(np.maximum(value, least), most)  # np.clip takes twice as long for few values
+    return np.asarray(np.arctan(2 * np.tan(turn.clip(now - _SLIP_RATE * dt, now + _SLIP_RATE * dt))))

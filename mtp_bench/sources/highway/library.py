@@ -13,16 +13,15 @@ from typing import Any
 def _copy(name: str) -> Any:
     """The module of this name, executed once more; the package's environments, with pygame and pandas, are left out."""
     spec: Any = importlib.util.find_spec("highway_env")
-    loaded = _forget()
+    loaded = _taken_out()
     sys.modules["highway_env"] = importlib.util.module_from_spec(spec)
-    try:
-        return importlib.import_module(name)
-    finally:
-        _forget()
-        sys.modules.update(loaded)
+    module = importlib.import_module(name)
+    _taken_out()
+    sys.modules.update(loaded)
+    return module
 
 
-def _forget() -> dict[str, Any]:
+def _taken_out() -> dict[str, Any]:
     return {name: sys.modules.pop(name) for name in [*sys.modules] if name.split(".")[0] == "highway_env"}
 
 

@@ -31,10 +31,6 @@ class Recording:
         self._parked[:, :7], self._parked[:, 9] = parked, CLASSES.index("car")
         self._parked[:, 10] = _PARKED_FROM + np.arange(len(parked))
 
-    @property
-    def _frames(self) -> int:
-        return len(self._rows)
-
     def add(self, vehicles: Sequence[Driver], vehicle_boxes: Floats, crowd: Crowd, people: Floats) -> None:
         """Append a frame: boxes ``[N, 7]`` of vehicles and ``[M, 7]`` of people in highway-env's frame."""
         n = len(vehicles)
@@ -55,12 +51,13 @@ class Recording:
         self, sensor: tuple[float, float, float] | None, lanes: tuple[Lane, ...], rng: np.random.Generator
     ) -> World | str:
         """The world; ``sensor``: x y z of a fixed one, None: on a vehicle. "no_ego" if no vehicle can carry it."""
-        rows = right_handed([*self._rows, self._parked_rows(self._frames)])
+        frames = len(self._rows)
+        rows = right_handed([*self._rows, self._parked_rows(frames)])
         if sensor is None:
             number = self._ego(rows, rng)
-            return "no_ego" if number is None else seen_from(number, rows, self._frames, RATE, lanes)
-        ego = np.tile([sensor[0], -sensor[1], sensor[2], 0.0], (self._frames, 1))
-        return World(np.arange(self._frames) / RATE, ego, _truth(rows, self._frames), lanes)
+            return "no_ego" if number is None else seen_from(number, rows, frames, RATE, lanes)
+        ego = np.tile([sensor[0], -sensor[1], sensor[2], 0.0], (frames, 1))
+        return World(np.arange(frames) / RATE, ego, _truth(rows, frames), lanes)
 
     def seen_from(self, number: int, lanes: tuple[Lane, ...], last: bool, frames: int | None) -> World:
         """Frames so far, the first ``frames`` or the ``last`` one, seen by vehicle ``number``; numbers stay."""
@@ -80,14 +77,14 @@ class Recording:
         """Number of a vehicle that is present in all frames, drives far and has many objects around it."""
         drives = ~np.isin(rows[:, 9], _NO_EGO) & (rows[:, 10] < _PEOPLE_FROM)
         numbers, count = np.unique(rows[drives, 10], return_counts=True)
-        paths = [rows[rows[:, 10] == number, :2] for number in numbers[count == self._frames]]
+        paths = [rows[rows[:, 10] == number, :2] for number in numbers[count == len(self._rows)]]
         if not paths:
             return None
         far = np.array([np.hypot(*np.diff(path, axis=0).T).sum() for path in paths])
         frame = rows[:, 11].astype(np.int64)
         near = np.array([np.mean(np.hypot(*(rows[:, :2] - path[frame]).T) < _NEAR) for path in paths])
         best = np.argsort(-np.where(far >= _FAR * far.max(), near, near - 1.0), kind="stable")[:_BEST]
-        return int(numbers[count == self._frames][int(best[int(rng.integers(len(best)))])])
+        return int(numbers[count == len(self._rows)][int(best[int(rng.integers(len(best)))])])
 
 
 def right_handed(frames: Sequence[Floats]) -> Floats:

@@ -66,14 +66,10 @@ class Attempt:
         self.crowd = Crowd(self.map, traffic.pedestrians, people, PedestrianBehaviour(1.0 / RATE, walking))
         behaviour = DriverBehaviour(1.0 / RATE, driving)
         self.drivers = _Drivers(self.map, self.routes, passages, self.crowd, behaviour)
+        self.vehicles = self.drivers.vehicles  # on the road
         self._entries = Entries(self.map, traffic.vehicles, self.vehicles, entries)
         self._entries.fill()
         self._steps = 0
-
-    @property
-    def vehicles(self) -> list[Driver]:
-        """The vehicles on the road."""
-        return self.drivers.vehicles
 
     def boxes(self) -> tuple[Floats, Floats, Floats]:
         """Boxes ``[N, 7]`` of vehicles, people on foot and parked cars, in highway-env's frame."""
