@@ -4,6 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,8 @@ def run_isolated(
     unanswered frame has no rows. Never raises for actions of an agent; raises MtpBenchError for a folder that is not a
     submission, an unknown scene or missing data.
     """
+    if backend is None:  # on another machine, or called alone
+        _compile_once()
     loaded = load_submission(submission)
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
     env = MTPEnv(env_id, **keywords)
@@ -94,7 +97,8 @@ def run_isolated_scenes(
     scene, in the order of completion and in this process. ``digest``: of the submission in all scenes; None: the one
     that it has now.
     """
-    compile_kernels(workers)
+    if workers.scheduler is None:
+        compile_kernels(workers)
     card = MTPEnv(env_id, **env_keywords).card
     digest = digest or image_of(load_submission(submission), card.id, card.weights_of).digest
     # Decided once, so that all scenes run in the same sandbox; other machines decide for themselves.
@@ -106,6 +110,12 @@ def run_isolated_scenes(
         finished(run)
         progress.done(scenes[place])
     return [runs[place] for place in range(len(scenes))]
+
+
+@cache
+def _compile_once() -> None:
+    """Compile what this machine lacks: an agent's sandbox keeps nothing."""
+    compile_kernels()
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:
