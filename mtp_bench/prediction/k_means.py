@@ -4,6 +4,8 @@ Compiled code clusters the pools of all objects without a distance matrix. Sampl
 clustered by six coordinates each, which have the same distances as their T positions.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from ..tracking.kernels.compile import kernel, part
@@ -146,24 +148,15 @@ def _move(points: Floats, weight: Floats, nearest: Ints, centre: Floats, share: 
                 centre[nearest[s], axis] += portion * points[s, axis]
 
 
-@part
+@lru_cache
 def polynomials(future: int) -> Floats:
     """Orthonormal polynomials [3, T] of degree 0, 1 and 2 over T equally spaced times; at least 3 times."""
     basis = np.zeros((_DEGREES, future))
     for degree in range(_DEGREES):
-        for t in range(future):
-            basis[degree, t] = (t - 0.5 * (future - 1)) ** degree
+        basis[degree] = (np.arange(future) - 0.5 * (future - 1)) ** degree
         for lower in range(degree):
-            common = 0.0
-            for t in range(future):
-                common += basis[degree, t] * basis[lower, t]
-            for t in range(future):
-                basis[degree, t] -= common * basis[lower, t]
-        square = 0.0
-        for t in range(future):
-            square += basis[degree, t] ** 2
-        for t in range(future):
-            basis[degree, t] /= np.sqrt(square)
+            basis[degree] -= np.cumsum(basis[degree] * basis[lower])[-1] * basis[lower]
+        basis[degree] /= np.sqrt(np.cumsum(basis[degree] ** 2)[-1])
     return basis
 
 
@@ -264,34 +257,27 @@ def _clusters_of(
             centre[j, axis] += origin[axis]
 
 
-@part
-def _basis(size: int) -> Floats:
-    """The polynomials of points of ``size`` numbers; empty if the coordinates would not be fewer."""
-    return polynomials(size // 2) if size > 2 * _DEGREES else np.zeros((_DEGREES, 0))
-
-
-@kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, f8[:, :, ::1], f8[:, ::1])")
+@kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, ::1], i8, f8[:, ::1], f8[:, :, ::1], f8[:, ::1])")
 def k_means(
-    pool: Floats, log_weight: Floats, uniform: Floats, iterations: int, centre: Floats, centre_log_weight: Floats
+    pool: Floats, log_weight: Floats, uniform: Floats, iterations: int, basis: Floats, centre: Floats, log_share: Floats
 ) -> None:
     """Write centres [O, k, d] and log-shares of the weight [O, k], of pools [O, S, d] weighted [O, S].
 
     Seeds of k-means++, for uniform numbers [crowded objects, k], then at most ``iterations`` of Lloyd's algorithm
-    (Arthur, Vassilvitskii 2007). A pool of at most k existing samples is copied.
+    (Arthur, Vassilvitskii 2007). A pool of at most k existing samples is copied. ``basis``: `polynomials`, or [3, 0].
     """
     size, k, crowded = pool.shape[1], centre.shape[1], 0
-    basis = _basis(pool.shape[2])
     there, mass, share = np.empty(size, np.int64), np.empty(size), np.empty(k)
     for o in range(len(pool)):
         n = existing(log_weight[o], there)
         if n <= k:
-            pass_on(pool[o], log_weight[o], there, n, centre[o], centre_log_weight[o])
+            pass_on(pool[o], log_weight[o], there, n, centre[o], log_share[o])
             continue
         masses(log_weight[o], there, n, mass)
         _clusters_of(pool[o], there[:n], mass[:n], uniform[crowded], iterations, basis, centre[o], share)
         crowded += 1
         for j in range(k):
-            centre_log_weight[o, j] = np.log(share[j]) if share[j] > 0.0 else -np.inf
+            log_share[o, j] = np.log(share[j]) if share[j] > 0.0 else -np.inf
 
 
 class KMeansSampler:
@@ -312,5 +298,6 @@ class KMeansSampler:
         objects, _, future, _ = pool.shape
         centre, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))
         uniform = rng.random((np.count_nonzero(np.isfinite(log_weight).sum(axis=1) > k), k))
-        k_means(*as_points(pool, log_weight), uniform, self._iterations, centre, weight)
+        basis = polynomials(future) if future > _DEGREES else np.zeros((_DEGREES, 0))
+        k_means(*as_points(pool, log_weight), uniform, self._iterations, basis, centre, weight)
         return centre.reshape(objects, k, future, 2), weight

@@ -7,7 +7,7 @@ from .. import notice
 from ..parallel import SERIAL, Workers, parallel_map
 
 PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")  # packages whose import registers all kernels
-_SECONDS = 2.7  # per kernel, in several processes: 35 s for all
+_SECONDS = 2.0  # per kernel, in several processes: 34 s for all
 
 
 def all_kernels() -> list[Any]:

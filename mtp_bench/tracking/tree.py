@@ -10,7 +10,7 @@ import numpy as np
 
 from ..types import Floats, Ints
 from .kernels.motion_kernels import STATE, predict, update_pairs
-from .kernels.tree_kernels import AGE, CLASS, HITS, ID, descend, distinct_rows, grow, histories, write_boxes
+from .kernels.tree_kernels import AGE, CLASS, HITS, ID, descend, distinct_rows, grow, histories
 
 
 class Seen(NamedTuple):
@@ -68,11 +68,10 @@ class HypothesisTree:
         )
         n, layer = len(leaf), self._new_layer(len(leaf))
         state, memory, score = np.empty((n, STATE)), np.empty((4, n), dtype=np.int64), np.empty(n)
-        update_pairs(self.state, leaf, detection, seen.box, seen.velocity, dt, state)
+        update_pairs(self.state, leaf, detection, seen.box, seen.velocity, dt, state, self._measured[layer])
         self.next_id = descend(
             leaf, detection, self._memory, self.score, seen.class_id, seen.score, self.next_id, memory, score
         )
-        write_boxes(detection, seen.box, state, self._measured[layer])
         old, taken = leaf >= 0, detection >= 0
         age, last_score = np.ones(n, dtype=np.int64), np.zeros(n)
         age[old] += self.age[leaf[old]]

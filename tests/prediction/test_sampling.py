@@ -49,7 +49,7 @@ def run_kernel(kernel: Any, points: Floats, weight: Floats, uniform: Floats, ite
     centre, log_share = np.full((*uniform.shape, points.shape[2]), np.nan), np.full(uniform.shape, np.nan)
     with np.errstate(divide="ignore"):
         log_weight = np.log(weight)
-    kernel(points, log_weight, uniform, iterations, centre, log_share)
+    kernel(points, log_weight, uniform, iterations, polynomials(points.shape[2] // 2), centre, log_share)
     return centre, np.exp(log_share)
 
 

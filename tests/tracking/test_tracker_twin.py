@@ -102,8 +102,9 @@ def unpacked(row: Floats) -> textbook.State:
 
 def taken(state: Floats, leaf: Ints, detection: Ints, box: Floats, velocity: Floats, dt: float) -> Floats:
     """States that the kernel writes for pairs; its output array is longer than needed."""
-    out = np.full((len(leaf) + 2, 15), np.nan)
-    update_pairs(state, leaf, detection, box, velocity, dt, out)
+    out, measured = np.full((len(leaf) + 2, 15), np.nan), np.empty((len(leaf), 7))
+    update_pairs(state, leaf, detection, box, velocity, dt, out, measured)
+    assert np.array_equal(measured, np.where(detection[:, None] >= 0, box[detection], out[: len(leaf), :7]))
     assert np.isnan(out[len(leaf) :]).all()
     return out[: len(leaf)]
 

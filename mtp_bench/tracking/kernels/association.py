@@ -61,11 +61,13 @@ def write_solutions(
     A cost is summed over the rows in their order, so that it does not depend on how the solution was found.
     """
     rows, of_parent, N = problem.rows, pieces.of_parent, row_to_column.shape[1]
-    cheapest, written = np.full((len(base), N), -1), np.zeros(len(base), np.bool_)
+    cheapest, written = np.empty((len(base), N), np.int64), np.zeros(len(base), np.bool_)
     for i in range(len(chosen)):
         p, state = states.parent[chosen[i]], chosen[i]
         if not written[p]:
             written[p] = True
+            for row in range(N):
+                cheapest[p, row] = -1
             for c in range(of_parent.shape[1]):
                 if of_parent[p, c] >= 0:
                     q = of_parent[p, c]
@@ -115,7 +117,11 @@ def sorted_order(cost: Floats, parent: Ints, column: Ints) -> Ints:
 def sort_solutions(cost: Floats, column: Ints, parent: Ints) -> tuple[Floats, Ints, Ints]:
     """Costs, columns and parents of the solutions, cheapest first."""
     order = sorted_order(cost, parent, column)
-    new_cost, new_parent, new_column = np.empty_like(cost), np.empty_like(parent), np.empty_like(column)
+    new_cost, new_parent, new_column = (
+        np.empty(len(order)),
+        np.empty(len(order), np.int64),
+        np.empty(column.shape, np.int64),
+    )
     for i in range(len(order)):
         new_cost[i], new_parent[i] = cost[order[i]], parent[order[i]]
         for row in range(column.shape[1]):

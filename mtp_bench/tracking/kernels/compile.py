@@ -34,7 +34,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config
 _lock = threading.RLock()
 _announced: set[str] = set()
-_SECONDS = {"joint_k_best": 30, "k_means": 5}  # of the slow ones, measured
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}  # no C function calls a kernel
+_SECONDS = {"joint_k_best": 22, "k_means": 5}  # of the slow ones, measured
 
 
 @final
@@ -83,14 +84,14 @@ class Kernel(Generic[R]):
                 return compiled
         except (OSError, RuntimeError):  # the cache cannot be written; a RuntimeError is Numba's
             _announce(
-                "compiling the kernels of trackers and samplers: about 45 s in every process, "
+                "compiling the kernels of trackers and samplers: about 40 s in every process, "
                 "since the cache cannot be written; set NUMBA_CACHE_DIR to another folder"
             )
             return self._jit(None)
 
     def _jit(self, folder: Path | None) -> Callable[..., R]:
         with _cache_in(folder), _no_garbage_collection():
-            decorate: Any = numba.njit(self.signature, cache=folder is not None, error_model="numpy", nogil=True)
+            decorate: Any = numba.njit(self.signature, cache=folder is not None, nogil=True, **_OPTIONS)
             return cast(Callable[..., R], decorate(self.function))
 
 
@@ -109,7 +110,7 @@ def kernel(signature: str) -> Callable[[Callable[..., R]], Kernel[R]]:
 
 def part(function: F) -> F:
     """Decorator of a function that kernels call."""
-    return register_jitable(error_model="numpy")(function)
+    return register_jitable(**_OPTIONS)(function)
 
 
 def inlined(function: F) -> F:

@@ -70,7 +70,8 @@ def find_components(indptr: Ints, column: Ints, cost: Floats, columns: int) -> P
     rows, start = rows_by_component(lowest_rows(indptr, column, columns))
     width, local = np.zeros(len(start) - 1, np.int64), np.full(columns, -1)
     first, used = np.empty(len(rows) + 1, np.int64), 0
-    local_column, local_cost, column_of_caller = np.empty_like(column), np.empty_like(cost), np.empty_like(column)
+    E = len(cost)
+    local_column, local_cost, column_of_caller = np.empty(E, np.int64), np.empty(E), np.empty(E, np.int64)
     for c in range(len(width)):
         for a in range(start[c], start[c + 1]):
             first[a] = used

@@ -1,7 +1,7 @@
 """The cheapest solutions of a small piece, by depth-first search with reduced costs as lower bounds."""
 
 from ...types import Floats, Ints
-from .compile import inlined
+from .compile import inlined, part
 from .tables import Block, Bound, Choices, Kept, Matching
 
 
@@ -54,7 +54,7 @@ def is_matching(piece: Block, option: Ints, match: Ints) -> bool:
     return same
 
 
-@inlined
+@part
 def enumerate_solutions(
     piece: Block, matching: Matching, root_cost: float, bound: Bound, choice: Choices, kept: Kept, patience: int
 ) -> int:

@@ -1,5 +1,7 @@
 """A binary heap of numbers in the order of their keys, equal keys in the order of the numbers."""
 
+import numpy as np
+
 from ...types import Floats, Ints
 from .compile import part
 
@@ -39,3 +41,14 @@ def pop(keys: Floats, names: Ints, size: int) -> int:
     keys[i], names[i] = key, name
     keys[size], names[size] = least_key, least_name
     return size
+
+
+@part
+def sorted_numbers(keys: Floats, size: int) -> Ints:
+    """Numbers of the first ``size`` keys, by ascending keys, equal keys by their numbers; no key is NaN."""
+    waiting, names, order = np.empty(size), np.empty(size, np.int64), np.empty(size, np.int64)
+    for i in range(size):
+        push(waiting, names, i, keys[i], i)
+    for i in range(size):
+        order[i] = names[pop(waiting, names, size - i)]
+    return order

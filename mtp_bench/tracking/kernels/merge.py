@@ -12,7 +12,7 @@ import numpy as np
 
 from ...types import Floats, Ints
 from .compile import inlined, part
-from .heap import pop, push
+from .heap import pop, push, sorted_numbers
 from .tables import Pieces, Solutions, States
 
 
@@ -32,7 +32,10 @@ def by_first_gap(begin: Ints, count: Ints, gap: Floats, spare: float) -> Ints:
         if count[q] > 1 and gap[begin[q] + 1] <= spare:
             numbers[size], first[size] = q, gap[begin[q] + 1]
             size += 1
-    return numbers[np.argsort(first[:size], kind="mergesort")]
+    order = sorted_numbers(first, size)
+    for i in range(size):
+        order[i] = numbers[order[i]]
+    return order
 
 
 @inlined
@@ -124,7 +127,7 @@ def merge(pieces: Pieces, solutions: Solutions, total: Floats, limit: float, k: 
     ``total`` [P]: cost of the cheapest solution of each parent. What costs more than ``limit`` may be left out.
     """
     P = len(total)
-    ordered = by_first_gap(solutions.begin, solutions.size, solutions.gap, limit - total.min())
+    ordered = by_first_gap(solutions.begin, solutions.size, solutions.gap, limit - total[sorted_numbers(total, P)[0]])
     most, changeable = P + 3 * k, np.empty(P * min(len(ordered), pieces.of_parent.shape[1]), np.int64)
     numbers = np.empty((5, most), np.int64)
     states = States(numbers[0], numbers[1], numbers[2], numbers[3])

@@ -97,7 +97,7 @@ def _bear(state: Floats, at: int, box: Floats, detection: int) -> None:
     state[at, _SHAPE] = POSITION_VARIANCE_AT_BIRTH
 
 
-@kernel("void(f8[:, ::1], i8[::1], i8[::1], f8[:, ::1], f8[:, ::1], f8, f8[:, ::1])")
+@kernel("void(f8[:, ::1], i8[::1], i8[::1], f8[:, ::1], f8[:, ::1], f8, f8[:, ::1], f8[:, ::1])")
 def update_pairs(
     state: Floats,  # [N, 15] predicted
     leaf: Ints,  # [E] state of each pair, -1: a new track
@@ -106,8 +106,9 @@ def update_pairs(
     velocity: Floats,  # [D, 2] m/s; [0, 2] where velocities are not measured
     dt: float,  # s per frame
     out: Floats,  # [E or more, 15]
+    measured: Floats,  # [E or more, 7] detected boxes; that of the state where none is taken
 ) -> None:
-    """Write the state of each pair (leaf, detection): updated, merely predicted, or born. Not both may be -1."""
+    """Write state and box of each pair (leaf, detection): updated, merely predicted, or born. Not both may be -1."""
     for e in range(len(leaf)):
         if leaf[e] < 0:
             _bear(out, e, box, detection[e])
@@ -118,3 +119,5 @@ def update_pairs(
                 _take_box(out, e, box, detection[e])
         if len(velocity) > 0 and detection[e] >= 0:
             _take_velocity(out, e, velocity, detection[e], dt)
+        for k in range(7):
+            measured[e, k] = box[detection[e], k] if detection[e] >= 0 else out[e, k]

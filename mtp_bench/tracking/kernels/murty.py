@@ -209,7 +209,8 @@ def search_solutions(piece: Block, root_cost: float, bound: Bound, matching: Mat
     nodes = Nodes(np.empty((16, 2 * n + 2), np.int64), np.empty((16, n + m + 1)))
     slacks, most = Slacks(np.empty(n), np.empty(m)), 2 * k * n + 2
     queue = SearchQueue(np.empty(most), np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64))
-    nodes.table[0, n : 2 * n] = np.arange(n)
+    for x in range(n):
+        nodes.table[0, n + x] = x
     save_child(0, 0, 0, piece, nodes, matching, root_cost)
     nodes.table[0, 2 * n + 1] = -1
     queue.node[0], queue.child[0], queue.keys[0], queue.names[0] = 0, -1, root_cost, 0

@@ -7,6 +7,7 @@ import numpy as np
 from ...types import Bools, Floats, Ints
 from .compile import inlined, part
 from .enumeration import enumerate_solutions, note
+from .heap import sorted_numbers
 from .murty import search_solutions
 from .shortest_path import cost_of, solve_root
 from .tables import Block, Bound, Choices, Kept, Matching, Path, Pieces, Problem, Solutions
@@ -84,8 +85,8 @@ def load_piece(q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints
 
 
 @part
-def count_choices(problem: Problem, pieces: Pieces, choices: Floats) -> int:
-    """Write the choices of every piece, 0 for those small enough to find all solutions at once; pairs of the latter."""
+def count_choices(problem: Problem, pieces: Pieces, choices: Floats, k: int) -> int:
+    """Write the choices of every piece, 0 for those small enough to find all solutions at once; room for all pairs."""
     room = 0
     for q in range(len(choices)):
         low, high, product = pieces.begin[q], pieces.begin[q + 1], 1
@@ -96,7 +97,7 @@ def count_choices(problem: Problem, pieces: Pieces, choices: Floats) -> int:
         choices[q] = product
         if product <= AT_ONCE or high - low == 1:
             choices[q] = 0.0
-            room += product * (high - low)
+        room += (k if choices[q] > 0.0 else product) * (high - low)
     return room
 
 
@@ -128,7 +129,7 @@ def rank_row(first: int, last: int, pair_cost: Floats, k: int, cost: Floats, pai
     return count
 
 
-@part
+@inlined
 def solve_small(
     problem: Problem, pieces: Pieces, choices: Floats, room: Room, root_cost: Floats, solutions: Solutions
 ) -> tuple[int, int]:
@@ -184,7 +185,7 @@ def solve_roots(problem: Problem, pieces: Pieces, choices: Floats, room: Room, r
             roots.v[roots.v_start[q] + y] = matching.v[y]
 
 
-@part
+@inlined
 def solve_large(
     q: int, choices: float, problem: Problem, pieces: Pieces, room: Room, roots: Roots, bound: Bound, kept: Kept
 ) -> int:
@@ -237,7 +238,7 @@ def note_small(gap: Floats, begin: int, size: int, best: Floats, totals: Floats,
     return mattering
 
 
-@part
+@inlined
 def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tuple[Solutions, Floats, float]:
     """The solutions of every piece that can be among the k best of all.
 
@@ -245,32 +246,36 @@ def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tupl
     ``base`` [P]: cost of the parents.
     """
     component, begin, of_parent, Q = pieces.component, pieces.begin, pieces.of_parent, len(pieces.component)
-    slack = 1e-12 * (np.abs(problem.cost).sum() + np.abs(base).max())  # of what no total exceeds
+    paired, most = 0.0, 0.0
+    for price in problem.cost:
+        paired += abs(price)
+    for price in base:
+        most = max(most, abs(price))
+    slack = 1e-12 * (paired + most)  # of what no total exceeds
     room, roots, choices = new_room(problem, pieces, k), new_roots(problem, pieces), np.ones(Q)
     if k == 1:
         solve_roots(problem, pieces, choices, room, roots)
         total = totals_of(of_parent, base, roots.cost)
-        return Solutions(np.arange(Q), np.ones(Q, np.int64), np.zeros(Q), begin, roots.pair), total, total.min() + slack
-    pairs: Ints = np.empty(count_choices(problem, pieces, choices), np.int64)
+        cheapest = Solutions(np.arange(Q), np.ones(Q, np.int64), np.zeros(Q), begin, roots.pair)
+        return cheapest, total, total[sorted_numbers(total, len(total))[0]] + slack
+    pairs: Ints = np.empty(count_choices(problem, pieces, choices, k), np.int64)
     numbers, gap, pair_at = np.empty((2, Q), np.int64), np.empty(Q * k), np.empty(Q * k, np.int64)
     solutions = Solutions(numbers[0], numbers[1], gap, pair_at, pairs)
     next_solution, used = solve_small(problem, pieces, choices, room, roots.cost, solutions)
     solve_roots(problem, pieces, choices, room, roots)
     total = totals_of(of_parent, base, roots.cost)
-    ranked, best, totals = np.argsort(total, kind="mergesort"), np.full(k, np.inf), np.empty(len(base))
+    ranked, best, totals = sorted_numbers(total, len(total)), np.full(k, np.inf), np.empty(len(base))
     for i in range(min(k, len(total))):
         best[i] = total[ranked[i]]
     for q in range(Q):
         if choices[q] == 0.0:
             parents = write_totals(q, component[q], of_parent, ranked, total, totals)
             numbers[1, q] = note_small(gap, numbers[0, q], numbers[1, q], best, totals, parents, slack)
-    large = np.nonzero(choices)[0]
-    # the bound has fallen when the costly ones come
-    for q in large[np.argsort(choices[large], kind="mergesort")]:
+    for q in sorted_numbers(choices, Q):  # the bound has fallen when the costly ones come
+        if choices[q] == 0.0:
+            continue
         parents = write_totals(q, component[q], of_parent, ranked, total, totals)
         n = begin[q + 1] - begin[q]
-        if used + k * n > len(pairs):
-            pairs = longer(pairs, 2 * (used + k * n))
         kept = Kept(room.order, room.cost, pairs, used)
         bound = Bound(best, totals, parents, slack)
         count = solve_large(q, choices[q], problem, pieces, room, roots, bound, kept)
@@ -278,12 +283,3 @@ def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tupl
         next_solution += count
         used += count * n
     return Solutions(numbers[0], numbers[1], gap, pair_at, pairs), total, best[k - 1] + slack
-
-
-@part
-def longer(array: Ints, size: int) -> Ints:
-    """A copy of this size, with nothing set after what the array holds."""
-    copy = np.empty(size, np.int64)
-    for i in range(len(array)):
-        copy[i] = array[i]
-    return copy

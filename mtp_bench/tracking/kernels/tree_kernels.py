@@ -37,10 +37,7 @@ def _sort(values: Ints, n: int) -> None:
 class _Taken(NamedTuple):
     """Detections that the new hypotheses took."""
 
-    choice: (
-        # [N, K] detection of each old leaf, from 1 on; 0: none; negative: the hypothesis does not hold the leaf
-        Ints
-    )
+    choice: Ints  # [N, K] detection of each old leaf, from 1 on; 0: none; negative: not in the hypothesis
     by_any: Bools  # [K, D] whether any leaf of the hypothesis took the detection
     takers: Ints  # [D] how many hypotheses took it
 
@@ -192,14 +189,6 @@ def descend(
         if d >= 0:
             new_score[e] += box_score[d]
     return next_id
-
-
-@kernel("void(i8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1])")
-def write_boxes(detection: Ints, box: Floats, state: Floats, measured: Floats) -> None:
-    """Write the detected box that each leaf took, or that of its state, into ``measured`` [E or more, 7]."""
-    for e in range(len(detection)):
-        for k in range(7):
-            measured[e, k] = box[detection[e], k] if detection[e] >= 0 else state[e, k]
 
 
 @kernel("Tuple((f8[:, :, ::1], i8[:, ::1]))(i8[::1], f8[:, :, ::1], i8[:, ::1], i8[:, ::1], i8, i8)")
