@@ -49,8 +49,8 @@ def near_misses(world: World, speed: Floats, size: tuple[float, float]) -> Bools
     frame = truth.frame_of_rows
     rows = np.flatnonzero((frame < steps) & (np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10))
     frame = frame[rows]
-    yaw, moves = world.ego[frame, 3], speed[frame] > STANDING
-    ahead = _along(truth.box[rows, :2] - world.ego[frame, :2], yaw) > 0
+    yaw, moves, (x, y) = world.ego[frame, 3], speed[frame] > STANDING, (truth.box[rows, :2] - world.ego[frame, :2]).T
+    ahead = x * np.cos(yaw) + y * np.sin(yaw) > 0
     near = np.zeros(len(rows), dtype=bool)
     for seconds in _LOOKS:
         own = np.zeros((len(rows), 7))
@@ -92,10 +92,6 @@ def smoothed_jerk(acceleration: Floats) -> Floats:
     slopes = RATE * (slope + 2 * np.outer(k, bend))  # [_WINDOW at which, _WINDOW through which]
     windows = np.lib.stride_tricks.sliding_window_view(acceleration, _WINDOW)
     return np.concatenate([slopes[:half] @ windows[0], windows @ slopes[half], slopes[half + 1 :] @ windows[-1]])
-
-
-def _along(vector: Floats, yaw: Floats) -> Floats:
-    return np.asarray(vector[:, 0] * np.cos(yaw) + vector[:, 1] * np.sin(yaw))
 
 
 def _runs(mask: Bools) -> int:

@@ -64,8 +64,7 @@ class Attempt:
         entries, people, self._rng, parking, driving, walking = generators
         self.parked = draw_parked_boxes(self.map.kerbs, traffic.parked, parking)
         self.crowd = Crowd(self.map, traffic.pedestrians, people, PedestrianBehaviour(1.0 / RATE, walking))
-        behaviour = DriverBehaviour(1.0 / RATE, driving)
-        self.drivers = _Drivers(self.map, self.routes, passages, self.crowd, behaviour)
+        self.drivers = _Drivers(self.map, self.routes, passages, self.crowd, DriverBehaviour(1.0 / RATE, driving))
         self.vehicles = self.drivers.vehicles  # on the road
         self._entries = Entries(self.map, traffic.vehicles, self.vehicles, entries)
         self._entries.fill()
