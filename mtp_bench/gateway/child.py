@@ -1,7 +1,7 @@
 """The agent's side of the gateway: answers the judge's orders over two pipes.
 
-Started as a script, or called in a fork of `fork_server_main`. Only the library's own code runs here before the code of
-the submission is imported.
+Started as a script, for one agent or as the fork server of many: `fork_server_main`, whose forks call `main`. Only the
+library's own code runs here before the code of the submission is imported.
 """
 
 import ctypes
@@ -177,4 +177,7 @@ def _write(descriptor: int, message: bytes) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]))
+    if sys.argv[1] == "fork-server":
+        module_beside("fork_server_main").main(sys.modules[__name__], json.loads(sys.argv[2]), int(sys.argv[3]))
+    else:
+        main(int(sys.argv[1]), int(sys.argv[2]))

@@ -43,8 +43,8 @@ class ForkServer:
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setsockopt(socket.SOL_SOCKET, _PASS_CREDENTIALS, 1)
         setup = {"path": [str(library()), *packages()], "kernels": KERNELS, "modules": LOADED}
-        script = str(library() / "mtp_bench" / "gateway" / "fork_server_main.py")
-        program = [*python(), script, json.dumps(setup), str(theirs.fileno())]
+        script = str(library() / "mtp_bench" / "gateway" / "child.py")
+        program = [*python(), script, "fork-server", json.dumps(setup), str(theirs.fileno())]
         stdin, end = os.pipe()
         os.close(end)
         with tempfile.TemporaryFile() as log:

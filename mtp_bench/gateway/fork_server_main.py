@@ -1,6 +1,6 @@
 """Fork server of one submission: a process that loads the library once and forks an agent process for every scene.
 
-Started as ``python fork_server_main.py SETUP SOCKET`` inside a sandbox of bubblewrap, with capabilities over that
+Started as ``python child.py fork-server SETUP SOCKET`` inside a sandbox of bubblewrap, with capabilities over that
 sandbox alone and a socket to the judge. It imports the library, nothing of the submission. Each fork gets namespaces, a
 temporary folder and a /proc of its own, drops all capabilities, installs the system call filter, and only then reads
 which agent it runs. So all agents start from the same state, and what one leaves behind ends with its namespaces.
@@ -10,7 +10,6 @@ import base64
 import ctypes
 import gc
 import importlib
-import importlib.util
 import itertools
 import json
 import os
@@ -41,14 +40,15 @@ class _Program(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("steps", ctypes.c_char_p))
 
 
-def main() -> None:
-    """Load the library, then fork for every request of the judge."""
-    setup, given = json.loads(sys.argv[1]), int(sys.argv[2])
+def main(child: Any, setup: dict[str, Any], given: int) -> None:
+    """Load the library, then fork for every request of the judge.
+
+    ``child``: the module `child`, which is the script that runs; ``given``: descriptor of the socket.
+    """
     resource.setrlimit(resource.RLIMIT_NOFILE, (MOST_FILES, MOST_FILES))
     judge = socket.socket(fileno=os.dup(given))  # a number below the limit, so that forks close it
     os.close(given)
     gc.disable()
-    child = _module_beside("child")
     child.prepare(setup)
     for name in setup["modules"]:
         importlib.import_module(name)
@@ -167,16 +167,3 @@ def _close_all_but(*kept: int) -> None:
     for one, other in itertools.pairwise([-1, *sorted(kept), MOST_FILES]):
         if one + 1 < other:  # an empty range would close all of them
             os.closerange(one + 1, other)
-
-
-def _module_beside(name: str) -> Any:
-    """A module of this folder without its package, which belongs to the judge."""
-    path = Path(__file__).with_name(f"{name}.py")
-    spec: Any = importlib.util.spec_from_file_location(f"mtp_bench_{name}", path)
-    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-if __name__ == "__main__":
-    main()

@@ -63,7 +63,7 @@ class AgentProcess:
     @property
     def isolation(self) -> Isolation:
         """The sandbox of the process."""
-        return Isolation(mechanism=self._spec.backend, memory="watch" if self._group is None else "cgroup")
+        return Isolation(mechanism=self._spec.backend, memory="cgroup" if self._group.folders else "watch")
 
     def __enter__(self) -> Self:
         if sys.platform == "win32":
@@ -79,8 +79,7 @@ class AgentProcess:
     def _start(self, undo: ExitStack) -> None:
         server = server_for(self._spec.layout) if self._sandboxed else None  # outside the agent's time
         self._group = processes.make_group(self._limits.memory, MOST_THREADS)
-        if self._group is not None:
-            undo.callback(self._group.remove)
+        undo.callback(self._group.remove)
         if server is None:
             self._spawn(undo)
         else:
@@ -114,8 +113,8 @@ class AgentProcess:
         try:
             with self._pipes(undo) as theirs, ExitStack() as opened:
                 # The fork does not see the files of its control groups, so it gets them open.
-                paths = [] if self._group is None else self._group.members
-                groups = [opened.enter_context(Path(path).open("wb", buffering=0)).fileno() for path in paths]
+                paths = map(Path, self._group.members)
+                groups = [opened.enter_context(path.open("wb", buffering=0)).fileno() for path in paths]
                 self._pid = server.fork([*theirs, *groups], self._limits.disk)
             self._handle = os.pidfd_open(self._pid)
             if self._ended():
@@ -156,7 +155,7 @@ class AgentProcess:
         if self._sandboxed:  # in its user namespace NPROC counts the agent's processes alone
             counted |= {"NPROC": MOST_THREADS}
             return {**common, "submission": SUBMISSION, "kernels": KERNELS, "limits": counted, "unsandboxed": None}
-        entered = {"judge": os.getpid(), "groups": [] if self._group is None else self._group.members}
+        entered = {"judge": os.getpid(), "groups": self._group.members}
         submission = str(self._spec.image.submission)
         return {**common, "submission": submission, "kernels": None, "limits": counted, "unsandboxed": entered}
 
@@ -221,7 +220,7 @@ class AgentProcess:
         if self._pid is None or self._ended():
             return
         self.peak_memory()
-        if self._group is not None and self._group.exceeded():
+        if self._group.exceeded():
             raise ExcessError(f"its processes held more than {self._limits.memory >> 20} MiB")
         family = [p for first in (self._pid, *self._adopted()) for p in processes.descendants(first, _MOST_PROCESSES)]
         if len(family) > _MOST_PROCESSES:
@@ -232,7 +231,7 @@ class AgentProcess:
         files = processes.files_below(self._pid, TEMPORARY) if self._sandboxed and self._answered else 0
         if files > _MOST_FILES:
             raise ExcessError(f"it had made {files} files, expected at most {_MOST_FILES}")
-        if self._group is not None:
+        if self._group.folders:
             return  # which bounds their memory
         # Memory that they share may be in no page table now: count all that they could reach.
         memory = processes.memory(self._pid, True) + sum(processes.memory(pid, False) for pid in family[1:])

@@ -29,7 +29,7 @@ _PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 @dataclass(frozen=True)
 class Group:
-    """Control groups (cgroups) of one agent: one of version 2, or one per controller of version 1."""
+    """Control groups (cgroups) of one agent: one of version 2, one per controller of version 1, or none."""
 
     folders: tuple[Path, ...]
 
@@ -59,8 +59,8 @@ class Group:
                 time.sleep(0.01)
 
 
-def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path("/proc/self/cgroup")) -> Group | None:
-    """A group limited to ``memory`` bytes and ``processes`` threads; None if the system does not allow it."""
+def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path("/proc/self/cgroup")) -> Group:
+    """A group limited to ``memory`` bytes and ``processes`` threads; without folders if the system allows none."""
     values = {"memory": str(memory), "with_swap": str(memory), "processes": str(processes), None: "0"}
     places, names = _places(root, own)
     for place in places:
@@ -80,8 +80,8 @@ def make_group(memory: int, processes: int, root: Path = ROOT, own: Path = Path(
                 path.write_text(values[value])
     except OSError:
         Group(tuple(made)).remove()
-        return None
-    return Group(tuple(made)) if made else None
+        return Group(())
+    return Group(tuple(made))
 
 
 def _sweep(place: Path) -> None:
@@ -150,11 +150,11 @@ def children(pid: int) -> list[int]:
     return pids
 
 
-def descendants(pid: int, most: int | None = None) -> list[int]:
+def descendants(pid: int, most: int) -> list[int]:
     """The process, its children, their children and so on, until they are more than ``most``."""
     pids = [pid]
     for parent in pids:  # grows as it is read
-        if most is not None and len(pids) > most:
+        if len(pids) > most:
             break
         pids += children(parent)
     return pids

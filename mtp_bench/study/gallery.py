@@ -2,15 +2,13 @@
 
 import os
 from base64 import b64encode
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .. import notice
 from ..cards import Card
 from ..parallel import NO_PROGRESS, parallel_map
-from ..running.causes import run_parts
-from ..running.stored import OpenedRun, open_run
+from ..running.stored import open_run
 from ..scoring.parts import SceneParts
 from ..sources import open_source
 from ..tables import counted
@@ -18,6 +16,7 @@ from ..types import Rollout
 from ..viz.drawing.report import save_report
 from ..viz.framing import focuses_of
 from ..viz.moments import Moment, moments
+from ..viz.played import PlayedRun
 from ..viz.replay import replay
 from ..viz.sentence import sentence
 from ..viz.terminal.output import command_line
@@ -25,7 +24,6 @@ from .findings import Findings
 
 EACH = 2  # moments of a cause, of different objects
 LEAST_SHARE = 0.05  # of the cost of all moments: causes below it have no picture
-Parts = Mapping[str, SceneParts]
 
 
 @dataclass(frozen=True)
@@ -43,25 +41,15 @@ class MomentPicture:
         return b64encode(self.path.read_bytes()).decode("ascii")
 
 
-@dataclass(frozen=True)
-class PlayedSetting:
-    """The first stored run of a setting, with the parts of its errors by scene."""
-
-    name: str
-    run: OpenedRun
-    parts: Parts
-
-
 def draw_worst_moments(findings: Findings, folder: Path) -> list[MomentPicture]:
     """Draw the worst moments of each cause into ``folder``."""
     subject, bench = findings.subject, findings.bench
     settings = {findings.of(each).folders[0]: each for each in (subject.most, subject.single)}
     played, quiet = [], replace(bench.options, progress=NO_PROGRESS)
     for place, setting in settings.items():
-        opened = open_run(place, bench.options.data, bench.card)
         name = setting.label if (setting.hypotheses or 1) == 1 else f"{setting.label}, H = {setting.hypotheses}"
-        played.append(PlayedSetting(name, opened, run_parts(opened, quiet)))
-    worst = worst_moments(findings, played[0])
+        played.append((name, PlayedRun(open_run(place, bench.options.data, bench.card), quiet)))
+    worst = worst_moments(findings, played[0][1])
     with notice.work("drawing the worst moments") as work:
         work.started(len(worst))
         pictures = []
@@ -72,10 +60,10 @@ def draw_worst_moments(findings: Findings, folder: Path) -> list[MomentPicture]:
     return pictures
 
 
-def worst_moments(findings: Findings, played: PlayedSetting) -> list[tuple[str, Moment]]:
+def worst_moments(findings: Findings, played: PlayedRun) -> list[tuple[str, Moment]]:
     """The scene and moment of the worst of each cause, of different objects; the costliest cause first."""
-    opened, bench = played.run, findings.bench
-    calls = [(bench.card, bench.options.data, each, played.parts[each.scene]) for each in opened.run.rollouts]
+    bench, rollouts = findings.bench, played.opened.run.rollouts
+    calls = [(bench.card, bench.options.data, each, played.parts[each.scene]) for each in rollouts]
     of_scenes = parallel_map(_moments, calls, bench.options.workers)
     listed = [(call[2].scene, moment) for call, own in zip(calls, of_scenes, strict=True) for moment in own]
     cost: dict[str, float] = {}
@@ -92,16 +80,14 @@ def _moments(card: Card, data: str | None, rollout: Rollout, parts: SceneParts) 
     return moments(replay(open_source(card, data).load(rollout.scene), rollout, card, parts=parts))
 
 
-def _draw(played: list[PlayedSetting], scene: str, moment: Moment, path: Path) -> MomentPicture:
+def _draw(played: list[tuple[str, PlayedRun]], scene: str, moment: Moment, path: Path) -> MomentPicture:
     notes = list[str]()
-    replays = [
-        replay(each.run.drawn(scene, notes.append), each.run.first(scene), each.run.card, each.name, each.parts[scene])
-        for each in played
-    ]
+    runs = [run.opened for _, run in played]
+    replays = [run.replay(run.opened.first(scene), run.opened.drawn(scene, notes.append), name) for name, run in played]
     focuses = focuses_of(replays, moment.at)
     save_report(path, *focuses)
-    frames, data = counted(moment.frames, "frame"), played[0].run.data
-    folders = [os.path.relpath(each.run.folder) for each in played]
+    frames, data = counted(moment.frames, "frame"), runs[0].data
+    folders = [os.path.relpath(run.folder) for run in runs]
     sentences = "; ".join(f"{focus.replay.agent}: {sentence(focus)}" for focus in focuses)
     return MomentPicture(
         title=f"{moment.cause}: {focuses[0].named}, scene {scene}, {sum(moment.parts.values()):.1f} m in {frames}",

@@ -17,6 +17,7 @@ import pytest
 
 from mtp_bench.env.rollouts import digest
 from mtp_bench.gateway import SceneRun, run, run_isolated
+from mtp_bench.gateway.processes import Group
 from mtp_bench.gateway.sandbox import sandbox_backend, system_call_filter
 from tests.support.hostile import HONEST, QUICK, SCENE, Court, submission
 from tests.support.runs import PATIENT, move_home
@@ -489,7 +490,7 @@ for i in range(200_000):
 @pytest.mark.parametrize("what", HOARDS)
 def test_hoards_count(sandboxed: None, court: Court, what: str, grouped: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if not grouped:
-        monkeypatch.setattr("mtp_bench.gateway.processes.make_group", lambda *_: None)
+        monkeypatch.setattr("mtp_bench.gateway.processes.make_group", lambda *_: Group(()))
     limits = QUICK if what == "threads" else type(QUICK)(**{**vars(QUICK), "memory": 1 << 30})
     code = (
         "if self.frame == 1:\n"

@@ -299,7 +299,7 @@ def test_a_fork_is_in_its_groups_and_does_not_see_their_names(court: Court, monk
     entered: list[bool] = []
 
     def spied(process: AgentProcess, parameters: dict[str, Any]) -> dict[str, Any]:
-        groups = process._group.members if process._group else []
+        groups = process._group.members
         entered.extend(Path(group).read_text().split() == [str(process._pid)] for group in groups)
         return setup(process, parameters)
 
