@@ -111,9 +111,13 @@ class EnvEvaluation:
 
     def jobs(self, setting: Setting, seed: int, scenes: Sequence[str]) -> list[Job]:
         """Jobs of a setting on ``scenes``."""
-        shown = self.options.shown_to(setting.submission) if setting.observe == "tracks" else {}
-        keywords = {**self.options.env_keywords, **setting.env_keywords(self.card), **shown}
+        keywords = {**self.options.env_keywords, **self.env_changes(setting)}
         return jobs_of(setting.submission, self.env, keywords, scenes, seed, setting.parameters, setting.label)
+
+    def env_changes(self, setting: Setting) -> dict[str, Any]:
+        """Keywords of the env for one setting; raises MtpBenchError if stored tracks are needed and not given."""
+        shown = self.options.shown_to(setting.submission) if setting.observe == "tracks" else {}
+        return {**setting.env_keywords(self.card), **shown}
 
 
 def scores_of(setting: Setting, seeds: Sequence[tuple[SceneScore, ...]], agent: str = "") -> AgentScores:

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,10 +15,11 @@ from ..files import file_digest
 from ..networks import network_files
 from ..parallel import Progress, parallel_map
 from ..records.canonical import digest_of
+from ..running.compare import EnvEvaluation
 from ..running.options import RunOptions
 from ..running.reference import ranked_scenes
 from ..running.rollout_files import load_run, save_run
-from ..running.run import jobs_of, run_jobs
+from ..running.run import run_jobs
 from ..running.settings import Setting
 from ..running.stored import run_info
 from ..scoring import SceneScore, score_scene
@@ -62,15 +62,11 @@ class Measured:
 
 
 @dataclass(frozen=True)
-class Bench:
+class Bench(EnvEvaluation):
     """The env of a study, its scenes, and the folder of its runs."""
 
-    env_id: str | Card
-    card: Card  # with all changes
-    scenes: tuple[str, ...]
     content: str  # digest of the truth and of everything that agents are shown
     folder: Path
-    options: RunOptions
 
     @property
     def of_paper(self) -> str:
@@ -84,7 +80,7 @@ def open_bench(env_id: str | Card, folder: Path, options: RunOptions) -> Bench:
     scenes = options.chosen(ranked_scenes(env.card, env.scene_names))
     calls = [(env.card, options.data, name) for name in scenes]
     digests = parallel_map(_scene_digest, calls, options.workers, lambda i: options.progress.done(scenes[i]))
-    return Bench(env_id, env.card, scenes, digest_of([env.card.digest, *digests]), folder, options)
+    return Bench(env_id, options, env.card, scenes, "", digest_of([env.card.digest, *digests]), folder)
 
 
 def _scene_digest(card: Card, data: str | None, name: str) -> str:
@@ -96,12 +92,11 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable
 
     ``done`` is called with the name of every scene. Runs of more than k samples are not stored: they are large.
     """
-    keywords = {**bench.options.env_keywords, **env_changes(bench, setting)}
+    changes = bench.env_changes(setting)
     options = replace(bench.options, progress=Progress(done=done))
     scores, events, folders = [], [], []
     for seed in seeds:
-        known = bench.env_id, keywords, bench.scenes, seed
-        jobs = jobs_of(setting.submission, *known, setting.parameters, setting.label)
+        jobs = bench.jobs(setting, seed, bench.scenes)
         if setting.samples != bench.card.task.samples:
             scores.append(tuple(run_jobs(jobs, options, score_scene)))
             continue
@@ -109,8 +104,8 @@ def measure(bench: Bench, setting: Setting, seeds: Sequence[int], done: Callable
         stored = _stored(folder, bench.scenes)
         if stored is None:
             judged = run_jobs(jobs, options, _judge)
-            env = MTPEnv(bench.env_id, **keywords)
-            info = run_info(env, setting, seed, {**env_changes(bench, setting), **bench.options.changes})
+            env = MTPEnv(bench.env, **{**bench.options.env_keywords, **changes})
+            info = run_info(env, setting, seed, {**changes, **bench.options.changes})
             rollouts = [rollout for rollout, *_ in judged]
             save_run(folder, info.model_copy(update={"card": env.card.stored()}), rollouts)
         else:
@@ -142,12 +137,6 @@ def _judge(scene: Scene, rollout: Rollout, card: Card) -> tuple[Rollout, SceneSc
 
 def _judge_stored(card: Card, rollout: Rollout, data: str | None) -> tuple[None, SceneScore, EventCounts]:
     return None, *_judge(open_source(card, data).load(rollout.scene), rollout, card)[1:]
-
-
-def env_changes(bench: Bench, setting: Setting) -> dict[str, Any]:
-    """Keywords of the env for one setting alone; raises MtpBenchError if stored tracks are needed and not given."""
-    stored = bench.options.shown_to(setting.submission) if setting.observe == "tracks" else {}
-    return {**setting.env_keywords(bench.card), **stored}
 
 
 def _stored(folder: Path, scenes: Sequence[str]) -> Sequence[Rollout] | None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..cards import Card
 from ..env.episode import LiveEpisode
 from ..env.observation import true_ids
-from ..errors import RolloutError, UnknownNameError
+from ..errors import RolloutError, require_known
 from ..scoring.bade import capped_error
 from ..scoring.events import object_history, pieces, separated_truth
 from ..scoring.forecasts import Candidates, RecordedForecasts, match_by_confidence, match_neutral_last
@@ -116,12 +116,9 @@ class Replay:
 
     def incident(self, name: str) -> Incident:
         """The incident of this name; raises UnknownNameError."""
-        for incident in self.incidents:
-            if incident.name == name:
-                return incident
-        raise UnknownNameError(
-            f"event of scene {self.scene.name}", name, [i.name for i in self.incidents], "`mtp-bench events` lists them"
-        )
+        incidents = {incident.name: incident for incident in self.incidents}
+        require_known(f"event of scene {self.scene.name}", name, incidents, "`mtp-bench events` lists them")
+        return incidents[name]
 
     @cached_property
     def previous(self) -> Ints:
