@@ -31,7 +31,7 @@ from mtp_bench.running.settings import setting_of
 from mtp_bench.scoring import SceneScore, evaluated, score_scene
 from mtp_bench.scoring.weights import EVENTS, tracking_events
 from mtp_bench.sources.highway.world import RATE
-from mtp_bench.submission.objects import submission_of
+from mtp_bench.submission.loader import submission_of
 from mtp_bench.types import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
 
 TRUTH, STP = "truth_past", "stp"

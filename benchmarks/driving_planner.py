@@ -28,7 +28,7 @@ from mtp_bench.sources.base import section_of
 from mtp_bench.sources.highway.driven import DrivenTraffic
 from mtp_bench.sources.highway.source import traffic_of
 from mtp_bench.sources.highway.world import RATE, HighwaySource
-from mtp_bench.submission.objects import submission_of
+from mtp_bench.submission.loader import submission_of
 from mtp_bench.types import Drive
 
 PLANNED = ("truth_past", "blind")  # baselines: ground-truth tracks of constant velocity, and no forecasts

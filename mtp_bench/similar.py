@@ -33,12 +33,10 @@ def similar_class(name: str, known: Iterable[str]) -> str | None:
     Itself, else one of its kind (vehicles, two wheels, people), else the first one.
     """
     names = tuple(known)
-    if name in names:
-        return name
-    same = of_kind(name, names)
-    if same is not None:
+    same = name if name in names else of_kind(name, names)
+    if same is not None or not names or closest(name, names, _SPELT):
         return same
-    return None if not names or closest(name, names, _SPELT) else names[0]
+    return names[0]
 
 
 def of_kind(name: str, names: Collection[str]) -> str | None:

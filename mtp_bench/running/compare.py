@@ -16,9 +16,8 @@ from ..parallel import SERIAL, reported
 from ..scoring import AgentScores, Reference, References, Report, SceneScore, score_scene, stated_hypotheses, summarise
 from ..scoring.main_table import preference
 from ..scoring.scenes import SceneResult
-from ..submission.loader import controls
+from ..submission.loader import controls, submission_of
 from ..submission.manifest import Role
-from ..submission.objects import submission_of
 from .options import DEFAULTS, RunKeywords, RunOptions, asked
 from .reading import total_skipped
 from .reference import ranked_scenes, reference_for

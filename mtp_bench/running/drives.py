@@ -16,9 +16,8 @@ from ..scoring.driving import AgentDrives, DrivingRow, driving_rows
 from ..sources.files import save_scene
 from ..sources.highway.store import unpack
 from ..sources.highway.world import RATE
-from ..submission.loader import controls
+from ..submission.loader import controls, submission_of
 from ..submission.manifest import Role
-from ..submission.objects import submission_of
 from ..tables import Table, counted
 from ..types import Drive, Rollout, Scene
 from .compare import EnvEvaluation

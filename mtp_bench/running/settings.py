@@ -10,9 +10,8 @@ from ..cards import Card
 from ..errors import MtpBenchError, SubmissionError
 from ..scoring.main_table import unchanged
 from ..scoring.rows import Budget
-from ..submission.loader import Submission, controls, load_submission
+from ..submission.loader import ObjectSubmission, Submission, controls, load_submission, submission_of
 from ..submission.manifest import Role
-from ..submission.objects import ObjectSubmission, submission_of
 
 _REFERENCES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples", "associated")
 Key = tuple[str, str, str, int | None, int, str]

@@ -17,7 +17,7 @@ from ..scoring.definitions import DEFINITIONS
 from ..scoring.rows import Budget
 from ..scoring.targets import left_out
 from ..sources import SceneSource, open_source, with_map, with_tracks
-from ..submission.objects import submission_of
+from ..submission.loader import submission_of
 from ..types import Rollout, Scene
 from .drives import recorded_card
 from .options import CHANGES, DEFAULTS, RunKeywords, RunOptions, asked

@@ -1,26 +1,33 @@
 """Load a submission: a folder with ``submission.toml``, the code of an agent and its weights.
 
-The baselines have the same form and are loaded by the same code; see ``baselines/README.md``.
+The baselines have the same form and are loaded by the same code; see ``baselines/README.md``. Objects and functions of
+the calling program can stand in place of a folder.
 """
 
 import inspect
 import os
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .._bundle import baseline_names, bundled
-from ..errors import SubmissionError, UnknownNameError, require_known
+from ..errors import MtpBenchError, SubmissionError, UnknownNameError, require_known
+from ..files import clean_text
 from .contents import digest_of, files_of, import_from
-from .manifest import MANIFEST, Manifest, Role, read_manifest
+from .manifest import MANIFEST, MOST_NAME, Manifest, Role, read_manifest
 
 if TYPE_CHECKING:
     from ..agent import Agent
     from ..types import Task
 
 ON_SCORED = "trained on scored scenes"  # ends the notes of `Submission.note_on`
+_EXPECTED = (
+    "an agent with reset(task) and act(observation), a function build(task) that returns one, the name of a baseline "
+    f"or a folder with {MANIFEST}"
+)
 
 
 class Submission(Manifest):
@@ -138,3 +145,84 @@ def _check_parameters(name: str, function: Callable[..., Any], given: dict[str, 
     for key, parameter in known.items():
         if parameter.default is parameter.empty and key not in given:
             raise SubmissionError(f"{name}: parameter {key!r} has no value; give one in {MANIFEST} under [parameters]")
+
+
+class ObjectSubmission(Submission):
+    """An agent, a build function or a class in place of a folder.
+
+    Every scene gets a copy of it, so that what an object keeps from one scene to the next does not count; attributes of
+    its class, globals and NumPy's global random numbers are not copied. What cannot be is used itself, in one process.
+    """
+
+    given: Any
+    copied: bytes | None  # pickled; None: impossible
+    obstacle: str = ""  # that keeps it from being copied
+
+    @classmethod
+    def of(cls, given: object, name: str = "") -> "ObjectSubmission":
+        """The submission of an agent object, function or class; ``name``: in place of its own."""
+        import cloudpickle  # takes classes of scripts and notebooks too
+
+        copied, obstacle = None, ""
+        try:
+            copied = cloudpickle.dumps(given)
+        except Exception as error:  # whatever the object raises
+            obstacle = " ".join(f"{type(error).__name__}: {error}".split())
+        own: dict[str, Any] = {"name": name or _name_of(given), "authors": (), "agent": _name_of(given), "path": Path()}
+        return cls.model_construct(**own, given=given, copied=copied, obstacle=obstacle)
+
+    @property
+    def digest(self) -> str:
+        """Empty: there are no files."""
+        return ""
+
+    def factory(self, parameters: dict[str, Any]) -> "Callable[[Task], Agent]":
+        """A function that makes agents of it; in other processes only if it can be copied."""
+        return partial(_make, self.name, self.copied, self.given if self.copied is None else None)
+
+    def require_copy(self) -> None:
+        """Raise MtpBenchError unless it can be sent to another process."""
+        if self.copied is None:
+            raise MtpBenchError(
+                f"agent {self.name!r} cannot be sent to other processes ({self.obstacle}): take jobs=1, or pass a "
+                "function build(task) that makes it there"
+            )
+
+    def _function(self) -> Callable[..., Any]:
+        if _is_agent(self.given):
+            return lambda task: self.given
+        return _without_task(self.given) if isinstance(self.given, type) else self.given
+
+
+def _make(name: str, copied: bytes | None, given: object, task: "Task") -> "Agent":
+    given = given if copied is None else pickle.loads(copied)
+    return ObjectSubmission.model_construct(name=name, agent=name, given=given).build(task)
+
+
+def submission_of(agent: object) -> Submission:
+    """The submission of a folder, a name, an agent, a build function or a class; raises MtpBenchError for others."""
+    if isinstance(agent, Submission):
+        return agent
+    if isinstance(agent, str | os.PathLike):
+        return load_submission(Path(agent) if isinstance(agent, os.PathLike) else agent)
+    if not _is_agent(agent) and not callable(agent):
+        raise MtpBenchError(f"agent is of type {type(agent).__name__}, expected {_EXPECTED}")
+    return ObjectSubmission.of(agent)
+
+
+def _is_agent(given: object) -> bool:
+    return not isinstance(given, type) and all(callable(getattr(given, name, None)) for name in ("reset", "act"))
+
+
+def _without_task(kind: type) -> Callable[..., Any]:
+    """A class as a build function: it gets the task if its first parameter has no default."""
+    first = next(iter(inspect.signature(kind).parameters.values()), None)
+    needs_task = first is not None and first.default is first.empty and first.kind is not first.VAR_KEYWORD
+    return kind if needs_task else lambda task: kind()
+
+
+def _name_of(given: object) -> str:
+    """The attribute ``name`` of an agent, the name of a function or class, else "agent"; one word."""
+    own = getattr(given, "__name__", None) or getattr(given, "name", None)
+    text = clean_text(own if isinstance(own, str) else type(given).__name__, MOST_NAME)
+    return "agent" if text.startswith("<") else "_".join(text.split()) or "agent"
