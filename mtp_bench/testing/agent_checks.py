@@ -10,9 +10,9 @@ from ..env.environment import MTPEnv
 from ..env.observation import Feed
 from ..errors import MtpBenchError, require_known
 from ..running.run import MakeAgent, agent_task
-from ..scoring import mean_plain_error
+from ..scoring import mean_plain_error, score_scene
 from ..types import Observation, Task, starts_of
-from .playing import AgentError, Finding, Suite, first_difference, play, play_made_up, score_of
+from .playing import AgentError, Finding, Suite, first_difference, play, play_made_up
 
 Findings = Iterator[Finding]
 SCENES = 2  # checked unless scenes are named
@@ -77,7 +77,7 @@ def _contract(suite: Suite) -> Findings:
     scores = []
     for scene in suite.scenes:
         suite.passes.append(play(agent, suite.env, scene, suite.seed))
-        scores.append(score_of(suite.env))
+        scores.append(score_scene(suite.env.scene, suite.env.rollout(), suite.env.card))
     suite.score = mean_plain_error(scores)
     results = [seen.finding() for seen in suite.problems.values()]
     yield from results
@@ -136,7 +136,7 @@ def _unmoved(suite: Suite) -> Findings:
     scores = []
     for scene in suite.scenes:
         play(suite.agent(env), env, scene, suite.seed, turn=1)
-        scores.append(score_of(env))
+        scores.append(score_scene(env.scene, env.rollout(), env.card))
     moved = mean_plain_error(scores)
     if moved is None or suite.score is None:  # no targets
         return

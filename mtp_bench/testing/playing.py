@@ -17,7 +17,6 @@ from ..env.environment import MTPEnv
 from ..env.rollouts import RecordedAction, record_action
 from ..errors import MtpBenchError, describe_problem
 from ..running.run import MakeAgent, agent_task, derived_seed
-from ..scoring import SceneScore, score_scene
 from ..types import Observation, Task
 
 Steps = Generator[tuple[str, Observation] | None, Any, None]  # yields (description, observation), receives the action
@@ -223,8 +222,3 @@ class Suite:
     def play(self, **keywords: Any) -> Played:
         """Run a new agent on the first scene, keywords as for `play`; raises AgentError."""
         return play(self.agent(), self.env, self.scenes[0], self.seed, **keywords)
-
-
-def score_of(env: MTPEnv) -> SceneScore:
-    """Score of the episode that was played in ``env``."""
-    return score_scene(env.scene, env.rollout(), env.card)

@@ -39,14 +39,13 @@ def fit_noise(
     split = open_split(env_id, options)
     card = split.card
     floor = _floor(min_score, card)
-    base = card.detector or DetectorSection(field_of_view=card.source.traits.view)
-    changes = {"reach": reach or base.reach, "field_of_view": field_of_view or base.field_of_view}
-    section = base.model_copy(update=changes)
+    section = card.detector or DetectorSection(field_of_view=card.source.traits.view)
+    reach, field_of_view = reach or section.reach, field_of_view or section.field_of_view
     profile = fit_profile(
         map(_complete_scene, split.scenes()),
         card.task.classes,
         1.0 / card.task.rate,
-        Sensor(section.reach, float(np.deg2rad(section.field_of_view))),
+        Sensor(reach, float(np.deg2rad(field_of_view))),
         name or f"{card.detector_name.split('-')[0]}-refit",
         f"{card.detector_name or 'detector'} as fitted on {len(split.names)} scenes of {card.id}",
         f"{card.id}, split {card.source.split}, {card.task.rate:g} Hz",
@@ -56,7 +55,7 @@ def fit_noise(
     missing = [one for one in card.task.classes if one not in (*profile.classes, *profile.alike)]
     lines = [f"# too few detections to fit: {', '.join(missing)}; --alike names a class whose noise they have"]
     lines = lines if missing else []
-    lines += ["[detector]", f"reach = {section.reach}", f"field_of_view = {section.field_of_view}", ""]
+    lines += ["[detector]", f"reach = {reach}", f"field_of_view = {field_of_view}", ""]
     nested = re.sub(r"^\[", "[detector.noise.", profile_text(profile), flags=re.MULTILINE)  # headings start a line
     return "\n".join([*lines, "[detector.noise]", nested])
 
