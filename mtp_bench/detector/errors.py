@@ -57,7 +57,7 @@ def draw_errors(grid: Grid, neighbours: Neighbours | None, draws: Draws, rows: I
 
 
 def _memories(noise: ClassNoise) -> tuple[Shares, ...]:
-    """Those of the position errors, and that of their tails, which are as the radial error or new in every frame."""
+    """Memories of the position errors, and of their tails, which are as the radial error or new in every frame."""
     radial = shares_of(noise.radial)
     tail = radial[0], radial[1], 0.0, float(noise.radial.bias + noise.radial.ar <= 0)
     return radial, shares_of(noise.tangential), tail

@@ -89,7 +89,7 @@ class Memory:
 
 
 def kept(memory: Memory | None, name: Any, make: Callable[[], Any]) -> Any:
-    """What ``make`` returns; with a memory, made once under this name."""
+    """Result of ``make``; with a memory, made once under this name."""
     if memory is None:
         return make()
     if name not in memory.kept:
