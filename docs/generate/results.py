@@ -23,7 +23,6 @@ from mtp_bench.errors import MtpBenchError, RecordError, UnknownNameError
 from mtp_bench.files import write_text
 from mtp_bench.parallel import NO_PROGRESS
 from mtp_bench.records import trusted
-from mtp_bench.records.ranking import conditions
 from mtp_bench.scoring.definitions import SUBSETS, Subset
 from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
 from mtp_bench.scoring.rank import rank_text
@@ -194,7 +193,7 @@ def _cost(worse: str, better: str, what: str) -> Callable[[tuple[Subset, dict[st
 
     def read(row: tuple[Subset, dict[str, Entry]]) -> Value:
         one, other = row[1][worse], row[1][better]
-        alike = conditions(one.sums) == conditions(other.sums)
+        alike = one.conditions == other.conditions
         return getattr(one.minus(other, row[0]) if alike else None, what, None)
 
     return read

@@ -12,6 +12,7 @@ from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
 from ..parallel import Progress, reported
 from ..records import Record, Trust, load_record, read_level, record_paths, trusted
+from ..scoring.definitions import SUBSETS
 from ..viz.board.columns import board_json, data_table
 from ..viz.board.entries import Entry, Found, entries_of, is_baseline
 from ..viz.board.page import Pages, board_files, parts_folder, require_parts, write_board
@@ -117,7 +118,7 @@ def read_board(
     if env is not None and not listed:
         load_card(env)  # an env without a submission is fine as long as there is such an env
     notes += [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
-    return entries_of(listed), refused, notes
+    return entries_of(listed, ("all",) if page is None else SUBSETS), refused, notes
 
 
 def _place(record: Record) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ scenes, and digests of all that was run. A statement on another record, or on an
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -14,7 +15,7 @@ from pydantic import ConfigDict, Field
 from ..errors import MtpBenchError, RecordError
 from ..files import read_bounded, write_text
 from ..gateway.limits import SandboxBackend
-from ..scoring.definitions import Subset
+from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.statistics import PairedDifference, paired_difference
 from ..strict import Section, parse_json
 from .canonical import Date, Sha256, canonical
@@ -95,6 +96,17 @@ class Checked:
     def sums(self) -> Record | HiddenPart:
         """Ranking sums: of the hidden scenes if it was run on them, else of the public ones."""
         return (self.signed and self.signed.hidden) or self.record
+
+    @cached_property
+    def conditions(self) -> tuple[object, ...]:
+        """Data, scenes and units: equal for results that can be compared."""
+        sums = self.sums
+        if isinstance(sums, HiddenPart):
+            of: tuple[object, ...] = (sums.commitment, sums.weights)
+        else:
+            of = (sums.env.split, sums.env.data_manifest, *(scene.scene for scene in sums.per_scene))
+        rows = tuple((row.targets, row.objects, round(row.effective_objects, 6)) for row in sums.rows[: len(SUBSETS)])
+        return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
 
     def minus(self, other: "Checked", subset: Subset) -> PairedDifference | None:
         """BADE minus that of ``other``, metres, paired by unit; both have the same targets and units."""

@@ -5,6 +5,7 @@ has looked at them and states so in a signed level.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 
@@ -18,7 +19,7 @@ from ..scoring.weights import scene_key
 from .attestation import Checked, SignedLevel
 from .evaluation import scorer_digest
 from .record import LimitsPart, Record, ScenePart
-from .shipped import FOR_BASELINES, Shipped, baseline_digest, baseline_observe, shipped
+from .shipped import FOR_BASELINES, Shipped, baseline_digest, baselines, shipped
 
 SEEDS = (0, 1, 2)
 LEAST_HIDDEN = 50  # hidden scenes that rank
@@ -64,16 +65,16 @@ def taken_names(records: Sequence[Record], levels: Mapping[str, SignedLevel]) ->
 
     Of several submissions with one name, the only one with a signed level keeps it; without such a one, none does.
     """
-    taken = {}
-    genuine = [record for record in records if why_not_genuine(record) is None]
-    for record in genuine:
-        name, digest = record.submission.name, record.submission.digest
-        namesakes = [each for each in genuine if each.submission.name == name]
-        owners = {each.submission.digest for each in namesakes}
-        signed = {each.submission.digest for each in namesakes if each.digest in levels}
-        if len(owners) > 1 and signed != {digest}:
-            taken[record.digest] = f"{len(owners)} submissions have the name {name!r}"
-    return taken
+    genuine = [(each.submission.name, each) for each in records if why_not_genuine(each) is None]
+    owners, signed = defaultdict[str, set[str]](set), defaultdict[str, set[str]](set)  # digests of submissions by name
+    for name, record in genuine:
+        owners[name].add(record.submission.digest)
+        signed[name] |= {record.submission.digest} if record.digest in levels else set()
+    return {
+        record.digest: f"{len(owners[name])} submissions have the name {name!r}"
+        for name, record in genuine
+        if len(owners[name]) > 1 and signed[name] != {record.submission.digest}
+    }
 
 
 def held_back(one: Checked, truths: Sequence[Checked]) -> str | None:
@@ -131,9 +132,9 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
         yield other_submission
     if not may_observe(record):
         yield FOR_BASELINES
-    observed = baseline_observe(record.submission.name)
-    if observed not in (None, record.env.observe):
-        yield f"observe is {record.env.observe!r}, the baseline of that name has {observed!r}"
+    baseline = baselines().get(record.submission.name)
+    if baseline is not None and baseline.compare.observe != record.env.observe:
+        yield f"observe is {record.env.observe!r}, the baseline of that name has {baseline.compare.observe!r}"
     if record.scorer.definitions != DEFINITIONS:
         yield f"scored by definitions {record.scorer.definitions}, today's are {DEFINITIONS}"
     if record.scorer.source_digest != scorer_digest():

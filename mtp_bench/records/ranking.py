@@ -3,46 +3,26 @@
 Recorded envs are ranked by the sums of the records; simulated ones by those of hidden scenes, from signed levels.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, partial
+from functools import cached_property
 from operator import itemgetter
-from typing import Any, TypeVar
+from typing import Any
 
 from .. import notice
 from .._bundle import baseline_names
 from ..scoring.definitions import SUBSETS, Subset
 from ..scoring.rank import NO_GAP, NOT_KINEMATIC, SAW_TRUTH, UNSTATED, guard, rank_text, ranks_among, why_not_on
-from ..scoring.statistics import PairedDifference, share_closed
+from ..scoring.statistics import PairedDifference, gap_closed
 from ..submission.loader import controls
 from .attestation import LEVELS, Checked, SignedLevel
 from .eligibility import NOT_ON_HIDDEN, Ships, held_back, taken_names, why_not_comparable, why_not_genuine, why_unranked
-from .record import HiddenPart, Record, SubmissionPart
-from .shipped import baseline_networks, learned_truths, network_references, shipped
+from .record import Record, SubmissionPart
+from .shipped import baselines, learned_truths, network_references, shipped
 
 STP, TRUTH = (controls()[role] for role in ("single", "ground_truth"))
 ASSOCIATION = controls()["same_samples"], controls()["associated_same_samples"]
 OTHERS = "other data, scenes or hidden scenes than the ranked ones"
-T = TypeVar("T")
-
-
-class BySubset(Mapping[Subset, T]):
-    """Values by subset, each made when it is first read, as a table shows few; missing ones are left out."""
-
-    def __init__(self, make: Callable[[Subset], T | None] = lambda subset: None) -> None:
-        self._value = cache(make)
-
-    def __getitem__(self, subset: Subset) -> T:
-        value = self._value(subset) if subset in SUBSETS else None
-        if value is None:
-            raise KeyError(subset)
-        return value
-
-    def __iter__(self) -> Iterator[Subset]:
-        return (subset for subset in SUBSETS if subset in self)
-
-    def __len__(self) -> int:
-        return len(list(self))
 
 
 @dataclass(frozen=True)
@@ -65,12 +45,12 @@ class Standing:
 
     places: Mapping[Subset, Place]
     compared: bool = False  # part of the main ranking of its environment, even if that has too few recordings or waits
-    gaps: Mapping[Subset, float] = field(default_factory=BySubset)  # gap_closed between STP and ground-truth tracks
-    own_gaps: Mapping[Subset, float] = field(default_factory=BySubset)  # gap_closed between references of its predictor
-    association_gaps: Mapping[Subset, float] = field(default_factory=BySubset)
+    gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between STP and ground-truth tracks
+    own_gaps: Mapping[Subset, float] = field(default_factory=dict)  # gap_closed between references of its predictor
+    association_gaps: Mapping[Subset, float] = field(default_factory=dict)
     gap_blank: str = UNSTATED  # why one of the ``gaps`` is missing
     association_gap_blank: str = UNSTATED
-    differences: Mapping[Subset, PairedDifference] = field(default_factory=BySubset)  # of bADE, to STP's
+    differences: Mapping[Subset, PairedDifference] = field(default_factory=dict)  # of bADE, to STP's
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,19 +65,19 @@ class _Entrant(Checked):
         """Name of the submission; empty for another submission under the name of a baseline."""
         return "" if why_not_genuine(self.record) else self.record.submission.name
 
-    @cached_property
-    def conditions(self) -> tuple[object, ...]:
-        """Data, scenes and units: equal for results that can be compared."""
-        return conditions(self.sums)
-
 
 _Best = Mapping[str, _Entrant]  # by the name of a genuine submission: its finished record with the highest level
 
 
 def standings(
-    records: Sequence[Record], levels: Mapping[str, SignedLevel] | None = None, ships: Ships = shipped
+    records: Sequence[Record],
+    levels: Mapping[str, SignedLevel] | None = None,
+    ships: Ships = shipped,
+    subsets: Sequence[Subset] = SUBSETS,
 ) -> dict[str, Standing]:
     """Standing of each record of any envs, by its digest, as are ``levels``; ``ships``: the shipped env of an id.
+
+    ``subsets``: those that have places, gaps and differences.
 
     Only records of what ships, of one data and the same units are ranked against each other; on simulated envs those
     of one seal. The main ranking of an env is that of the newest seal with a record of STP, then that of the
@@ -113,19 +93,9 @@ def standings(
     with notice.work("comparing pairs of records") as work:
         work.started(sum(len(group) ** 2 for group in groups.values()))
         for (env_id, _), group in groups.items():
-            standing |= _standings_of_env(group, levels, ships)
+            standing |= _standings_of_env(group, levels, ships, subsets)
             work.done(env_id, len(group) ** 2)
     return standing
-
-
-def conditions(sums: Record | HiddenPart) -> tuple[object, ...]:
-    """Data, scenes and units: equal for results that can be compared."""
-    if isinstance(sums, HiddenPart):
-        of: tuple[object, ...] = (sums.commitment, sums.weights)
-    else:
-        of = (sums.env.split, sums.env.data_manifest, *(scene.scene for scene in sums.per_scene))
-    rows = tuple((row.targets, row.objects, round(row.effective_objects, 6)) for row in sums.rows[: len(SUBSETS)])
-    return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
 
 
 def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, str] | None:
@@ -136,7 +106,8 @@ def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, s
     if submission.ends == "controls":
         return (STP, TRUTH) if observe == "truth" else ASSOCIATION
     # weights that ship, as for simulated traffic, are in no list of a record
-    names = () if submission.ends is None else submission.networks or baseline_networks(submission.name)
+    baseline = baselines().get(submission.name)
+    names = () if submission.ends is None else submission.networks or (() if baseline is None else baseline.networks)
     # predictors that were trained on tracklets have the references of ground-truth tracks in gap_closed
     known = {name.split("-")[0] + "-truth" if observe == "truth" else "-".join(name.split("-")[:2]) for name in names}
     networks = sorted(known)
@@ -145,7 +116,7 @@ def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, s
 
 
 def _standings_of_env(
-    records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships
+    records: Sequence[Record], levels: Mapping[str, SignedLevel], ships: Ships, subsets: Sequence[Subset]
 ) -> dict[str, Standing]:
     taken = taken_names(records, levels)
     entrants = []
@@ -164,17 +135,16 @@ def _standings_of_env(
     held = {each.record.digest: why for each in alike if (why := held_back(each, truths)) is not None}
     group = [each for each in alike if each.record.digest not in held]
     whys = {each.record.digest: each.unranked or OTHERS for each in entrants}
-    ranks = cache(partial(_places, group, cache(lambda each: _guarded(each, best))))
-    places: dict[str, Mapping[Subset, Place]] = {
-        digest: dict.fromkeys(SUBSETS, Place(why=why)) for digest, why in (whys | held).items()
-    }
-    places |= {each.record.digest: BySubset(partial(_place, ranks, each.record.digest)) for each in group}
+    places = {digest: dict.fromkeys(subsets, Place(why=why)) for digest, why in (whys | held).items()}
+    if group:
+        of_group = zip(group, _places(group, best, subsets), strict=True)
+        places |= {each.record.digest: place for each, place in of_group}
     waiting = [each for each in peers if each.unranked == NOT_ON_HIDDEN]
     inside = {each.record.digest for each in group or waiting}
     standing = {digest: Standing(place, digest in inside) for digest, place in places.items()}
     for each in peers:
-        differences = BySubset(partial(_difference, each, best.get(STP)))
-        found = replace(standing[each.record.digest], **_all_gaps(each, best), differences=differences)
+        differences = _differences(each, best.get(STP), subsets)
+        found = replace(standing[each.record.digest], **_all_gaps(each, best, subsets), differences=differences)
         standing[each.record.digest] = found
     return standing
 
@@ -193,20 +163,19 @@ def _precedence(entrant: _Entrant) -> tuple[object, ...]:
     return made, LEVELS.index(entrant.level), name == STP, name in baseline_names(), entrant.record.digest
 
 
-def _place(places: Callable[[Subset], Mapping[str, Place]], digest: str, subset: Subset) -> Place:
-    return places(subset)[digest]
-
-
-def _places(group: Sequence[_Entrant], guarded: Callable[[_Entrant], str | None], subset: Subset) -> dict[str, Place]:
-    """Places on a subset of records that are ranked against each other, by digest."""
-    first = group[0].sums
-    of_all = why_not_on(subset, first.row_of(subset).effective_objects, weight := first.unit_weight(subset))
-    why = [of_all or (None if subset == "all" else guarded(entrant)) for entrant in group]
-    ranks = ranks_among([entrant.sums.unit_error(subset) for entrant in group], weight, why)
-    return {
-        each.record.digest: Place(why=reason or "") if rank is None else Place(rank.place, rank.span)
-        for each, rank, reason in zip(group, ranks, why, strict=True)
-    }
+def _places(group: Sequence[_Entrant], best: _Best, subsets: Sequence[Subset]) -> list[dict[Subset, Place]]:
+    """Places of records that are ranked against each other; the ``best`` hold their reference agents."""
+    places: list[dict[Subset, Place]] = [{} for _ in group]
+    sums = [entrant.sums for entrant in group]
+    guards = [_guarded(entrant, best) for entrant in group]
+    for subset in subsets:
+        weight = sums[0].unit_weight(subset)
+        of_all = why_not_on(subset, sums[0].row_of(subset).effective_objects, weight)
+        why = [of_all or (None if subset == "all" else guarded) for guarded in guards]
+        ranks = ranks_among([each.unit_error(subset) for each in sums], weight, why)
+        for place, rank, reason in zip(places, ranks, why, strict=True):
+            place[subset] = Place(why=reason or "") if rank is None else Place(rank.place, rank.span)
+    return places
 
 
 def _guarded(entrant: _Entrant, best: _Best) -> str | None:
@@ -219,17 +188,17 @@ def _guarded(entrant: _Entrant, best: _Best) -> str | None:
     return guard(entrant.sums.unit_error("all"), entrant.sums.unit_weight("all"), *limits)
 
 
-def _all_gaps(entrant: _Entrant, best: _Best) -> dict[str, Any]:
+def _all_gaps(entrant: _Entrant, best: _Best, subsets: Sequence[Subset]) -> dict[str, Any]:
     """Fields of a `Standing`: gaps that a record closes, and reasons of missing ones."""
     submission = entrant.record.submission
     kinematic, other = submission.ends == "controls", submission.ends == "own"
     unstated = "no reference with its predictor ships" if other else UNSTATED
-    own, why = _gaps(entrant, best, own_ends(submission), unstated)
-    association, why_association = BySubset[float](), SAW_TRUTH
+    own, why = _gaps(entrant, best, own_ends(submission), unstated, subsets)
+    association, why_association = dict[Subset, float](), SAW_TRUTH
     if entrant.record.env.observe != "truth":
-        association, why_association = _gaps(entrant, best, own_ends(submission, "associated"), unstated)
+        association, why_association = _gaps(entrant, best, own_ends(submission, "associated"), unstated, subsets)
     return {
-        "gaps": own if kinematic else BySubset(),
+        "gaps": own if kinematic else {},
         "gap_blank": NOT_KINEMATIC if other else why,
         "own_gaps": own,
         "association_gaps": association,
@@ -237,28 +206,34 @@ def _all_gaps(entrant: _Entrant, best: _Best) -> dict[str, Any]:
     }
 
 
-def _gaps(entrant: _Entrant, best: _Best, pair: tuple[str, str] | None, unstated: str) -> tuple[BySubset[float], str]:
+def _gaps(
+    entrant: _Entrant, best: _Best, pair: tuple[str, str] | None, unstated: str, subsets: Sequence[Subset]
+) -> tuple[dict[Subset, float], str]:
     """Gap that a record closes between those of a ``pair`` of names on each subset, and why it is missing on others."""
     if pair is None:
-        return BySubset(), unstated
+        return {}, unstated
     stp, truth = map(best.get, pair)
     if stp is None or truth is None:
-        return BySubset(), f"no record of {pair[0] if stp is None else pair[1]} beside it"
+        return {}, f"no record of {pair[0] if stp is None else pair[1]} beside it"
     if len({each.record.samples for each in (entrant, stp, truth)}) > 1:
-        return BySubset(), f"{entrant.record.samples} samples per object, its references have {stp.record.samples}"
-
-    def closed(subset: Subset) -> float | None:
+        return {}, f"{entrant.record.samples} samples per object, its references have {stp.record.samples}"
+    closed: dict[Subset, float] = {}
+    for subset in subsets if entrant.record.status == "finished" else ():
         error, high, low = (each.sums.unit_error(subset) for each in (entrant, stp, truth))
-        return share_closed(error, high, low, stp.sums.unit_weight(subset))
+        gap = gap_closed(error, high, low, stp.sums.unit_weight(subset))
+        if gap is not None:
+            closed[subset] = gap.closed
+    return closed, NO_GAP
 
-    return BySubset(closed) if entrant.record.status == "finished" else BySubset(), NO_GAP
 
-
-def _difference(entrant: _Entrant, stp: _Entrant | None, subset: Subset) -> PairedDifference | None:
-    """BADE of a record minus that of STP's record with the same k."""
+def _differences(entrant: _Entrant, stp: _Entrant | None, subsets: Sequence[Subset]) -> dict[Subset, PairedDifference]:
+    """BADE of a record minus that of STP's record with the same k, on each subset."""
     if stp is None or stp is entrant or stp.record.samples != entrant.record.samples:
-        return None
-    return entrant.minus(stp, subset) if entrant.record.status == "finished" else None
+        return {}
+    if entrant.record.status != "finished":
+        return {}
+    by_subset = {subset: entrant.minus(stp, subset) for subset in subsets}
+    return {subset: difference for subset, difference in by_subset.items() if difference is not None}
 
 
 def _truths(best: _Best) -> list[_Entrant]:

@@ -47,23 +47,18 @@ def baseline_digest(name: str, networks: Mapping[str, str] | None = None) -> str
     return _digest(name, tuple(sorted((networks or {}).items())))
 
 
-@cache  # a leaderboard asks again for every subset
-def _digest(name: str, networks: tuple[tuple[str, str], ...]) -> str | None:
-    if name not in _baselines():
-        return None
-    folder = _baselines()[name].path
-    return digest_of(folder, files_of(folder), dict(networks))
-
-
 @cache
-def _baselines() -> dict[str, Submission]:
+def baselines() -> Mapping[str, Submission]:
     """The shipped baselines by name, sorted."""
     return {name: load_submission(name) for name in baseline_names()}
 
 
-def baseline_networks(name: str) -> tuple[str, ...]:
-    """Networks in the manifest of the shipped baseline ``name``, such as modes-truth; empty for other names."""
-    return _baselines()[name].networks if name in _baselines() else ()
+@cache  # a leaderboard asks again for every subset
+def _digest(name: str, networks: tuple[tuple[str, str], ...]) -> str | None:
+    if name not in baselines():
+        return None
+    folder = baselines()[name].path
+    return digest_of(folder, files_of(folder), dict(networks))
 
 
 @cache
@@ -73,20 +68,15 @@ def network_references(network: str, observe: str) -> tuple[str, str] | None:
     Of the baselines with this network, the one with the parameters of its own references, a single hypothesis, and the
     one that observes the truth, or "associated" for the association gap.
     """
-    users = [user for user in _baselines().values() if network in user.networks]
+    users = [user for user in baselines().values() if network in user.networks]
     single = [user.name for user in users if _is_single(user, observe)]
     other = [user.name for user in users if user.compare.observe == observe]
     return (single[0], other[0]) if single and other else None
 
 
-def baseline_observe(name: str) -> str | None:
-    """The mode of the env that the baseline ``name`` observes; None for another name."""
-    return _baselines()[name].compare.observe if name in _baselines() else None
-
-
 def learned_truths() -> tuple[str, ...]:
     """Names of the baselines that predict with a network from ground-truth tracks."""
-    return tuple(name for name, each in _baselines().items() if each.networks and each.compare.observe == "truth")
+    return tuple(name for name, each in baselines().items() if each.networks and each.compare.observe == "truth")
 
 
 def _is_single(user: Submission, observe: str) -> bool:

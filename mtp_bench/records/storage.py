@@ -83,9 +83,8 @@ def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
     """
     folder = Path(folder)
     aside = (ROLLOUTS, PARTS, LEVEL_SUFFIX)  # ends of names
-    paths = {path: path.relative_to(folder).parts for path in sorted(folder.rglob("*.json"))}
-    found = [path for path, parts in paths.items() if not any(p[0] == "." or p.endswith(aside) for p in parts)]
-    return [path for path in found if env_id in ("", path.stem)]
+    paths = {path: path.relative_to(folder).parts for path in folder.rglob("*.json") if env_id in ("", path.stem)}
+    return sorted(path for path, parts in paths.items() if not any(p[0] == "." or p.endswith(aside) for p in parts))
 
 
 def seed_folder(folder: Path, seed: int) -> Path:

@@ -16,7 +16,7 @@ from pydantic import Field
 from .._bundle import bundled
 from .._version import __version__
 from ..errors import MtpBenchError, RecordError
-from ..files import cache_root
+from ..files import cache_root, make_folder
 from ..strict import Section, read_toml, validate
 from ..submission.manifest import SubmissionName
 from .seal import COMMITMENT, RETIRED, Commitment, ListedSeal, Retired, Sealed, commitment_of
@@ -52,30 +52,21 @@ class Trust:
         """Public keys that no longer sign, one per line."""
         return self.folder / "keys" / "revoked_keys"
 
-    @cached_property
-    def _passed(self) -> Path | None:
-        """File of the cache with digests of what passed checks under these keys; None if one of them may expire."""
-        keys = [path.read_bytes() if path.is_file() else b"" for path in (self.keys, self.revoked)]
-        of_keys = hashlib.sha256(repr([__version__, *keys]).encode()).hexdigest()[:16]
-        return None if any(word in keys[0] for word in _EXPIRING) else cache_root() / "signed" / of_keys
-
-    @cached_property
-    def _known(self) -> frozenset[str]:
-        with suppress(OSError):
-            return frozenset([] if self._passed is None else self._passed.read_text(encoding="ascii").split())
-        return frozenset()
-
     def check_once(self, check: Callable[[], object], *texts: str) -> None:
-        """Call ``check`` of signed ``texts``, which may raise, unless it passed before on this machine."""
-        digest = hashlib.sha256("\0".join(texts).encode()).hexdigest()
-        if digest in self._known:
+        """Call ``check`` of signed ``texts``, which may raise, unless it passed before on this machine with these keys.
+
+        A file of the cache stands for what passed, and says nothing once a key is added, changed or revoked.
+        """
+        keys = [path.read_bytes() if path.is_file() else b"" for path in (self.keys, self.revoked)]
+        content = hashlib.sha256(repr([__version__, *keys, *texts]).encode()).hexdigest()
+        passed = cache_root() / "signed" / content
+        if passed.exists():
             return
         check()
-        with suppress(OSError):
-            if self._passed is not None:
-                self._passed.parent.mkdir(parents=True, exist_ok=True)
-                with self._passed.open("a", encoding="ascii") as file:
-                    file.write(f"{digest}\n")
+        if not any(word in keys[0] for word in _EXPIRING):
+            with suppress(OSError):
+                make_folder(passed.parent)
+                passed.touch()
 
     @property
     def seals(self) -> Path:

@@ -70,11 +70,7 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
 
 def _state_of(root: Path) -> str:
     """Digest of names, sizes and times of the files below a folder, without images, and of the version that reads."""
-    state = hashlib.sha256(f"{__version__} {root.resolve()}".encode())
-    for folder, folders, names in os.walk(root, followlinks=True):
-        folders.sort()
-        for path in (Path(folder, name) for name in sorted(names) if not name.endswith((".jpg", ".png"))):
-            with suppress(OSError):  # a link to a missing file
-                found = path.stat()
-                state.update(f"{path} {found.st_size} {found.st_mtime_ns}\n".encode(errors="surrogateescape"))
-    return state.hexdigest()[:16]
+    every = (Path(folder, name) for folder, _, names in os.walk(root, followlinks=True) for name in names)
+    files = sorted(path for path in every if path.suffix not in (".jpg", ".png") and path.exists())
+    state = [(str(path), found.st_size, found.st_mtime_ns) for path in files for found in [path.stat()]]
+    return hashlib.sha256(repr((__version__, state)).encode()).hexdigest()[:16]

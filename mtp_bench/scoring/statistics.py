@@ -259,19 +259,15 @@ class Gap(NamedTuple):
     """Share of the gap that is closed."""
 
     closed: float  # 0: as STP, 1: as from ground-truth tracks
-    interval: tuple[float, float] | None  # 95 %, over resampled units
+    parts: tuple[Floats, Floats]  # [U], [U] what is closed of each unit, and the gap
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Interval of the share (95 %), over resampled units."""
+        return share_interval(*self.parts)
 
 
 def gap_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> Gap | None:
-    """`share_closed` with its interval."""
-    closed = share_closed(error, stp, truth, weight)
-    if closed is None:
-        return None
-    high = as_sums("stp", stp)
-    return Gap(closed, share_interval(high - as_sums("error", error), high - as_sums("truth", truth)))
-
-
-def share_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: ArrayLike) -> float | None:
     """Share (E_STP - E) / (E_STP - E_GT) from bADE summed over the targets of each unit [U].
 
     ``error`` is of the agent, ``stp`` of STP and ``truth`` of STP on ground-truth tracks, all with the same k;
@@ -282,4 +278,4 @@ def share_closed(error: ArrayLike, stp: ArrayLike, truth: ArrayLike, weight: Arr
         return None
     high = as_sums("stp", stp)
     closed, gap = high - as_sums("error", error), high - as_sums("truth", truth)
-    return float(closed.sum() / gap.sum())
+    return Gap(float(closed.sum() / gap.sum()), (closed, gap))

@@ -14,7 +14,7 @@ import pytest
 from mtp_bench.errors import MtpBenchError, RecordError, RolloutError, SubmissionError, UnknownNameError
 from mtp_bench.gateway import SceneRun
 from mtp_bench.records import Record, load_record, rerun, submit, verify
-from mtp_bench.records.ranking import conditions
+from mtp_bench.records.attestation import Checked
 from mtp_bench.records.running import Plan
 from mtp_bench.records.submitting import require_target
 from mtp_bench.running.options import RunOptions
@@ -318,4 +318,4 @@ def test_turning_targets_are_in_new_records_and_older_ones_hold_without_them(
     assert verify(
         tmp_path / "new" / f"{CARD_ID}.json", RunOptions(kitti), card, submission=submission, rerun=True
     ).holds
-    assert conditions(new) == conditions(old)
+    assert Checked(new).conditions == Checked(old).conditions

@@ -15,7 +15,7 @@ from ...records.attestation import Checked, Level
 from ...records.eligibility import why_not_genuine
 from ...records.ranking import Standing, standings
 from ...records.record import DrivingPart
-from ...scoring.definitions import SIGNIFICANT, Subset
+from ...scoring.definitions import SIGNIFICANT, SUBSETS, Subset
 from ...scoring.rows import Row
 from ...scoring.statistics import PairedDifference
 from ...submission.loader import ON_SCORED
@@ -183,10 +183,13 @@ class Entry(Found):
         return None if subset in self.standing.association_gaps else self.standing.association_gap_blank
 
 
-def entries_of(found: Sequence[Found]) -> list[Entry]:
-    """The entries in their order: by definitions, environment, place, bADE and name; partial ones behind whole ones."""
+def entries_of(found: Sequence[Found], subsets: Sequence[Subset] = SUBSETS) -> list[Entry]:
+    """The entries in their order: by definitions, environment, place, bADE and name; partial ones behind whole ones.
+
+    ``subsets``: those of their standings; without a page "all" is enough.
+    """
     levels = {each.record.digest: each.signed for each in found if each.signed is not None}
-    places = standings([each.record for each in found], levels)
+    places = standings([each.record for each in found], levels, subsets=subsets)
     entries = (Entry(**vars(each), standing=places[each.record.digest]) for each in found)
     return sorted(entries, key=_order)
 

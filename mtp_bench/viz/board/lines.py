@@ -90,23 +90,20 @@ def subset_table(entry: Entry) -> Table:
     if entry.driving is not None:
         return Table("driving", "How its forecasts drive", "", [entry.driving])
     standing, row = entry.standing, {column.key: column for column in columns_of(Row)}
-    places = standing.places
-
-    def paired(column: Column, name: str) -> Column:
-        values = {subset: getattr(each, name) for subset, each in standing.differences.items()}
-        return replace(column, read=lambda row: values.get(row.subset))
+    places, differences = standing.places, standing.differences
 
     def chance(row: Row) -> str | None:
-        difference = standing.differences.get(row.subset)
-        return None if difference is None else p_value(difference.p)
+        return p_value(differences[row.subset].p) if row.subset in differences else None
 
     columns = [
         replace(row["subset"], read=lambda row: NAMES[row.subset]),
         Column("rank", key="rank", read=lambda row: places[row.subset].rank if row.subset in places else None),
         row["error"],
         row["interval"],
-        replace(paired(COLUMN["difference"], "mean"), heading="to stp"),
-        paired(COLUMN["difference_interval"], "interval"),
+        replace(
+            COLUMN["difference"], heading="to stp", read=lambda row: getattr(differences.get(row.subset), "mean", None)
+        ),
+        replace(COLUMN["difference_interval"], read=lambda row: getattr(differences.get(row.subset), "interval", None)),
         replace(row["p"], unit="-", read=chance),
         *(row[key] for key in ("minADE", "minFDE", "coverage")),
         replace(COLUMN["same_gap"], optional=True, read=lambda row: entry.same_predictor_gap(row.subset)),
