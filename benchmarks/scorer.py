@@ -7,6 +7,7 @@ Without ``--env``: boxes per CPU-second on the same synthetic frames. A box is a
 their distances or similarities ready-made, before their clock starts. With ``--env``: targets and forecasts per
 CPU-second of the whole score of an agent's rollouts, and of its parts; one matching with every forecast kept is the
 yardstick of the matchings at all cuts. CPU time (all threads) is the least of ``--repeats`` runs.
+``--growth``: the same frames with 500 and 5 000 objects, the exponent of the time over the boxes, and the peak memory.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import argparse
 import contextlib
 import io
 import json
+import resource
 import time
 import warnings
 from collections.abc import Callable
@@ -27,6 +29,7 @@ import numpy as np
 from mtp_bench.scoring import tracking_counts
 
 GATE = 2.0  # m
+GROWTH = 500, 5000  # objects per frame
 Frames = list[tuple[str, int, Any, Any, Any, Any]]
 Counts = dict[str, float]
 
@@ -209,6 +212,25 @@ def timed(step: Callable[[], object]) -> float:
     return time.process_time() - start
 
 
+def measure_growth(repeats: int) -> None:
+    """Print CPU time of `tracking_counts` and peak memory against the objects of a frame, at equal density."""
+    spent: dict[int, dict[str, float]] = {}
+    for objects in GROWTH:
+        frames = synthetic_frames(1, 20, objects, 80.0 * (objects / 20) ** 0.5)
+        tracking_counts(frames[:2])  # imports happen here
+        steps = {mode: ours(mode)(frames) for mode in ("frame", "sticky")}
+        spent[objects] = {mode: min(timed(step) for _ in range(repeats)) for mode, step in steps.items()}
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        print(f"{objects:5} objects: {spent[objects]} CPU s, peak {peak:.0f} MiB")
+    few, many = GROWTH
+    loglinear = many * np.log(many) / (few * np.log(few))
+    for mode in spent[few]:
+        slope, bound = (
+            np.log(ratio) / np.log(many / few) for ratio in (spent[many][mode] / spent[few][mode], loglinear)
+        )
+        print(f"{mode}: CPU time grows as objects^{slope:.2f}; n log n would be objects^{bound:.2f}")
+
+
 def show(rows: list[dict[str, Any]], title: str) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -232,8 +254,12 @@ def main() -> None:
     parser.add_argument("--json", type=Path, default=None)
     parser.add_argument("--env")
     parser.add_argument("--agent", default="mtp")
+    parser.add_argument("--growth", action="store_true")
     parser.add_argument("--data")
     given = parser.parse_args()
+    if given.growth:
+        measure_growth(given.repeats)
+        return
     if given.env:
         measure_ranks(given.env, given.agent, given.scenes, given.data, given.repeats)
         return

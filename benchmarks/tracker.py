@@ -38,7 +38,7 @@ from benchmarks.tracking.scenes import KITTI, NUSCENES, ROOM, Row, crowd, frames
 from benchmarks.tracking.timing import TRACKER_STAGES, cpu_seconds, stages
 from mtp_bench.errors import DataError
 
-HYPOTHESES, OBJECTS = (1, 5, 10, 20, 50, 100, 200), (10, 20, 50, 100, 200, 500)
+HYPOTHESES, OBJECTS = (1, 5, 10, 20, 50, 100, 200), (10, 20, 50, 100, 200, 500, 5000)
 
 
 def on_recordings(data: str | None, repeats: int, quick: bool) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Iterable
 from typing import Any
 
@@ -74,7 +75,8 @@ def against_objects(sizes: Iterable[int], frames: int, repeats: int) -> list[Row
         task, scenes = crowd(n, frames)
         seconds = cpu_seconds({h: tracker(h) for h in (1, 20)}, task, scenes, repeats)
         row: Row = {"objects": n, **{f"us, H={h}": 1e6 * seconds[h] / frames for h in seconds}}
-        rows.append({**row, "H=20 / H=1": seconds[20] / seconds[1], **alive(20, task, scenes)})
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # of this process so far
+        rows.append({**row, "H=20 / H=1": seconds[20] / seconds[1], "peak, MiB": peak, **alive(20, task, scenes)})
     return rows
 
 

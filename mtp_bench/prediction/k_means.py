@@ -76,17 +76,9 @@ def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
 
 @part
 def _seed(
-    points: Floats,
-    turned: Floats,
-    weight: Floats,
-    uniform: Floats,
-    centre: Floats,
-    distance: Floats,
-    least: Floats,
-    nearest: Ints,
-    chance: Floats,
-    block: Floats,
-) -> None:
+    points: Floats, turned: Floats, weight: Floats, uniform: Floats, centre: Floats,
+    distance: Floats, least: Floats, nearest: Ints, chance: Floats, block: Floats,
+) -> None:  # fmt: skip
     """Draw centres in proportion to weight x squared distance from the centres so far.
 
     Every point then belongs to its nearest centre, the first of equally near ones.
@@ -232,15 +224,9 @@ def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, 
 
 @part
 def _clusters_of(
-    points: Floats,
-    there: Ints,
-    weight: Floats,
-    uniform: Floats,
-    iterations: int,
-    basis: Floats,
-    centre: Floats,
+    points: Floats, there: Ints, weight: Floats, uniform: Floats, iterations: int, basis: Floats, centre: Floats,
     share: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Write centres [k, d] and shares [k] of points at ``there`` [n], weighted [n]; ``basis``: [3, T] or [3, 0]."""
     origin = points[there[0]]
     motion = np.zeros((len(there), 2 * _DEGREES))

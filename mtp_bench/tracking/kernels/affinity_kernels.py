@@ -2,6 +2,7 @@
 
 The areas are those of ``geometry.py``: edges clipped by the other rectangle and Green's theorem for the intersection,
 Cauchy's formula for the hull. The scalar code needs no arrays, and computes what depends on one box only once per box.
+Detections of a class are sorted by x: a leaf meets only those that are near enough along x.
 """
 
 import math
@@ -10,14 +11,15 @@ import numpy as np
 
 from ...types import Floats, Ints
 from .compile import kernel, part
+from .heap import sorted_numbers
 
 CENTER_DISTANCE, IOU_3D, GIOU_3D = range(3)
 
 _HAIR = 1e-8  # this and the next as in geometry.py
 _TINY = 1e-300
 _MORE = 1.0 + 1e-9  # a first limit must not exclude by rounding what the exact test lets in
-_X, _Y, _Z, _YAW, _L, _W, _H, _COS, _SIN, _RADIUS, _AREA, _SIDE = range(12)  # columns of a described box
-_COLUMNS = 12
+_X, _Y, _Z, _YAW, _L, _W, _H, _COS, _SIN, _RADIUS, _AREA, _SIDE, _PLACE = range(13)  # columns of a described box
+_COLUMNS = 13
 
 
 @part
@@ -171,27 +173,28 @@ def _overlap_gain(a: Floats, i: int, b: Floats, j: int, square: float, kind: int
 
 
 @part
-def _near(a: Floats, i: int, b: Floats, first: int, last: int, kind: int, gate: float, into: Ints) -> int:
-    """Number of boxes from ``first`` to ``last`` that may match box ``i``, written into ``into``.
-
-    Every place is written, and kept or not: a branch that the processor cannot foresee costs more than the test.
-    """
-    found = 0
+def _reach(a: Floats, i: int, most: Floats, kind: int, gate: float) -> float:
+    """No box of a class that is farther from box ``i`` in BEV may match it; ``most``: see `_by_class`."""
+    if kind == CENTER_DISTANCE:
+        return abs(gate) * _MORE
+    touch, side = (a[i, _RADIUS] + most[0]) * _MORE, min(a[i, _SIDE], most[2])
+    if kind == IOU_3D:
+        return touch if gate > 0.0 else np.inf
     # The largest share of both areas that the hull may have beside the half of them that it has anyway.
     slack = max(1.0 / max(1.0 + gate, 1e-9) - 0.5, 0.0) * _MORE
-    for j in range(first, last):
-        square = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2
-        touch = a[i, _RADIUS] + b[j, _RADIUS]
-        if kind == CENTER_DISTANCE:
-            spare = gate * gate * _MORE - square
-        elif kind == IOU_3D:
-            spare = touch * touch * _MORE - square if gate > 0.0 else np.inf
+    return max(touch, (a[i, _AREA] + most[1]) * slack / side) if side > 0.0 else np.inf
+
+
+@part
+def _first_from(b: Floats, first: int, last: int, place: float) -> int:
+    """First of the boxes from ``first`` to ``last``, in the order of x, at or beyond ``place``."""
+    while first < last:
+        middle = (first + last) // 2
+        if b[middle, _PLACE] < place:
+            first = middle + 1
         else:
-            side, most = min(a[i, _SIDE], b[j, _SIDE]), (a[i, _AREA] + b[j, _AREA]) * slack
-            spare = max(touch * touch - square, most * most - square * side * side)
-        into[found] = j
-        found += 1 if spare >= 0.0 else 0
-    return found
+            last = middle
+    return first
 
 
 @part
@@ -205,23 +208,33 @@ def _gain(a: Floats, i: int, b: Floats, j: int, kind: int, gate: float) -> float
 
 
 @part
-def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints, Floats]:
-    """Start of each class [C + 1], detections by class [D], and their descriptions in that order."""
-    classes, start = len(kind), np.zeros(len(kind) + 2, np.int64)
-    for c in class_id:
-        if 0 <= c < classes:
-            start[c + 2] += 1
+def _by_class(detection: Floats, class_id: Ints, kind: Ints) -> tuple[Ints, Ints, Floats, Floats]:
+    """Start of each class [C + 1], detections by class and x [D], their descriptions in that order, and extremes.
+
+    The extremes [C, 3] are the largest radius and area and the least side of a class.
+    """
+    classes, start, place = len(kind), np.zeros(len(kind) + 2, np.int64), np.empty(len(class_id))
+    for j in range(len(class_id)):
+        place[j] = np.inf if math.isnan(detection[j, 0]) else detection[j, 0]
+        if 0 <= class_id[j] < classes:
+            start[class_id[j] + 2] += 1
     for c in range(classes):
         start[c + 2] += start[c + 1]
     order, described = np.empty(start[classes + 1], np.int64), np.zeros((start[classes + 1], _COLUMNS))
-    for j in range(len(class_id)):
+    most = np.zeros((classes, 3))
+    most[:, 2] = np.inf
+    for j in sorted_numbers(place, len(place)):
         c = class_id[j]
         if 0 <= c < classes:
             at = int(start[c + 1])
             start[c + 1] += 1
             order[at] = j
             _describe(detection, j, int(kind[c]), described, at)
-    return start[: classes + 1], order, described
+            described[at, _PLACE] = place[j]
+            if not math.isnan(described[at, _X]):
+                most[c, 0], most[c, 1] = max(most[c, 0], described[at, _RADIUS]), max(most[c, 1], described[at, _AREA])
+                most[c, 2] = min(most[c, 2], described[at, _SIDE])
+    return start[: classes + 1], order, described, most
 
 
 @kernel("Tuple((i8[::1], i8[::1], f8[::1]))(f8[:, :], i8[::1], f8[:, :], i8[::1], i8[::1], f8[::1])")
@@ -234,23 +247,30 @@ def sparse_pairs(
     gate: Floats,  # [C]
 ) -> tuple[Ints, Ints, Floats]:
     """Allowed pairs as rows: indptr [N + 1], column [E] ascending in each row, gain [E], none negative."""
-    start, order, b = _by_class(detection, detection_class, kind)
+    start, order, b, most = _by_class(detection, detection_class, kind)
     n, capacity = len(track_class), 0
-    for c in track_class:
-        if 0 <= c < len(kind):
-            capacity += start[c + 1] - start[c]
-    indptr, column, gain = np.zeros(n + 1, np.int64), np.empty(capacity, np.int64), np.empty(capacity)
-    a, e, candidate = np.zeros((1, _COLUMNS)), 0, np.empty(len(order) + 1, np.int64)
+    a, reach, window = np.zeros((n, _COLUMNS)), np.empty(n), np.zeros((n, 2), np.int64)
     for i in range(n):
         c = track_class[i]
         if 0 <= c < len(kind):
-            rule, limit, first, last = int(kind[c]), float(gate[c]), int(start[c]), int(start[c + 1])
-            _describe(track, i, rule, a, 0)
-            for k in range(_near(a, 0, b, first, last, rule, limit, candidate)):
-                j = int(candidate[k])
-                value = _gain(a, 0, b, j, rule, limit)
-                if value >= 0.0:
-                    column[e], gain[e] = order[j], value
-                    e += 1
+            first, last = int(start[c]), int(start[c + 1])
+            _describe(track, i, int(kind[c]), a, i)
+            reach[i], spare = _reach(a, i, most[c], int(kind[c]), gate[c]), 1e-12 * (1.0 + abs(track[i, 0]))
+            if reach[i] < np.inf:
+                first = _first_from(b, first, last, a[i, _X] - reach[i] - spare)
+                last = _first_from(b, first, last, a[i, _X] + reach[i] + spare)
+            window[i, 0], window[i, 1] = first, last
+            capacity += last - first
+    indptr, column, gain, e = np.zeros(n + 1, np.int64), np.empty(capacity, np.int64), np.empty(capacity), 0
+    for i in range(n):
+        for j in range(window[i, 0], window[i, 1]):
+            near, c = (a[i, _X] - b[j, _X]) ** 2 + (a[i, _Y] - b[j, _Y]) ** 2 <= reach[i] * reach[i], track_class[i]
+            value, k = _gain(a, i, b, j, int(kind[c]), float(gate[c])) if near else -1.0, e
+            if value >= 0.0:
+                while k > indptr[i] and column[k - 1] > order[j]:
+                    column[k], gain[k] = column[k - 1], gain[k - 1]
+                    k -= 1
+                column[k], gain[k] = order[j], value
+                e += 1
         indptr[i + 1] = e
     return indptr, column[:e].copy(), gain[:e].copy()

@@ -50,13 +50,7 @@ def pieces_in_order(p: int, ordered: Ints, pieces: Pieces, changeable: Ints, use
 
 @inlined
 def push_successors(
-    s: int,
-    key: float,
-    limit: float,
-    stop: int,
-    changeable: Ints,
-    solutions: Solutions,
-    states: States,
+    s: int, key: float, limit: float, stop: int, changeable: Ints, solutions: Solutions, states: States,
     queue: MergeQueue,
 ) -> None:  # fmt: skip
     """Queue what follows state ``s``, which costs ``key``: next solution; one more piece; another piece instead.

@@ -155,16 +155,9 @@ def save_child(q: int, t: int, new: int, piece: Block, nodes: Nodes, matching: M
 
 @part
 def split_node(
-    q: int,
-    piece: Block,
-    nodes: Nodes,
-    slacks: Slacks,
-    spare: float,
-    key: float,
-    queue: SearchQueue,
-    entries: int,
+    q: int, piece: Block, nodes: Nodes, slacks: Slacks, spare: float, key: float, queue: SearchQueue, entries: int,
     size: int,
-) -> tuple[int, int]:
+) -> tuple[int, int]:  # fmt: skip
     """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of entries and keys."""
     n, table = piece.n, nodes.table
     depth, is_root, hub_banned = table[q, 2 * n], table[q, 2 * n + 1] < 0, False
