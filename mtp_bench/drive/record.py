@@ -68,11 +68,10 @@ def occupied(world: World, way: Way, stations: Floats, size: tuple[float, float]
     frame = truth.frame_of_rows
     rows = np.flatnonzero(np.hypot(*(truth.box[:, :2] - world.ego[frame, :2]).T) < FREE + 10)
     frame, box = frame[rows], truth.box[rows]
-    found = np.zeros(len(stations), dtype=bool)
+    found, reach = np.zeros(len(stations), dtype=bool), size[1] / 2 + box[:, 4:6].min(axis=1) / 2 + _BESIDE
     for ahead in np.arange(size[0] / 2, size[0] / 2 + FREE, 1.0):
-        place, _ = way.at(stations[frame] + ahead)
-        aside = np.hypot(*(box[:, :2] - place).T) < size[1] / 2 + box[:, 4:6].min(axis=1) / 2 + _BESIDE
-        found[frame[aside]] = True
+        place = way.at(stations + ahead)[0][frame]
+        found[frame[np.hypot(*(box[:, :2] - place).T) < reach]] = True
     return found
 
 

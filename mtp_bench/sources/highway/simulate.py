@@ -132,8 +132,7 @@ class _Drivers:
         result: Floats = free - braking(state.speed, ahead.gap, ahead.speed, style)
         lines = np.full(len(state), np.inf)
         if self.rules is not None:
-            crowd = self._crowd
-            lines = self.rules.update(state, ahead, crowd.walks(), crowd.claimed(), step / RATE)
+            lines = self.rules.update(state, ahead, self._crowd.walks(), self._crowd.claimed(), step / RATE)
         if self._changes is not None:
             lines = routes.room[state.route, state.lane] - state.s - state.length / 2  # to the end of a lane
             result = np.minimum(result, self._changes.bounds(state, desired))
@@ -160,7 +159,9 @@ def overlapping(box: Floats, still: int = 0) -> Ints:
 
 def boxes_meet(a: Floats, b: Floats) -> Bools:
     """Mask ``[n]`` of boxes a and b, both ``[n, 7]``, that overlap in bird's eye view."""
-    return ~(_separated(a, b) | _separated(b, a))
+    meets = ~_separated(a, b)
+    meets[meets] = ~_separated(b[meets], a[meets])
+    return meets
 
 
 def _separated(a: Floats, b: Floats) -> Bools:
