@@ -167,7 +167,7 @@ def _places(group: Sequence[_Entrant], best: _Best, subsets: Sequence[Subset]) -
     """Places of records that are ranked against each other; the ``best`` hold their reference agents."""
     places: list[dict[Subset, Place]] = [{} for _ in group]
     sums = [entrant.sums for entrant in group]
-    guards = [_guarded(entrant, best) for entrant in group]
+    guards = [None if {*subsets} == {"all"} else _guarded(entrant, best) for entrant in group]  # of event subsets
     for subset in subsets:
         weight = sums[0].unit_weight(subset)
         of_all = why_not_on(subset, sums[0].row_of(subset).effective_objects, weight)

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from mtp_bench import parallel as _cluster
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError
-from mtp_bench.parallel import Done, Progress, Workers, parallel_map
+from mtp_bench.gateway import run_isolated_scenes
+from mtp_bench.parallel import SERIAL, Done, Progress, Workers, parallel_map
+from mtp_bench.running.kernels import compile_kernels
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.run import Job, run_jobs
 from mtp_bench.types import Task
@@ -83,6 +85,27 @@ def test_a_killed_worker_loses_nothing(cluster: Any, card: str, kitti: str) -> N
     spread = run_jobs(given, on(cluster, kill_once))
     assert killed
     assert [digest(rollout) for rollout in run_jobs(given)] == [digest(rollout) for rollout in spread]
+
+
+def test_agents_in_processes_of_their_own_answer_alike_where_a_worker_is_killed(
+    cluster: Any, card: str, kitti: str
+) -> None:
+    with distributed_untyped.Client(cluster, set_as_default=False) as client:
+        processes = list(client.run(os.getpid).values())
+
+    def runs(workers: Workers, done: Done) -> list[tuple[str, str]]:
+        told = Progress(done=done)
+        found = run_isolated_scenes("stp", card, {"data": kitti}, scenes=NAMES, workers=workers, progress=told)
+        return [(run.seal, digest(run.rollout)) for run in found]
+
+    def kill_once(scene: str) -> None:
+        if processes:
+            os.kill(processes.pop(), signal.SIGKILL)
+            processes.clear()
+
+    compile_kernels()
+    assert runs(Workers(1, cluster.scheduler_address), kill_once) == runs(SERIAL, lambda _: None)
+    assert not processes
 
 
 class UnsafeClient:
