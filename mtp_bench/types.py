@@ -10,7 +10,7 @@ Rows over all frames are sorted by frame; the rows of frame t are ``start[t]:sta
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +43,7 @@ class Ragged:
     @property
     def counts(self) -> Ints:
         """Number of rows of each frame [F]."""
-        return np.diff(self.start)
+        return self.start[1:] - self.start[:-1]
 
     @property
     def frame_of_rows(self) -> Ints:
@@ -90,13 +90,13 @@ def starts_of(count: Sequence[int] | Ints) -> Ints:
 
 def select(record: RecordT, rows: Ints | Bools) -> RecordT:
     """The ``rows`` of a record, a dataclass of arrays of one length."""
-    return replace(record, **{column.name: getattr(record, column.name)[rows] for column in fields(record)})
+    return cast(RecordT, type(record)(**{c.name: getattr(record, c.name)[rows] for c in fields(record)}))
 
 
 def joined(records: Sequence[RecordT]) -> RecordT:
     """One record of several of the same class, at least one: their arrays end to end."""
     columns = {c.name: np.concatenate([getattr(record, c.name) for record in records]) for c in fields(records[0])}
-    return replace(records[0], **columns)
+    return cast(RecordT, type(records[0])(**columns))
 
 
 def starts_of_sorted(frame: Ints, frames: int) -> Ints:

@@ -75,7 +75,7 @@ def detected_boxes(
     scale = (s0 + s1 * distance[:, None] / 10) * np.exp(-gain * quality[:, None])
     offset = np.clip(scale * errors.tail[:, None] * errors.latent, -FARTHEST, FARTHEST)
     found, size = np.array(box, dtype=np.float64), box[:, 4:]
-    offset, turned = rotate(np.stack([offset, errors.velocity]), direction)
+    offset, turned = rotate(np.array([offset, errors.velocity]), direction)
     found[:, :2] += offset
     found[:, 2] += errors.z
     found[:, 3] = wrap_angle(found[:, 3] + errors.turn)
@@ -88,7 +88,7 @@ def _tail_factors(grid: Grid, latent: Floats) -> Floats:
     """Factors ``[R]`` that turn normal numbers into Student's t, from normal numbers ``[R]``."""
     factor, row_nu = np.ones(len(latent)), grid.of_rows("nu")
     for freedom in {noise.nu for noise in grid.noise}:
-        rows = np.flatnonzero(row_nu == freedom)
+        rows = (row_nu == freedom).nonzero()[0]
         factor[rows] = np.interp(latent[rows], _LATENT, _mixing_quantiles(float(freedom)))
     return factor
 
@@ -105,7 +105,7 @@ def _flips(grid: Grid, draws: Draws) -> Bools:
     after_no, after_yes = at_period(flip, flip_again, grid.steps)
     if not (len(grid.ids) and after_no.any()):
         return np.zeros(len(grid.column), dtype=bool)
-    first, after_no, after_yes = np.stack([stationary(after_no, after_yes), after_no, after_yes])[:, grid.noise_number]
+    first, after_no, after_yes = np.array([stationary(after_no, after_yes), after_no, after_yes])[:, grid.noise_number]
     uniform = draws.uniform(NoiseKind.FLIP, Component.PUSH, grid.cell_keys)
     if grid.memory is not None:
         name = draws.subject, NoiseKind.FLIP

@@ -8,7 +8,7 @@ import numpy as np
 from ..types import Detections, Floats, Ints, Truth, joined, select, starts_of
 from .errors import BoxErrors, detected_boxes
 from .grid import Memory
-from .profile import ClassNoise
+from .profile import EVEN_RANKS, ClassNoise
 from .visibility import Sensor, polar
 
 _SPREAD = 0.1  # deviation of each side, share of its mean
@@ -69,7 +69,7 @@ def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers
     low, high = (-np.inf, np.inf) if sensor.area is None else (sensor.area[:2], sensor.area[2:])
     uniform = numbers()
     for attempt in range(2 * _TRIES + 1):
-        distance = np.interp(uniform[:, 0], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
+        distance = np.interp(uniform[:, 0], EVEN_RANKS, quantiles)
         direction = ego[:, 3] + min(sensor.field_of_view, 2 * np.pi) * (uniform[:, 1] - 0.5)
         place = ego[:, :2] + distance[:, None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
         outside = ((place < low) | (place > high)).any(axis=1)

@@ -58,7 +58,7 @@ class Neighbours:
         terms, squares = weight * value.take(self.other, axis=1), weight**2
         # bincount adds in the given order, so the sum of a row does not depend on other rows
         others, variance = (
-            np.stack([np.bincount(self.row, each, value.shape[1]) for each in part]) for part in (terms, squares)
+            np.array([np.bincount(self.row, each, value.shape[1]) for each in part]) for part in (terms, squares)
         )
         return np.asarray((value + others) / np.sqrt(1.0 + variance))
 
@@ -148,7 +148,7 @@ class Grid:
 
     def by_noise(self) -> list[tuple[ClassNoise, Ints]]:
         """Each noise with its rows, without those that have none."""
-        rows_of = [(noise, np.flatnonzero(self.row_noise == number)) for number, noise in enumerate(self.noise)]
+        rows_of = [(noise, (self.row_noise == number).nonzero()[0]) for number, noise in enumerate(self.noise)]
         return [(noise, rows) for noise, rows in rows_of if len(rows)]
 
     def select(self, row: Ints) -> Self:
@@ -205,7 +205,7 @@ class Grid:
         """
         phi, (frame, column) = decayed(phi, self.steps), self.cells
         scale = np.sqrt(1.0 - phi**2).take(self.noise_number[column], axis=1)
-        scale[:, np.flatnonzero(frame == self.span[0][column])] = 1.0
+        scale[:, (frame == self.span[0][column]).nonzero()[0]] = 1.0
         push = ndtri(draws.uniforms(parts(Component.PUSH, *kinds), self.cell_keys)) if push is None else push
         phi, value = phi.take(self.noise_number, axis=1), push * scale
         if self.memory is not None:

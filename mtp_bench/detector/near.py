@@ -11,7 +11,7 @@ from .draws import Component, Draws, NoiseKind, NoiseSubject, exponential, parts
 from .errors import BoxErrors, draw_errors, of_axes
 from .false_positives import DetectedRows, SensedScene, spread_sizes
 from .grid import Grid
-from .profile import SLOTS, ClassNoise, NearFalsePositives
+from .profile import EVEN_RANKS, SLOTS, ClassNoise, NearFalsePositives
 from .quality import Qualities, best_ranks, score_by_rank
 
 BESIDE = 0.75, 1.5  # m from the object's centre, where the chance to have the object's class changes
@@ -95,7 +95,7 @@ def _offsets(slots: Grid, uniform: Floats) -> Floats:
     offset = np.zeros(len(uniform))
     for noise, rows in slots.by_noise():
         quantiles = _parameters(noise).offset
-        offset[rows] = np.interp(uniform[rows], np.linspace(0.0, 1.0, len(quantiles)), quantiles)
+        offset[rows] = np.interp(uniform[rows], EVEN_RANKS, quantiles)
     return offset
 
 

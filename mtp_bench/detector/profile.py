@@ -6,12 +6,14 @@
 import itertools
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from ..errors import UnknownNameError
 from ..strict import Section, rule
 
-QUANTILES = 11  # of distances: at 0, 10, ..., 100 %
+QUANTILES = 11  # of distances, at `EVEN_RANKS`: 0, 10, ..., 100 %
+EVEN_RANKS = np.linspace(0.0, 1.0, QUANTILES)
 RANKS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.997, 1.0)  # of scores: denser where scores are high
 SLOTS = 2  # places beside every true box at which a false positive can appear
 _SIMILAR = {  # for profiles without a class

@@ -12,7 +12,7 @@ from ..false_positives import SensedScene, detect_false_positives, reported_clas
 from ..free import free_false_positives
 from ..grid import Neighbours, truth_grid, truth_neighbours
 from ..near import BESIDE, classes_of_same_noise, near_false_positives
-from ..profile import QUANTILES, RANKS, SLOTS, ClassNoise, FreeFalsePositives, NearFalsePositives, Profile
+from ..profile import EVEN_RANKS, RANKS, SLOTS, ClassNoise, FreeFalsePositives, NearFalsePositives, Profile
 from ..quality import Qualities, draw_qualities
 from ..visibility import Sensor, covered, visibility_of
 from .quality import from_log_odds, nearest_parameters
@@ -24,7 +24,6 @@ _FEW_DUPLICATES = 20  # for quantiles of their scores
 _FEW = 100  # least false positives for a fit of more than the counted parameters
 _NEAREST = 2.0  # m: the sensor's own vehicle is nearer
 _FADES = 1.0  # s in which the autoregression decays to 1 / e
-_PLACES = tuple(np.linspace(0.0, 1.0, QUANTILES))
 _FRAMES = 100_000  # more than a scene has
 _HIGH = 0.9  # rank from which scores count as high
 _SEEDS = 2  # simulations per set of parameters
@@ -92,7 +91,7 @@ def _count_free(real: FalsePositiveSamples, free: Bools, frames: int, dt: float)
     )  # fmt: skip
 
 
-def _quantiles(value: Floats, share: Sequence[float] = _PLACES) -> tuple[float, ...]:
+def _quantiles(value: Floats, share: Sequence[float] | Floats = EVEN_RANKS) -> tuple[float, ...]:
     return tuple(round(float(quantile), 4) for quantile in np.quantile(value, share))
 
 
