@@ -99,12 +99,14 @@ for name in names[1:5]:
 print("MS", 1000 * (time.process_time() - start) / 4)
 """
 TRAINING = """
-import sys, time, gymnasium as gym, stable_baselines3 as sb3, torch, mtp_bench
+import inspect, sys, time, gymnasium as gym, stable_baselines3 as sb3, torch, mtp_bench
 from mtp_bench.wrappers import AssociationOnly
 torch.set_num_threads(1)
 env = gym.make(sys.argv[1], split="train", scenes=mtp_bench.MTPEnv(sys.argv[1], split="train").scene_names[:4])
 sizes = {"n_steps": 256, "batch_size": 256, "policy_kwargs": {"net_arch": [32]}}
-agent = sb3.PPO("MlpPolicy", AssociationOnly(env, detections=16, choices=1), seed=0, device="cpu", **sizes)
+same = {"relative": False} if "relative" in inspect.signature(AssociationOnly).parameters else {}  # not so in 0.2
+env = AssociationOnly(env, detections=16, choices=1, **same)
+agent = sb3.PPO("MlpPolicy", env, seed=0, device="cpu", **sizes)
 agent.learn(256)
 start = time.process_time()
 agent.learn(1024)
