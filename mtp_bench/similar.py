@@ -34,9 +34,7 @@ def similar_class(name: str, known: Iterable[str]) -> str | None:
     """
     names = tuple(known)
     same = name if name in names else of_kind(name, names)
-    if same is not None or not names or closest(name, names, _SPELT):
-        return same
-    return names[0]
+    return same if same is not None or not names or closest(name, names, _SPELT) else names[0]
 
 
 def of_kind(name: str, names: Collection[str]) -> str | None:

@@ -15,12 +15,11 @@ from ..running.reference import frozen_reference, reference_for
 from ..sources import open_source
 from ..tables import Table, to_csv, to_json
 from .figures import make_figures
-from .findings import Findings
 from .gallery import draw_worst_moments
 from .page import study_page
 from .plan import HYPOTHESES, key_of, make_plan
 from .rows import make_tables
-from .runs import RUNS, measure, open_bench
+from .runs import RUNS, Findings, measure, open_bench
 
 QUICK_SCENES = 6
 QUICK_HYPOTHESES = (1, 5, 20)

@@ -9,8 +9,8 @@ from ..scoring.parts import PARTS
 from ..tables import Table
 from ..viz.terminal.output import counted
 from .drawing import COLORS, HATCHES, MARKERS, SERIES, Drawing, Panel, Series, Sketch, draw
-from .findings import Findings
 from .rows import subset_name, texts_of
+from .runs import Findings
 
 Tables = dict[str, Table]  # by name
 PART_COLORS = (

@@ -20,7 +20,7 @@ from ..viz.played import PlayedRun
 from ..viz.replay import replay
 from ..viz.sentence import sentence
 from ..viz.terminal.output import command_line
-from .findings import Findings
+from .runs import Findings
 
 EACH = 2  # moments of a cause, of different objects
 LEAST_SHARE = 0.05  # of the cost of all moments: causes below it have no picture

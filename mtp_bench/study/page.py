@@ -19,9 +19,9 @@ from ..viz.terminal.paper import figures_of
 from ..viz.terminal.verdict import verdict
 from .drawing import TEXTS, Drawing
 from .figures import n_of
-from .findings import Findings
 from .gallery import MomentPicture
 from .plan import StudiedAgent
+from .runs import Findings
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -12,7 +12,7 @@ from ..scoring.rows import Interval
 from ..scoring.statistics import bootstrap_interval, effective_number, ratio, share_interval
 from ..types import Floats
 from ..viz.terminal.paper import PAPER_HYPOTHESES, figures_of, shared_events
-from .findings import Findings
+from .runs import Findings
 
 HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot be told"
 

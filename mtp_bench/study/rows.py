@@ -11,10 +11,9 @@ from ..scoring.statistics import bootstrap_interval, ratio
 from ..tables import Column, Table
 from ..viz.terminal.paper import PAPER_HYPOTHESES, PAPER_SUBSETS, figures_of, shared_events
 from .drawing import TEXTS
-from .findings import Findings
 from .plan import StudiedAgent, unique
 from .relations import relation_rows
-from .runs import KINDS
+from .runs import KINDS, Findings
 
 PAPER = "the paper's"  # group of the columns with figures of the paper
 SUBSETS: tuple[Subset, ...] = ("all", "paper_ids", "paper_frag", "ids", "reacquired", "turning")

@@ -1,8 +1,11 @@
-"""Runs of a study: stored as `mtp-bench run` stores them, and read back while nothing has changed."""
+"""Runs of a study, and everything that it has measured: scores of all settings, and the report over them.
+
+Runs are stored as `mtp-bench run` stores them, and read back while nothing has changed.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -15,21 +18,25 @@ from ..files import file_digest
 from ..networks import network_files
 from ..parallel import Progress, parallel_map
 from ..records.canonical import digest_of
-from ..running.compare import EnvEvaluation
+from ..running.compare import EnvEvaluation, scores_of
 from ..running.options import RunOptions
 from ..running.reference import ranked_scenes
 from ..running.rollout_files import load_run, save_run
 from ..running.run import run_jobs
-from ..running.settings import Setting
+from ..running.settings import Setting, references_of
 from ..running.stored import run_info
-from ..scoring import SceneScore, score_scene
+from ..scoring import AgentScores, Reference, References, Report, SceneScore, score_scene, summarise
+from ..scoring.definitions import RANKED_UNITS, Subset
 from ..scoring.events import separated_truth
 from ..scoring.lineage import hypotheses, in_all, lineage_events, match_hypotheses
 from ..scoring.main_table import unchanged
 from ..scoring.neutral import evaluated
+from ..scoring.report import paired_row
+from ..scoring.rows import PairedRow, Row
+from ..scoring.table import AgentTable
 from ..sources import open_source
 from ..types import Rollout, Scene
-from .plan import key_of
+from .plan import StudiedAgent, StudyPlan, key_of
 
 RUNS = "runs"  # folder of the stored runs
 KINDS = ("ids", "lost", "reacquired", "frag")  # the last: lost or reacquired
@@ -170,3 +177,71 @@ def library_files() -> list[str]:
     """Paths in the library that `library_digest` covers."""
     names = (path.relative_to(_LIBRARY) for path in _LIBRARY.rglob("*") if path.is_file())
     return sorted(name.as_posix() for name in names if not _NO_MAKERS.intersection(name.parts))
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """Results of a study; every number comes from the scorer."""
+
+    bench: Bench
+    plan: StudyPlan
+    reference: Reference
+    measured: dict[str, Measured]  # by `key_of`
+
+    @property
+    def subject(self) -> StudiedAgent:
+        """The main agent of the study: the first one that was named."""
+        return self.plan.subjects[0]
+
+    @cached_property
+    def units(self) -> float:
+        """Effective number of units of all targets."""
+        return self.row(self.subject.single, "all").effective_units
+
+    @property
+    def few(self) -> bool:
+        """True with fewer effective units than a rank needs: no difference between agents can be told."""
+        return self.units < RANKED_UNITS
+
+    def of(self, setting: Setting) -> Measured:
+        """Runs and scores of a setting."""
+        return self.measured[key_of(setting)]
+
+    @cached_property
+    def tables(self) -> dict[str, AgentTable]:
+        """Targets of every setting, by `key_of`."""
+        keys = [key_of(setting) for setting in [*self.plan.equal, *self.plan.free]]
+        return dict(zip(keys, self.report.tables, strict=True))
+
+    def table(self, setting: Setting) -> AgentTable:
+        """Targets of a setting."""
+        return self.tables[key_of(setting)]
+
+    @cached_property
+    def report(self) -> Report:
+        """The report over all settings, with the references of every subject and of controls."""
+        found = [(each, references_of(each, self.bench.card)) for each in self.plan.controls]
+        found = [(each, runs) for each, runs in found if all(key_of(run) in self.measured for run in runs.values())]
+        found += [(s.equal[count], runs) for s in self.plan.subjects for count, runs in s.references.items()]
+        own = {
+            self.of(setting).setting.label: References(**{name: self._scores(run) for name, run in runs.items()})
+            if runs
+            else None
+            for setting, runs in found
+        }
+        settings = [*self.plan.equal, *self.plan.free]
+        return summarise([self._scores(s) for s in settings], self.bench.card, self.reference, references=own)
+
+    def row(self, setting: Setting, subset: Subset) -> Row:
+        """Row of the report for a setting and a subset."""
+        own = self._scores(setting)
+        key = own.agent, own.hypotheses, own.samples, own.budget, subset
+        return next(r for r in self.report.rows if (r.agent, r.hypotheses, r.samples, r.budget, r.subset) == key)
+
+    def difference(self, setting: Setting, other: Setting, subset: Subset) -> PairedRow:
+        """A setting minus another one: bADE, and minADE over targets that both cover."""
+        return paired_row(self.table(setting), self.table(other), subset)
+
+    def _scores(self, setting: Setting) -> AgentScores:
+        measured = self.of(setting)
+        return scores_of(setting, measured.scores, measured.setting.label)  # equal runs have one name in the report
