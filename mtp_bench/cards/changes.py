@@ -130,11 +130,8 @@ def with_detections(card: Card, file: str | Path) -> Card:
         digest = folder_digest(path, TEXTS) if path.is_dir() else known_digest(path)
     except OSError as error:
         raise DataError(f"detections {path}: {error.strerror}; expected {traits.detection_file}") from None
-    update = {
-        "detector": plain_name(f"{traits.stored_detector}-{path.stem}"),
-        "detections_sha256": digest,
-        "detections_file": str(path),
-    }
+    name = plain_name(f"{traits.stored_detector}-{path.stem}")
+    update = {"detector": name, "detections_sha256": digest, "detections_file": str(path)}
     return card.model_copy(update={"source": card.source.model_copy(update=update), "detector": None})
 
 

@@ -108,9 +108,8 @@ def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list
         counts.setdefault(run.run.info.agent, set()).add(run.run.info.hypotheses or 1)
     replays = []
     for run in runs:
-        info, given = run.run.info, content
-        if run is not first:
-            given = replace(content, detections=run.scene(name).detections)
+        info = run.run.info
+        given = content if run is first else replace(content, detections=run.scene(name).detections)
         agent = info.agent if len(counts[info.agent]) == 1 else f"{info.agent} (H = {info.hypotheses or 1})"
         replays.append(replace(PlayedRun(run).replay(run.first(name), given, agent), images=cameras))
     return replays
