@@ -6,6 +6,7 @@ from it. Shapes are in the letters of `mtp_bench.types`.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -22,7 +23,6 @@ ABSENT = -2e30  # a log-weight below `types.ABSENT_BELOW` that lies inside the s
 Rows = Literal["tracks", "hypotheses", "objects"]
 ROWS: tuple[Rows, ...] = ("tracks", "hypotheses", "objects")  # in the order of `Rollout.invalid`
 
-_SIZE = {"N": "tracks", "H": "hypotheses", "O": "objects", "K": "samples", "T": "future"}  # fields of `Task`
 _KIND_NAMES = {"f": "floating", "i": "integer", "u": "integer", "b": "bool"}
 
 
@@ -61,7 +61,7 @@ class Field:
 
     def shape_in(self, task: Task) -> tuple[int, ...]:
         """The shape under ``task``."""
-        return tuple([getattr(task, _SIZE[part]) if part in _SIZE else int(part) for part in self.shape.split()])
+        return _shape(self.shape, task.tracks, task.hypotheses, task.objects, task.samples, task.future)
 
     def array_in(self, task: Task) -> str:
         """Text: shape and dtype expected under ``task``."""
@@ -85,6 +85,12 @@ class Field:
         if rows is not None:
             array[tuple(slice(size) for size in rows.shape)] = rows
         return array
+
+
+@lru_cache(maxsize=1024)  # asked for at every step of an env
+def _shape(shape: str, *sizes: int) -> tuple[int, ...]:
+    size = dict(zip("NHOKT", sizes, strict=True))
+    return tuple([size[part] if part in size else int(part) for part in shape.split()])
 
 
 FIELDS = (

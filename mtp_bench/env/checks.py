@@ -238,8 +238,8 @@ def _repeated(track_id: Ints, member: Bools) -> Bools:
     """Tracks [N] that share their id with another track of one hypothesis; ``member`` is [H, N]."""
     repeated = np.zeros(len(track_id), dtype=bool)
     rows = np.flatnonzero(member.any(axis=0))
-    ids, group = np.unique(track_id[rows], return_inverse=True)
-    if len(ids) < len(rows):
+    if len(set(track_id[rows].tolist())) < len(rows):
+        ids, group = np.unique(track_id[rows], return_inverse=True)
         count = np.zeros((len(ids), len(member)), dtype=np.int64)
         np.add.at(count, group, member[:, rows].T)
         repeated[rows] = (member[:, rows].T & (count[group] > 1)).any(axis=1)
@@ -247,15 +247,9 @@ def _repeated(track_id: Ints, member: Bools) -> Bools:
 
 
 def _of_rows(
-    arrays: Arrays,
-    field: str,
-    reason: str,
-    expected: str,
-    rows: Ints,
-    kind: str = "",
-    advice: str = "",
+    arrays: Arrays, field: str, reason: str, expected: str, rows: Ints, kind: str = "", advice: str = "",
     outside: bool = True,
-) -> list[ActionProblem]:
+) -> list[ActionProblem]:  # fmt: skip
     """The problem of the ``rows`` of a field, with the first as example; empty without rows."""
     if not len(rows):
         return []
