@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Your own torch model
 #
-# This notebook trains a network on tracks, puts it into an agent, scores it, and ends with a table for a paper. Four
+# This notebook trains a network on tracks, puts it into an agent, scores it, and ends with a table for a paper. Two
 # training scenes of simulated traffic take seconds; for a real result take more of them.
 
 # %%
@@ -12,7 +12,7 @@ from mtp_bench.prediction import GreedySampler, LearnedPresence, local_future, l
 from mtp_bench.tracking import HypothesisTracker
 
 torch.manual_seed(0)
-windows = mtp_bench.windows("MTP-Intersection-v0", "train", tracker=5, scenes=4)  # of a tracker with five hypotheses
+windows = mtp_bench.windows("MTP-Intersection-v0", "train", tracker=5, scenes=2)  # of a tracker with five hypotheses
 windows = windows.select((windows.object_id >= 0) & windows.future_known.all(axis=1))
 task = windows.task
 windows

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,13 @@ AGENTS = {"stp": 4.0, "truth_past": 0.5, "stp_same_budget": 2.5, "mtp": 1.5}  # 
 SCENES, RUNS = 8, 16
 
 
+@cache
 def case(number: int, truth_complete: bool) -> tuple[Scene, Rollout]:
     scene, rollout = random_case(number, hypotheses=2, name=f"s{number}")
     return replace(scene, truth_complete=truth_complete), rollout
 
 
+@cache
 def said(number: int, scale: float, seed: int) -> Rollout:
     """Eight samples per object; an agent of another seed leaves other objects out."""
     _, rollout = case(number, truth_complete=True)
