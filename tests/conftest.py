@@ -207,6 +207,14 @@ def remembered_weights(request: pytest.FixtureRequest, monkeypatch: pytest.Monke
 
 
 @pytest.fixture
+def few_event_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Event weights that do not ship come from six runs, one of each kind: for tests of something else."""
+    from mtp_bench.running.reference import DEFAULTS, make_reference
+
+    monkeypatch.setattr(make_reference, "__defaults__", (DEFAULTS, range(6)))
+
+
+@pytest.fixture
 def light_fork_servers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fork servers load what every agent needs without the trackers: half a second less for each submission."""
     monkeypatch.setattr("mtp_bench.gateway.fork_server.LOADED", ("mtp_bench.submission.loader",))

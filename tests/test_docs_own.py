@@ -9,6 +9,7 @@ from mtp_bench.sources.files.columns import COLUMNS, PICTURES, TABLES
 from tests.support.own_scenes import write_long_log
 from tests.test_readme import blocks
 
+pytestmark = pytest.mark.usefixtures("few_event_runs")
 PAGE = "docs/data/own.md"
 
 

@@ -78,6 +78,7 @@ def run_here(example: Path, folder: Path) -> None:
         runpy.run_path(str(example), run_name="__main__")
 
 
+@pytest.mark.usefixtures("few_event_runs")
 @pytest.mark.parametrize("example", [case(example) for example in EXAMPLES])
 def test_it_runs(example: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run_here(example, tmp_path)

@@ -132,6 +132,7 @@ def test_the_readme_is_short(repository: Path) -> None:
 RUN_ELSEWHERE = re.compile(r"^<!-- blocks run in (\S+) -->$", flags=re.MULTILINE)
 
 
+@pytest.mark.usefixtures("few_event_runs")
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(REPOSITORY / page, "python")])
 def test_python_blocks_run(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One after the other, as a reader would; a page may say which other test runs its blocks."""

@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.command_line import CommandLine, read_json
 
-pytestmark = pytest.mark.data
+pytestmark = [pytest.mark.data, pytest.mark.usefixtures("few_event_runs")]
 
 
 def test_false_positives_are_not_measurable_where_only_targets_are_known(cli: CommandLine, tmp_path: Path) -> None:

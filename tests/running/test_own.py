@@ -14,6 +14,7 @@ from mtp_bench.types import Scene
 from tests.support.command_line import CommandLine
 from tests.support.own_scenes import write_long_log
 
+pytestmark = pytest.mark.usefixtures("few_event_runs")
 ENV = "MTP-nuScenes-v0"
 
 
