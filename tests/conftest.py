@@ -209,9 +209,9 @@ def remembered_weights(request: pytest.FixtureRequest, monkeypatch: pytest.Monke
 @pytest.fixture
 def few_event_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     """Event weights that do not ship come from six runs, one of each kind: for tests of something else."""
-    from mtp_bench.running.reference import DEFAULTS, make_reference
+    from mtp_bench.running.reference import make_reference
 
-    monkeypatch.setattr(make_reference, "__defaults__", (DEFAULTS, range(6)))
+    monkeypatch.setattr(make_reference, "__defaults__", (*(make_reference.__defaults__ or ())[:-1], range(6)))
 
 
 @pytest.fixture
