@@ -125,9 +125,10 @@ def _checked(
     record = checked_record(path)
     done = every.reached(path, record, trust) if asked.sign is not None and not asked.looked_at else None
     if done is not None:
-        show(f"{path}: {done.level} since {done.statement.date}, signed by {done.signer}")
-        error = None if done.hidden is None else done.hidden.row.error
-        known = {"record": str(path), "digest": record.digest, "level": done.level, "hidden_error": error}
+        said = done.statement
+        show(f"{path}: {said.level} since {said.date}, signed by {done.signer}")
+        error = None if said.hidden is None else said.hidden.row.error
+        known = {"record": str(path), "digest": record.digest, "level": said.level, "hidden_error": error}
         return _Result(path, {**known, "holds": True})
     with working(f"verifying {record.submission.name} on {record.env.id}", options) as watched:
         checked = every.verify(path, record, watched, asked.env, ends)

@@ -24,6 +24,8 @@ from .limits import Limits, SandboxBackend, SceneRun
 from .process import AgentProcess, SandboxSpec
 from .sandbox import sandbox_backend
 
+_compile_once = cache(compile_kernels)
+
 
 def run_isolated(
     submission: str | Path,
@@ -47,7 +49,7 @@ def run_isolated(
     unanswered frame has no rows. Never raises for actions of an agent; raises MtpBenchError for a folder that is not a
     submission, an unknown scene or missing data.
     """
-    if backend is None:  # on another machine, or called alone
+    if backend is None:  # on another machine, or called alone: an agent's sandbox keeps nothing
         _compile_once()
     loaded = load_submission(submission)
     keywords = {"observe": loaded.compare.observe, **env_keywords, "evaluation": True}
@@ -110,12 +112,6 @@ def run_isolated_scenes(
         finished(run)
         progress.done(scenes[place])
     return [runs[place] for place in range(len(scenes))]
-
-
-@cache
-def _compile_once() -> None:
-    """Compile what this machine lacks: an agent's sandbox keeps nothing."""
-    compile_kernels()
 
 
 def seal_start(card_digest: str, scene: str, seed: int) -> bytes:

@@ -64,16 +64,6 @@ class SignedLevel:
     signer: str
     seal: ListedSeal | None = None  # of the hidden scenes
 
-    @property
-    def level(self) -> Level:
-        """Verification level."""
-        return self.statement.level
-
-    @property
-    def hidden(self) -> HiddenPart | None:
-        """Results on hidden scenes."""
-        return self.statement.hidden
-
 
 @dataclass(frozen=True, eq=False)
 class Checked:
@@ -85,26 +75,25 @@ class Checked:
     @property
     def level(self) -> Level:
         """Verification level."""
-        return "scored" if self.signed is None else self.signed.level
+        return "scored" if self.signed is None else self.signed.statement.level
 
     @property
     def on_hidden(self) -> bool:
         """True if its numbers are those of hidden scenes."""
-        return self.signed is not None and self.signed.hidden is not None
+        return self.signed is not None and self.signed.statement.hidden is not None
 
     @property
     def sums(self) -> Record | HiddenPart:
         """Ranking sums: of the hidden scenes if it was run on them, else of the public ones."""
-        return (self.signed and self.signed.hidden) or self.record
+        return (self.signed and self.signed.statement.hidden) or self.record
 
     @cached_property
     def conditions(self) -> tuple[object, ...]:
         """Data, scenes and units: equal for results that can be compared."""
         sums = self.sums
-        if isinstance(sums, HiddenPart):
-            of: tuple[object, ...] = (sums.commitment, sums.weights)
-        else:
-            of = (sums.env.split, sums.env.data_manifest, *(scene.scene for scene in sums.per_scene))
+        env, scenes = self.record.env, (scene.scene for scene in self.record.per_scene)
+        public = (env.split, env.data_manifest, *scenes)
+        of = (sums.commitment, sums.weights) if isinstance(sums, HiddenPart) else public
         rows = tuple((row.targets, row.objects, round(row.effective_objects, 6)) for row in sums.rows[: len(SUBSETS)])
         return (*of, rows, tuple(tuple(round(w, 6) for w in sums.unit_weight(subset)) for subset in SUBSETS))
 

@@ -119,10 +119,10 @@ def _why_not_on_hidden(known: Shipped | None, level: SignedLevel | None) -> str 
     """Reason why a record of a simulated env is not ranked, although its numbers on public scenes compare."""
     if known is None or not known.simulated:
         return None
-    if level is None or level.hidden is None:
+    if level is None or (hidden := level.statement.hidden) is None:
         return NOT_ON_HIDDEN
-    few = level.hidden.scenes < LEAST_HIDDEN
-    return f"scored on {level.hidden.scenes} hidden scenes, ranks need {LEAST_HIDDEN}" if few else None
+    few = hidden.scenes < LEAST_HIDDEN
+    return f"scored on {hidden.scenes} hidden scenes, ranks need {LEAST_HIDDEN}" if few else None
 
 
 def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:

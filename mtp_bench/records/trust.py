@@ -53,10 +53,7 @@ class Trust:
         return self.folder / "keys" / "revoked_keys"
 
     def check_once(self, check: Callable[[], object], *texts: str) -> None:
-        """Call ``check`` of signed ``texts``, which may raise, unless it passed before on this machine with these keys.
-
-        A file of the cache stands for what passed, and says nothing once a key is added, changed or revoked.
-        """
+        """Call ``check`` of signed ``texts``, which may raise, unless it passed here before with these keys."""
         keys = [path.read_bytes() if path.is_file() else b"" for path in (self.keys, self.revoked)]
         content = hashlib.sha256(repr([__version__, *keys, *texts]).encode()).hexdigest()
         passed = cache_root() / "signed" / content

@@ -74,9 +74,9 @@ class Round:
         signed, _ = read_level(path, record, trust)
         sealed = self._sealed(record)
         aim: Level = "re-scored" if not self.rerun else "re-run" if sealed is None else "hidden"
-        if signed is None or LEVELS.index(signed.level) < LEVELS.index(aim):
+        if signed is None or LEVELS.index(signed.statement.level) < LEVELS.index(aim):
             return None
-        if sealed is not None and (signed.hidden is None or signed.hidden.commitment != sealed.commitment):
+        if sealed is not None and getattr(signed.statement.hidden, "commitment", None) != sealed.commitment:
             return None
         return signed
 
@@ -163,10 +163,9 @@ def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = 
     """
     record = checked.record
     known, _ = read_level(checked.path, record, trust or trusted())
-    if known is not None and LEVELS.index(checked.level) < LEVELS.index(known.level):
-        raise RecordError(
-            f"{checked.path}: reached {checked.level}, and is {known.level} since {known.statement.date}: that is kept"
-        )
+    if known is not None and LEVELS.index(checked.level) < LEVELS.index(known.statement.level):
+        stands = f"is {known.statement.level} since {known.statement.date}"
+        raise RecordError(f"{checked.path}: reached {checked.level}, and {stands}: that is kept")
     if checked.level == "scored" or not checked.holds:
         raise RecordError(f"{checked.path}: does not hold, so there is no level to sign")
     statement = Statement(

@@ -181,29 +181,24 @@ def _flipped(difference: bytes, weight: bytes) -> SignFlipTest:
 @lru_cache(maxsize=8192)
 def _chance(difference: bytes) -> float:
     """The p of one difference in units that count."""
-    gap = np.frombuffer(difference)
-    return float(_chances(np.stack([gap, np.zeros_like(gap)]), np.array([[0], [1]]))[0])
+    return float(_chances(np.frombuffer(difference)[None])[0])
 
 
 def significant_pairs(errors: Floats, weight: ArrayLike, pairs: NDArray[np.int64]) -> Bools:
     """True where the differences of ``pairs`` [2, P] of rows of ``errors`` [A, U] are significant, many at once."""
     share = as_sums("weight", weight)
     require_shape("weight", share, (errors.shape[1],))
-    counted = (share != 0) | errors.any(axis=0)
-    return (_chances(errors[:, counted], pairs) < SIGNIFICANT) & share.any()
+    errors, starts = errors[:, (share != 0) | errors.any(axis=0)], range(0, pairs.shape[1], _TOGETHER)
+    chances = [_chances(beyond_rounding(*errors[pairs[:, i : i + _TOGETHER]])) for i in starts]
+    return (np.concatenate([np.zeros(0), *chances]) < SIGNIFICANT) & share.any()
 
 
-def _chances(errors: Floats, pairs: NDArray[np.int64]) -> Floats:
-    """The p [P] of the differences of ``pairs`` [2, P] of rows of ``errors`` [A, U] in units that count."""
-    signs, observed = _flips(errors.shape[1])
-    extreme = np.empty(pairs.shape[1])
-    for begin in range(0, len(extreme), _TOGETHER):
-        here = slice(begin, begin + _TOGETHER)
-        gap = beyond_rounding(errors[pairs[0, here]], errors[pairs[1, here]])
-        slack = ROUNDING * np.abs(gap).sum(axis=1, keepdims=True)  # the same terms may be summed in another order
-        beyond = np.abs(gap.sum(axis=1, keepdims=True)) - np.abs(gap @ signs.T)
-        extreme[here] = (beyond <= slack).sum(axis=1)
-    return (extreme + observed) / (len(signs) + observed)
+def _chances(gap: Floats) -> Floats:
+    """The p [P] of differences [P, U] in units that count."""
+    signs, observed = _flips(gap.shape[1])
+    slack = ROUNDING * np.abs(gap).sum(axis=1, keepdims=True)  # the same terms may be summed in another order
+    beyond = np.abs(gap.sum(axis=1, keepdims=True)) - np.abs(gap @ signs.T)
+    return np.asarray(((beyond <= slack).sum(axis=1) + observed) / (len(signs) + observed))
 
 
 def _ends(gap: Floats, share: Floats, flipped: Floats) -> tuple[Floats, Floats]:

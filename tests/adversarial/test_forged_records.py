@@ -417,7 +417,7 @@ def test_a_genuine_level_is_shown(honest: tuple[Path, Record], leaderboard: Path
     signed, said = read_level(path, record, trusted(leaderboard))
     assert said == ""
     assert signed is not None
-    assert (signed.level, signed.signer) == ("re-run", SIGNER)
+    assert (signed.statement.level, signed.signer) == ("re-run", SIGNER)
 
 
 def test_a_check_that_reached_less_keeps_a_level(honest: tuple[Path, Record], leaderboard: Path, key: Path) -> None:

@@ -105,8 +105,12 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     trust, sealed = trusted(leaderboard), open_seal(secret)
     signed, why = read_level(path, made, trust)
     assert signed is not None, why
-    assert (signed.level, signed.signer, signed.statement.isolation) == ("hidden", "tester", made.isolation.mechanism)
-    hidden = signed.hidden
+    assert (signed.statement.level, signed.signer, signed.statement.isolation) == (
+        "hidden",
+        "tester",
+        made.isolation.mechanism,
+    )
+    hidden = signed.statement.hidden
     assert hidden is not None
     assert (hidden.commitment, hidden.scenes) == (sealed.commitment, SCENES)
     assert hidden.row.interval is not None, "what is checked of it is checked here too"

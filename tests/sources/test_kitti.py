@@ -295,8 +295,7 @@ def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:
     assert describe(kitti_card(), root).usable
     assert "has no detector 'other'; found: pointrcnn" in describe(kitti_card(detector="other"), root).missing[0]
     counts = [read_status(kitti_card(), root).counts for _ in range(2)]
-    assert counts[0]["frames"] > 0
-    assert counts[0] == counts[1], "kept until a file changes"
+    assert counts[0] == counts[1] != {}, "kept until a file changes"
     write(root / LABELS, "0 1 Car")
     status = read_status(kitti_card(), root)
     assert "line 1: 3 columns" in status.problems[0]
