@@ -142,7 +142,7 @@ ROWS = {
     "step": Row("step and reset, Intersection", "1.0, 10 ms", (NOISY, "play"), STEPS),
     "step-evaluation": Row("step in an evaluation, Intersection", ".4 ms", (NOISY, "evaluation"), STEPS),
     "step-mini": Row("step and reset, nuScenes mini", "1.0, 5 ms", ("MTP-nuScenes-mini-v0", "play"), STEPS),
-    "training": Row("a step of PPO (SB3), Roundabout", "-", ("MTP-Roundabout-v0",), TRAINING),
+    "training": Row("step of PPO (SB3), Roundabout", "-", ("MTP-Roundabout-v0",), TRAINING),
     "mtp": Row("mtp a frame, Intersection", "1.5 ms", (NOISY, "mtp"), AGENT),
     "mtp-kitti": Row("mtp a frame, KITTI", "1.5 ms", ("MTP-KITTI-v0", "mtp"), AGENT),
     "mtp-mini": Row("mtp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "mtp"), AGENT),
