@@ -14,13 +14,16 @@ def bundled(kind: str) -> Path:
     return _PACKAGE / "_bundled" / kind
 
 
-@cache
 def card_ids() -> tuple[str, ...]:
     """Ids of the cards that ship with the library, sorted."""
-    return tuple(sorted(path.stem for path in bundled("envs").glob("MTP-*.toml")))
+    return tuple(path.stem for path in _found(bundled("envs"), "MTP-*.toml"))
+
+
+def baseline_names() -> tuple[str, ...]:
+    """Names of the baselines that ship with the library, sorted."""
+    return tuple(path.parent.name for path in _found(bundled("baselines"), "*/submission.toml"))
 
 
 @cache
-def baseline_names() -> tuple[str, ...]:
-    """Names of the baselines that ship with the library, sorted."""
-    return tuple(sorted(path.parent.name for path in bundled("baselines").glob("*/submission.toml")))
+def _found(folder: Path, pattern: str) -> tuple[Path, ...]:
+    return tuple(sorted(folder.glob(pattern)))

@@ -104,7 +104,7 @@ def test_the_file_has_what_is_listed(cli: CommandLine, events_run: Path, known: 
         "scene": "0001", "frame": 4, "until": 4, "time": pytest.approx(0.41, abs=0.01), "event": "ids-0", "kind": "ids",
         "object": 7, "class": "car", "old_id": 7, "new_id": 8, "wrong": False, "minADE": None, "error": 2.0,
         "parts": {"not detected now": 2.0}, "object_id": "7", "error_before": 2.0, "confidence": None,
-        "old_id_in_file": None, "new_id_in_file": None, "cause": None,
+        "old_id_in_file": None, "new_id_in_file": None, "cause": None, "at_fault": None,
     }  # fmt: skip
     assert (ghost["frame"], ghost["until"], ghost["object"], ghost["new_id"]) == (1, 3, None, 90)
 
