@@ -12,7 +12,7 @@ from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
 from ..parallel import Progress, reported
 from ..records import Record, Trust, load_record, read_level, record_paths, trusted
-from ..scoring.definitions import SUBSETS
+from ..scoring.definitions import SUBSETS, Subset
 from ..viz.board.columns import board_json, data_table
 from ..viz.board.entries import Entry, Found, entries_of, is_baseline
 from ..viz.board.page import Pages, board_files, parts_folder, require_parts, write_board
@@ -41,7 +41,8 @@ def board(
     if output is not None:
         require_parts(output)
     with reported("reading records") as progress:
-        entries, refused, notes = read_board(records, further or (), env, output, trusted(base), progress)
+        subsets: Sequence[Subset] = ("all",) if output is None else SUBSETS  # tables show no other
+        entries, refused, notes = read_board(records, further or (), env, output, trusted(base), progress, subsets)
     tables = board_tables(entries)
     if json_file is not None:
         write_json(json_file, board_json(entries))
@@ -64,7 +65,13 @@ def board(
 
 
 def read_board(
-    folder: Path | None, further: Sequence[Path], env: str | None, page: Path | None, trust: Trust, progress: Progress
+    folder: Path | None,
+    further: Sequence[Path],
+    env: str | None,
+    page: Path | None,
+    trust: Trust,
+    progress: Progress,
+    subsets: Sequence[Subset] = SUBSETS,
 ) -> tuple[list[Entry], list[str], list[str]]:
     """Entries in the order of the leaderboard, why records are broken, and notes on levels that are not shown.
 
@@ -118,7 +125,7 @@ def read_board(
     if env is not None and not listed:
         load_card(env)  # an env without a submission is fine as long as there is such an env
     notes += [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
-    return entries_of(listed, ("all",) if page is None else SUBSETS), refused, notes
+    return entries_of(listed, subsets), refused, notes
 
 
 def _place(record: Record) -> tuple[str, ...]:
