@@ -87,7 +87,7 @@ EVENT = {  # of `events --json`
     "wrong": "True for a loss whose track is still output, outside the gate.",
     "error_before": "Error of the object in the frame before, metres.",
     "cause": "Of a collision: the part of the stack at fault, and what was known of the object before; else null.",
-    "at_fault": "Of a collision: true if the ego is at fault; else null.",
+    "at_fault": "Of a collision: true if the ego is at fault, false if not; else null.",
 }
 
 DRIVING = {  # of `compare --json` on a closed loop

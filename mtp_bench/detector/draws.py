@@ -24,10 +24,27 @@ _HALVINGS = 60  # of an interval of quantiles
 _WHOLE = 1e-6  # tolerance: frame periods are quotients of decimal numbers
 
 
-# Kinds of noise. The values are part of every hash: a change of one would change the simulated detections.
-NoiseKind = IntEnum("NoiseKind", (
-    "QUALITY RADIAL TANGENTIAL HEADING FLIP SIZE Z VELOCITY PLACE SCENE BIRTH LIFE CLASS FAMILY LAPSE TAIL"
-), start=0)  # fmt: skip
+class NoiseKind(IntEnum):
+    """Kinds of noise. The values are part of every hash: a change of one would change the simulated detections."""
+
+    QUALITY = 0
+    RADIAL = 1
+    TANGENTIAL = 2
+    HEADING = 3
+    FLIP = 4
+    SIZE = 5
+    Z = 6
+    VELOCITY = 7
+    PLACE = 8
+    SCENE = 9
+    BIRTH = 10
+    LIFE = 11
+    CLASS = 12
+    FAMILY = 13
+    LAPSE = 14
+    TAIL = 15
+
+
 # Boxes that noise is drawn for: objects, false positives near them, free false positives.
 NoiseSubject = IntEnum("NoiseSubject", "OBJECTS NEAR FREE", start=0)
 Component = IntEnum("Component", "BIAS PUSH WHITE OTHER", start=0)  # index of a draw within its noise kind

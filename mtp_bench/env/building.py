@@ -20,10 +20,17 @@ _ARGUMENT = {  # of make_action, by the field that it fills
 
 
 def make_action(
-    task: Task, boxes: ArrayLike, classes: ArrayLike, forecasts: ArrayLike, log_weights: ArrayLike | None = None,
-    *, confidence: ArrayLike | None = None, ids: ArrayLike | None = None, tracks: Tracks | None = None,
+    task: Task,
+    boxes: ArrayLike,
+    classes: ArrayLike,
+    forecasts: ArrayLike,
+    log_weights: ArrayLike | None = None,
+    *,
+    confidence: ArrayLike | None = None,
+    ids: ArrayLike | None = None,
+    tracks: Tracks | None = None,
     checked: bool = True,
-) -> Action:  # fmt: skip
+) -> Action:
     """The action with the boxes of O objects and their forecasts.
 
     ``boxes`` [O, 7]: x y z yaw l w h of each object now, in the frame of the observation.

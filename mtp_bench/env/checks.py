@@ -247,9 +247,15 @@ def _repeated(track_id: Ints, member: Bools) -> Bools:
 
 
 def _of_rows(
-    arrays: Arrays, field: str, reason: str, expected: str, rows: Ints, kind: str = "", advice: str = "",
+    arrays: Arrays,
+    field: str,
+    reason: str,
+    expected: str,
+    rows: Ints,
+    kind: str = "",
+    advice: str = "",
     outside: bool = True,
-) -> list[ActionProblem]:  # fmt: skip
+) -> list[ActionProblem]:
     """The problem of the ``rows`` of a field, with the first as example; empty without rows."""
     if not len(rows):
         return []

@@ -146,7 +146,7 @@ def _checked_level(file: Path, path: Path, record: Record, trust: Trust) -> Sign
 
 
 def _require_signed(name: str, text: str, of: str, stored: str, trust: Trust) -> None:
-    """Raise RecordError unless the level ``text`` is signed, of the record ``stored``, and consistent."""
+    """Raise RecordError unless the level ``text`` is signed, and of the record ``stored``."""
     content = parse_json(text, name, RecordError)
     signed = parse_as(Attestation, text, name)
     why = trust.why_not_signed(canonical(content["statement"]), signed.signature, signed.signer)
@@ -155,9 +155,6 @@ def _require_signed(name: str, text: str, of: str, stored: str, trust: Trust) ->
     record = parse_json(stored, of, RecordError)
     if (signed.statement.record, signed.statement.measured) != (content_digest(record), measured_digest(record)):
         raise RecordError(f"{name}: of another record, or of an earlier version of it")
-    hidden = signed.statement.hidden
-    for problem in () if hidden is None else inconsistent_sums(hidden, float("inf")):
-        raise RecordError(f"{name}: hidden scenes: {problem}")
 
 
 def _seal_of(file: Path, statement: Statement, record: Record, trust: Trust) -> ListedSeal | None:
@@ -175,4 +172,6 @@ def _seal_of(file: Path, statement: Statement, record: Record, trust: Trust) -> 
             f"{file.name}: {hidden.scenes} hidden scenes of {record.env.id} with card {record.env.card_digest}, the "
             f"seal {listed.name!r} is of {listed.count} of {listed.env} with card {listed.card_digest}"
         )
+    for problem in inconsistent_sums(hidden, float("inf")):
+        raise RecordError(f"{file.name}: hidden scenes: {problem}")
     return listed

@@ -69,8 +69,8 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
 
 
 def _state_of(root: Path) -> str:
-    """Digest of names, sizes and times of the files below a folder, without images, and of the version that reads."""
+    """Digest of names, sizes and times of files below a folder, not of images and points, and of the version."""
     every = (Path(folder, name) for folder, _, names in os.walk(root, followlinks=True) for name in names)
-    files = sorted(path for path in every if path.suffix not in (".jpg", ".png") and path.exists())
+    files = sorted(path for path in every if path.suffix not in (".jpg", ".png", ".bin") and path.exists())
     state = [(str(path), found.st_size, found.st_mtime_ns) for path in files for found in [path.stat()]]
     return hashlib.sha256(repr((__version__, state)).encode()).hexdigest()[:16]

@@ -183,11 +183,8 @@ def events_json(rows: Sequence[Listed], tally: Tally, env_id: str, agent: str) -
 def _record(row: Listed) -> dict[str, Any]:
     event = row.incident
     own = {"time": row.seconds(event.frame), "event": event.name, "position": list(event.position)}
-    return (
-        own
-        | row.record("kind", "wrong", "error", "parts", "error_before")
-        | {"cause": row.cause or None, "at_fault": row.at_fault}
-    )
+    collision = {"cause": row.cause or None, "at_fault": row.at_fault}
+    return own | row.record("kind", "wrong", "error", "parts", "error_before") | collision
 
 
 def _track(row: Listed) -> str:
