@@ -136,8 +136,8 @@ def _checked(
         _show_differences(checked)
     show(_verdict(checked))
     if asked.sign is not None and checked.holds:
-        level = attest(checked, asked.sign, asked.signer or "", trust, asked.looked_at)
-        show(f"{level}: {checked.level}, signed by {asked.signer}")
+        attest(checked, asked.sign, asked.signer or "", trust, asked.looked_at)
+        show(f"{path}: {checked.level}, signed by {asked.signer}")
     differ = f"{path}: {counted(len(checked.differences), 'difference')} to what was found here"
     return _Result(path, _as_json(checked), "" if checked.holds else differ)
 

@@ -2,7 +2,7 @@
 
 A record is a JSON file with a digest of its own, which shows careless changes and is not a signature. A forged record
 is found when its stored rollouts are scored again (`verify`), and when its submission is run again. The level that was
-reached is signed, in a file beside the record.
+reached is signed, and stands in the same file.
 """
 
 from .attestation import read_level as read_level

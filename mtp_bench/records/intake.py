@@ -10,12 +10,13 @@ from pathlib import Path
 from .._bundle import baseline_names
 from ..errors import MtpBenchError, RecordError
 from ..files import file_kind
+from ..strict import read_json
 from .canonical import today
 from .consistency import checked_record
 from .eligibility import may_observe, why_unranked
 from .record import Record
 from .shipped import FOR_BASELINES, shipped
-from .storage import LEVEL_SUFFIX, ROLLOUTS
+from .storage import ROLLOUTS, load_record
 from .trust import OWNERS, Trust, read_owners
 
 _RECORDS = "records"
@@ -72,7 +73,7 @@ def take_in(folder: Path, trust: Trust, owner: str) -> Intake:
         if (trust.folder / name).is_file() and filecmp.cmp(path, trust.folder / name, shallow=False):
             continue
         try:
-            record = _acceptable(path, name, names, owner)
+            record = _acceptable(path, name, trust, names, owner)
         except MtpBenchError as error:
             refused.append(str(error))
             continue
@@ -137,16 +138,16 @@ def _look(name: str) -> str:
     return name.lower().translate(_LOOK_ALIKE)
 
 
-def _acceptable(path: Path, name: Path, names: Mapping[str, str], owner: str) -> Record:
+def _acceptable(path: Path, name: Path, trust: Trust, names: Mapping[str, str], owner: str) -> Record:
     """The record in a file; RecordError unless it can be accepted."""
     if name.parts[0] != _RECORDS or len(name.parts) != _DEPTH or name.suffix != ".json":
         raise RecordError(f"{name}: expected {_RECORDS}/<submission>/<env id>.json and {OWNERS} alone in a proposal")
-    if name.name.endswith(LEVEL_SUFFIX):  # else an old one could come back, or the best of many
-        raise RecordError(
-            f"{name}: levels are written by those who check records: leave it out of the proposal, or bring that up to "
-            "date with the main branch"
-        )
     record = checked_record(path)
+    if "level" in read_json(path, RecordError) or _holds(trust.folder / name, record):  # an old one could come back
+        raise RecordError(
+            f"{name}: levels are written and removed by those who check records: leave `level` out, or bring the "
+            "proposal up to date with the branch that it is for"
+        )
     stated, env = record.submission.name, record.env
     ships = shipped(env.id)
     if name.parts[1:] != (stated, f"{env.id}.json"):
@@ -168,6 +169,13 @@ def _acceptable(path: Path, name: Path, names: Mapping[str, str], owner: str) ->
     if names[stated].lower() != owner.lower():
         raise RecordError(f"{name}: the name {stated!r} belongs to {names[stated]!r}, not to {owner!r}")
     return record
+
+
+def _holds(path: Path, record: Record) -> bool:
+    try:
+        return load_record(path) == record
+    except RecordError:  # missing, or broken
+        return False
 
 
 def _notes(path: Path, record: Record) -> Iterator[str]:

@@ -239,7 +239,7 @@ class Record(Results):
 
     The rows have no ranks, which depend on other records. ``gap_closed`` is null in them for the same reason, and so is
     ``gap_closed_same_predictor`` unless its reference agents were run with the submission; ``ms_per_frame`` is
-    measured. The level to which a record was checked stands in a signed file beside it, see `attestation`.
+    measured. A record does not know its level: `attestation` reads it from the same file, and checks its signature.
     """
 
     format: Literal[2] = 2
@@ -266,6 +266,7 @@ class Record(Results):
     measured: MeasuredPart
     plan: _Digest = ""  # of all that was decided before the runs, see `parts`
     digest: _Digest = ""
+    level: Annotated[None, BeforeValidator(lambda _: None)] = Field(None, exclude=True)  # left out
 
     @property
     def earlier(self) -> str:

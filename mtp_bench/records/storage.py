@@ -1,4 +1,4 @@
-"""Records on disk: JSON with digests, and the stored rollouts beside it."""
+"""Records on disk: JSON with digests and the signed level, and the stored rollouts beside it."""
 
 import json
 from collections.abc import Mapping
@@ -18,8 +18,7 @@ from .canonical import digest_of
 from .record import Record
 
 MOST_BYTES = 8 << 20  # of a file
-LEVEL_SUFFIX = ".level.json"  # of the file beside a record that holds its signed level
-_NOT_DIGESTED = ("digest", "measured")
+_NOT_DIGESTED = ("digest", "measured", "level")
 
 
 def load_record(path: str | Path) -> Record:
@@ -44,7 +43,7 @@ def parse_as(model: type[SectionT], text: str, where: str) -> SectionT:
 
 
 def content_digest(content: Mapping[str, Any]) -> str:
-    """Hex sha256 of the canonical JSON of a record, without its digest and measurements."""
+    """Hex sha256 of the canonical JSON of a record, without its digest, measurements and level."""
     return digest_of({name: value for name, value in content.items() if name not in _NOT_DIGESTED})
 
 
@@ -61,28 +60,32 @@ def sealed(record: Record) -> Record:
 
 
 def record_text(record: Record, path: Path) -> tuple[Record, str]:
-    """``record`` with its digests, and the text of the file ``path`` that stores it.
+    """``record`` with its digests, and the text of the file ``path`` that stores it, without a level.
 
     Raises RecordError if it cannot be written as JSON, or would be too large to be read again.
     """
     try:
         record = sealed(record)
-        text = json.dumps(record.model_dump(mode="json"), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        size = len(text.encode())
+        return record, text_of(record.model_dump(mode="json"), path)
     except (TypeError, ValueError, RecursionError) as error:
         raise RecordError(f"{path}: the record cannot be stored as JSON: {error}") from None
-    if size > MOST_BYTES:
+
+
+def text_of(content: Mapping[str, Any], path: Path) -> str:
+    """The text of the file ``path`` with this record as JSON; RecordError if it would be too large to be read again."""
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    if (size := len(text.encode())) > MOST_BYTES:
         raise RecordError(f"{path}: the record has {size >> 10} KiB, expected at most {MOST_BYTES >> 10} KiB")
-    return record, text
+    return text
 
 
 def record_paths(folder: str | Path, env_id: str = "") -> list[Path]:
     """Files of the records in ``folder`` and below it, sorted; those of ``env_id`` alone if one is given.
 
-    Levels, rollouts, unfinished submits and temporary files (.*) are left out. A record's file is named by its env.
+    Rollouts, unfinished submits and temporary files (.*) are left out. A record's file is named by its env.
     """
     folder = Path(folder)
-    aside = (ROLLOUTS, PARTS, LEVEL_SUFFIX)  # ends of names
+    aside = (ROLLOUTS, PARTS)  # ends of names
     paths = {path: path.relative_to(folder).parts for path in folder.rglob("*.json") if env_id in ("", path.stem)}
     return sorted(path for path, parts in paths.items() if not any(p[0] == "." or p.endswith(aside) for p in parts))
 

@@ -27,7 +27,7 @@ from .rerun import drive_again, rows_under_random_pose, run_again, run_hidden, w
 from .running import Plan, Runs, hashes, isolation, latency, plan_run, rollouts_hash, rollouts_of, unanswered
 from .seal import Sealed
 from .shipped import FOR_BASELINES, baseline_digest
-from .storage import stored_rollouts
+from .storage import load_record, stored_rollouts
 from .submitting import declared_data, submission_part
 from .trust import Trust, trusted
 
@@ -154,12 +154,12 @@ def verify(
         return _run_again(path, record, plan, reference, sealed, ends or own)
 
 
-def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None, looked_at: bool = False) -> Path:
-    """Sign the level that a check reached and write it beside the record; the path of the file.
+def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = None, looked_at: bool = False) -> None:
+    """Sign the level that a check reached and write it into the file of the record.
 
     ``trust``: the trusted leaderboard; None: the one that ships. ``looked_at``: a maintainer found that the record may
-    be better than ground truth; it stays so. Raises RecordError if the record does not hold or has
-    a higher level, MtpBenchError if it cannot be signed.
+    be better than ground truth; it stays so. Raises RecordError if the record does not hold, has a higher level or was
+    replaced since, MtpBenchError if it cannot be signed.
     """
     record = checked.record
     known, _ = read_level(checked.path, record, trust or trusted())
@@ -168,6 +168,8 @@ def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = 
         raise RecordError(f"{checked.path}: reached {checked.level}, and {stands}: that is kept")
     if checked.level == "scored" or not checked.holds:
         raise RecordError(f"{checked.path}: does not hold, so there is no level to sign")
+    if load_record(checked.path) != record:
+        raise RecordError(f"{checked.path}: was replaced while it was checked: check it again")
     statement = Statement(
         level=checked.level,
         record=record.digest,
@@ -177,7 +179,7 @@ def attest(checked: Verification, key: Path, signer: str, trust: Trust | None = 
         hidden=checked.hidden,
         looked_at=looked_at or (known is not None and known.statement.looked_at),
     )
-    return write_level(checked.path, statement, key, signer)
+    write_level(checked.path, statement, key, signer)
 
 
 def _score_again(

@@ -27,12 +27,12 @@ from mtp_bench.records import (
     verify,
     why_unranked,
 )
-from mtp_bench.records.attestation import Level, SignedLevel, Statement, level_path, write_level
+from mtp_bench.records.attestation import Level, SignedLevel, Statement, write_level
 from mtp_bench.records.record import HiddenPart
 from mtp_bench.records.rerun import why_unsandboxed
 from mtp_bench.records.seal import Commitment, SecretSeeds, commitment_of
 from mtp_bench.records.shipped import baseline_digest, shipped
-from mtp_bench.records.storage import content_digest, measured_digest
+from mtp_bench.records.storage import content_digest, measured_digest, sealed
 from mtp_bench.records.trust import read_owners
 from mtp_bench.records.verifying import Verification, attest
 from mtp_bench.running.options import RunOptions
@@ -45,6 +45,7 @@ from tests.support.small_scenes import CARD_ID
 from tests.support.stored_records import hex_of, hidden_part, save_record, ships_of, signed_level, write_record
 
 Content = dict[str, Any]
+CLOSED = "\n}\n"  # the end of a file
 Change = Callable[[Content], Any]
 
 
@@ -398,22 +399,42 @@ def test_one_name_has_one_owner() -> None:
 
 
 # --- levels that are forged, copied, or of somebody else
-def sign(path: Path, record: Record, key: Path, level: Level = "re-run", **changed: Any) -> Path:
+def sign(path: Path, record: Record, key: Path, level: Level = "re-run", **changed: Any) -> None:
     digests = {"record": record.digest, "measured": record.measured.digest}
     content = {"level": level, "isolation": "bubblewrap", "date": "2030-01-01", **digests, **changed}
-    return write_level(path, Statement.model_validate(content), key, SIGNER)
+    write_level(path, Statement.model_validate(content), key, SIGNER)
+
+
+def with_level(path: Path, level: object, record: Record | None = None) -> None:
+    """Put a level into a file as it is, of ``record`` if one is given."""
+    content = json.loads(path.read_text() if record is None else record.model_dump_json())
+    path.write_text(json.dumps(content | {"level": level}))
+
+
+def level_in(path: Path) -> Any:
+    return json.loads(path.read_text())["level"]
 
 
 def note(path: Path, trust: Path) -> str:
-    """Why the level beside a record is not shown."""
+    """Why the level of a record is not shown."""
     signed, said = read_level(path, load_record(path), trusted(trust))
     assert signed is None
     return said
 
 
 def test_a_genuine_level_is_shown(honest: tuple[Path, Record], leaderboard: Path, key: Path) -> None:
+    """It changes no number of the record, and the signature is of the record alone, however its file is laid out."""
     path, record = honest
+    before = path.read_text()
     sign(path, record, key)
+    assert path.read_text().startswith(f'{before.removesuffix(CLOSED)},{CLOSED[0]} "level": {{')
+    assert checked_record(path) == record
+    assert save_record(load_record(path), path.with_name("again.json")) == record
+    assert path.with_name("again.json").read_text() == before, "a record is never written with a level"
+    with_level(path, level_in(path))
+    (link := path.with_name("link.json")).symlink_to(path)
+    sign(link, record, key)
+    assert link.is_symlink()
     signed, said = read_level(path, record, trusted(leaderboard))
     assert said == ""
     assert signed is not None
@@ -425,6 +446,8 @@ def test_a_check_that_reached_less_keeps_a_level(honest: tuple[Path, Record], le
     path, record = honest
     sign(path, record, key)
     again = Verification(path, record, "re-run")
+    with pytest.raises(RecordError, match="was replaced while it was checked"):
+        attest(replace(again, record=made_up("honest", 0.8)), key, SIGNER, trusted(leaderboard))
     with pytest.raises(RecordError, match=r"reached re-scored, and is re-run since .*: that is kept"):
         attest(replace(again, level="re-scored"), key, SIGNER, trusted(leaderboard))
     for looked_at, stated in ((False, False), (True, True), (False, True)):
@@ -438,19 +461,23 @@ def test_a_level_of_another_record(honest: tuple[Path, Record], leaderboard: Pat
     """Of another submission, of an earlier version of the record, of other times, and of numbers changed on disk."""
     path, record = honest
     other = tmp_path / "records" / "other" / path.name
-    shutil.copy(sign(other, save_record(made_up("other", 0.2), other), key), level_path(path))
+    sign(other, save_record(made_up("other", 0.2), other), key)
+    with_level(path, level_in(other))
     assert "of another record" in note(path, leaderboard)
     sign(path, record, key)
-    save_record(record.model_copy(update={"training_data": ["all of it"]}), path)
+    level = level_in(path)
+    with_level(path, level, sealed(record.model_copy(update={"training_data": ["all of it"]})))
     assert "of another record" in note(path, leaderboard)
     faster = record.measured.model_copy(update={"ms_per_frame": 0.001})
-    changed = save_record(record.model_copy(update={"measured": faster}), path)
+    changed = sealed(record.model_copy(update={"measured": faster}))
     assert changed.digest == record.digest, "measurements are not part of it"
+    with_level(path, level, changed)
     assert "of another record" in note(path, leaderboard)
-    content = json.loads(save_record(record, path).model_dump_json())
-    content["rows"][0]["error"] = 0.01  # with the digests as they were
-    path.write_text(json.dumps(content))
+    row = record.rows[0].model_copy(update={"error": 0.01})  # with the digests as they were
+    with_level(path, level, record.model_copy(update={"rows": [row, *record.rows[1:]]}))
     assert "of another record" in note(path, leaderboard)
+    with_level(path, level, record)
+    assert read_level(path, record, trusted(leaderboard))[1] == ""
 
 
 def test_a_key_that_is_not_listed_is_refused_before_anything_is_run(
@@ -492,6 +519,9 @@ STATEMENTS: dict[str, tuple[Change, str]] = {
     "no signature": (lambda c: c.update(signature=""), "not signed by a trusted key"),
     "more than it knows": (lambda c: c["statement"].update(rank=1), "not signed by a trusted key"),
     "a long signature": (lambda c: c.update(signature="x" * 1999 * 11), "characters"),
+    "no statement": (lambda c: c.pop("statement"), "key 'level.statement' is missing"),
+    "an unknown key": (lambda c: c.update(statment=1), "unknown key 'level.statment'"),
+    "an endless number": (lambda c: c["statement"].update(rank=float("nan")), "NaN is not allowed"),
 }
 
 
@@ -499,11 +529,12 @@ STATEMENTS: dict[str, tuple[Change, str]] = {
 def test_a_changed_statement_is_not_shown(what: str, honest: tuple[Path, Record], leaderboard: Path, key: Path) -> None:
     path, record = honest
     change, message = STATEMENTS[what]
-    file = sign(path, record, key)
-    content = json.loads(file.read_text())
-    change(content)
-    file.write_text(json.dumps(content))
+    sign(path, record, key)
+    level = level_in(path)
+    change(level)
+    with_level(path, level)
     assert message in note(path, leaderboard)
+    assert load_record(path) == record, "it costs the level, not the record"
 
 
 @pytest.mark.parametrize("signed", ["a", "honest", "z"])
@@ -525,16 +556,6 @@ def test_of_two_copies_of_a_record_the_one_with_a_level_is_shown(
     assert "re-run" in cli.ok(*with_it)
 
 
-def test_a_linked_level_is_not_shown(honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path) -> None:
-    path, record = honest
-    file = sign(path, record, key)
-    file.rename(tmp_path / "elsewhere.json")
-    file.symlink_to(tmp_path / "elsewhere.json")
-    assert "it is not an ordinary file" in note(path, leaderboard)
-    with pytest.raises(MtpBenchError, match="is a link"):
-        sign(path, record, key)
-
-
 def test_without_ssh_keygen_no_level_is_shown_and_that_is_said(
     honest: tuple[Path, Record], leaderboard: Path, key: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -548,7 +569,7 @@ def test_without_ssh_keygen_no_level_is_shown_and_that_is_said(
     assert read_level(path, record, trusted(leaderboard))[1] == ""
     monkeypatch.setenv("PATH", str(tmp_path))
     assert read_level(path, record, trusted(leaderboard))[1] == "", "its signature was checked before"
-    with level_path(path).open("a") as file:
+    with path.open("a") as file:
         file.write("\n")
     assert "ssh-keygen is not installed" in note(path, leaderboard), "of other bytes it was not"
 
@@ -720,9 +741,16 @@ def of_somebody_else(proposal: Path, leaderboard: Path) -> None:
         (folder / "owners.toml").write_text('[owners]\nnewcomer = "bob"\n')
 
 
-def without_a_rivals_level(proposal: Path, leaderboard: Path) -> None:
-    adds("theirs", trusted_too=True)(proposal, leaderboard)
-    level_path(leaderboard / "records" / "theirs" / f"{MAIN}.json").write_text("{}")
+def levels(name: str, ours: object = None, theirs: object = None) -> Proposal:
+    """A record in the proposal and in the trusted leaderboard, with these levels; None: without."""
+
+    def change(proposal: Path, leaderboard: Path) -> None:
+        adds(name, trusted_too=True)(proposal, leaderboard)
+        for folder, level in ((proposal, ours), (leaderboard, theirs)):
+            if level is not None:
+                with_level(folder / "records" / name / f"{MAIN}.json", level)
+
+    return change
 
 
 def with_a_submodule(proposal: Path, _: Path) -> None:
@@ -746,11 +774,11 @@ def with_nan(proposal: Path, _: Path) -> None:
 
 NEWCOMER = Path("records", "newcomer", f"{MAIN}.json")
 OWNED = '[owners]\nnewcomer = "ada"\n'
+LEVEL_KEPT = f"{NEWCOMER}: levels are written and removed by those who check records: leave `level` out, or bring"
 OLD: Content = {"scorer": {"definitions": "2.0"}}
 PROPOSALS: dict[str, tuple[Proposal, str]] = {
-    "a level": (
-        writes(f"records/newcomer/{MAIN}.level.json", "{}"),
-        "levels are written by those who check records: leave it out of the proposal, or bring"),
+    "a level": (lambda head, _: with_level(head / NEWCOMER, {}), LEVEL_KEPT),
+    "a file of a level": (writes(f"records/newcomer/{MAIN}.level.json", "{}"), "key 'submission' is missing"),
     "a link": (as_link, f"{NEWCOMER}: link, expected a file of mode 100644"),
     "a pipe": (lambda head, _: os.mkfifo(head / "records" / "newcomer" / "x.json"), "newcomer/x.json: FIFO, expected"),
     "an executable file": (lambda head, _: (head / NEWCOMER).chmod(0o755), f"{NEWCOMER}: executable file, expected"),
@@ -786,8 +814,9 @@ PROPOSALS: dict[str, tuple[Proposal, str]] = {
         "'newcomer' belongs to 'bob': only maintainers change that"),
     "a record of somebody else": (of_somebody_else, "the name 'newcomer' belongs to 'bob', not to 'ada'"),
     "a removed record": (lambda _, base: adds("theirs")(base, base), "is removed; only maintainers remove files"),
-    "a removed level": (
-        without_a_rivals_level, f"records/theirs/{MAIN}.level.json: is removed; only maintainers remove files"),
+    "a removed level": (levels("newcomer", None, {"a": 1}), LEVEL_KEPT),
+    "a rival's level": (levels("theirs", None, {"a": 1}), f"theirs/{MAIN}.json: levels are written and removed by"),
+    "an older level": (levels("newcomer", {"a": 0}, {"a": 1}), LEVEL_KEPT),
     "another card": (adds("newcomer", env={"card_digest": "00" * 8}), "with card 0000000000000000 does not ship"),
     "a record of definitions 2.0": (adds("newcomer", **OLD), "scored by definitions 2.0: make it again"),
     "a key twice": (with_a_key_twice, "key 'division' comes twice"),

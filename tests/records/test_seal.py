@@ -22,7 +22,7 @@ from mtp_bench.records.seal import Sealed, open_seals
 from mtp_bench.running.options import RunOptions
 from mtp_bench.scoring import read_reference
 from mtp_bench.sources.highway.source import HighwayTraffic
-from tests.support.command_line import CommandLine
+from tests.support.command_line import CommandLine, read_json
 from tests.support.small_scenes import write_short_card
 from tests.support.stored_records import ships_of
 
@@ -97,11 +97,11 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     if made.isolation.mechanism == "none":
         pytest.skip("this system cannot hide files and network from an agent")
     path = tmp_path / "stp" / f"{ENV}.json"
-    before = path.read_bytes()
+    before = read_json(path)
     arguments = ("verify", path, "--env", short, "--rerun", "--hidden", secret, "--jobs", 1, "--base", leaderboard)
     said = cli.ok(*arguments, "--sign", key, "--signer", "tester")
     assert "holds, hidden. error " in said
-    assert path.read_bytes() == before, "a level never changes the record"
+    assert read_json(path) == before | {"level": read_json(path)["level"]}, "it never changes the record"
     trust, sealed = trusted(leaderboard), open_seal(secret)
     signed, why = read_level(path, made, trust)
     assert signed is not None, why
@@ -123,7 +123,7 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     kept = HighwayTraffic(load_card(short)).store
     assert kept.read(10000) is not None
     assert not kept.path(sealed.seeds.first).exists(), "a hidden scene can be read in the cache"
-    assert str(sealed.seeds.first) not in path.with_name(f"{ENV}.level.json").read_text()
+    assert str(sealed.seeds.first) not in path.read_text()
     said = cli.ok(*arguments, "--sign", key, "--signer", "tester")
     assert f"hidden since {signed.statement.date}, signed by tester" in said
     cli.ok("verify", path, "--env", short, "--jobs", 1)  # the times are still those of its own rollouts
