@@ -1,7 +1,7 @@
-"""Puts the leaderboard into the wheel: records, keys, seals and owners, and nothing else that may lie beside them.
+"""Puts what is trusted of the leaderboard into the wheel: keys, seals and owners, and nothing that may lie beside them.
 
-Rollouts of recorded scenes are as good as the recordings, secrets are secret; a table of ``force-include`` would take
-them along.
+Secrets are secret, and a table of ``force-include`` would take them along. Records are of the checkout: they are larger
+than all else, and each new one adds to them.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 BUNDLE = "mtp_bench/_bundled/leaderboard"
 PUBLIC = (
     "owners.toml", "keys/allowed_signers", "keys/revoked_keys", "seals/*.commitment.json", "seals/*.retired.json",
-    "records/[!.]*/[!.]*.json",
 )  # fmt: skip
 
 
 class LeaderboardHook(BuildHookInterface[Any]):
-    """Adds the leaderboard to what a wheel holds."""
+    """Adds them to what a wheel holds."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Name every file with its place in the wheel; an editable installation reads those of the checkout."""

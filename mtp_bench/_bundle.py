@@ -1,4 +1,4 @@
-"""Folders of the bundled cards, baselines and records: those of the checkout or, once installed, of the wheel."""
+"""Folders of the bundled cards, baselines, keys and seals: those of the checkout or, once installed, of the wheel."""
 
 from functools import cache
 from pathlib import Path
@@ -7,7 +7,7 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def bundled(kind: str) -> Path:
-    """Folder of ``kind`` ("envs", "baselines" or "leaderboard"): the checkout's own, else the wheel's copy."""
+    """Folder of ``kind`` ("envs", "baselines" or "leaderboard"): of the checkout, else the wheel's, without records."""
     checkout = _PACKAGE.parent / kind
     if (_PACKAGE.parent / "pyproject.toml").is_file() and checkout.is_dir():
         return checkout

@@ -26,7 +26,7 @@ def board(
     further: Annotated[
         list[Path] | None, Option("--with", help="A record to place among the others; repeatable.")
     ] = None,
-    records: Annotated[Path | None, Option(help="Folder of records; those that ship by default.")] = None,
+    records: Annotated[Path | None, Option(help="Folder of records; those of the checkout by default.")] = None,
     output: Annotated[
         Path | None,
         file_option("-o", "--output", text="Also write a page (.html) with its parts beside it.", suffixes=(".html",)),
@@ -84,9 +84,9 @@ def read_board(
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
     broken, UnknownNameError for an env without a record that is not a card either.
     """
-    if folder is not None and not folder.is_dir():
-        raise MtpBenchError(f"{folder}: no such folder of records; name another with --records")
     folder = folder or bundled("leaderboard") / "records"
+    if not folder.is_dir():
+        raise MtpBenchError(f"{folder}: no such folder of records; name one with --records: a checkout has them")
     baselines = folder.absolute().parent.parent / "baselines"
 
     def read(path: Path, added: bool) -> Found:
