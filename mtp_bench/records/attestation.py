@@ -144,7 +144,7 @@ def _seal_of(name: str, statement: Statement, record: Record, trust: Trust) -> L
     """The seal of hidden scenes; RecordError if the results do not fit it, or each other."""
     hidden = statement.hidden
     if (hidden is None) != (statement.level != "hidden"):
-        raise RecordError(f"{name}: level: {statement.level!r} {'with' if hidden else 'without'} hidden scenes")
+        raise RecordError(f"{name}: level {statement.level!r} {'with' if hidden else 'without'} hidden scenes")
     if hidden is None:
         return None
     listed = trust.listed.get(hidden.commitment)
