@@ -12,6 +12,7 @@ from ..cards import load_card
 from ..errors import MtpBenchError, RecordError
 from ..parallel import Progress, reported
 from ..records import Record, Trust, load_record, read_level, record_paths, trusted
+from ..records.submitting import RECORDS
 from ..scoring.definitions import SUBSETS, Subset
 from ..viz.board.columns import board_json, data_table
 from ..viz.board.entries import Entry, Found, entries_of, is_baseline
@@ -26,7 +27,7 @@ def board(
     further: Annotated[
         list[Path] | None, Option("--with", help="A record to place among the others; repeatable.")
     ] = None,
-    records: Annotated[Path | None, Option(help="Folder of records; those of the checkout by default.")] = None,
+    records: Annotated[Path | None, Option(help="Folder of records; leaderboard/records by default.")] = None,
     output: Annotated[
         Path | None,
         file_option("-o", "--output", text="Also write a page (.html) with its parts beside it.", suffixes=(".html",)),
@@ -55,7 +56,7 @@ def board(
     if not entries:
         show("no record" + (f" of {env}" if env else "") + " yet; `mtp-bench submit` makes one")
     if output is not None:
-        leaderboard = records.absolute().parent if records else bundled("leaderboard")
+        leaderboard = _folder(records).absolute().parent
         pages = leaderboard / "SUBMITTING.md", leaderboard.parent / "docs" / "definitions" / "index.md"
         addresses = Pages(*(_link(page, output) for page in pages))
         write_board(output, board_files(entries, parts_folder(output).name, addresses))
@@ -84,9 +85,9 @@ def read_board(
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is
     broken, UnknownNameError for an env without a record that is not a card either.
     """
-    folder = folder or bundled("leaderboard") / "records"
+    folder = _folder(folder)
     if not folder.is_dir():
-        raise MtpBenchError(f"{folder}: no such folder of records; name one with --records: a checkout has them")
+        raise MtpBenchError(f"{folder}: no such folder of records; name one with --records: a checkout has it")
     baselines = folder.absolute().parent.parent / "baselines"
 
     def read(path: Path, added: bool) -> Found:
@@ -126,6 +127,11 @@ def read_board(
         load_card(env)  # an env without a submission is fine as long as there is such an env
     notes += [f"{each.record.submission.name} on {each.record.env.id}: {each.note}" for each in listed if each.note]
     return entries_of(listed, subsets), refused, notes
+
+
+def _folder(given: Path | None) -> Path:
+    ships = bundled("leaderboard") / "records"  # of the checkout: an installed wheel has none
+    return given or (ships if ships.is_dir() else RECORDS)
 
 
 def _place(record: Record) -> tuple[str, ...]:

@@ -121,8 +121,7 @@ def read_level(path: Path, record: Record, trust: Trust) -> tuple[SignedLevel | 
     """
     try:
         text, name = read_bounded(path, MOST_BYTES, RecordError), path.name
-        signed = parse_as(_Attested, text, name).level
-        if signed is None:
+        if (signed := parse_as(_Attested, text, name).level) is None:
             return None, ""
         trust.check_once(lambda: _require_signed(signed, text, name, trust), text)
         return SignedLevel(signed.statement, signed.signer, _seal_of(name, signed.statement, record, trust)), ""

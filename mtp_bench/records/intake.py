@@ -16,7 +16,7 @@ from .consistency import checked_record
 from .eligibility import may_observe, why_unranked
 from .record import Record
 from .shipped import FOR_BASELINES, shipped
-from .storage import ROLLOUTS, load_record
+from .storage import ROLLOUTS, usable_record
 from .trust import OWNERS, Trust, read_owners
 
 _RECORDS = "records"
@@ -143,7 +143,8 @@ def _acceptable(path: Path, name: Path, trust: Trust, names: Mapping[str, str], 
     if name.parts[0] != _RECORDS or len(name.parts) != _DEPTH or name.suffix != ".json":
         raise RecordError(f"{name}: expected {_RECORDS}/<submission>/<env id>.json and {OWNERS} alone in a proposal")
     record = checked_record(path)
-    if "level" in read_json(path, RecordError) or _holds(trust.folder / name, record):  # an old one could come back
+    # else an old one could come back, or the best of many
+    if "level" in read_json(path, RecordError) or record == usable_record(trust.folder / name):
         raise RecordError(
             f"{name}: levels are written and removed by those who check records: leave `level` out, or bring the "
             "proposal up to date with the branch that it is for"
@@ -169,13 +170,6 @@ def _acceptable(path: Path, name: Path, trust: Trust, names: Mapping[str, str], 
     if names[stated].lower() != owner.lower():
         raise RecordError(f"{name}: the name {stated!r} belongs to {names[stated]!r}, not to {owner!r}")
     return record
-
-
-def _holds(path: Path, record: Record) -> bool:
-    try:
-        return load_record(path) == record
-    except RecordError:  # missing, or broken
-        return False
 
 
 def _notes(path: Path, record: Record) -> Iterator[str]:

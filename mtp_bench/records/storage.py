@@ -29,6 +29,14 @@ def load_record(path: str | Path) -> Record:
     return read_as(Record, Path(path), "no such record; `mtp-bench submit` makes one")
 
 
+def usable_record(path: Path) -> Record | None:
+    """The record at ``path``; None if it is missing, or cannot be read."""
+    try:
+        return load_record(path)
+    except RecordError:
+        return None
+
+
 def read_as(model: type[SectionT], path: Path, absent: str = ABSENT) -> SectionT:
     """Read a JSON file as ``model``; raises RecordError, with the reason ``absent`` if there is no such file."""
     return parse_as(model, read_bounded(path, MOST_BYTES, RecordError, absent), str(path))

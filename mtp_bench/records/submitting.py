@@ -25,7 +25,7 @@ from .evaluation import Evaluation
 from .parts import count_parts, open_parts, require_new
 from .record import EnvPart, LimitsPart, MeasuredPart, Observed, Record, SubmissionPart
 from .running import Plan, Runs
-from .storage import PARTS, ROLLOUTS, load_record, record_text, seed_folder
+from .storage import PARTS, ROLLOUTS, record_text, seed_folder, usable_record
 
 RECORDS = Path("leaderboard", "records")  # below the working folder: the checkout
 
@@ -97,11 +97,8 @@ def finished_record(target: Path, content: dict[str, Any], rollouts: bool = True
     """The record at ``target`` if complete, by default with its rollouts, and of the plan ``content``, else None."""
     if count_parts(target) or (rollouts and not target.with_suffix(ROLLOUTS).is_dir()):
         return None
-    try:
-        record = load_record(target)
-    except RecordError:
-        return None
-    return record if record.plan == digest_of(content) else None
+    record = usable_record(target)
+    return record if record is not None and record.plan == digest_of(content) else None
 
 
 def declared_data(submission: Submission, env_id: str) -> list[str]:
@@ -158,9 +155,7 @@ def require_target(target: Path, submission: Submission, options: RunOptions, re
 
 
 def _require_kept(target: Path, options: RunOptions) -> None:
-    try:
-        record = load_record(target)
-    except RecordError:  # missing, or unusable
+    if (record := usable_record(target)) is None:
         return
     count = record.env.scenes_of_split
     whole = options.scenes is None or options.scenes >= count
