@@ -450,5 +450,10 @@ def test_missing_folders_and_broken_records(tmp_path: Path, cli: CommandLine, mo
     assert all(text in printed for text in ("refused: ", "sound"))
     strict = cli("board", "--records", tmp_path / "records", "--strict").error
     assert strict.startswith("1 record refused, the first: ")
+    monkeypatch.setattr("mtp_bench.commands.board.bundled", lambda kind: tmp_path / "wheel" / kind)  # without records
+    monkeypatch.chdir(tmp_path)
+    assert "leaderboard/records: no such folder of records" in cli("board").error
+    write_records(tmp_path / "leaderboard" / "records", made_up("here"))
+    assert "here" in cli.ok("board")
     monkeypatch.setattr("mtp_bench.commands.board.record_paths", lambda *_: pytest.fail("all records were read before"))
     assert "perfect" in cli("board", "--with", path, "--records", tmp_path).error
