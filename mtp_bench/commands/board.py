@@ -92,6 +92,8 @@ def read_board(
 
     def read(path: Path, added: bool) -> Found:
         record = load_record(path)
+        if not added and path.stem != record.env.id:  # else its table would depend on --env
+            raise RecordError(f"{path}: holds a record on {record.env.id}, expected {path.stem}: rename the file")
         signed, note = read_level(path, record, trust)
         code = baselines / record.submission.name if is_baseline(record) else None
         return Found(record, signed, _link(path, page), added, note, _link(code, page))

@@ -188,7 +188,8 @@ def significant_pairs(errors: Floats, weight: ArrayLike, pairs: NDArray[np.int64
     """True where the differences of ``pairs`` [2, P] of rows of ``errors`` [A, U] are significant, many at once."""
     share = as_sums("weight", weight)
     require_shape("weight", share, (errors.shape[1],))
-    errors, starts = errors[:, (share != 0) | errors.any(axis=0)], range(0, pairs.shape[1], _TOGETHER)
+    # of the weight alone: a forged error without any must not change the flips of other pairs
+    errors, starts = errors[:, share != 0], range(0, pairs.shape[1], _TOGETHER)
     chances = [_chances(beyond_rounding(*errors[pairs[:, i : i + _TOGETHER]])) for i in starts]
     return (np.concatenate([np.zeros(0), *chances]) < SIGNIFICANT) & share.any()
 

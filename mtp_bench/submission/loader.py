@@ -8,6 +8,7 @@ import inspect
 import os
 import pickle
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cache, cached_property, partial
 from pathlib import Path
@@ -93,7 +94,7 @@ class SubmissionFactory:
 
     def __call__(self, task: "Task") -> "Agent":
         """A new agent for ``task``."""
-        return load_submission(self.path).build(task, **self.parameters)
+        return load_submission(self.path).build(task, **deepcopy(self.parameters))  # an agent may change its own
 
 
 def load_submission(name: str | Path) -> Submission:

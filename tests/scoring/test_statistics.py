@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mtp_bench.scoring import bootstrap_interval, sign_flip_test
-from mtp_bench.scoring.statistics import gap_closed, share_interval
+from mtp_bench.scoring.statistics import gap_closed, share_interval, significant_pairs
 
 steady = settings(derandomize=True, deadline=None, max_examples=25)
 
@@ -67,6 +67,15 @@ def test_many_scenes_are_sampled_and_repeat() -> None:
         found = sign_flip_test(even + mean)
         assert found.interval is not None
         assert (found.p < 0.05) == (found.interval[0] > 0 or found.interval[1] < 0)
+
+
+def test_an_error_without_weight_changes_no_other_pair() -> None:
+    weight, pairs = np.r_[np.ones(10), np.zeros(40)], np.arange(600).reshape(2, 300)
+    errors = np.abs(np.random.default_rng(0).normal(1.0, 0.5, (601, 50))) * weight
+    errors[:300] += 0.3 * weight
+    forged = errors.copy()
+    forged[600] += weight == 0
+    assert (significant_pairs(forged, weight, pairs) == significant_pairs(errors, weight, pairs)).all()
 
 
 @pytest.mark.parametrize("gain", [[1.0, -1.0, 1.0, -1.0, 1.0, -0.9], [0.0] * 6, [-1.0] * 6, [1.0], [1.0, 1.0]], ids=str)

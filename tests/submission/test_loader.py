@@ -147,6 +147,14 @@ def test_a_factory_works_in_another_process(folder: Path) -> None:
         assert pool.submit(hypotheses_of, factory).result() == 7
 
 
+def test_an_agent_cannot_change_the_parameters_of_the_next(folder: Path) -> None:
+    factory = SubmissionFactory(str(folder), {"hypotheses": [7]})
+    first: Any = factory(TASK)
+    first.hypotheses.append(8)
+    second: Any = factory(TASK)
+    assert second.hypotheses == [7]
+
+
 def hypotheses_of(factory: SubmissionFactory) -> int:
     agent: Any = factory(TASK)
     return int(agent.hypotheses)

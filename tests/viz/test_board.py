@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import re
+import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -445,7 +446,12 @@ def test_missing_folders_and_broken_records(tmp_path: Path, cli: CommandLine, mo
     assert "no such folder of records" in cli("board", "--records", tmp_path / "none").error
     (path,) = write_records(tmp_path / "records", made_up("a"))
     path.write_text(path.read_text().replace("finished", "perfect"))
-    write_records(tmp_path / "records", made_up("sound"))
+    (sound,) = write_records(tmp_path / "records", made_up("sound"))
+    shutil.copy(sound, tmp_path / "records" / "MTP-PETS-v0.json")
+    for options in ((), ("--env", "MTP-PETS-v0")):
+        refused = cli.ok("board", "--records", tmp_path / "records", *options)
+        assert f"MTP-PETS-v0.json: holds a record on {MAIN}, expected MTP-PETS-v0" in " ".join(refused.split())
+    (tmp_path / "records" / "MTP-PETS-v0.json").unlink()
     printed = cli.ok("board", "--records", tmp_path / "records")
     assert all(text in printed for text in ("refused: ", "sound"))
     strict = cli("board", "--records", tmp_path / "records", "--strict").error
