@@ -19,6 +19,7 @@ BAR_SECONDS = 0.25  # between two states of the bar
 _KEPT_SECONDS = 0.005  # an item that takes less was finished before: it tells nothing of the others
 
 _jobs: list["Notice"] = []  # unfinished ones of this process, the innermost last
+_watchers: list[threading.Thread] = []  # at most one, as long as there are jobs
 _told: set[str] = set()
 _lock = threading.RLock()  # of the jobs and of the error stream
 
@@ -28,6 +29,7 @@ def _forked() -> None:
     global _lock  # noqa: PLW0603
     _lock = threading.RLock()
     _jobs.clear()
+    _watchers.clear()
 
 
 if hasattr(os, "register_at_fork"):
@@ -116,8 +118,9 @@ def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice
     with _lock:
         job.next = min([job.next, *(outer.next for outer in _jobs[-1:] if outer.around and not outer.has_spoken)])
         _jobs.append(job)
-        if len(_jobs) == 1:
-            threading.Thread(target=_watch, args=(job,), daemon=True).start()
+        if not _watchers:
+            _watchers.append(threading.Thread(target=_watch, daemon=True))
+            _watchers[0].start()
         _speak()
     try:
         yield job
@@ -130,9 +133,13 @@ def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice
                     outer.next = max(outer.next, time.monotonic() + SILENT_SECONDS)
 
 
-def _watch(outermost: Notice) -> None:
-    while outermost in _jobs:
+def _watch() -> None:
+    """Print lines until all jobs of this process are finished, those of other threads too."""
+    while True:
         with _lock:
+            if not _jobs:
+                _watchers.clear()
+                return
             _speak()
         time.sleep(BAR_SECONDS)
 

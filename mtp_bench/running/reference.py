@@ -13,7 +13,7 @@ from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..env.rollouts import empty_rollout
-from ..errors import CardError, DataError, UnknownNameError, require_known
+from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, require_known
 from ..files import require_file
 from ..parallel import parallel_map, reported
 from ..scoring import score_scene
@@ -30,6 +30,7 @@ from .perturbation import ASSIGNMENTS, RUNS, MatchedDetections, Perturbation, as
 from .run import jobs_of, run_jobs, run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
+_MOST_SEEDS = 255  # as many as a count of `SceneWeights`, an unsigned byte, holds
 # matched detections, and the fields of `SceneWeights` but the counts
 _PlainRun = tuple[MatchedDetections, tuple[Bools, tuple[int, int, int], int, int]]
 
@@ -91,8 +92,11 @@ def make_reference(
 ) -> Reference:
     """Event weights from runs of the card's reference baseline on ``scenes``, one per seed.
 
-    Raises CardError unless that baseline takes the parameters ``assignment`` and ``forecasts``.
+    ``seeds``: at most 255, counts are bytes. Raises CardError unless that baseline takes the parameters ``assignment``
+    and ``forecasts``.
     """
+    if len(seeds) > _MOST_SEEDS:
+        raise MtpBenchError(f"got {len(seeds)} seeds of event weights, expected at most {_MOST_SEEDS}")
     if card.drive is not None:
         return _driven_reference(card, scenes, options)
     submission = load_submission(card.reference or controls()["single"])
