@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +32,16 @@ from .run import jobs_of, run_jobs, run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
 _MOST_SEEDS = 255  # as many as a count of `SceneWeights`, an unsigned byte, holds
-# matched detections, and the fields of `SceneWeights` but the counts
-_PlainRun = tuple[MatchedDetections, tuple[Bools, tuple[int, int, int], int, int]]
+
+
+class _PlainRun(NamedTuple):
+    """The run of a scene without cut or noise; the fields behind the first are those of `SceneWeights`."""
+
+    detections: MatchedDetections
+    stp: Bools  # [n, 3]
+    stp_events: tuple[int, int, int]
+    false_forecasts: int
+    forecasts: int
 
 
 def frozen_path(env_id: str) -> Path:
@@ -107,11 +116,11 @@ def make_reference(
         progress.started(len(scenes) * (1 + len(parts)))
         known = [(card, options.data, name, submission) for name in scenes]
         plain = parallel_map(_plain_run, known, options.workers, lambda place: progress.done(scenes[place]))
-        perturbation = Perturbation.fit([detections for detections, _ in plain], len(card.task.classes))
+        perturbation = Perturbation.fit([run.detections for run in plain], len(card.task.classes))
         calls = [(*call, perturbation, part) for call in known for part in parts]
         counts = parallel_map(_perturbed_runs, calls, options.workers, lambda i: progress.done(scenes[i // len(parts)]))
     weights = {}
-    for i, (name, (_, scene_fields)) in enumerate(zip(scenes, plain, strict=True)):
+    for i, (name, (_, *scene_fields)) in enumerate(zip(scenes, plain, strict=True)):
         total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(axis=0, dtype=np.uint8)
         weights[scene_key(card.id, name)] = SceneWeights(total, *scene_fields)
     parameters = perturbation.parameters(card.task.classes, seeds)
@@ -140,8 +149,8 @@ def _plain_run(card: Card, data: str | None, name: str, submission: Submission) 
     events = events_of(scene, rollout, card)
     ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
     score, flags = score_scene(scene, rollout, card), events[find_targets(scene, card).row]
-    known = flags, (ids, lost, reacquired), score.false_forecasts, score.forecasts
-    return matched_detections(scene, card), known
+    detections, counts = matched_detections(scene, card), (ids, lost, reacquired)
+    return _PlainRun(detections, flags, counts, score.false_forecasts, score.forecasts)
 
 
 def _perturbed_runs(

@@ -206,9 +206,11 @@ def _first_error(job: Job) -> AgentFailedError | None:
 
 def _built(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
     """The agent of a job, and ``reset`` once; raises AgentFailedError."""
-    task, step = agent_task(env, job.seed, job.scene), "built"
+    task = agent_task(env, job.seed, job.scene)
+    step = "built"
     try:
-        agent, step = job.make_agent(task), "reset"
+        agent = job.make_agent(task)
+        step = "reset"
         if reset:
             agent.reset(task)
     except BaseException as error:
