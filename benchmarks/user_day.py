@@ -32,6 +32,15 @@ from rich.table import Table
 HERE = Path(__file__).parents[1]
 NOISY = "MTP-Intersection-v0"
 
+# A small process: the peak of a child is at least the memory of the process that starts it.
+STARTER = """
+import os, resource, sys
+code = os.spawnv(os.P_WAIT, sys.argv[2], sys.argv[2:])
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+with open(sys.argv[1], "w") as usage:
+    usage.write(f"{used.ru_utime + used.ru_stime} {used.ru_maxrss / 1024}")
+sys.exit(code if code >= 0 else 1)
+"""
 STEPS = """
 import sys, time, numpy as np, gymnasium as gym, mtp_bench
 env = gym.make(sys.argv[1], **({"evaluation": True} if sys.argv[2] == "evaluation" else {})).unwrapped
@@ -209,23 +218,18 @@ def spent(row: Row, tree: Path, cache: Path, given: argparse.Namespace) -> Spent
         *(word.format(cache=cache) for word in row.words),
     ]
     start = time.perf_counter()
-    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as error:
-        child = subprocess.Popen(command, cwd=tree, env=environment, stdout=out, stderr=error, text=True)
-        _, status, used = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
+    with tempfile.NamedTemporaryFile("r") as usage:
+        program = [sys.executable, "-ISc", STARTER, usage.name, *command]
+        done = subprocess.run(program, cwd=tree, env=environment, capture_output=True, text=True, check=False)
         wall = time.perf_counter() - start
-        out.seek(0)
-        error.seek(0)
-        text, reason = out.read(), error.read()
-    if child.returncode not in row.codes:
+        text, reason, (cpu, peak) = done.stdout, done.stderr, map(float, usage.read().split())
+    if done.returncode not in row.codes:
         print(
             f"{row.name} in {tree.name}: {reason.strip().splitlines()[-1] if reason.strip() else 'failed'}", flush=True
         )
         return None
     ms = [line.split()[1:] for line in text.splitlines() if line.startswith("MS ")]
-    return Spent(
-        used.ru_utime + used.ru_stime, wall, used.ru_maxrss / 1024, tuple(float(each) for line in ms for each in line)
-    )
+    return Spent(cpu, wall, peak, tuple(float(each) for line in ms for each in line))
 
 
 def ratio_of(row: Row, then: Spent | None, now: Spent | None) -> str:

@@ -55,7 +55,8 @@ class Workers:
             try:
                 import distributed  # noqa: F401
             except ImportError:
-                raise MtpBenchError("a scheduler needs Dask: pip install 'dask[distributed]'") from None
+                advice = "in a clone, `pip install -c constraints.txt '.[dask]'`"
+                raise MtpBenchError(f"a scheduler needs Dask: {advice}") from None
 
 
 NO_PROGRESS = Progress()

@@ -1,10 +1,10 @@
 """The fixed planner of the closed loop: of some speed profiles along the ego's way it drives the best one.
 
-A profile is an acceleration for a second and another one after it. Its risk is a score of contacts of the ego's
-box, grown by a margin, with forecast ones, by the weights of the samples and the confidence of the objects. Early
-contacts count more, and those of a standing ego, which are not its fault, less. A time gap is kept to those who drive ahead; those who
-follow the ego are left out. Risks by all objects are added up, and where none of the profiles keeps clear of somebody
-ahead in the lane, the ego brakes hardest. Risk, progress and comfort are weighed by `PlannerSection`.
+A profile is an acceleration for a second and another one after it. Its risk is a score of contacts of the ego's box,
+grown by a margin, with forecast ones, by the weights of the samples and the confidence of the objects. Early contacts
+count more, and those of a standing ego, which are not its fault, less. A time gap is kept to those who drive ahead;
+those who follow the ego are left out. Risks by all objects are added up, and where none of the profiles keeps clear of
+somebody ahead in the lane, the ego brakes hardest. Risk, progress and comfort are weighed by `PlannerSection`.
 
 The family is that of PDM-Closed (Dauner et al. 2023, "Parting with misconceptions about learning-based vehicle motion
 planning"): proposals along a line, scored by a forecast.
@@ -167,10 +167,7 @@ class Planner:
         return near.nonzero()[0]
 
     def _shares(self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles) -> tuple[Floats, Ints]:
-        """Share of the risk [C, n], in [0, 1], of n objects in profiles with ``stations`` m and ``speeds`` m/s [C, T + 1].
-
-        Returned with the rows [n] of the objects.
-        """
+        """Shares [C, n] in [0, 1] of n objects in the risks of profiles [C, T + 1], and the rows [n] of the objects."""
         if not len(met.step):
             return np.zeros((len(stations), 0)), np.zeros(0, dtype=np.int64)
         times = seen.dt * np.arange(1, stations.shape[1])
