@@ -1,8 +1,7 @@
 """Lines on the error stream about long work: what it does, about how long it takes, and how far it is.
 
-Work that is expected to take over two seconds prints its first line at once, other work after two seconds; the next
-lines follow every ten seconds. On a terminal a line with a bar is updated instead. Nothing is printed in worker
-processes, or with ``MTP_BENCH_QUIET=1``.
+The first line comes after two seconds, or at once if the work is known to take longer, the next ones every ten seconds.
+On a terminal a line with a bar is updated instead. Worker processes print nothing, nor does ``MTP_BENCH_QUIET=1``.
 """
 
 import os

@@ -55,10 +55,7 @@ class Trust:
         return self.folder / "keys" / "revoked_keys"
 
     def check_once(self, check: Callable[[], object], *texts: str) -> None:
-        """Call ``check`` of signed ``texts``, which may raise, unless it passed here before with these keys.
-
-        As ssh does with its files, an earlier pass counts only where no other user can write to it.
-        """
+        """Call ``check`` of signed ``texts``, which may raise, unless a private file says that they passed before."""
         keys = [path.read_bytes() if path.is_file() else b"" for path in (self.keys, self.revoked)]
         content = hashlib.sha256(repr([__version__, *keys, *texts]).encode()).hexdigest()
         passed = cache_root() / "signed" / content
@@ -163,12 +160,11 @@ def _retired(path: Path, promise: Commitment) -> str:
 
 def _is_private(path: Path) -> bool:
     """True for a file or folder, not a link, of this user that no other one may write to."""
-    try:
+    with suppress(OSError):
         found = path.lstat()
-    except OSError:
-        return False
-    owner = getattr(os, "geteuid", lambda: found.st_uid)()
-    return found.st_uid == owner and not found.st_mode & 0o022 and not stat.S_ISLNK(found.st_mode)
+        owner = getattr(os, "geteuid", lambda: found.st_uid)()
+        return found.st_uid == owner and not found.st_mode & 0o022 and not stat.S_ISLNK(found.st_mode)
+    return False
 
 
 def _ssh_keygen(arguments: Sequence[str], message: bytes, seconds: float | None) -> tuple[str, str]:

@@ -58,7 +58,7 @@ class Person:
 
 
 class Crowd:
-    """All people on foot: whoever leaves the map is replaced, so that ``most`` are on it."""
+    """All pedestrians of a map, at most ``most``: new ones come when others have left it."""
 
     def __init__(self, road_map: RoadMap, most: int, rng: np.random.Generator, behaviour: PedestrianBehaviour) -> None:
         self._crossings, self._pavement = road_map.crossings, road_map.pavement
