@@ -120,9 +120,11 @@ def make_reference(
         calls = [(*call, perturbation, part) for call in known for part in parts]
         counts = parallel_map(_perturbed_runs, calls, options.workers, lambda i: progress.done(scenes[i // len(parts)]))
     weights = {}
-    for i, (name, (_, *scene_fields)) in enumerate(zip(scenes, plain, strict=True)):
+    for i, (name, run) in enumerate(zip(scenes, plain, strict=True)):
         total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(axis=0, dtype=np.uint8)
-        weights[scene_key(card.id, name)] = SceneWeights(total, *scene_fields)
+        weights[scene_key(card.id, name)] = SceneWeights(
+            total, run.stp, run.stp_events, run.false_forecasts, run.forecasts
+        )
     parameters = perturbation.parameters(card.task.classes, seeds)
     return Reference(card.id, card.digest, DEFINITIONS, submission.name, len(seeds), parameters, weights)
 
