@@ -228,10 +228,7 @@ def _clusters_of(
     points: Floats, rows: Ints, weight: Floats, uniform: Floats, iterations: int, basis: Floats, centre: Floats,
     share: Floats,
 ) -> None:  # fmt: skip
-    """Write centres [k, d] and shares [k] of the points in ``rows`` [n], weighted [n].
-
-    ``basis``: [3, T], or [3, 0] for points that are not paths.
-    """
+    """Write centres [k, d] and shares [k] of the points in ``rows`` [n], weighted [n]; ``basis``: [3, T] or [3, 0]."""
     origin = points[rows[0]]
     motion = np.zeros((len(rows), 2 * _DEGREES))
     if basis.shape[1] and _motions(points, rows, basis, motion):

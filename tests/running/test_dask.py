@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mtp_bench import parallel as _cluster
+from mtp_bench._version import __version__
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.gateway import run_isolated_scenes
@@ -123,7 +124,7 @@ def test_a_worker_that_imports_from_its_folder_is_refused_at_the_start_and_later
     with pytest.raises(MtpBenchError, match=r"127\.0\.0\.1:9 imports modules .* PYTHONSAFEPATH=1"):
         _cluster._require_workers(UnsafeClient(), "tcp://127.0.0.1:8")
     with pytest.raises(MtpBenchError, match=r"a worker on .* imports modules"):
-        _cluster._indexed_on_worker((0, abs, (-1,)), _cluster.__version__)
+        _cluster._indexed_on_worker((0, abs, (-1,)), __version__)
     with pytest.raises(MtpBenchError, match=r"expected 9\.9 as here"):
         _cluster._indexed_on_worker((0, abs, (-1,)), "9.9")
 

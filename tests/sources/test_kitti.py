@@ -298,7 +298,7 @@ def test_status_lists_what_is_missing_and_what_is_wrong(root: Path, own_cache: P
     counts = [read_status(kitti_card(), root).counts for _ in range(2)]
     assert counts[0] == counts[1] != {}, "kept until a file changes"
     for content in ("[]", json.dumps({"counts": counts[0]})):
-        for kept in (own_cache / "counts").iterdir():
+        for kept in (own_cache.parent / "counts").iterdir():
             kept.write_text(content)
         assert read_status(kitti_card(), root).counts == counts[0], "counted again where the cache is wrong"
     write(root / LABELS, "0 1 Car")

@@ -44,10 +44,7 @@ def folder_of(function: FunctionType, signature: str) -> Path:
 
 
 def _sources(function: FunctionType) -> set[str]:
-    """Digests of the files, and values of the constants, that the code of a function depends on.
-
-    Raises TypeError for a global of another kind, such as an array, whose value would not be part of them.
-    """
+    """Digests of the files, and values of the constants, that a function depends on; TypeError for other globals."""
     sources = {_sum_of(Path(function.__code__.co_filename))}
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
