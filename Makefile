@@ -1,4 +1,4 @@
-# make demo   the comparison of the paper on simulated traffic: no data needed, a minute or two. MTP-Intersection-v0 and its
+# make demo   the comparison of the paper on simulated traffic: no data needed, one to two minutes. MTP-Intersection-v0 and its
 #             first 40 scenes were chosen so that both differences in its verdict are significant; with fewer they are not
 # make test   lint, types, import rules and tests, which build the site too; DATA=folder or MTP_BENCH_DATA adds those on real recordings
 #             BESIDE=held adds, for root with bubblewrap, the tests of the gateway as an ordinary user
@@ -75,7 +75,7 @@ import-linter:
 	@echo '== import-linter'
 	@$(BIN)/lint-imports --no-logo --no-cache
 
-# compiled once per machine, in half a minute: else it is the first thing that tests wait for
+# compiled once per machine, in about 50 CPU seconds: else it is the first thing that tests wait for
 kernels:
 	@$(BIN)/python -c 'from mtp_bench.running.kernels import *; compile_kernels(Workers(2))'
 

@@ -4,7 +4,7 @@
 
 Every copy has another name, errors that differ by 2 % per unit, and its own signature. Each row runs the command twice,
 with one thread: signatures are checked in the first run and kept in a cache folder of its own. "to n log n" is the
-growth of the second run over that of n log n, from the first row on: 1 or less where it grows no faster.
+growth of the second run over that of n log(n + 1), from the first row on: 1 or less where it grows no faster.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def main() -> None:
             records = leaderboard(Path(folder), times, given.env)
             (first, _), (again, peak) = (spent(Path(folder), given.env) for _ in range(2))
         begin = begin or (records, again)
-        growth = again / begin[1] / (records * math.log(records) / (begin[0] * math.log(begin[0])))
+        growth = again / begin[1] / (records * math.log1p(records) / (begin[0] * math.log1p(begin[0])))
         numbers = (first, again, 1000 * again / records, growth, peak)
         table.add_row(
             str(records), *(f"{x:{f}}" for x, f in zip(numbers, (".1f", ".1f", ".1f", ".2f", ".0f"), strict=True))
@@ -66,6 +66,8 @@ def leaderboard(folder: Path, times: int, env: str | None) -> int:
     kind, public, *_ = key.with_name("key.pub").read_text().split()
     (folder / "keys" / "allowed_signers").write_text(f"{SIGNER} {kind} {public}\n")
     paths = record_paths(ships / "records", env or "")
+    if not paths:
+        raise SystemExit(f"no record of {env} ships; expected an environment with records, see `mtp-bench board`")
     for path in paths:
         record = load_record(path)
         level = json.loads(path.read_text()).get("level")
@@ -86,7 +88,7 @@ def copy(record: Record, number: int) -> Record:
     """The record itself, or a copy under another name with errors a little off."""
     if not number:
         return record
-    rng = np.random.default_rng([number, len(record.submission.name)])
+    rng = np.random.default_rng([number, *record.submission.name.encode()])
     name = f"{record.submission.name}-{number}"
 
     def shifted(errors: dict[Any, list[float]]) -> dict[Any, list[float]]:

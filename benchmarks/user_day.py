@@ -3,10 +3,15 @@
     python benchmarks/user_day.py [--against COMMIT] [--rows board,step] [--data DIR] [--trainval DIR] [--json FILE]
 
 Every row is a process of its own, with a cache folder of its own that is empty in rows called "cold". A row counts the
-processor's seconds of the process and of those that it started, its wall time and its largest process. With
-``--against`` the row runs in a copy of that commit, too, one right after the other, with the same interpreter and the
-same packages, and those in a folder of ``PYTHONPATH``. Rows in ms are counted inside their process, without start and
-compilation; the others are whole commands. A row that the other commit does not have is blank there.
+CPU seconds, user and system, of the process and of those that it started, its wall time, and the peak resident memory
+of the largest of these processes. With ``--against`` the row runs in a copy of that commit, too, one right after the
+other, with the same interpreter and the same packages, and those in a folder of ``PYTHONPATH``. A row that fails there,
+because that commit lacks what it needs, is blank.
+
+Rows in ms are CPU time, counted inside their process without start and compilation; the others are whole commands.
+Steps and resets: means over whole scenes, one that the environment chooses and then the first of the split again and
+again, until 200 steps are made. "A frame": mean time of an agent's ``act`` over the first scene of the split, the
+least of three plays after one that is not counted.
 """
 
 from __future__ import annotations
@@ -18,7 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -27,6 +32,15 @@ from rich.table import Table
 HERE = Path(__file__).parents[1]
 NOISY = "MTP-Intersection-v0"
 
+# A small process: the peak of a child is at least the memory of the process that starts it.
+STARTER = """
+import os, resource, sys
+code = os.spawnv(os.P_WAIT, sys.argv[2], sys.argv[2:])
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+with open(sys.argv[1], "w") as usage:
+    usage.write(f"{used.ru_utime + used.ru_stime} {used.ru_maxrss / 1024}")
+sys.exit(code if code >= 0 else 1)
+"""
 STEPS = """
 import sys, time, numpy as np, gymnasium as gym, mtp_bench
 env = gym.make(sys.argv[1], **({"evaluation": True} if sys.argv[2] == "evaluation" else {})).unwrapped
@@ -82,10 +96,14 @@ print("MS", min(play() for _ in range(3)))
 KERNELS = """
 try:
     from mtp_bench.running.kernels import compile_kernels
-    from mtp_bench.parallel import Workers
-    compile_kernels(Workers(2))
-except ImportError:
+    given = 2
+except ImportError:  # of a commit in which the gateway had them
     from mtp_bench.gateway.layout import compile_kernels
+    given = 0
+if given:
+    from mtp_bench.parallel import Workers
+    compile_kernels(Workers(given))
+else:
     compile_kernels()
 """
 FRESH = """
@@ -104,7 +122,7 @@ from mtp_bench.wrappers import AssociationOnly
 torch.set_num_threads(1)
 env = gym.make(sys.argv[1], split="train", scenes=mtp_bench.MTPEnv(sys.argv[1], split="train").scene_names[:4])
 sizes = {"n_steps": 256, "batch_size": 256, "policy_kwargs": {"net_arch": [32]}}
-same = {"relative": False} if "relative" in inspect.signature(AssociationOnly).parameters else {}  # not so in 0.2
+same = {"relative": False} if "relative" in inspect.signature(AssociationOnly).parameters else {}  # 4c9bd60a lacks it
 env = AssociationOnly(env, detections=16, choices=1, **same)
 agent = sb3.PPO("MlpPolicy", env, seed=0, device="cpu", **sizes)
 agent.learn(256)
@@ -119,7 +137,7 @@ class Row:
     """A row: Python code with arguments, or words of the command line."""
 
     name: str
-    reach: str  # what is to be reached, in the row's unit
+    aim: str  # in the row's unit
     words: tuple[str, ...]
     code: str = ""
     cold: bool = False  # in an empty cache; else the row ran before, uncounted
@@ -127,27 +145,29 @@ class Row:
     codes: tuple[int, ...] = (0,)  # exit codes of success
     warmed: str = ""  # the cold row whose cache it goes on with
     before: tuple[str, ...] = ()  # words of the command that is run first, uncounted, in place of the row itself
+    has_ratio: bool = True  # False: both commits do not do the same
 
 
 COMPARE = ("compare", "stp", "mtp", "--env", NOISY, "--scenes", "10", "--jobs", "2")
 ROWS = {
-    "help": Row("mtp-bench --help", ".5 s", ("--help",)),
-    "import": Row("import mtp_bench", ".5 s", (), "import mtp_bench"),
+    "help": Row("mtp-bench --help", "0.5 s", ("--help",)),
+    "import": Row("import mtp_bench", "0.5 s", (), "import mtp_bench"),
     "compare-cold": Row("compare, cold", "150 s", COMPARE, cold=True),
     "compare": Row("compare, warm", "60 s", COMPARE, warmed="compare-cold"),
     "board": Row("board", "6 s", ("board",)),
     "board-env": Row("board of an environment", "2 s", ("board", "--env", NOISY)),
     "open-cold": Row("first open, nuScenes trainval", "5 s", ("MTP-nuScenes-v0",), OPENED, cold=True, trainval=True),
-    "open": Row("open again", ".34 s", ("MTP-nuScenes-v0",), OPENED, trainval=True, warmed="open-cold"),
+    "open": Row("open again", "0.34 s", ("MTP-nuScenes-v0",), OPENED, trainval=True, warmed="open-cold"),
     "step": Row("step and reset, Intersection", "1.0, 10 ms", (NOISY, "play"), STEPS),
-    "step-evaluation": Row("step in an evaluation, Intersection", ".4 ms", (NOISY, "evaluation"), STEPS),
+    "step-evaluation": Row("step and reset in an evaluation, Intersection", "0.4, – ms", (NOISY, "evaluation"), STEPS),
     "step-mini": Row("step and reset, nuScenes mini", "1.0, 5 ms", ("MTP-nuScenes-mini-v0", "play"), STEPS),
-    "training": Row("step of PPO (SB3), Roundabout", "-", ("MTP-Roundabout-v0",), TRAINING),
+    "training": Row("step of PPO (SB3), Roundabout", "–", ("MTP-Roundabout-v0",), TRAINING),
     "mtp": Row("mtp a frame, Intersection", "1.5 ms", (NOISY, "mtp"), AGENT),
     "mtp-kitti": Row("mtp a frame, KITTI", "1.5 ms", ("MTP-KITTI-v0", "mtp"), AGENT),
     "mtp-mini": Row("mtp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "mtp"), AGENT),
     "stp-mini": Row("stp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "stp"), AGENT),
-    "kernels": Row("kernels, once per machine", "30 s", (), KERNELS, cold=True),
+    # 4c9bd60a compiles 13 of the 15 kernels here, the others when they are first used
+    "kernels": Row("kernels, once per machine", "30 s", (), KERNELS, cold=True, has_ratio=False),
     "fresh": Row("fresh simulated scene, Intersection", "700 ms", (NOISY,), FRESH, cold=True),
     "score": Row(
         "score mtp on nuScenes val",
@@ -198,88 +218,105 @@ def spent(row: Row, tree: Path, cache: Path, given: argparse.Namespace) -> Spent
         *(word.format(cache=cache) for word in row.words),
     ]
     start = time.perf_counter()
-    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as error:
-        child = subprocess.Popen(command, cwd=tree, env=environment, stdout=out, stderr=error, text=True)
-        _, status, used = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
+    with tempfile.NamedTemporaryFile("r") as usage:
+        program = [sys.executable, "-ISc", STARTER, usage.name, *command]
+        done = subprocess.run(program, cwd=tree, env=environment, capture_output=True, text=True, check=False)
         wall = time.perf_counter() - start
-        out.seek(0)
-        error.seek(0)
-        text, reason = out.read(), error.read()
-    if child.returncode not in row.codes:
+        text, reason, (cpu, peak) = done.stdout, done.stderr, map(float, usage.read().split())
+    if done.returncode not in row.codes:
         print(
             f"{row.name} in {tree.name}: {reason.strip().splitlines()[-1] if reason.strip() else 'failed'}", flush=True
         )
         return None
     ms = [line.split()[1:] for line in text.splitlines() if line.startswith("MS ")]
-    return Spent(
-        used.ru_utime + used.ru_stime, wall, used.ru_maxrss / 1024, tuple(float(each) for line in ms for each in line)
-    )
+    return Spent(cpu, wall, peak, tuple(float(each) for line in ms for each in line))
 
 
-def measured(key: str, tree: Path, caches: Path, given: argparse.Namespace) -> Spent | None:
-    """A row, after a run that is not counted unless it is cold, or goes on with the cache of a cold one."""
-    row = ROWS[key]
-    own = caches / tree.name / (key if row.cold else row.warmed or "warm")
-    first = replace(row, words=row.before) if row.before else row
-    if not row.cold and not (row.warmed and own.is_dir()) and spent(first, tree, own, given) is None:
-        return None
-    return spent(row, tree, own, given)
+def ratio_of(row: Row, then: Spent | None, now: Spent | None) -> str:
+    """Cell of how many times longer the other commit took; empty where that says nothing."""
+    return now.ratio(then) if now and then and row.has_ratio else ""
+
+
+@dataclass
+class Tree:
+    """A copy of the project, its caches, and the cold rows that were finished there."""
+
+    path: Path
+    caches: Path
+    finished: set[str] = field(default_factory=set)
+
+    def measure(self, key: str, given: argparse.Namespace) -> Spent | None:
+        """A row; one that is neither cold nor goes on with a finished cold row is run before, uncounted."""
+        row = ROWS[key]
+        own = self.caches / (key if row.cold else row.warmed or "warm")
+        first = replace(row, words=row.before) if row.before else row
+        is_ready = row.cold or row.warmed in self.finished
+        if not is_ready and spent(first, self.path, own, given) is None:
+            return None
+        found = spent(row, self.path, own, given)
+        self.finished |= {key} if found else set()
+        return found
 
 
 def copy_of(commit: str, folder: Path) -> Path:
-    """The files of a commit in a folder of their own."""
-    tree = folder / commit
+    """The files of a commit in a new folder."""
+    tree = folder / "against"
     tree.mkdir()
     packed = subprocess.run(["git", "archive", commit], cwd=HERE, check=True, capture_output=True).stdout
     subprocess.run(["tar", "x"], cwd=tree, input=packed, check=True)
     return tree
 
 
+def heads(against: str) -> tuple[str, ...]:
+    """Heads of the columns behind the name of a row; ``against``: of the other commit, empty without one."""
+    return ("aim", against, "now", "ratio") if against else ("aim", "now")
+
+
 def markdown(found: dict[str, tuple[Spent | None, Spent | None]], against: str) -> str:
-    """The rows as a table of Markdown: reach, the other commit, now, ratio, and the largest process now."""
-    lines = [f"| what | to reach | {against} | now | ratio | memory now, MiB |", "|---|--:|--:|--:|--:|--:|"]
+    """The rows as a table of Markdown, as docs/project/speed.md has it."""
+    columns = ["what", *heads(against), "memory now, MiB"]
+    lines = ["| " + " | ".join(columns) + " |", "|---" + "|--:" * (len(columns) - 1) + "|"]
     for key, (then, now) in found.items():
-        row, ratio = ROWS[key], now.ratio(then) if now and then else ""
-        both = (each.brief if each else "" for each in (then, now))
-        lines.append("| " + " | ".join([row.name, row.reach, *both, ratio, f"{now.peak:.0f}" if now else ""]) + " |")
+        row, cells = ROWS[key], [each.brief if each else "" for each in (then, now)]
+        cells = [*cells, ratio_of(row, then, now)] if against else cells[1:]
+        lines.append("| " + " | ".join([row.name, row.aim, *cells, f"{now.peak:.0f}" if now else ""]) + " |")
     return "\n".join(lines) + "\n"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--against", metavar="COMMIT")
+    parser.add_argument("--against", metavar="COMMIT", default="")
+    parser.add_argument("--label", help="head of the column of COMMIT; its name if left out")
     parser.add_argument("--rows", default=",".join(ROWS), help=f"of {', '.join(ROWS)}")
-    parser.add_argument("--data", type=Path, default=os.environ.get("MTP_BENCH_DATA", HERE.parent / "shared/data"))
-    parser.add_argument("--trainval", type=Path, default=HERE.parent / "shared/nuscenes_trainval")
+    parser.add_argument("--data", type=Path, default=os.environ.get("MTP_BENCH_DATA"), help="else MTP_BENCH_DATA")
+    parser.add_argument("--trainval", type=Path, help="folder with nuScenes trainval; that of --data if left out")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", type=Path, help="file for the table of docs/project/speed.md")
     given = parser.parse_args()
+    if given.data is None:
+        parser.error("name the folder of the recordings: --data DIR, or MTP_BENCH_DATA")
+    if unknown := set(given.rows.split(",")) - set(ROWS):
+        parser.error(f"--rows: got {', '.join(sorted(unknown))}, expected some of {', '.join(ROWS)}")
+    given.trainval, label = given.trainval or given.data, given.label or given.against
     table = Table(title=f"What a user waits for, {os.cpu_count()} cores")
-    for head in (
-        "",
-        "to reach",
-        *([given.against] if given.against else []),
-        "now",
-        *(["ratio"] * bool(given.against)),
-    ):
+    for head in ("", *heads(label)):
         table.add_column(head, justify="left" if not head else "right")
     found: dict[str, tuple[Spent | None, Spent | None]] = {}
     with tempfile.TemporaryDirectory() as folder:
         caches = Path(folder) / "caches"
-        old = copy_of(given.against, Path(folder)) if given.against else None
+        old = Tree(copy_of(given.against, Path(folder)), caches / "against") if given.against else None
+        new = Tree(HERE, caches / "now")
         for key in given.rows.split(","):
             row = ROWS[key]
-            then = measured(key, old, caches, given) if old else None
-            now = measured(key, HERE, caches, given)
-            ratio = now.ratio(then) if now and then else ""
-            cells = [then.shown if then else "", now.shown if now else "failed", ratio]
-            table.add_row(row.name, row.reach, *(cells if old else cells[1:2]))
+            then = old.measure(key, given) if old else None
+            now = new.measure(key, given)
+            cells = [then.shown if then else "", now.shown if now else "failed", ratio_of(row, then, now)]
+            table.add_row(row.name, row.aim, *(cells if old else cells[1:2]))
             print(row.name, *cells, sep=" | ", flush=True)
             found[key] = then, now
     Console(width=150).print(table)
     if given.markdown:
-        given.markdown.write_text(markdown(found, str(given.against)), encoding="utf-8")
+        given.markdown.write_text(markdown(found, label), encoding="utf-8")
     if given.json:
         rows = {key: {"then": then and asdict(then), "now": now and asdict(now)} for key, (then, now) in found.items()}
         given.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")

@@ -8,7 +8,6 @@ import os
 import secrets
 import shutil
 import stat
-import sys
 import tempfile
 import unicodedata
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import BinaryIO
 from urllib.parse import quote
 
+from . import notice
 from .errors import MtpBenchError
 
 CACHE = "MTP_BENCH_CACHE"  # environment variable
@@ -218,14 +218,14 @@ def cache_root() -> Path:
 
 
 def remove_damaged(path: Path) -> None:
-    """Delete the file or folder ``path`` of the cache, if there is one, and say on stderr that it is made anew."""
+    """Delete the file or folder ``path`` of the cache, if there is one, and tell the user that it is made anew."""
     if not os.path.lexists(path):
         return
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
         path.unlink()
-    print(f"mtp_bench: {path} was damaged and is made anew", file=sys.stderr, flush=True)
+    notice.say(f"{path} was damaged and is made anew")
 
 
 def file_stem(name: str) -> str:

@@ -1,7 +1,7 @@
 """Lines on the error stream about long work: what it does, about how long it takes, and how far it is.
 
-Work that is known to take over two seconds speaks at once, other work after two seconds, both every ten seconds; on a
-terminal a line with a bar is kept up to date instead. Worker processes are silent, and all with ``MTP_BENCH_QUIET=1``.
+The first line comes after two seconds, or at once if the work is known to take longer, the next ones every ten seconds.
+On a terminal a line with a bar is updated instead. Worker processes print nothing, nor does ``MTP_BENCH_QUIET=1``.
 """
 
 import os
@@ -16,9 +16,10 @@ QUIET = "MTP_BENCH_QUIET"  # environment variable
 SILENT_SECONDS = 2.0  # of work that may be short
 LINE_SECONDS = 10.0  # between lines
 BAR_SECONDS = 0.25  # between two states of the bar
-_KEPT_SECONDS = 0.005  # an item that takes less was finished before: it tells nothing of the others
+_KEPT_SECONDS = 0.005  # an item that takes less was kept from before: its time is not that of the others
 
 _jobs: list["Notice"] = []  # unfinished ones of this process, the innermost last
+_watchers: list[threading.Thread] = []  # at most one, as long as there are jobs
 _told: set[str] = set()
 _lock = threading.RLock()  # of the jobs and of the error stream
 
@@ -28,6 +29,7 @@ def _forked() -> None:
     global _lock  # noqa: PLW0603
     _lock = threading.RLock()
     _jobs.clear()
+    _watchers.clear()
 
 
 if hasattr(os, "register_at_fork"):
@@ -56,11 +58,11 @@ class Notice:
             self._count, self._name = self._count + count, name
             if now - self._since < _KEPT_SECONDS:
                 self._kept, self._since = self._count, now
-            elif self._count == self._kept + count:  # soon say how long it takes
+            elif self._count == self._kept + count:  # the first item with a time: print the estimate soon
                 self.next = min(self.next, now + SILENT_SECONDS)
 
     def speak(self, now: float) -> None:
-        """Write the line of the time ``now`` if it is due."""
+        """Print a line if one is due at the time ``now``, in seconds of `time.monotonic`."""
         if now >= self.next:
             parts = ", ".join(filter(None, self._parts(now)))
             line = "".join(letter if letter.isprintable() else "?" for letter in parts)
@@ -91,7 +93,7 @@ class Notice:
 
 
 def say(text: str) -> None:
-    """Tell the user once per process."""
+    """Print a line, once per process; nothing where lines of work are not printed either."""
     if text not in _told and not _silent():
         _told.add(text)
         _write(f"mtp_bench: {text}\n")
@@ -105,9 +107,9 @@ def _silent() -> bool:
 
 @contextmanager
 def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice]:
-    """Tell the user of work while it lasts; one without ``text`` is silent, such as waiting for the user.
+    """Print lines about work while it lasts; without ``text`` none, as while waiting for the user.
 
-    ``seconds``: about how long it takes; 0: not known yet. ``around``: other work inside it speaks for it.
+    ``seconds``: about how long it takes; 0: not known yet. ``around``: lines of work inside it stand for its own.
     """
     job = Notice(text, seconds, around)
     if _silent():
@@ -116,8 +118,9 @@ def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice
     with _lock:
         job.next = min([job.next, *(outer.next for outer in _jobs[-1:] if outer.around and not outer.has_spoken)])
         _jobs.append(job)
-        if len(_jobs) == 1:
-            threading.Thread(target=_watch, args=(job,), daemon=True).start()
+        if not _watchers:
+            _watchers.append(threading.Thread(target=_watch, daemon=True))
+            _watchers[0].start()
         _speak()
     try:
         yield job
@@ -130,15 +133,19 @@ def work(text: str, seconds: float = 0, around: bool = False) -> Iterator[Notice
                     outer.next = max(outer.next, time.monotonic() + SILENT_SECONDS)
 
 
-def _watch(outermost: Notice) -> None:
-    while outermost in _jobs:
+def _watch() -> None:
+    """Print lines until all jobs of this process are finished, those of other threads too."""
+    while True:
         with _lock:
+            if not _jobs:
+                _watchers.clear()
+                return
             _speak()
         time.sleep(BAR_SECONDS)
 
 
 def _speak() -> None:
-    """Let the innermost work speak that is due or has spoken before; work without text keeps all around it silent."""
+    """Print the line of the innermost job that is due or has printed before; a job without text silences outer ones."""
     now = time.monotonic()
     due = [job for job in _jobs if not job.text or job.has_spoken or now >= job.next]
     if due and due[-1].text:
@@ -152,7 +159,7 @@ def _write(text: str) -> None:
 
 
 def _over(line: str) -> str:
-    """The line in place of the one before on the terminal."""
+    """The line with what replaces the previous one on the terminal."""
     width = shutil.get_terminal_size().columns - 1
     return f"\r{line[:width].ljust(width)}"
 

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,7 @@ Done = Callable[[str], object]  # called with the name of every finished item
 _CONNECT_SECONDS = 10  # wait for the scheduler
 _WORKER_SECONDS = 30  # wait for its first worker: workers that died may be restarting
 _SAFE_PATH = "PYTHONSAFEPATH"  # where set, Python does not import from the current folder
-_one_at_a_time = threading.Lock()  # one call per worker process: agents need not be thread-safe
+_one_at_a_time = threading.Lock()  # calls in one process: agents need not be thread-safe
 
 
 def _ignore(_: object) -> None:
@@ -54,7 +55,8 @@ class Workers:
             try:
                 import distributed  # noqa: F401
             except ImportError:
-                raise MtpBenchError("a scheduler needs Dask: pip install 'dask[distributed]'") from None
+                advice = "in a clone, `pip install -c constraints.txt '.[dask]'`"
+                raise MtpBenchError(f"a scheduler needs Dask: {advice}") from None
 
 
 NO_PROGRESS = Progress()
@@ -92,18 +94,18 @@ def parallel_map(
 
 
 def unordered_map(
-    function: Callable[..., Any], calls: Calls, workers: Workers = SERIAL, forked: bool = False
+    function: Callable[..., Any], calls: Calls, workers: Workers = SERIAL, own_process: bool = False
 ) -> Iterator[tuple[int, Any]]:
     """Index and result of every call of `parallel_map`, in the order of completion.
 
-    ``forked``: a single call gets a process of its own too. Raises WorkerDiedError if a process of this machine died,
-    MtpBenchError if its result or exception cannot be pickled, for a scheduler that does not answer or has no workers
-    of this version, and for a call that killed several workers.
+    ``own_process``: with several workers, a single call gets a process of its own too. Raises WorkerDiedError if a
+    process of this machine died, MtpBenchError if a result or exception cannot be pickled, for a scheduler that does
+    not answer, has no workers or one of another version, and for a call that ended several workers.
     """
     indexed = [(index, function, call) for index, call in enumerate(calls)]
     if workers.scheduler is not None:
         yield from _on_cluster(indexed, workers.scheduler)
-    elif workers.count == 1 or len(calls) < 2 - forked:
+    elif workers.count == 1 or len(calls) < 2 - own_process:
         yield from (_indexed(*call) for call in indexed)
     else:
         from concurrent.futures.process import BrokenProcessPool
@@ -111,10 +113,10 @@ def unordered_map(
         from joblib import Parallel, delayed
         from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-        count = min(workers.count, max(2, len(calls)))  # joblib makes no process for one
+        count = min(workers.count, max(2, len(calls)))  # with n_jobs=1 joblib would use this process
         parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
         try:
-            with _safe_path():
+            with _safe_path():  # until the last result: joblib may replace a worker at any time
                 yield from parallel(delayed(_indexed)(*call) for call in indexed)
         except TerminatedWorkerError:
             died = f"one of {count} processes died, most likely because memory ran out"
@@ -132,7 +134,7 @@ def _indexed(index: int, function: Callable[..., Any], call: tuple[Any, ...]) ->
 
 @contextmanager
 def _safe_path() -> Iterator[None]:
-    """Keep processes that are started meanwhile from importing modules of the current folder."""
+    """Let processes that start inside the block import no modules of the current folder."""
     before = os.environ.get(_SAFE_PATH)
     os.environ[_SAFE_PATH] = "1"
     try:
@@ -143,7 +145,7 @@ def _safe_path() -> Iterator[None]:
 
 
 def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:
-    """Results of `_indexed` for every call, as they come, from the workers of the scheduler at this address.
+    """Index and result of every call, in the order of completion, from the workers of the scheduler at this address.
 
     Paths in the arguments must be the same on every worker. The calls of a worker that dies are made again by another.
     """
@@ -152,7 +154,7 @@ def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[An
     client = _connect(scheduler)
     try:
         _require_workers(client, scheduler)
-        futures = client.map(_alone, calls, pure=False)
+        futures = client.map(_indexed_on_worker, calls, version=__version__, pure=False)
         untyped: Any = distributed
         try:
             for _, result in untyped.as_completed(futures, loop=client.loop, with_results=True):
@@ -187,20 +189,24 @@ def _require_workers(client: Any, scheduler: str) -> None:
     except TimeoutError:
         advice = f"start some with `dask worker {scheduler}`"
         raise MtpBenchError(f"the Dask scheduler at {scheduler} has no workers: {advice}") from None
-    states = client.run(_state, on_error="ignore")  # a worker may end just now
-    for worker, (version, safe) in states.items():
-        if version != __version__:
-            raise MtpBenchError(f"worker {worker} has mtp-bench {version}, expected {__version__} as here: install it")
-        if not safe:
-            got = f"worker {worker} imports modules of the folder in which it was started"
-            raise MtpBenchError(f"{got}: start it again with {_SAFE_PATH}=1 in its environment")
+    for worker, problem in client.run(_worker_problem, __version__, on_error="ignore").items():  # one may end just now
+        if problem:
+            raise MtpBenchError(f"worker {worker} {problem}")
 
 
-def _state() -> tuple[str, bool]:
-    """Version of the library, and True if no module of the current folder is imported."""
-    return __version__, sys.flags.safe_path
+def _worker_problem(version: str) -> str:
+    """Reason why this process cannot be a worker of a ``version`` of the library; empty if it can."""
+    if __version__ != version:
+        return f"has mtp-bench {__version__}, expected {version} as here: install it"
+    if not sys.flags.safe_path:
+        advice = f"start it again with {_SAFE_PATH}=1 in its environment"
+        return f"imports modules of the folder in which it was started: {advice}"
+    return ""
 
 
-def _alone(call: tuple[Any, ...]) -> Any:
+def _indexed_on_worker(call: tuple[Any, ...], version: str) -> Any:
+    """Index and result of a call; raises MtpBenchError on a worker that joined later and has a problem."""
+    if problem := _worker_problem(version):
+        raise MtpBenchError(f"a worker on {socket.gethostname()} {problem}")
     with _one_at_a_time:
         return _indexed(*call)

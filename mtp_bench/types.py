@@ -161,7 +161,7 @@ class Drive:
     phantom_brakes: int  # times that the ego braked by more than 3 m/s2 with nobody on its way within 30 m
     comfortable: bool  # within nuPlan's bounds
     acceleration: Floats  # [N] m/s2
-    risk: Floats  # [F] chance of a contact along the profile that was driven, by the forecasts
+    risk: Floats  # [F] severity-weighted contact score in [0, 1] of the profile that was driven, by the forecasts
     cause: Ints  # [F] forecast object, a row of the frame, that most keeps the ego from driving freely; -1: none does
     plan: Floats  # [F, T + 1, 2] m, places along the profile of each decision, from that of the decision on
     hit: int  # number of the road user that the ego met; -1: none

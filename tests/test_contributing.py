@@ -59,6 +59,16 @@ def write_walks(folder: Path) -> None:
         (folder / f"walk{scene}.csv").write_text("".join(f"{t},{i},{x:.3f},{y:.3f}\n" for t, i, x, y in rows))
 
 
+def test_names_of_the_tables_are_in_their_files(repository: Path) -> None:
+    page = (repository / "CONTRIBUTING.md").read_text()
+    rows = re.findall(r"^\| `([A-Za-z_.]+)(?:\(\.\.\.\))?` \| `(\S+\.py)` \|", page, flags=re.MULTILINE)
+    assert len(rows) > 12
+    for name, file in rows:
+        text = (repository / "mtp_bench" / file).read_text()
+        for part in name.split("."):
+            assert re.search(rf"\b(class|def) {part}\b|^    {part}: ", text, re.MULTILINE), (name, file)
+
+
 def test_each_addition_touches_few_files(followed: tuple[Path, set[str], set[str]]) -> None:
     _, new, changed = followed
     sampler = {name for name in new if "strided" in name}

@@ -52,6 +52,16 @@ def test_short_work_and_workers_are_silent(capfd: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.usefixtures("fast")
+def test_of_two_jobs_in_threads_the_later_one_goes_on_speaking(capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = notice.work("first"), notice.work("second")
+    first.__enter__()
+    with second:
+        first.__exit__(None, None, None)
+        time.sleep(0.3)
+    assert len([line for line in capsys.readouterr().err.splitlines() if "second" in line]) > 1
+
+
+@pytest.mark.usefixtures("fast")
 @pytest.mark.parametrize("stream", ["closed", "missing"])
 def test_an_error_stream_that_cannot_be_written_to_stops_nothing(monkeypatch: pytest.MonkeyPatch, stream: str) -> None:
     closed = io.StringIO()

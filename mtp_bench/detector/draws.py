@@ -45,9 +45,21 @@ class NoiseKind(IntEnum):
     TAIL = 15
 
 
-# Boxes that noise is drawn for: objects, false positives near them, free false positives.
-NoiseSubject = IntEnum("NoiseSubject", "OBJECTS NEAR FREE", start=0)
-Component = IntEnum("Component", "BIAS PUSH WHITE OTHER", start=0)  # index of a draw within its noise kind
+class NoiseSubject(IntEnum):
+    """Boxes that noise is drawn for. The values are part of every hash, as those of `NoiseKind`."""
+
+    OBJECTS = 0
+    NEAR = 1  # false positives near objects
+    FREE = 2  # other false positives
+
+
+class Component(IntEnum):
+    """Draws within a kind of noise. The values are part of every hash, as those of `NoiseKind`."""
+
+    BIAS = 0
+    PUSH = 1
+    WHITE = 2
+    OTHER = 3
 
 
 @dataclass(frozen=True)
@@ -85,7 +97,7 @@ class Draws:
 
 
 def parts(component: int, *kinds: NoiseKind) -> tuple[int, ...]:
-    """Numbers of a component of several kinds of noise, which can be drawn at once."""
+    """Numbers of a component of several kinds of noise, which can be drawn at once; they enter the hash."""
     return tuple([64 * int(kind) + int(component) + 1 for kind in kinds])
 
 

@@ -29,15 +29,23 @@ class OpenScene:
 
 
 def simulate(
-    truth: Truth, ego: Floats, classes: Sequence[str], profile: Profile, sensor: Sensor, seed: int, dt: float,
-    visibility: Visibility | None = None, going_on: OpenScene | None = None,
-) -> Detections:  # fmt: skip
+    truth: Truth,
+    ego: Floats,
+    classes: Sequence[str],
+    profile: Profile,
+    sensor: Sensor,
+    seed: int,
+    dt: float,
+    visibility: Visibility | None = None,
+    going_on: OpenScene | None = None,
+) -> Detections:
     """Simulate the detections of a scene; equal arguments give equal detections.
 
-    ``truth``: true boxes with the neutral ones, ``class_id`` an index into ``classes``; ``ego``: ``[F, 4]`` x y z yaw
-    of the sensor, in the frame of the truth; ``seed``: not negative; ``dt``: s between frames, by which the memory of
-    the profile decays; ``visibility``: `visibility_of` the truth, if known; ``going_on``: of a closed loop. Rows of a
-    frame are sorted by descending score, then by x. Raises UnknownNameError for a class that the profile does not have.
+    ``truth``: true boxes with the neutral ones, ``class_id`` an index into ``classes``; ``ego`` ``[F, 4]``: x y z (m)
+    and yaw (rad) of the sensor, in the frame of the truth; ``seed``: not negative; ``dt``: s between frames, by which
+    the memory of the profile decays; ``visibility``: `visibility_of` the truth, if known; ``going_on``: of a closed
+    loop. Rows of a frame are sorted by descending score, then by x. Raises ShapeError for another shape of ``ego``, and
+    UnknownNameError for a class that the profile does not have.
     """
     require_shape("ego", ego, (truth.frames, 4))
     visibility = visibility_of(truth, ego, sensor) if visibility is None else visibility
@@ -46,7 +54,7 @@ def simulate(
         known, memory, level = going_on.known, going_on.memory, going_on.level
         ego = np.concatenate([ego, np.repeat(ego[-1:], max(going_on.frames - frames, 0), axis=0)])
     if memory is not None:
-        memory.frame = frames - 1
+        memory.frame = frames - 1  # numbers of earlier frames are in the memory, so this one alone is detected
     field_ratio = float(min(sensor.field_of_view, 2 * np.pi) / np.deg2rad(profile.field_of_view))
     scene = SensedScene(truth, ego, sensor, dt / profile.dt, field_ratio, level, memory)
     draws = Draws(seed)
@@ -56,8 +64,9 @@ def simulate(
     qualities = draw_qualities(grid, visibility, neighbours, draws)
     direction = visibility.bearing + ego[grid.frame, 3]
     hit = np.flatnonzero(qualities.reported & sensor.covers(visibility.distance, visibility.bearing))
-    errors, seen = draw_errors(grid, neighbours, draws, hit), (visibility.distance, direction, qualities.random)
-    box, velocity = detected_boxes(truth.box[hit], truth.velocity[hit], errors, *(column[hit] for column in seen))
+    errors = draw_errors(grid, neighbours, draws, hit)
+    seen = visibility.distance[hit], direction[hit], qualities.random[hit]
+    box, velocity = detected_boxes(truth.box[hit], truth.velocity[hit], errors, *seen)
     objects = DetectedRows(grid.frame[hit], box, velocity, truth.class_id[hit], qualities.score[hit])
     similar = kept(memory, "similar", lambda: classes_of_same_noise(known, noise_names))
     false = [near_false_positives(grid, scene, qualities, similar, seed)]

@@ -1,10 +1,10 @@
 """The fixed planner of the closed loop: of some speed profiles along the ego's way it drives the best one.
 
-A profile is an acceleration for a second and another one after it. Its risk is the chance that the ego's box, grown by
-a margin, meets a forecast one, by the weights of the samples and the confidence of the objects. Early contacts count
-more, and those of a standing ego, which are not its fault, less. A time gap is kept to those who drive ahead; those who
-follow the ego are left out. Risks by all objects are added up, and where none of the profiles keeps clear of somebody
-ahead in the lane, the ego brakes hardest. Risk, progress and comfort are weighed by `PlannerSection`.
+A profile is an acceleration for a second and another one after it. Its risk is a score of contacts of the ego's box,
+grown by a margin, with forecast ones, by the weights of the samples and the confidence of the objects. Early contacts
+count more, and those of a standing ego, which are not its fault, less. A time gap is kept to those who drive ahead;
+those who follow the ego are left out. Risks by all objects are added up, and where none of the profiles keeps clear of
+somebody ahead in the lane, the ego brakes hardest. Risk, progress and comfort are weighed by `PlannerSection`.
 
 The family is that of PDM-Closed (Dauner et al. 2023, "Parting with misconceptions about learning-based vehicle motion
 planning"): proposals along a line, scored by a forecast.
@@ -53,8 +53,8 @@ class Decision:
     """The chosen profile."""
 
     acceleration: float  # m/s2, until it decides again
-    risk: float  # chance of a contact along the profile, weighed by its time and speed
-    cause: int  # row of the object with the largest share in the risk of the profile of a free way, -1: it is driven
+    risk: float  # severity-weighted contact score in [0, 1]: 1 - prod(1 - share), of the shares of all objects
+    cause: int  # row of the object with most of the risk of the profile for a free way; -1 where that one is driven
     s: Floats  # [T + 1] m, stations of the ego along the profile, from now on
 
 
@@ -136,7 +136,7 @@ class Planner:
         return stations.T, speeds.T
 
     def decide(self, s: float, speed: float, seen: Obstacles) -> Decision:
-        """The best profile for an ego at ``s`` m with ``speed`` m/s."""
+        """The best profile for an ego at ``s`` m along the way with ``speed`` m/s."""
         near = self._near(seen)
         even = _evened(Obstacles(seen.box[near], seen.path[near], seen.weight[near], seen.dt))
         dt, path = even.dt, even.path
@@ -147,7 +147,7 @@ class Planner:
         contacts = self._contacts(s, float(stations[:, -1].max()), even, follows)
         share, owner = self._shares(stations, speeds, contacts, even)
         wish = (stations[:, -1] - s) / (dt * path.shape[2]) - self._effort
-        score = (wish - self._weigh.caution * share.sum(axis=1)).round(9)  # ties do not hang on last bits
+        score = (wish - self._weigh.caution * share.sum(axis=1)).round(9)  # equal scores on all machines
         best, free = int(score.argmax()), int(wish.round(9).argmax())
         if (((ahead > s) & in_lane)[owner] & (share.min(axis=0) > _LIKELY)).any():
             best = 0  # it brakes hardest
@@ -158,16 +158,16 @@ class Planner:
         return Decision(float(self._first[best]), risk, kept, shown)
 
     def _near(self, seen: Obstacles) -> Ints:
-        """Rows of the objects whose forecasts come to the rectangle around the way; most at a junction do not."""
+        """Rows of the objects whose forecasts reach the rectangle around the way, as few at a junction do."""
         near, far = np.ones(len(seen.box), dtype=np.bool_), _ASIDE + 2 * _CELL
-        for axis in range(2 if seen.dt > _DENSE else 0):  # else most places are left out anyway
+        for axis in range(2 if seen.dt > _DENSE else 0):  # `_evened` thins out denser forecasts, which is enough
             now, places, way = seen.box[:, axis], seen.path[..., axis], self._way.xy[:, axis]
             near &= np.fmax(np.fmax.reduce(places, axis=(1, 2)), now) > way.min() - far  # missing samples may be NaN
             near &= np.fmin(np.fmin.reduce(places, axis=(1, 2)), now) < way.max() + far
         return near.nonzero()[0]
 
     def _shares(self, stations: Floats, speeds: Floats, met: _Contacts, seen: Obstacles) -> tuple[Floats, Ints]:
-        """Risk [C, n] of profiles with ``stations`` and ``speeds`` [C, T + 1] by each of n objects, and their rows."""
+        """Shares [C, n] in [0, 1] of n objects in the risks of profiles [C, T + 1], and the rows [n] of the objects."""
         if not len(met.step):
             return np.zeros((len(stations), 0)), np.zeros(0, dtype=np.int64)
         times = seen.dt * np.arange(1, stations.shape[1])

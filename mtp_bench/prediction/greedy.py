@@ -14,22 +14,22 @@ from .pools import as_points, existing, masses, pass_on
 
 
 @part
-def _turn(points: Floats, there: Ints, turned: Floats) -> None:
-    """Write points [S, d] at ``there`` [n] as [d, n], relative to the first one, in single precision."""
-    for axis in range(len(turned)):
-        for i in range(len(there)):
-            turned[axis, i] = points[there[i], axis] - points[there[0], axis]
+def _transpose(points: Floats, rows: Ints, transposed: Floats) -> None:
+    """Write the points [S, d] in ``rows`` [n] as [d, n], relative to the first one, in single precision."""
+    for axis in range(len(transposed)):
+        for i in range(len(rows)):
+            transposed[axis, i] = points[rows[i], axis] - points[rows[0], axis]
 
 
 @part
-def _distances(turned: Floats, distance: Floats) -> None:
+def _distances(transposed: Floats, distance: Floats) -> None:
     """Write distances [n, n] of futures [2 T, n], summed over the T positions; each pair is computed once."""
     for i in range(len(distance)):
         row = distance[i, i:]  # from 0 on: only then the loop is vectorised
         for j in range(len(row)):
             row[j] = np.float32(0.0)
-        for axis in range(0, len(turned), 2):
-            x, y = turned[axis, i:], turned[axis + 1, i:]
+        for axis in range(0, len(transposed), 2):
+            x, y = transposed[axis, i:], transposed[axis + 1, i:]
             x_here, y_here = x[0], y[0]
             for j in range(len(row)):
                 across, along = x[j] - x_here, y[j] - y_here
@@ -106,8 +106,8 @@ def _weigh(mass: Floats, nearest: Ints, n: int, log_total: float, log_weight: Fl
     for s in range(len(mass)):
         log_weight[nearest[s]] += mass[s]
     for j in range(len(log_weight)):
-        there = j < n and log_weight[j] > 0.0
-        log_weight[j] = log_total + np.log(log_weight[j]) if there else -np.inf
+        is_chosen = j < n and log_weight[j] > 0.0
+        log_weight[j] = log_total + np.log(log_weight[j]) if is_chosen else -np.inf
 
 
 @kernel("void(f8[:, :, ::1], f8[:, ::1], f8[:, :, ::1], f8[:, ::1])")
@@ -117,22 +117,22 @@ def k_medians(pool: Floats, log_weight: Floats, chosen: Floats, chosen_log_weigh
     A pool of at most k existing samples is copied.
     """
     size, k = pool.shape[1], chosen.shape[1]
-    there, mass, places = np.empty(size, np.int64), np.empty(size), np.empty(k, np.int64)
+    rows, mass, places = np.empty(size, np.int64), np.empty(size), np.empty(k, np.int64)
     least, nearest, gain = np.empty(size, np.float32), np.empty(size, np.int64), np.empty(size)
     table = np.empty(size * max(size, pool.shape[2]) * 2, np.float32)
     for o in range(len(pool)):
-        n = existing(log_weight[o], there)
+        n = existing(log_weight[o], rows)
         if n <= k:
-            pass_on(pool[o], log_weight[o], there, n, chosen[o], chosen_log_weight[o])
+            pass_on(pool[o], log_weight[o], rows, n, chosen[o], chosen_log_weight[o])
             continue
-        log_total = masses(log_weight[o], there, n, mass)
-        turned = table[: pool.shape[2] * n].reshape(pool.shape[2], n)
+        log_total = masses(log_weight[o], rows, n, mass)
+        transposed = table[: pool.shape[2] * n].reshape(pool.shape[2], n)
         distance = table[pool.shape[2] * n : pool.shape[2] * n + n * n].reshape(n, n)
-        _turn(pool[o], there[:n], turned)
-        _distances(turned, distance)
+        _transpose(pool[o], rows[:n], transposed)
+        _distances(transposed, distance)
         count = _choose(distance, mass[:n], places, least[:n], nearest[:n], gain[:n])
         for j in range(count):
-            places[j] = there[places[j]]
+            places[j] = rows[places[j]]
         pass_on(pool[o], log_weight[o], places, count, chosen[o], chosen_log_weight[o])
         _weigh(mass[:n], nearest[:n], count, log_total, chosen_log_weight[o])
 
@@ -147,9 +147,10 @@ class GreedySampler:
     def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """``k`` samples [O, k, T, 2] and log-weights [O, k] of the pool [O, S, T, 2] weighted ``log_weight`` [O, S].
 
-        A sample with log-weight -inf does not exist. A pool of at most k samples is returned as it is. No sample is
-        chosen twice: with fewer distinct samples the rest does not exist. The log-weight of a chosen sample is that of
-        all samples that are nearest to it, so the pool's total is kept. ``rng`` is not used.
+        A sample with log-weight -inf does not exist. A pool of at most k existing samples is copied, and filled up with
+        ones that do not exist. No sample is chosen twice: with fewer distinct samples the rest does not exist. The
+        log-weight of a chosen sample is that of all samples that are nearest to it, so the pool's total is kept.
+        ``rng`` is not used.
         """
         objects, _, future, _ = pool.shape
         chosen, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))

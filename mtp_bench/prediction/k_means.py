@@ -15,7 +15,7 @@ from .pools import as_points, existing, masses, pass_on
 _JUST_BELOW = 1.0 - 2.0**-53  # factor to the next number below, up to half a unit
 _BLOCK = 8  # chances that are summed at once
 _DEGREES = 3  # coordinates of a quadratic polynomial
-_AT_ONCE = 6  # axes in one pass over the points
+_AT_ONCE = 6  # axes in one pass over the points, which `_closer` writes out
 _EXACT = 1e-12  # squared error of the coordinates as a share of a pool's squared extent: a millionth of it
 
 
@@ -25,19 +25,19 @@ def _axis(point: Floats, axis: int) -> float:
 
 
 @part
-def _closer(turned: Floats, centre: Floats, j: int, distance: Floats, least: Floats, nearest: Ints) -> None:
+def _closer(transposed: Floats, centre: Floats, j: int, distance: Floats, least: Floats, nearest: Ints) -> None:
     """Give centre ``j`` [d] the points [D, S] that are nearer to it than the squared distances ``least`` [S].
 
     The long axis is innermost, for vector units; D is d, filled up to a multiple of six with zeros.
     """
     for s in range(len(distance)):
         distance[s] = np.float32(0.0)
-    for axis in range(0, len(turned), _AT_ONCE):
+    for axis in range(0, len(transposed), _AT_ONCE):
         c0, c1, c2 = _axis(centre, axis), _axis(centre, axis + 1), _axis(centre, axis + 2)
         c3, c4, c5 = _axis(centre, axis + 3), _axis(centre, axis + 4), _axis(centre, axis + 5)
         for s in range(len(distance)):
-            d0, d1, d2 = turned[axis, s] - c0, turned[axis + 1, s] - c1, turned[axis + 2, s] - c2
-            d3, d4, d5 = turned[axis + 3, s] - c3, turned[axis + 4, s] - c4, turned[axis + 5, s] - c5
+            d0, d1, d2 = transposed[axis, s] - c0, transposed[axis + 1, s] - c1, transposed[axis + 2, s] - c2
+            d3, d4, d5 = transposed[axis + 3, s] - c3, transposed[axis + 4, s] - c4, transposed[axis + 5, s] - c5
             distance[s] += (d0 * d0 + d1 * d1) + (d2 * d2 + d3 * d3) + (d4 * d4 + d5 * d5)
     number = np.int32(j)  # as wide as the distances, for vector units
     for s in range(len(distance)):
@@ -76,12 +76,13 @@ def _drawn(chance: Floats, block: Floats, uniform: float) -> int:
 
 @part
 def _seed(
-    points: Floats, turned: Floats, weight: Floats, uniform: Floats, centre: Floats,
+    points: Floats, transposed: Floats, weight: Floats, uniform: Floats, centre: Floats,
     distance: Floats, least: Floats, nearest: Ints, chance: Floats, block: Floats,
 ) -> None:  # fmt: skip
-    """Draw centres in proportion to weight x squared distance from the centres so far.
+    """Draw centres [k, d] in proportion to weight x squared distance from the centres so far, by ``uniform`` [k].
 
-    Every point then belongs to its nearest centre, the first of equally near ones.
+    ``points`` [n, d], weighted [n], and ``transposed`` [D, n]. Every point then belongs to its ``nearest`` centre [n],
+    the first of equally near ones. Of the workspace ``chance`` [8 B] begins with zeros, ``block`` is [B], the rest [n].
     """
     for s in range(len(weight)):
         least[s] = np.float32(np.inf)
@@ -94,13 +95,13 @@ def _seed(
             chosen = _drawn(chance, block, uniform[j])
         for axis in range(points.shape[1]):
             centre[j, axis] = points[chosen, axis]
-        _closer(turned, centre[j], j, distance, least, nearest)
+        _closer(transposed, centre[j], j, distance, least, nearest)
         for s in range(len(weight)):
             chance[s] = weight[s] * least[s]
 
 
 @part
-def _assign(turned: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints) -> bool:
+def _assign(transposed: Floats, centre: Floats, distance: Floats, least: Floats, nearest: Ints) -> bool:
     """Assign every point to its nearest centre, the first of equally near ones; True if any changed.
 
     ``nearest`` [2, S]: centres of the points now, and before.
@@ -110,7 +111,7 @@ def _assign(turned: Floats, centre: Floats, distance: Floats, least: Floats, nea
         before[s] = now[s]
         least[s] = np.float32(np.inf)
     for j in range(len(centre)):
-        _closer(turned, centre[j], j, distance, least, now)
+        _closer(transposed, centre[j], j, distance, least, now)
     changed = 0
     for s in range(len(distance)):
         changed |= now[s] ^ before[s]
@@ -153,15 +154,15 @@ def polynomials(future: int) -> Floats:
 
 
 @part
-def _motions(points: Floats, there: Ints, basis: Floats, motion: Floats) -> bool:
-    """Write coordinates [n, 6] of points [S, 2 T] relative to the first one; True if they determine the points.
+def _motions(points: Floats, rows: Ints, basis: Floats, motion: Floats) -> bool:
+    """Write coordinates [n, 6] of the points [S, 2 T] in ``rows`` [n]; True if they determine the points.
 
-    Position, velocity and acceleration of x and y, in turn.
+    Position, velocity and acceleration of x and y, in turn, relative to the first point.
     """
     worst, extent = 0.0, 0.0
-    first = points[there[0]]
+    first = points[rows[0]]
     for i in range(len(motion)):
-        point = points[there[i]]
+        point = points[rows[i]]
         x0, x1, x2, y0, y1, y2, square = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for t in range(basis.shape[1]):
             x, y = point[2 * t] - first[2 * t], point[2 * t + 1] - first[2 * t + 1]
@@ -177,19 +178,19 @@ def _motions(points: Floats, there: Ints, basis: Floats, motion: Floats) -> bool
 
 
 @part
-def _offsets(points: Floats, there: Ints, offset: Floats) -> None:
-    """Write points [S, d] at ``there`` [n] relative to the first one: [n, d]."""
+def _offsets(points: Floats, rows: Ints, offset: Floats) -> None:
+    """Write the points [S, d] in ``rows`` [n] relative to the first of them: [n, d]."""
     for i in range(len(offset)):
         for axis in range(offset.shape[1]):
-            offset[i, axis] = points[there[i], axis] - points[there[0], axis]
+            offset[i, axis] = points[rows[i], axis] - points[rows[0], axis]
 
 
 @part
-def _turn(points: Floats, turned: Floats) -> None:
+def _transpose(points: Floats, transposed: Floats) -> None:
     """Write points [n, d], relative to one of them, as [d, n] in single precision, which halves the memory."""
     for s in range(len(points)):
-        for axis in range(len(turned)):
-            turned[axis, s] = points[s, axis] if axis < points.shape[1] else 0.0
+        for axis in range(len(transposed)):
+            transposed[axis, s] = points[s, axis] if axis < points.shape[1] else 0.0
 
 
 @part
@@ -198,45 +199,45 @@ def _from_motions(motion: Floats, basis: Floats, origin: Floats, found: Floats) 
     for j in range(len(found)):
         for t in range(basis.shape[1]):
             for axis in range(2):
-                there = origin[2 * t + axis]
+                place = origin[2 * t + axis]
                 for degree in range(_DEGREES):
-                    there += basis[degree, t] * motion[j, 2 * degree + axis]
-                found[j, 2 * t + axis] = there
+                    place += basis[degree, t] * motion[j, 2 * degree + axis]
+                found[j, 2 * t + axis] = place
 
 
 @part
 def _clusters(points: Floats, weight: Floats, uniform: Floats, iterations: int, centre: Floats, share: Floats) -> None:
     """Write centres [k, d] and shares of the weight [k] of points [n, d] weighted [n], relative to one of them."""
     n, d = points.shape
-    turned = np.empty(((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n), np.float32)
+    transposed = np.empty(((d + _AT_ONCE - 1) // _AT_ONCE * _AT_ONCE, n), np.float32)
     distance, least = np.empty(n, np.float32), np.empty(n, np.float32)
     nearest = np.zeros((2, n), np.int32)
     blocks = (n + _BLOCK - 1) // _BLOCK
     chance, block = np.zeros(_BLOCK * blocks), np.empty(blocks)
-    _turn(points, turned)
-    _seed(points, turned, weight, uniform, centre, distance, least, nearest[0], chance, block)
+    _transpose(points, transposed)
+    _seed(points, transposed, weight, uniform, centre, distance, least, nearest[0], chance, block)
     for _ in range(iterations):
         _move(points, weight, nearest[0], centre, share)
-        if not _assign(turned, centre, distance, least, nearest):
+        if not _assign(transposed, centre, distance, least, nearest):
             break
     _shares(weight, nearest[0], share)
 
 
 @part
 def _clusters_of(
-    points: Floats, there: Ints, weight: Floats, uniform: Floats, iterations: int, basis: Floats, centre: Floats,
+    points: Floats, rows: Ints, weight: Floats, uniform: Floats, iterations: int, basis: Floats, centre: Floats,
     share: Floats,
 ) -> None:  # fmt: skip
-    """Write centres [k, d] and shares [k] of points at ``there`` [n], weighted [n]; ``basis``: [3, T] or [3, 0]."""
-    origin = points[there[0]]
-    motion = np.zeros((len(there), 2 * _DEGREES))
-    if basis.shape[1] and _motions(points, there, basis, motion):
+    """Write centres [k, d] and shares [k] of the points in ``rows`` [n], weighted [n]; ``basis``: [3, T] or [3, 0]."""
+    origin = points[rows[0]]
+    motion = np.zeros((len(rows), 2 * _DEGREES))
+    if basis.shape[1] and _motions(points, rows, basis, motion):
         found = np.zeros((len(centre), 2 * _DEGREES))
         _clusters(motion, weight, uniform, iterations, found, share)
         _from_motions(found, basis, origin, centre)
         return
-    offset = np.zeros((len(there), len(origin)))
-    _offsets(points, there, offset)
+    offset = np.zeros((len(rows), len(origin)))
+    _offsets(points, rows, offset)
     _clusters(offset, weight, uniform, iterations, centre, share)
     for j in range(len(centre)):
         for axis in range(len(origin)):
@@ -253,14 +254,14 @@ def k_means(
     (Arthur, Vassilvitskii 2007). A pool of at most k existing samples is copied. ``basis``: `polynomials`, or [3, 0].
     """
     size, k, crowded = pool.shape[1], centre.shape[1], 0
-    there, mass, share = np.empty(size, np.int64), np.empty(size), np.empty(k)
+    rows, mass, share = np.empty(size, np.int64), np.empty(size), np.empty(k)
     for o in range(len(pool)):
-        n = existing(log_weight[o], there)
+        n = existing(log_weight[o], rows)
         if n <= k:
-            pass_on(pool[o], log_weight[o], there, n, centre[o], log_share[o])
+            pass_on(pool[o], log_weight[o], rows, n, centre[o], log_share[o])
             continue
-        masses(log_weight[o], there, n, mass)
-        _clusters_of(pool[o], there[:n], mass[:n], uniform[crowded], iterations, basis, centre[o], share)
+        masses(log_weight[o], rows, n, mass)
+        _clusters_of(pool[o], rows[:n], mass[:n], uniform[crowded], iterations, basis, centre[o], share)
         crowded += 1
         for j in range(k):
             log_share[o, j] = np.log(share[j]) if share[j] > 0.0 else -np.inf
@@ -278,8 +279,8 @@ class KMeansSampler:
     def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """``k`` centres [O, k, T, 2] and log-weights [O, k] for the pool [O, S, T, 2] weighted ``log_weight`` [O, S].
 
-        A sample with log-weight -inf does not exist. A pool of at most k samples is returned as it is. Objects may come
-        in one call or in several: the random numbers are drawn object by object.
+        A sample with log-weight -inf does not exist. A pool of at most k existing samples is copied, and filled up with
+        ones that do not exist. Objects may come in one call or in several: random numbers are drawn object by object.
         """
         objects, _, future, _ = pool.shape
         centre, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))

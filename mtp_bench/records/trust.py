@@ -1,7 +1,9 @@
 """The trusted leaderboard: keys that may sign levels (``ssh-keygen -Y``), listed seals, and owners of names."""
 
 import hashlib
+import os
 import shutil
+import stat
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,7 +18,7 @@ from pydantic import Field
 from .._bundle import bundled
 from .._version import __version__
 from ..errors import MtpBenchError, RecordError
-from ..files import cache_root, make_folder
+from ..files import cache_root
 from ..strict import Section, read_toml, validate
 from ..submission.manifest import SubmissionName
 from .seal import COMMITMENT, RETIRED, Commitment, ListedSeal, Retired, Sealed, commitment_of
@@ -29,7 +31,7 @@ MOST_SIGNATURE = 20_000  # characters
 MISSING = "ssh-keygen is not installed, so signatures can be neither made nor checked; install OpenSSH"
 _SECONDS = 30
 _MOST_OUTPUT = 200  # characters
-_EXPIRING = (b"valid-before", b"cert-authority")  # in the options of keys that are not trusted for ever
+_EXPIRING = (b"valid-before", b"cert-authority")  # in lower case, options of keys that are not trusted for ever
 
 
 class _Owners(Section):
@@ -53,17 +55,17 @@ class Trust:
         return self.folder / "keys" / "revoked_keys"
 
     def check_once(self, check: Callable[[], object], *texts: str) -> None:
-        """Call ``check`` of signed ``texts``, which may raise, unless it passed here before with these keys."""
+        """Call ``check`` of signed ``texts``, which may raise, unless a private file says that they passed before."""
         keys = [path.read_bytes() if path.is_file() else b"" for path in (self.keys, self.revoked)]
         content = hashlib.sha256(repr([__version__, *keys, *texts]).encode()).hexdigest()
         passed = cache_root() / "signed" / content
-        if passed.exists():
+        if _is_private(passed.parent) and _is_private(passed):
             return
         check()
-        if not any(word in keys[0] for word in _EXPIRING):
+        if not any(word in keys[0].lower() for word in _EXPIRING):
             with suppress(OSError):
-                make_folder(passed.parent)
-                passed.touch()
+                passed.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                passed.touch(mode=0o600)
 
     @property
     def seals(self) -> Path:
@@ -154,6 +156,15 @@ def _retired(path: Path, promise: Commitment) -> str:
     if commitment_of(published.secret) != promise.commitment:
         raise RecordError(f"{path}: its secret does not have the commitment {promise.commitment[:12]}")
     return published.retired
+
+
+def _is_private(path: Path) -> bool:
+    """True for a file or folder, not a link, of this user that no other one may write to."""
+    with suppress(OSError):
+        found = path.lstat()
+        owner = getattr(os, "geteuid", lambda: found.st_uid)()
+        return found.st_uid == owner and not found.st_mode & 0o022 and not stat.S_ISLNK(found.st_mode)
+    return False
 
 
 def _ssh_keygen(arguments: Sequence[str], message: bytes, seconds: float | None) -> tuple[str, str]:

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, product
+from itertools import chain, count, product
 from typing import Any
 
 from ..cards import Card, with_files
@@ -101,10 +101,11 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
     for rollout in rollouts:
         drive, n, steps = rollout.drive, rollout.frames, round(RATE / card.task.rate)
         if drive is None or not len(drive.risk) == len(drive.cause) == len(drive.acceleration[::steps]) == n:
-            raise RolloutError(f"scene {rollout.scene!r} of {card.id} has no whole drive; run the agent again")
+            got = f"scene {rollout.scene!r} of {card.id} has no drive, or one that does not fit its {n} frames"
+            raise RolloutError(f"{got}; expected risk, cause and acceleration of each frame: run the agent again")
         sha.update(digest(rollout).encode())
-        before = sum(driven == rollout.scene for driven, _ in worlds.values())
-        worlds[f"{rollout.scene}-{before + 1}" if before else rollout.scene] = rollout.scene, drive.world
+        names = chain([rollout.scene], (f"{rollout.scene}-{number}" for number in count(2)))
+        worlds[next(name for name in names if name not in worlds)] = rollout.scene, drive.world
     folder = cache_root() / "drives" / sha.hexdigest()[:32] / card.id
     if not folder.is_dir():
         with whole_folder(folder) as part:
@@ -112,7 +113,8 @@ def recorded_card(card: Card, rollouts: Sequence[Rollout]) -> Card:
                 try:
                     scene = replace(whole_scene(unpack(dict(world)), card, driven), name=name)
                 except (KeyError, IndexError, TypeError, ValueError) as error:  # its file may have been edited
-                    raise RolloutError(f"scene {name!r} of {card.id}: broken drive ({error}); run it again") from None
+                    got = f"scene {name!r} of {card.id}: the world of its drive cannot be read ({error})"
+                    raise RolloutError(f"{got}; expected recorded traffic: run the agent again") from None
                 save_scene(scene, part, card.task.classes, "parquet")
     return with_files(card, folder).model_copy(update={"detector": None})
 

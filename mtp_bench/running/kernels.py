@@ -7,7 +7,6 @@ from .. import notice
 from ..parallel import SERIAL, Workers, parallel_map
 
 PLAYERS = ("mtp_bench.tracking", "mtp_bench.prediction")  # packages whose import registers all kernels
-_SECONDS = 2.0  # per kernel, in several processes: 34 s for all
 
 
 def all_kernels() -> list[Any]:
@@ -19,18 +18,20 @@ def all_kernels() -> list[Any]:
 
 
 def compile_kernels(workers: Workers = SERIAL) -> None:
-    """Fill the user's cache of compiled kernels over the processes of this machine.
+    """Compile the kernels that the user's cache lacks, in processes of this machine.
 
-    Workers are silent and an agent's sandbox keeps nothing, so it is done before them.
+    To be called before workers start, which print nothing, and before sandboxes, which cannot write to the cache.
     """
-    missing = [(place,) for place, kernel in enumerate(all_kernels()) if not kernel.is_cached]
-    if workers.count == 1 or len(missing) < 2:  # each kernel speaks for itself
-        parallel_map(_compile, missing)
+    missing = [kernel for kernel in all_kernels() if not kernel.is_cached]
+    calls = [(kernel.function.__module__, kernel.function.__qualname__) for kernel in missing]
+    if workers.count == 1 or len(missing) < 2:  # each kernel prints its own line
+        parallel_map(_compile, calls)
         return
+    seconds = [kernel.seconds for kernel in missing]
     text = "compiling kernels of trackers and samplers, once per machine"
-    with notice.work(text, _SECONDS * len(missing)):
-        parallel_map(_compile, missing, Workers(workers.count))
+    with notice.work(text, max(*seconds, sum(seconds) / workers.count)):
+        parallel_map(_compile, calls, Workers(workers.count))
 
 
-def _compile(place: int) -> None:
-    all_kernels()[place].compile()
+def _compile(module: str, name: str) -> None:
+    getattr(importlib.import_module(module), name).compile()

@@ -15,7 +15,13 @@ from ..files import cache_root, make_folder, write_text
 from ..scoring.events import HOLES, LOST_TARGETS
 from ..scoring.targets import left_out
 from ..sources import DataStatus, describe, open_source
+from ..strict import Section, read_json, validate
 from ..tables import counted
+
+
+class _Counts(Section):
+    counts: dict[str, int]
+    notes: list[str]
 
 
 def total_skipped(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:
@@ -47,10 +53,10 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
     if not status.usable or status.about.generated or status.root is None:
         return status
     kept = cache_root() / "counts" / f"{card.digest}-{_state_of(status.root)}.json"
-    with suppress(OSError, ValueError, KeyError):
-        content = json.loads(kept.read_text(encoding="utf-8"))
-        status.counts.update(content["counts"])
-        status.notes += content["notes"]
+    with suppress(MtpBenchError):  # missing, or not what was written
+        known = validate(_Counts, read_json(kept, MtpBenchError), str(kept), MtpBenchError)
+        status.counts.update(known.counts)
+        status.notes += known.notes
         return status
     source, skipped = open_source(card, data), []
     for name in source.names:
@@ -70,7 +76,10 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
 
 def _state_of(root: Path) -> str:
     """Digest of names, sizes and times of files below a folder, not of images and points, and of the version."""
-    every = (Path(folder, name) for folder, _, names in os.walk(root, followlinks=True) for name in names)
-    files = sorted(path for path in every if path.suffix not in (".jpg", ".png", ".bin") and path.exists())
-    state = [(str(path), found.st_size, found.st_mtime_ns) for path in files for found in [path.stat()]]
-    return hashlib.sha256(repr((__version__, state)).encode()).hexdigest()[:16]
+    state = []
+    for folder, _, names in os.walk(root, followlinks=True):
+        for path in (Path(folder, name) for name in names):
+            if path.suffix not in (".jpg", ".png", ".bin") and path.exists():
+                found = path.stat()
+                state.append((str(path), found.st_size, found.st_mtime_ns))
+    return hashlib.sha256(repr((__version__, sorted(state))).encode()).hexdigest()[:16]

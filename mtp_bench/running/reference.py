@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from ..cards import Card, load_card
 from ..env.environment import MTPEnv
 from ..env.observation import LocalFrame, make_feed
 from ..env.rollouts import empty_rollout
-from ..errors import CardError, DataError, UnknownNameError, require_known
+from ..errors import CardError, DataError, MtpBenchError, UnknownNameError, require_known
 from ..files import require_file
 from ..parallel import parallel_map, reported
 from ..scoring import score_scene
@@ -30,8 +31,17 @@ from .perturbation import ASSIGNMENTS, RUNS, MatchedDetections, Perturbation, as
 from .run import jobs_of, run_jobs, run_scene
 
 _RUNS_PER_CALL = 12  # of a scene: workers share the runs of a long scene
-# matched detections, and the fields of `SceneWeights` but the counts
-_PlainRun = tuple[MatchedDetections, tuple[Bools, tuple[int, int, int], int, int]]
+_MOST_SEEDS = 255  # as many as a count of `SceneWeights`, an unsigned byte, holds
+
+
+class _PlainRun(NamedTuple):
+    """The run of a scene without cut or noise; the fields behind the first are those of `SceneWeights`."""
+
+    detections: MatchedDetections
+    stp: Bools  # [n, 3]
+    stp_events: tuple[int, int, int]
+    false_forecasts: int
+    forecasts: int
 
 
 def frozen_path(env_id: str) -> Path:
@@ -91,8 +101,11 @@ def make_reference(
 ) -> Reference:
     """Event weights from runs of the card's reference baseline on ``scenes``, one per seed.
 
-    Raises CardError unless that baseline takes the parameters ``assignment`` and ``forecasts``.
+    ``seeds``: at most 255, counts are bytes. Raises CardError unless that baseline takes the parameters ``assignment``
+    and ``forecasts``.
     """
+    if len(seeds) > _MOST_SEEDS:
+        raise MtpBenchError(f"got {len(seeds)} seeds of event weights, expected at most {_MOST_SEEDS}")
     if card.drive is not None:
         return _driven_reference(card, scenes, options)
     submission = load_submission(card.reference or controls()["single"])
@@ -103,13 +116,15 @@ def make_reference(
         progress.started(len(scenes) * (1 + len(parts)))
         known = [(card, options.data, name, submission) for name in scenes]
         plain = parallel_map(_plain_run, known, options.workers, lambda place: progress.done(scenes[place]))
-        perturbation = Perturbation.fit([detections for detections, _ in plain], len(card.task.classes))
+        perturbation = Perturbation.fit([run.detections for run in plain], len(card.task.classes))
         calls = [(*call, perturbation, part) for call in known for part in parts]
         counts = parallel_map(_perturbed_runs, calls, options.workers, lambda i: progress.done(scenes[i // len(parts)]))
     weights = {}
-    for i, (name, (_, scene_fields)) in enumerate(zip(scenes, plain, strict=True)):
+    for i, (name, run) in enumerate(zip(scenes, plain, strict=True)):
         total = np.stack(counts[i * len(parts) : (i + 1) * len(parts)]).sum(axis=0, dtype=np.uint8)
-        weights[scene_key(card.id, name)] = SceneWeights(total, *scene_fields)
+        weights[scene_key(card.id, name)] = SceneWeights(
+            total, run.stp, run.stp_events, run.false_forecasts, run.forecasts
+        )
     parameters = perturbation.parameters(card.task.classes, seeds)
     return Reference(card.id, card.digest, DEFINITIONS, submission.name, len(seeds), parameters, weights)
 
@@ -136,8 +151,8 @@ def _plain_run(card: Card, data: str | None, name: str, submission: Submission) 
     events = events_of(scene, rollout, card)
     ids, lost, reacquired = events[~evaluated(scene).truth.neutral].sum(axis=0).tolist()
     score, flags = score_scene(scene, rollout, card), events[find_targets(scene, card).row]
-    known = flags, (ids, lost, reacquired), score.false_forecasts, score.forecasts
-    return matched_detections(scene, card), known
+    detections, counts = matched_detections(scene, card), (ids, lost, reacquired)
+    return _PlainRun(detections, flags, counts, score.false_forecasts, score.forecasts)
 
 
 def _perturbed_runs(

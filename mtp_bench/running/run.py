@@ -74,8 +74,8 @@ class Job:
     env: str | Card  # id, path of a card, or a card
     env_keywords: dict[str, Any]
     scene: str
-    seed: int = 0
-    agent: str = "of this run"  # its name
+    seed: int
+    agent: str  # its name
 
 
 def jobs_of(
@@ -142,7 +142,7 @@ def _outcomes(
     for agent in dict.fromkeys(calls[place][0].agent for place in left):
         places = [place for place in left if calls[place][0].agent == agent]
         try:
-            for index, result in unordered_map(function, [calls[place] for place in places], workers, forked=True):
+            for index, result in unordered_map(function, [calls[place] for place in places], workers, own_process=True):
                 del left[places[index]]
                 yield places[index], result
         except WorkerDiedError:
@@ -206,9 +206,11 @@ def _first_error(job: Job) -> AgentFailedError | None:
 
 def _built(job: Job, env: MTPEnv, reset: bool = False) -> Agent:
     """The agent of a job, and ``reset`` once; raises AgentFailedError."""
-    task, step = agent_task(env, job.seed, job.scene), "built"
+    task = agent_task(env, job.seed, job.scene)
+    step = "built"
     try:
-        agent, step = job.make_agent(task), "reset"
+        agent = job.make_agent(task)
+        step = "reset"
         if reset:
             agent.reset(task)
     except BaseException as error:

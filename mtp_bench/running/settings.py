@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from os import PathLike
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..cards import Card
 from ..errors import MtpBenchError, SubmissionError
@@ -14,7 +14,17 @@ from ..submission.loader import ObjectSubmission, Submission, controls, load_sub
 from ..submission.manifest import Role
 
 _REFERENCES: tuple[Role, ...] = ("single", "ground_truth", "same_samples", "associated_same_samples", "associated")
-Key = tuple[str, str, str, int | None, int, str]
+
+
+class Key(NamedTuple):
+    """Fields of settings that run the same; they may differ in their label."""
+
+    submission: str
+    parameters: str
+    budget: Budget
+    hypotheses: int | None
+    samples: int
+    observe: str
 
 
 @dataclass(frozen=True)
@@ -33,7 +43,7 @@ class Setting:
     def key(self) -> Key:
         """The same for settings that differ in their label alone."""
         parameters = repr(sorted(self.parameters.items()))
-        return self.submission.name, parameters, self.budget, self.hypotheses, self.samples, self.observe
+        return Key(self.submission.name, parameters, self.budget, self.hypotheses, self.samples, self.observe)
 
     @property
     def gap_references(self) -> tuple["Setting", "Setting"] | tuple[()] | None:

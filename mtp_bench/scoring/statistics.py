@@ -17,9 +17,10 @@ from .definitions import RANKED_UNITS, SIGNIFICANT
 RESAMPLES = 2000
 LEVEL = 0.95
 LEAST_UNITS = 3  # of an interval
+_WIDEST = 0.995  # quantile of Student's t: no 95 % interval is wider than the 99 % interval of normal units
 EXACT_UNITS = 14  # all sign flips up to here
 FLIPS = 10_000  # random sign flips beyond
-ROUNDING = 1e-12  # share of a number by which another may differ and be equal to it
+ROUNDING = 1e-12  # relative difference up to which two numbers count as equal
 _SEED = 20_250_101
 _TOGETHER = 64  # differences whose sums are flipped in one product
 
@@ -62,7 +63,7 @@ def _widest(units: int) -> float:
     """Largest half-width of an interval in standard errors, which resamples of few units estimate badly."""
     from scipy.special import stdtrit  # scipy.stats takes seconds to import
 
-    return float(stdtrit(units - 1, 0.995))
+    return float(stdtrit(units - 1, _WIDEST))
 
 
 def _mean_and_error(counts: Floats, top: Floats, bottom: Floats) -> tuple[Floats, Floats]:

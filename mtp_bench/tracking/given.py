@@ -88,7 +88,10 @@ class Histories:
             for frame, row, box in history.reports:
                 column = length - 1 - self._frame + frame
                 if column >= 0:
-                    past[i, column:], taken[i, column:], taken[i, column], reported[i, column] = box, -1, row, True
+                    past[i, column:] = box
+                    taken[i, column:] = -1
+                    taken[i, column] = row
+                    reported[i, column] = True
         return bridged(past, reported), taken
 
 

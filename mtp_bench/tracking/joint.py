@@ -4,14 +4,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import ShapeError, require_shape
-from ..types import Bools, Floats, Ints
+from ..types import Floats, Ints
 from .kernels.association import joint_k_best
 
 _LARGEST = 4e307  # sum of costs: a gap is the difference of two sums, and must not overflow
 
 
 def k_best(
-    cost: ArrayLike, k: int, parents: Bools | None = None, base_cost: ArrayLike | None = None
+    cost: ArrayLike, k: int, parents: ArrayLike | None = None, base_cost: ArrayLike | None = None
 ) -> tuple[Floats, Ints, Ints]:
     """The at most ``k`` cheapest partial matchings, best first.
 
@@ -29,7 +29,7 @@ def k_best(
     if k < 0:
         raise ShapeError(f"k is {k}, expected 0 or more")
     rows, columns = matrix.shape
-    member = np.ones((1, rows), dtype=bool) if parents is None else parents
+    member = np.ones((1, rows), dtype=bool) if parents is None else np.asarray(parents, dtype=bool)
     require_shape("parents", member, (None, rows))
     base = np.zeros(len(member)) if base_cost is None else np.array(base_cost, dtype=np.float64)
     require_shape("base_cost", base, (len(member),))

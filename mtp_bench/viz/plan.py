@@ -21,7 +21,7 @@ class ShownPlan:
     path: Floats  # [T + 1, 2] m, of the ego, from now on
     hard: Bools  # [T] steps in which it brakes by more than `HARD_BRAKING`
     acceleration: float  # m/s2, of now
-    risk: float  # chance of a contact along the path
+    risk: float  # severity-weighted contact score along the path, in [0, 1]
     slower: Floats  # [0 or 1, 7] box of the forecast object that slows the ego
 
 

@@ -125,7 +125,7 @@ def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None
     assert json.loads((tmp_path / "score.json").read_text())["rows"][0]["targets"] > 0
     assert NAME in cli.ok("events", folder)
     short, lost = replace(drive, risk=np.zeros(1)), replace(drive, world={})
-    for other, why in ((None, "has no whole drive; run the"), (short, "has no whole"), (lost, "broken drive .'lane'.")):
+    for other, why in ((None, "has no drive, or"), (short, "fit its"), (lost, "its drive cannot be read .'lane'.")):
         with pytest.raises(RolloutError, match=why):
             recorded_card(MTPEnv(drive_card).card, [replace(rollout, drive=other)])
     another = replace(rollout, scene="intersection-010001")

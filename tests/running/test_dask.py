@@ -5,6 +5,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import distributed
@@ -13,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mtp_bench import parallel as _cluster
+from mtp_bench._version import __version__
 from mtp_bench.env.rollouts import digest
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.gateway import run_isolated_scenes
@@ -106,18 +108,25 @@ def test_agents_behind_the_gateway_answer_alike(cluster: Any, card: str, kitti: 
 
 
 class UnsafeClient:
-    """Of one worker that imports from the folder in which it was started."""
+    """A client of one worker, which runs functions in this process."""
 
     def wait_for_workers(self, count: int, timeout: float) -> None:
         pass
 
-    def run(self, function: Any, on_error: str) -> dict[str, tuple[str, bool]]:
-        return {"tcp://127.0.0.1:9": (function()[0], False)}
+    def run(self, function: Any, version: str, on_error: str) -> dict[str, str]:
+        return {"tcp://127.0.0.1:9": function(version)}
 
 
-def test_a_worker_that_imports_from_its_folder_is_refused() -> None:
+def test_a_worker_that_imports_from_its_folder_is_refused_at_the_start_and_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_cluster, "sys", SimpleNamespace(flags=SimpleNamespace(safe_path=False)))
     with pytest.raises(MtpBenchError, match=r"127\.0\.0\.1:9 imports modules .* PYTHONSAFEPATH=1"):
         _cluster._require_workers(UnsafeClient(), "tcp://127.0.0.1:8")
+    with pytest.raises(MtpBenchError, match=r"a worker on .* imports modules"):
+        _cluster._indexed_on_worker((0, abs, (-1,)), __version__)
+    with pytest.raises(MtpBenchError, match=r"expected 9\.9 as here"):
+        _cluster._indexed_on_worker((0, abs, (-1,)), "9.9")
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from mtp_bench import MTPEnv
 from mtp_bench.cards import load_card
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.records.running import plan_run
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
@@ -58,6 +59,8 @@ def test_what_is_frozen_is_found_again(cli: CommandLine, shipped: str, kitti: st
 def test_the_plain_run_and_the_counts_are_those_of_the_scenes(card: str, kitti: str) -> None:
     """Small scenes are made for this: what `compare` says of STP is in its reference."""
     loaded, scenes = load_card(card), scenes_of(card, kitti)
+    with pytest.raises(MtpBenchError, match="got 256 seeds of event weights, expected at most 255"):
+        make_reference(loaded, scenes, RunOptions(kitti), range(256))
     made = make_reference(loaded, scenes, RunOptions(kitti))
     scores = run_jobs(jobs_of(load_submission("stp"), card, {"data": kitti}, scenes), finish=score_scene)
     for score in scores:

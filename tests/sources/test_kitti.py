@@ -1,5 +1,6 @@
 """KITTI source on a folder of a few lines: axes, poses, bad input, what is found and missing."""
 
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -291,11 +292,15 @@ def test_train_is_every_other_sequence(root: Path) -> None:
     assert open_source(kitti_card(split="train"), root).names == ("0000", "0002", "0003")
 
 
-def test_status_lists_what_is_missing_and_what_is_wrong(root: Path) -> None:
+def test_status_lists_what_is_missing_and_what_is_wrong(root: Path, own_cache: Path) -> None:
     assert describe(kitti_card(), root).usable
     assert "has no detector 'other'; found: pointrcnn" in describe(kitti_card(detector="other"), root).missing[0]
     counts = [read_status(kitti_card(), root).counts for _ in range(2)]
     assert counts[0] == counts[1] != {}, "kept until a file changes"
+    for content in ("[]", json.dumps({"counts": counts[0]})):
+        for kept in (own_cache.parent / "counts").iterdir():
+            kept.write_text(content)
+        assert read_status(kitti_card(), root).counts == counts[0], "counted again where the cache is wrong"
     write(root / LABELS, "0 1 Car")
     status = read_status(kitti_card(), root)
     assert "line 1: 3 columns" in status.problems[0]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mtp_bench import notice
 from mtp_bench.errors import DataError
 from mtp_bench.sources import describe, open_source, prepare
 from tests.support.nuscenes_root import DETECTIONS, PREDICTION, VERSION, edited, nuscenes_card, scene
@@ -47,8 +48,10 @@ def test_a_file_changed_in_place_with_the_same_size_and_time(data: Path, own_cac
 )
 @pytest.mark.parametrize("name", ["scene-0003", "all.index", "all.samples"])
 def test_a_broken_file_of_the_cache_is_made_again(
-    data: Path, own_cache: Path, name: str, content: Any, capsys: pytest.CaptureFixture[str]
+    data: Path, own_cache: Path, name: str, content: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(notice, "say", said.append)
     first, source = scene(data), open_source(nuscenes_card(), data)
     files = sorted(own_cache.rglob(f"{name}.npz"))
     for broken in files:
@@ -69,8 +72,7 @@ def test_a_broken_file_of_the_cache_is_made_again(
         np.testing.assert_array_equal(again.detections.box, first.detections.box)
     assert not list(own_cache.rglob("*.part"))
     needed = [] if name == "all.samples" else files  # it is needed where detections are read
-    said = [f"mtp_bench: {file.parent} was damaged and is made anew" for file in needed]
-    assert sorted(capsys.readouterr().err.splitlines()) == said
+    assert sorted(said) == [f"{file.parent} was damaged and is made anew" for file in needed]
 
 
 def test_a_cache_that_cannot_be_written(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mtp_bench import notice
 from mtp_bench.cards import Card
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.files import CACHE
@@ -120,8 +121,9 @@ DAMAGE: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE)
-def test_broken_files(damage: Callable[[Path], object], made: list[int], capsys: pytest.CaptureFixture[str]) -> None:
-    store = WorldStore(TRAFFIC)
+def test_broken_files(damage: Callable[[Path], object], made: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    store, said = WorldStore(TRAFFIC), list[str]()
+    monkeypatch.setattr(notice, "say", said.append)
     good = store.get(5)
     damage(store.path(5))
     if os.access(store.path(5), os.R_OK) and damage is DAMAGE["unreadable"]:
@@ -129,7 +131,7 @@ def test_broken_files(damage: Callable[[Path], object], made: list[int], capsys:
     assert store.read(5) is None
     assert same(store.get(5), good)
     assert store.read(5) is not None
-    assert (made, capsys.readouterr().err) == ([5, 5], f"mtp_bench: {store.path(5)} was damaged and is made anew\n")
+    assert (made, said) == ([5, 5], [f"{store.path(5)} was damaged and is made anew"])
 
 
 def test_secret_worlds_lie_apart_and_nobody_else_lists_them() -> None:

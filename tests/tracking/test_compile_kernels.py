@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from mtp_bench import notice
 from mtp_bench.tracking.kernels import cache
-from mtp_bench.tracking.kernels import compile as compiling
 from mtp_bench.tracking.kernels.compile import Kernel, part
 from mtp_bench.tracking.kernels.tree_kernels import distinct_rows
 
@@ -34,7 +34,8 @@ def start(folder: Path, **more: str) -> subprocess.Popen[str]:
 def load(folder: Path, patch: pytest.MonkeyPatch) -> Kernel[Any]:
     """The same kernel as a new process would load it; its results are checked."""
     patch.setenv("NUMBA_CACHE_DIR", str(folder))
-    patch.setattr(compiling, "_announced", set())
+    patch.setenv(notice.QUIET, "0")
+    patch.setattr(notice, "_told", set())
     kernel: Kernel[Any] = Kernel(distinct_rows.function, distinct_rows.signature)
     assert kernel(np.array([[True], [True], [False]]), np.array([1, 1, 2])).tolist() == [0, 2]
     return kernel
@@ -91,6 +92,15 @@ def test_read_only_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
     assert "set NUMBA_CACHE_DIR" in capsys.readouterr().err
 
 
+def test_other_errors_of_the_compiler_are_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("no such instruction")
+
+    monkeypatch.setattr(Kernel, "_jit", fail)
+    with pytest.raises(RuntimeError, match="no such instruction"):
+        load(tmp_path, monkeypatch)
+
+
 def test_plain_python_without_numba_s_compiler(tmp_path: Path) -> None:
     assert start(tmp_path, NUMBA_DISABLE_JIT="1").communicate() == (PRINTED, "")
     assert not list(tmp_path.iterdir())
@@ -131,3 +141,6 @@ def test_the_folder_depends_on_callees_constants_records_and_signature(monkeypat
     monkeypatch.setattr(Pair, "__module__", "mtp_bench.errors")
     folders.append(folder_of("i8(i8)"))
     assert len(set(folders)) == 5
+    monkeypatch.setitem(more.__globals__, "LITTLE", np.array([1]))
+    with pytest.raises(TypeError, match=r"kernel more uses LITTLE, of type ndarray; expected a number"):
+        folder_of("i8(i8)")

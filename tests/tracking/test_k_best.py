@@ -87,6 +87,7 @@ def test_input_is_left_as_it_was() -> None:
     mask = np.array([[True, False], [True, True]])
     arguments: list[ArrayLike] = [cost, mask, base]
     before = [np.array(a) for a in arguments]
-    k_best(cost, 5, mask, base)
+    found = k_best(cost, 5, mask, base)
+    np.testing.assert_array_equal(k_best(SQUARE, 5, [[1, 0], [1, 1]], [1, 0])[1], found[1], "lists of 0 and 1")
     for argument, copy in zip(arguments, before, strict=True):
         np.testing.assert_array_equal(argument, copy)

@@ -3,13 +3,12 @@
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from ...errors import DataError
-from ...types import Floats
-from .lanes import NO_LANE
+from ...types import Floats, Ints
+from .lanes import NO_LANE, RouteTable
 from .networks import RoadMap
 from .recording import Recording
 from .simulate import ATTEMPTS, HARDEST, Attempt, boxes_meet, overlapping
@@ -33,7 +32,7 @@ class Way:
     xy: Floats  # [n, 2]
     heading: Floats  # [n] rad, without jumps
     limit: Floats  # [n] m/s
-    lane: Any  # [n] numbers of the lanes
+    lane: Ints  # [n] numbers of the lanes
 
     def at(self, s: Floats) -> tuple[Floats, Floats]:
         """Places ``[..., 2]`` and headings ``[...]`` at ``s`` m."""
@@ -119,7 +118,7 @@ class DrivenTraffic:
         self._record()
 
     def world(self, last: bool = False, frames: int | None = None) -> World:
-        """The frames so far, the first ``frames`` of them, or the ``last`` one alone; objects keep their numbers."""
+        """The frames so far, the first ``frames`` of them, or only the ``last`` one; objects keep their numbers."""
         return self._recording.seen_from(self.ego.number, self.lanes, last, frames)
 
     def _record(self) -> None:
@@ -154,7 +153,7 @@ def _warmed_up(traffic: Traffic, seed: int) -> tuple[Attempt, _Ego]:
 
 
 def _ego_after_warm_up(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
-    """Let the traffic run in until a vehicle can be the ego; None after a crash, or a long wait."""
+    """Simulate the warm-up, and on until a vehicle can be the ego; None after a crash, or a wait of `_WAIT` s."""
     for step in range(round((WARM_UP + _WAIT) * RATE)):
         boxes = attempt.boxes()
         if len(overlapping(np.concatenate(boxes), len(boxes[2]))):
@@ -184,6 +183,7 @@ def _choose(attempt: Attempt, rng: np.random.Generator) -> _Ego | None:
     _, place, s = sorted(found)[int(rng.integers(min(_NEAREST, len(found))))]
     driver = attempt.vehicles[place]
     first = attempt.map.routes[driver.route].roads[0]
+    # the rarest way: left turns and merges meet more road users than the way straight on, which most drivers take
     same = [r for r, route in enumerate(attempt.map.routes) if route.roads[0] == first]
     route = min(same, key=lambda r: attempt.map.routes[r].weight)
     ego = _Ego(driver.position, driver.heading, driver.speed, driver.traits, driver.number)
@@ -201,8 +201,11 @@ def meeting_place(attempt: Attempt, route: int) -> float:
     return float(attempt.routes.start[route, roads[-2][-1]])
 
 
-def way_of(road_map: RoadMap, routes: Any, route: int) -> Way:
-    """The way along the middle of the lanes of a route; where a lane ends it changes to the one that goes on."""
+def way_of(road_map: RoadMap, routes: RouteTable, route: int) -> Way:
+    """The way along the middle of the lanes of a ``route`` (its index), with points every 0.5 m.
+
+    Where a lane ends it changes to the one that goes on, between 15 and 75 m after the start of the road.
+    """
     geometry, roads = road_map.geometry, road_map.routes[route].roads
     parts, lane = [], roads[0][-1]
     for place, road in enumerate(roads):

@@ -33,11 +33,11 @@ class Person:
 
     number: int
     group: int
-    crossing: int
-    direction: float
-    size: tuple[float, float, float]  # l w h
-    pace: float
-    patience: float
+    crossing: int  # index into those of the map
+    direction: float  # +1 or -1, along the crossing
+    size: tuple[float, float, float]  # m, length, width and height
+    pace: float  # m/s
+    patience: float  # s at the kerb
     waiting_point: Floats
     far_point: Floats  # where to step off the road
     departure: list[Floats]  # points of the way from there
@@ -45,9 +45,9 @@ class Person:
     ahead: list[Floats]  # next points of the way before the crossing, or after it
     stage: int
     passed: list[Floats]  # passed points of the way; empty for a person who cannot turn back
-    velocity: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    heading: float = 0.0
-    waited: float = 0.0
+    velocity: list[float] = field(default_factory=lambda: [0.0, 0.0])  # m/s, along and across
+    heading: float = 0.0  # rad
+    waited: float = 0.0  # s
 
     @property
     def goal(self) -> Floats:
@@ -58,7 +58,7 @@ class Person:
 
 
 class Crowd:
-    """All people on foot; keeps their number on the map."""
+    """All pedestrians of a map, at most ``most``: new ones come when others have left it."""
 
     def __init__(self, road_map: RoadMap, most: int, rng: np.random.Generator, behaviour: PedestrianBehaviour) -> None:
         self._crossings, self._pavement = road_map.crossings, road_map.pavement
@@ -78,7 +78,7 @@ class Crowd:
                 behaviour.start_standing(self._groups - 1)
 
     def xy(self) -> tuple[Floats, Floats]:
-        """Places and velocities ``[2, M]`` in the frame of the road."""
+        """Places ``[2, M]`` m and velocities ``[2, M]`` m/s in the frame of the road (y down)."""
         if self._xy is None:
             if self._known != self.people:
                 self._read()
@@ -131,8 +131,8 @@ class Crowd:
 
     def _walk(self, person: Person) -> CrossingPedestrian:
         patient = person.stage != CROSSING and person.waited <= person.patience
-        across, speed = person.place[0], max(0.85 * person.pace, 0.5)
-        return CrossingPedestrian(person.crossing, across, person.direction, speed, patient)
+        along, speed = person.place[0], max(0.85 * person.pace, 0.5)
+        return CrossingPedestrian(person.crossing, along, person.direction, speed, patient)
 
     def _add_group(self, stage: int, share: float) -> None:
         """Add a group on its way to a crossing or away from it; ``share``: the remaining part of that way."""

@@ -33,7 +33,7 @@ class CrossingPedestrian:
     """A pedestrian on a crossing, or about to step on it."""
 
     crossing: int
-    across: float  # m along the crossing's axis
+    along: float  # m along the crossing, from its origin
     direction: float  # +1 or -1
     speed: float
     patient: bool = False  # lets a vehicle go first that has waited long
@@ -208,7 +208,7 @@ class RightOfWay:
         """True if the vehicle and the pedestrian would be in each other's way on a crossing."""
         if walk.crossing != stretch.crossing or me.rear > stretch.end:
             return False
-        to_middle = (stretch.across - walk.across) * walk.direction
+        to_middle = (stretch.across - walk.along) * walk.direction
         if to_middle < -_BESIDE:
             return False
         enters = max(to_middle - _BESIDE, 0.0) / walk.speed

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import FunctionType
+from types import BuiltinFunctionType, FunctionType, ModuleType
 
 import llvmlite.binding
 import numba
@@ -44,7 +44,7 @@ def folder_of(function: FunctionType, signature: str) -> Path:
 
 
 def _sources(function: FunctionType) -> set[str]:
-    """Digests of the files, and values of the constants, that the code of a function depends on."""
+    """Digests of the files, and values of the constants, that a function depends on; TypeError for other globals."""
     sources = {_sum_of(Path(function.__code__.co_filename))}
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
@@ -55,6 +55,9 @@ def _sources(function: FunctionType) -> set[str]:
             sources |= _sources(value)
         elif isinstance(value, type) and issubclass(value, tuple):
             sources.add(_sum_of(Path(sys.modules[value.__module__].__file__ or "")))
+        elif not isinstance(value, ModuleType | BuiltinFunctionType | type | None):
+            got = f"kernel {function.__qualname__} uses {name}, of type {type(value).__name__}"
+            raise TypeError(f"{got}; expected a number, text, tuple, module or function, which the digest can hold")
     return sources
 
 

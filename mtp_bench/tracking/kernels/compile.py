@@ -14,7 +14,6 @@ Numba. So does ``total(x, 3)`` under NUMBA_DISABLE_JIT. Every kernel is in ``KER
 """
 
 import gc
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -33,9 +32,10 @@ R = TypeVar("R")
 F = TypeVar("F", bound=Callable[..., Any])
 _config: Any = numba.config
 _lock = threading.RLock()
-_announced: set[str] = set()
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}  # no C function calls a kernel
-_SECONDS = {"joint_k_best": 22, "k_means": 5}  # of the slow ones, measured
+_SECONDS = {"joint_k_best": 22.0, "k_means": 5.0}  # CPU seconds of the slow ones: `benchmarks/compile.py`
+_OTHERS = 1.5  # of each other one: about 50 for all
+_NO_CACHE = "cannot cache function"  # how Numba's RuntimeError begins where it finds no folder to write to
 
 
 @final
@@ -69,22 +69,28 @@ class Kernel(Generic[R]):
         """True if nothing has to be compiled."""
         return bool(_config.DISABLE_JIT) or cache.is_sound(self.folder, self.function.__code__.co_filename)
 
+    @property
+    def seconds(self) -> float:
+        """CPU seconds that compiling it takes, roughly."""
+        return _SECONDS.get(self.function.__name__, _OTHERS)
+
     def _load(self) -> Callable[..., R]:
         try:
             if self.is_cached:
                 return self._jit(self.folder)
-            name = self.function.__name__
-            text = f"compiling kernel {name} of trackers and samplers, once per machine"
-            with notice.work(text, _SECONDS.get(name, 0)), cache.locked(self.folder):
+            text = f"compiling kernel {self.function.__name__} of trackers and samplers, once per machine"
+            with notice.work(text, self.seconds), cache.locked(self.folder):
                 # no other process has compiled it meanwhile
                 if not self.is_cached and cache.clear(self.folder):
-                    _announce(f"a compiled kernel in {self.folder} is damaged and compiled again")
+                    notice.say(f"a compiled kernel in {self.folder} is damaged and compiled again")
                 compiled = self._jit(self.folder)
                 cache.seal(self.folder)
                 return compiled
-        except (OSError, RuntimeError):  # the cache cannot be written; a RuntimeError is Numba's
-            _announce(
-                "compiling the kernels of trackers and samplers: about 40 s in every process, "
+        except (OSError, RuntimeError) as error:
+            if isinstance(error, RuntimeError) and not str(error).startswith(_NO_CACHE):
+                raise
+            notice.say(
+                "compiling the kernels of trackers and samplers: about 50 CPU seconds in every process, "
                 "since the cache cannot be written; set NUMBA_CACHE_DIR to another folder"
             )
             return self._jit(None)
@@ -142,10 +148,3 @@ def _no_garbage_collection() -> Iterator[None]:
     finally:
         if was_enabled:
             gc.enable()
-
-
-def _announce(message: str) -> None:
-    """Print a message to stderr, once per process."""
-    if message not in _announced:
-        _announced.add(message)
-        print(f"mtp_bench: {message}", file=sys.stderr, flush=True)

@@ -55,7 +55,8 @@ def push_successors(
 ) -> None:  # fmt: skip
     """Queue what follows state ``s``, which costs ``key``: next solution; one more piece; another piece instead.
 
-    The pieces of its parent that can change, in their order, are ``changeable`` up to number ``stop``.
+    The pieces of its parent that can change are ``changeable`` [Q], in their order, up to number ``stop``. A state that
+    would cost more than ``limit`` is left out. Writes the next row of ``states`` and an entry of ``queue`` for each.
     """
     begin, gap = solutions.begin, solutions.gap
     a, rank, under = states.piece[s], states.rank[s], states.under[s]

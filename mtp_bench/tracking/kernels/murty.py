@@ -1,4 +1,4 @@
-"""The k cheapest solutions of a piece that can matter (Murty 1968), with what Miller, Stone and Cox (1997) inherit.
+"""Murty's search (1968) for the k cheapest solutions of a piece; children inherit as in Miller, Stone and Cox (1997).
 
 A node is a solution and the part of all solutions that it is the cheapest of: its first rows, in an order of its own,
 keep their choices, and the row after them may not take some. What is left of the part without the solution itself is
@@ -158,7 +158,11 @@ def split_node(
     q: int, piece: Block, nodes: Nodes, slacks: Slacks, spare: float, key: float, queue: SearchQueue, entries: int,
     size: int,
 ) -> tuple[int, int]:  # fmt: skip
-    """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of entries and keys."""
+    """Queue the children of node ``q`` that can matter, with their lower bounds; new numbers of entries and keys.
+
+    ``spare``: by how much they may be dearer than the node's solution, which costs ``key``.
+    ``slacks`` [n] and [m] is workspace; ``entries`` and ``size``: entries of the queue so far, and keys of its heap.
+    """
     n, table = piece.n, nodes.table
     depth, is_root, hub_banned = table[q, 2 * n], table[q, 2 * n + 1] < 0, False
     if not is_root:

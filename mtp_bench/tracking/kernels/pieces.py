@@ -18,7 +18,7 @@ PATIENCE = 3600  # partial choices to look at, and
 PATIENCE_PER_SOLUTION = 100  # more per solution asked for; Murty's search costs about as much
 
 
-class Room(NamedTuple):
+class Workspace(NamedTuple):
     """Arrays for one piece at a time."""
 
     first: Ints
@@ -42,8 +42,8 @@ class Roots(NamedTuple):
 
 
 @part
-def new_room(problem: Problem, pieces: Pieces, k: int) -> Room:
-    """Room for the largest piece; few arrays, since each takes time to make."""
+def new_workspace(problem: Problem, pieces: Pieces, k: int) -> Workspace:
+    """Workspace for the largest piece; few arrays, since each takes time to make."""
     n, m = 1, 1
     for q in range(len(pieces.component)):
         n, m = max(n, pieces.begin[q + 1] - pieces.begin[q]), max(m, problem.width[pieces.component[q]])
@@ -52,7 +52,7 @@ def new_room(problem: Problem, pieces: Pieces, k: int) -> Room:
     for y in range(m):
         column_sums[1, y] = np.inf
     row_out, column_out = np.zeros(n, np.bool_), np.zeros(m, np.bool_)
-    return Room(
+    return Workspace(
         rows[0],
         rows[1],
         np.zeros(len(problem.cost), np.bool_),
@@ -66,7 +66,7 @@ def new_room(problem: Problem, pieces: Pieces, k: int) -> Room:
 
 @part
 def new_roots(problem: Problem, pieces: Pieces) -> Roots:
-    """Room for the cheapest solution of every piece."""
+    """Arrays for the cheapest solution of every piece, to be filled in."""
     Q, rows = len(pieces.component), len(pieces.places)
     v_start = np.zeros(Q + 1, np.int64)
     for q in range(Q):
@@ -86,8 +86,8 @@ def load_piece(q: int, problem: Problem, pieces: Pieces, first: Ints, last: Ints
 
 @part
 def count_choices(problem: Problem, pieces: Pieces, choices: Floats, k: int) -> int:
-    """Write the choices of every piece, 0 for those small enough to find all solutions at once; room for all pairs."""
-    room = 0
+    """Write the number of choices of every piece, 0 where all solutions are found at once; pairs of all solutions."""
+    pairs = 0
     for q in range(len(choices)):
         low, high, product = pieces.begin[q], pieces.begin[q + 1], 1
         for place in pieces.places[low:high]:
@@ -97,8 +97,8 @@ def count_choices(problem: Problem, pieces: Pieces, choices: Floats, k: int) -> 
         choices[q] = product
         if product <= AT_ONCE or high - low == 1:
             choices[q] = 0.0
-        room += (k if choices[q] > 0.0 else product) * (high - low)
-    return room
+        pairs += (k if choices[q] > 0.0 else product) * (high - low)
+    return pairs
 
 
 @inlined
@@ -131,12 +131,12 @@ def rank_row(first: int, last: int, pair_cost: Floats, k: int, cost: Floats, pai
 
 @inlined
 def solve_small(
-    problem: Problem, pieces: Pieces, choices: Floats, room: Room, root_cost: Floats, solutions: Solutions
+    problem: Problem, pieces: Pieces, choices: Floats, space: Workspace, root_cost: Floats, solutions: Solutions
 ) -> tuple[int, int]:
     """Solutions, at most the k best, of the pieces without choices; how many, and how many pairs they have."""
-    no_bound = Bound(np.full(len(room.order), np.inf), np.zeros(1), 0, 0.0)
-    first, last, banned, matching, choice = room.first, room.last, room.banned, room.matching, room.choice
-    order, kept_cost, pairs, next_solution, used = room.order, room.cost, solutions.pairs, 0, 0
+    no_bound = Bound(np.full(len(space.order), np.inf), np.zeros(1), 0, 0.0)
+    first, last, banned, matching, choice = space.first, space.last, space.banned, space.matching, space.choice
+    order, kept_cost, pairs, next_solution, used = space.order, space.cost, solutions.pairs, 0, 0
     for q in range(len(choices)):
         if choices[q] > 0.0:
             continue
@@ -162,9 +162,9 @@ def solve_small(
 
 
 @part
-def solve_roots(problem: Problem, pieces: Pieces, choices: Floats, room: Room, roots: Roots) -> None:
+def solve_roots(problem: Problem, pieces: Pieces, choices: Floats, space: Workspace, roots: Roots) -> None:
     """The cheapest solution of every piece with choices: its pairs, its potentials and its cost."""
-    first, last, banned, matching, path = room.first, room.last, room.banned, room.matching, room.path
+    first, last, banned, matching, path = space.first, space.last, space.banned, space.matching, space.path
     for q in range(len(choices)):
         if choices[q] == 0.0:
             continue
@@ -187,23 +187,23 @@ def solve_roots(problem: Problem, pieces: Pieces, choices: Floats, room: Room, r
 
 @inlined
 def solve_large(
-    q: int, choices: float, problem: Problem, pieces: Pieces, room: Room, roots: Roots, bound: Bound, kept: Kept
+    q: int, choices: float, problem: Problem, pieces: Pieces, space: Workspace, roots: Roots, bound: Bound, kept: Kept
 ) -> int:
     """Number of solutions kept of piece ``q``: by enumeration or, if that takes too long, by Murty's search."""
-    matching, begin, k = room.matching, pieces.begin[q], len(kept.order)
-    piece = load_piece(q, problem, pieces, room.first, room.last, room.banned)
+    matching, begin, k = space.matching, pieces.begin[q], len(kept.order)
+    piece = load_piece(q, problem, pieces, space.first, space.last, space.banned)
     for x in range(piece.n):
         matching.match[x], matching.u[x] = roots.pair[begin + x], roots.u[begin + x]
     for y in range(piece.m):
         matching.v[y] = roots.v[roots.v_start[q] + y]
     if choices <= MOST_CHOICES:
         saved, patience = bound.best.copy(), PATIENCE + PATIENCE_PER_SOLUTION * k
-        count = enumerate_solutions(piece, matching, roots.cost[q], bound, room.choice, kept, patience)
+        count = enumerate_solutions(piece, matching, roots.cost[q], bound, space.choice, kept, patience)
         if count >= 0:
             return count
         for j in range(k):
             bound.best[j] = saved[j]
-    return search_solutions(piece, roots.cost[q], bound, matching, room.path, kept)
+    return search_solutions(piece, roots.cost[q], bound, matching, space.path, kept)
 
 
 @part
@@ -252,17 +252,17 @@ def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tupl
     for price in base:
         most = max(most, abs(price))
     slack = 1e-12 * (paired + most)  # of what no total exceeds
-    room, roots, choices = new_room(problem, pieces, k), new_roots(problem, pieces), np.ones(Q)
+    space, roots, choices = new_workspace(problem, pieces, k), new_roots(problem, pieces), np.ones(Q)
     if k == 1:
-        solve_roots(problem, pieces, choices, room, roots)
+        solve_roots(problem, pieces, choices, space, roots)
         total = totals_of(of_parent, base, roots.cost)
         cheapest = Solutions(np.arange(Q), np.ones(Q, np.int64), np.zeros(Q), begin, roots.pair)
         return cheapest, total, total[sorted_numbers(total, len(total))[0]] + slack
     pairs: Ints = np.empty(count_choices(problem, pieces, choices, k), np.int64)
     numbers, gap, pair_at = np.empty((2, Q), np.int64), np.empty(Q * k), np.empty(Q * k, np.int64)
     solutions = Solutions(numbers[0], numbers[1], gap, pair_at, pairs)
-    next_solution, used = solve_small(problem, pieces, choices, room, roots.cost, solutions)
-    solve_roots(problem, pieces, choices, room, roots)
+    next_solution, used = solve_small(problem, pieces, choices, space, roots.cost, solutions)
+    solve_roots(problem, pieces, choices, space, roots)
     total = totals_of(of_parent, base, roots.cost)
     ranked, best, totals = sorted_numbers(total, len(total)), np.full(k, np.inf), np.empty(len(base))
     for i in range(min(k, len(total))):
@@ -276,9 +276,9 @@ def solve_pieces(problem: Problem, pieces: Pieces, base: Floats, k: int) -> tupl
             continue
         parents = write_totals(q, component[q], of_parent, ranked, total, totals)
         n = begin[q + 1] - begin[q]
-        kept = Kept(room.order, room.cost, pairs, used)
+        kept = Kept(space.order, space.cost, pairs, used)
         bound = Bound(best, totals, parents, slack)
-        count = solve_large(q, choices[q], problem, pieces, room, roots, bound, kept)
+        count = solve_large(q, choices[q], problem, pieces, space, roots, bound, kept)
         record(q, n, count, kept, next_solution, solutions)
         next_solution += count
         used += count * n
