@@ -131,7 +131,7 @@ def records_of(digests: Sequence[str], folder: Path) -> list[Record]:
     """The records of a board in its order. Raises MtpBenchError unless it has all of ``folder`` and no other."""
     records = {record.digest: record for record in map(load_record, record_paths(folder))}
     if other := {*digests} ^ {*records}:
-        raise MtpBenchError(f"{len(other)} records are in {folder} and not on its board, or the reverse; run `make pages` first")
+        raise MtpBenchError(f"{len(other)} records are not both in {folder} and on its board; run `make pages`")
     return [records[digest] for digest in digests]
 
 
