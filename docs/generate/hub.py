@@ -26,7 +26,7 @@ from mtp_bench.records import Record, load_record, record_paths
 from mtp_bench.scoring import DEFINITIONS
 from mtp_bench.scoring.main_table import NAMES
 from mtp_bench.scoring.statistics import ratio
-from mtp_bench.sources import describe
+from mtp_bench.sources import package_of
 from mtp_bench.tables import Column, Table, to_csv
 from mtp_bench.viz.pages import source_of
 
@@ -183,7 +183,7 @@ def environment_tables(ids: Sequence[str]) -> tuple[str, str]:
             lines.append(f"| `{env_id}` | not in this version of the package | |")
             continue
         card = load_card(env_id)
-        about = describe(card, ROOT / "docs").about  # as on the pages of the site
+        about = package_of(card).dataset
         data[about.name] = f"| {about.name} | {about.licence} | {about.citation} |"
         mixed = " where a scene has no stored ones" if card.source.traits.mixed_detections else ""
         kind = "stored" if card.detector is None else f"simulated{mixed}"
