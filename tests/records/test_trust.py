@@ -8,17 +8,11 @@ import pytest
 from mtp_bench.files import CACHE
 from mtp_bench.records.trust import Trust
 
-
-def link(kept: Path) -> None:
-    kept.rename(kept.with_name("other"))
-    kept.symlink_to("other")
-
-
 CASES: dict[str, tuple[str, Callable[[Path], object], int]] = {
     "as it was written": ("", lambda kept: None, 1),
     "a file that others may write": ("", lambda kept: kept.chmod(0o666), 2),
     "a folder that others may write": ("", lambda kept: kept.parent.chmod(0o777), 2),
-    "a link": ("", link, 2),
+    "a link": ("", lambda kept: (kept.rename(kept.with_name("other")), kept.symlink_to("other")), 2),
     "a key that expires": ('Valid-Before="20991231" ', lambda kept: None, 2),
 }
 
