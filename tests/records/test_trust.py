@@ -12,7 +12,7 @@ CASES: dict[str, tuple[str, Callable[[Path], object], int]] = {
     "as it was written": ("", lambda kept: None, 1),
     "a file that others may write": ("", lambda kept: kept.chmod(0o666), 2),
     "a folder that others may write": ("", lambda kept: kept.parent.chmod(0o777), 2),
-    "a link": ("", lambda kept: (kept.rename(kept.with_name("other")), kept.symlink_to("other")), 2),
+    "a link": ("", lambda kept: kept.symlink_to(kept.rename(kept.with_name("other"))), 2),
     "a key that expires": ('Valid-Before="20991231" ', lambda kept: None, 2),
 }
 
