@@ -180,14 +180,16 @@ def _connect(scheduler: str) -> Any:
     # The client that was begun is closed here and now. Closed by the collector while another one or a cluster starts,
     # it would wait for a lock that its own thread holds.
     gc.collect()
-    raise MtpBenchError(f"no Dask scheduler answers at {scheduler!r} ({reason}): start one with `dask scheduler`")
+    raise MtpBenchError(
+        f"no Dask scheduler answers at {scheduler!r} ({reason}): is it the address that `dask scheduler` printed?"
+    )
 
 
 def _require_workers(client: Any, scheduler: str) -> None:
     try:
         client.wait_for_workers(1, timeout=_WORKER_SECONDS)
     except TimeoutError:
-        advice = f"start some with `dask worker {scheduler}`"
+        advice = f"start some with `{_SAFE_PATH}=1 dask worker {scheduler} --nthreads 1`"
         raise MtpBenchError(f"the Dask scheduler at {scheduler} has no workers: {advice}") from None
     for worker, problem in client.run(_worker_problem, __version__, on_error="ignore").items():  # one may end just now
         if problem:

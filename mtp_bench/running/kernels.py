@@ -23,6 +23,8 @@ def compile_kernels(workers: Workers = SERIAL) -> None:
     To be called before workers start, which print nothing, and before sandboxes, which cannot write to the cache.
     """
     missing = [kernel for kernel in all_kernels() if not kernel.is_cached]
+    if not missing or not missing[0].can_be_cached():
+        return
     calls = [(kernel.function.__module__, kernel.function.__qualname__) for kernel in missing]
     if workers.count == 1 or len(missing) < 2:  # each kernel prints its own line
         parallel_map(_compile, calls)

@@ -35,6 +35,10 @@ _lock = threading.RLock()
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}  # no C function calls a kernel
 _SECONDS = {"joint_k_best": 22.0, "k_means": 5.0}  # CPU seconds of the slow ones: `benchmarks/compile.py`
 _OTHERS = 1.5  # of each other one: about 50 for all
+_UNCACHED = (
+    "compiling the kernels of trackers and samplers: about 50 CPU seconds in every process, since the cache cannot be "
+    "written; set NUMBA_CACHE_DIR to another folder"
+)
 _NO_CACHE = "cannot cache function"  # how Numba's RuntimeError begins where it finds no folder to write to
 
 
@@ -69,6 +73,15 @@ class Kernel(Generic[R]):
         """True if nothing has to be compiled."""
         return bool(_config.DISABLE_JIT) or cache.is_sound(self.folder, self.function.__code__.co_filename)
 
+    def can_be_cached(self) -> bool:
+        """True if its folder can be written to; else the user is told that every process compiles it."""
+        try:
+            with cache.locked(self.folder):
+                return True
+        except OSError:
+            notice.say(_UNCACHED)
+            return False
+
     @property
     def seconds(self) -> float:
         """CPU seconds that compiling it takes, roughly."""
@@ -89,10 +102,7 @@ class Kernel(Generic[R]):
         except (OSError, RuntimeError) as error:
             if isinstance(error, RuntimeError) and not str(error).startswith(_NO_CACHE):
                 raise
-            notice.say(
-                "compiling the kernels of trackers and samplers: about 50 CPU seconds in every process, "
-                "since the cache cannot be written; set NUMBA_CACHE_DIR to another folder"
-            )
+            notice.say(_UNCACHED)
             return self._jit(None)
 
     def _jit(self, folder: Path | None) -> Callable[..., R]:
