@@ -16,6 +16,7 @@ import pytest
 
 from mtp_bench.files import clean_text, file_digest
 from mtp_bench.submission import contents
+from mtp_bench.tracking.kernels.cache import cache_folder
 from tests.support.command_line import CommandLine, Output, plain_environment, write_submission, write_training
 from tests.support.disks import mounted
 from tests.support.small_scenes import CARD, CARD_ID, write_card
@@ -371,7 +372,7 @@ def test_a_home_that_cannot_be_written(card: str, kitti: str, tmp_path: Path) ->
     free = ("MTP_BENCH_CACHE", "MTP_BENCH_WEIGHTS", "XDG_CACHE_HOME", "XDG_DATA_HOME")
     environment = {name: value for name, value in plain_environment().items() if name not in free}
     with mounted(tmp_path / "home", "ro") as home:
-        environment |= {"HOME": str(home), "NUMBA_CACHE_DIR": str(tmp_path), "MPLCONFIGDIR": str(tmp_path)}
+        environment |= {"HOME": str(home), "NUMBA_CACHE_DIR": str(cache_folder()), "MPLCONFIGDIR": str(tmp_path)}
 
         def said(*arguments: object) -> tuple[int, str]:
             done = subprocess.run(

@@ -164,13 +164,13 @@ def test_json_on_stdout_stands_alone(cli: CommandLine, tmp_path: Path, events_ru
 
 
 def test_json_on_standard_output_stands_alone_beside_talking_agents(tmp_path: Path, card: str, kitti: str) -> None:
-    """Agents run in processes of their own, which have the same standard output."""
+    """Agents run in processes of their own, which have the same standard output; a few runs make the event weights."""
+    code = "from mtp_bench.running.reference import make_reference as m; from mtp_bench.commands.app import main"
+    code += "; m.__defaults__ = (*m.__defaults__[:-1], range(6)); main()"
     talking = write_submission(tmp_path / "talking", "talking", body='print("HERE I AM")')
     known = ("--env", card, "--data", kitti, "--scenes", "1", "--seeds", "1", "--jobs", "2", "--json", "-")
-    done = subprocess.run(
-        [sys.executable, "-m", "mtp_bench", "compare", str(talking), *known],
-        env=plain_environment(), capture_output=True, text=True, check=True,
-    )  # fmt: skip
+    done = python(code, "compare", str(talking), *known, env=plain_environment(), capture_output=True)
+    assert done.returncode == 0, done.stderr
     assert {row["agent"] for row in json.loads(done.stdout)["rows"]} >= {"talking", "stp"}
     assert "HERE I AM" in done.stderr
 

@@ -40,6 +40,7 @@ def played(run: Path) -> Replay:
     return PlayedRun(opened).replay(opened.first())
 
 
+@pytest.mark.usefixtures("few_event_runs")
 def test_the_parts_of_all_targets_add_up_to_the_error_of_the_run(run: Path) -> None:
     (parts,) = run_parts(open_run(run)).values()
     row = next(row for row in mtp_bench.score(run).report.rows if row.subset == "all")

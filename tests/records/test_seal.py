@@ -27,6 +27,7 @@ from tests.support.small_scenes import write_short_card
 from tests.support.stored_records import ships_of
 
 ENV = "MTP-Merge-v0"
+pytestmark = pytest.mark.usefixtures("few_event_runs")
 SCENES = 4  # enough for intervals
 TOO_FEW = f"scored on {SCENES} hidden scenes, ranks need 50"
 
