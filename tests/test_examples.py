@@ -29,7 +29,6 @@ EXAMPLES = sorted(path for path in FOLDER.glob("*.py") if path.stem not in ELSEW
 
 
 def needs(example: Path) -> list[str]:
-    """What the header of an example names."""
     found = NEEDS.search(example.read_text())
     return [name.strip() for name in found[1].split(",")] if found else []
 

@@ -40,10 +40,6 @@ def first_column(path: Path, prefix: str = "") -> set[str]:
     return {name for name in names if name.startswith(prefix)}
 
 
-def headings(path: Path) -> list[str]:
-    return re.findall(r"^#+ (.+)$", path.read_text(), flags=re.MULTILINE)
-
-
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_python_blocks_compile(repository: Path, document: str) -> None:
     for text in blocks(repository / document, "python"):
@@ -58,7 +54,8 @@ def test_links_lead_somewhere(repository: Path, document: str) -> None:
         if "://" not in target:
             assert (path.parent / file).exists(), target
         if heading and not file:
-            assert heading in {title.lower().replace(" ", "-") for title in headings(path)}, target
+            titles = re.findall(r"^#+ (.+)$", path.read_text(), flags=re.MULTILINE)
+            assert heading in {title.lower().replace(" ", "-") for title in titles}, target
 
 
 def test_the_examples_run(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:

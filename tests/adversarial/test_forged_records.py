@@ -14,21 +14,10 @@ import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.gateway import Isolation, Limits
-from mtp_bench.records import (
-    Record,
-    checked_record,
-    intake,
-    load_record,
-    open_seal,
-    read_level,
-    standings,
-    submit,
-    trusted,
-    verify,
-    why_unranked,
-)
-from mtp_bench.records.attestation import Level, SignedLevel, Statement, write_level
-from mtp_bench.records.record import HiddenPart
+from mtp_bench.records import checked_record, intake, load_record, open_seal, standings, submit, trusted, verify
+from mtp_bench.records.attestation import Level, SignedLevel, Statement, read_level, write_level
+from mtp_bench.records.eligibility import why_unranked
+from mtp_bench.records.record import HiddenPart, Record
 from mtp_bench.records.rerun import why_unsandboxed
 from mtp_bench.records.seal import Commitment, SecretSeeds, commitment_of
 from mtp_bench.records.shipped import baseline_digest, shipped
@@ -62,7 +51,6 @@ def forged(path: Path, record: Record, change: Change) -> Path:
 
 
 def why(record: Record, beside: Record | None = None, levels: Mapping[str, SignedLevel] | None = None) -> str:
-    """Why the record has no rank."""
     records = [record] if beside is None else [record, beside]
     return standings(records, levels)[record.digest].places["all"].why
 
@@ -416,7 +404,6 @@ def level_in(path: Path) -> Any:
 
 
 def note(path: Path, trust: Path) -> str:
-    """Why the level of a record is not shown."""
     signed, said = read_level(path, load_record(path), trusted(trust))
     assert signed is None
     return said

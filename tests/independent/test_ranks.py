@@ -48,7 +48,6 @@ def from_counts(n: int) -> Ints:
 
 
 def as_flipped(n: int) -> Floats:
-    """The product's signs."""
     return np.random.default_rng(statistics._SEED).choice([-1.0, 1.0], size=(statistics.FLIPS, n))
 
 
@@ -86,7 +85,6 @@ def test_both_cut_scenes_into_the_same_blocks(rate: float) -> None:
 
 
 def told(reason: str, row: Mapping[str, Any]) -> bool:
-    """True if the row gives the reason."""
     return REASONS[reason] in row["unranked_because"] if reason else row["unranked_because"] is None
 
 

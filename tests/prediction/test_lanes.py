@@ -47,7 +47,6 @@ JUNCTION = observed(
 
 
 def paths(x: float, y: float, heading: float, metres: float = 60.0, most: int = 4) -> LanePaths:
-    """Paths of one object at the junction."""
     return lane_paths(JUNCTION, np.array([[x, y]]), np.array([heading]), most, metres)
 
 

@@ -48,7 +48,6 @@ def made(tmp_path_factory: pytest.TempPathFactory, submission: Path, card: str, 
 
 @pytest.fixture
 def path(made: Path, tmp_path: Path) -> Path:
-    """A copy of the record and its rollouts, to be changed."""
     return Path(shutil.copytree(made.parent, tmp_path / "echo")) / made.name
 
 

@@ -69,7 +69,6 @@ def assert_equal(got: SceneScore, want: SceneScore) -> None:
 
 
 def sure(rollout: Rollout, confidence: Any) -> Rollout:
-    """The rollout with this confidence in its forecasts."""
     whole = np.broadcast_to(confidence, len(rollout.object_box))
     return replace(rollout, object_confidence=whole.astype(np.float32))
 

@@ -52,7 +52,6 @@ def digest(world: World) -> str:
 
 
 def tracks(world: World) -> Iterator[tuple[int, Floats, Floats]]:
-    """Class, boxes and velocities of everybody."""
     truth = world.truth
     for number in np.unique(truth.object_id):
         own = truth.object_id == number

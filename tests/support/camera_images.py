@@ -38,13 +38,11 @@ def write_cameras(data: Path) -> None:
 
 
 def write_image(path: Path, size: tuple[int, int] = SIZE) -> None:
-    """A plain image."""
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.new("RGB", size, GREY).save(path)
 
 
 def read(path: Path) -> list[Record]:
-    """The records of a table."""
     records: list[Record] = json.loads(path.read_text(encoding="utf-8"))
     return records
 

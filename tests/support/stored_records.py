@@ -112,7 +112,6 @@ def make_record(
 
 
 def save_record(record: Record, path: Path) -> Record:
-    """Write a record with its digests and return it with them."""
     record, text = record_text(record, path)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")

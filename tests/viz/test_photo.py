@@ -51,7 +51,6 @@ def event(run: Replay) -> Focus:
 
 
 def near(image: Image.Image, color: Color, tolerance: int = 30) -> int:
-    """Number of pixels of nearly this colour."""
     pixels: NDArray[np.int64] = np.asarray(image.convert("RGB")).astype(np.int64)
     return int((np.abs(pixels - np.array(color)).max(axis=-1) < tolerance).sum())
 
