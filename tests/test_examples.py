@@ -1,7 +1,6 @@
 """Every example runs from an empty folder, and prints what the documentation shows of it.
 
-A comment says what an example needs beside the library: `# needs: stable-baselines3, data` (packages of an index, or
-real recordings).
+A comment says what an example needs beside the library: `# needs: stable-baselines3, data` (packages, recordings).
 """
 
 import re

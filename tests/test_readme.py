@@ -35,7 +35,6 @@ def block(path: Path, language: str, contains: str) -> str:
 
 
 def first_column(path: Path, prefix: str = "") -> set[str]:
-    """Names in backticks that begin the rows of tables."""
     names = re.findall(r"^\| `([^`]+)` \|", path.read_text(), flags=re.MULTILINE)
     return {name for name in names if name.startswith(prefix)}
 

@@ -293,7 +293,6 @@ def test_every_action_of_the_space_is_sound(make_env: MakeEnv) -> None:
 
 # ---- what it earns, and what is never told
 def fixed_error(env: MTPEnv) -> float:
-    """What the scorer makes of the episode, summed."""
     return score_scene(env.scene, env.rollout(), env.card).fixed_error
 
 
@@ -357,17 +356,10 @@ def test_an_answer_that_cannot_be_read_is_a_false_forecast_per_detection(make_en
 
 
 def other_truth(scene: Scene) -> Scene:
-    truth = scene.truth
-    changed = replace(
-        truth,
-        box=truth.box[::-1] + 3.0,
-        velocity=truth.velocity + 1,
-        class_id=1 - truth.class_id,
-        object_id=truth.object_id + 50,
-        eligible=~truth.eligible,
-        neutral=~truth.neutral,
-    )
-    return replace(scene, truth=changed, truth_complete=False)
+    truth = replace(scene.truth, eligible=~scene.truth.eligible, neutral=~scene.truth.neutral)
+    truth = replace(truth, box=truth.box[::-1] + 3.0, velocity=truth.velocity + 1)
+    truth = replace(truth, class_id=1 - truth.class_id, object_id=truth.object_id + 50)
+    return replace(scene, truth=truth, truth_complete=False)
 
 
 @pytest.mark.parametrize(("evaluation", "rigid_motion"), [(True, False), (True, True), (False, False)])
@@ -393,13 +385,9 @@ def test_what_is_returned_does_not_depend_on_the_truth(evaluation: bool, rigid_m
 
 def test_a_scene_elsewhere_and_at_another_time_looks_the_same(make_env: MakeEnv) -> None:
     scene, shift = make_scene(), np.array([500.0, -300.0, 7.0, 0, 0, 0, 0])
-    elsewhere = replace(
-        scene,
-        time=scene.time + 5e4,
-        ego=scene.ego + shift[:4],
-        truth=replace(scene.truth, box=scene.truth.box + shift),
-        detections=replace(scene.detections, box=scene.detections.box + shift),
-    )
+    truth = replace(scene.truth, box=scene.truth.box + shift)
+    found = replace(scene.detections, box=scene.detections.box + shift)
+    elsewhere = replace(scene, time=scene.time + 5e4, ego=scene.ego + shift[:4], truth=truth, detections=found)
     seen, _ = play(here := make_env(scene), echo(here))
     other, _ = play(there := make_env(elsewhere), echo(there))
     for (observation, _), (moved, _) in zip(seen, other, strict=True):

@@ -91,7 +91,6 @@ RERUN: dict[str, tuple[Callable[[Content], Any], str]] = {  # a change of the re
 
 
 def with_hypotheses(content: Content, count: int) -> None:
-    """State another number of hypotheses wherever a record does."""
     for part in (content, content["submission"], content["details"], *content["rows"]):
         part["hypotheses"] = count
 

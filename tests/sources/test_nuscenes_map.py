@@ -91,7 +91,6 @@ def changed(key: str, value: Any) -> Callable[[Record], Record]:
 
 
 def arc(**changes: Any) -> Callable[[Record], Record]:
-
     def change(content: Record) -> Record:
         lines = content["arcline_path_3"]
         return {**content, "arcline_path_3": {**lines, "own": [{**lines["own"][0], **changes}]}}

@@ -63,7 +63,6 @@ class Browser:
         self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
 
     def devtools(self, command: str, **parameters: object) -> None:
-        """Send a command of the DevTools protocol."""
         self._post("goog/cdp/execute", {"cmd": command, "params": parameters})
 
     def console(self) -> list[str]:

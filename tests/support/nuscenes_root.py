@@ -135,13 +135,6 @@ def write_detections(path: Path, scenes: tuple[str, ...] = SCENES, frames: int =
     write_json(path, {"meta": {"use_lidar": True}, "results": results})
 
 
-def write_tables(data: Path, tables: Tables, version: str = VERSION) -> Path:
-    """Write the tables; the data root."""
-    for name, records in tables.items():
-        write_json(data / "nuscenes" / version / f"{name}.json", records)
-    return data
-
-
 def write_json(path: Path, content: Any) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content, indent=1), encoding="utf-8")
@@ -156,7 +149,8 @@ def edited(path: Path) -> Iterator[Any]:
 
 
 def write_root(data: Path, scenes: tuple[str, ...] = SCENES) -> Path:
-    write_tables(data, make_tables(scenes))
+    for name, records in make_tables(scenes).items():
+        write_json(data / "nuscenes" / VERSION / f"{name}.json", records)
     write_json(data / PREDICTION, make_targets(scenes))
     write_detections(data / DETECTIONS, scenes)
     return data

@@ -40,7 +40,6 @@ hypotheses = 3
 
 
 def write_card(folder: Path, content: str = CARD) -> str:
-    """Path of the card."""
     path = folder / f"{CARD_ID}.toml"
     path.write_text(content)
     return str(path)

@@ -103,7 +103,6 @@ def test_few_boxes_are_bright_but_all_tracks_that_are_named_and_the_object_is_in
 
 
 def assert_in_the_middle(focus: Focus) -> None:
-    """The object lies in the middle third of the window, each way."""
     window = window_of(focus, focus.at.frame)
     away = rotate(focus.place(focus.at.frame) - [window.x, window.y], -window.turn)
     assert (np.abs(away) <= np.array([window.wide, window.high]) / 6).all()

@@ -118,11 +118,8 @@ def test_where_weights_are_looked_for(file: Path, monkeypatch: pytest.MonkeyPatc
 def test_classes_are_matched_by_name(file: Path) -> None:
     both = []
     for classes, number in ((TASK.classes, 1), (("pedestrian",), 0)):
-        agent = Pipeline(
-            HypothesisTracker(1, at_once()[1:2] if number == 0 else at_once()),
-            LearnedPredictor(weights=file),
-            KMeansSampler(),
-        )
+        tracker = HypothesisTracker(1, at_once()[1:2] if number == 0 else at_once())
+        agent = Pipeline(tracker, LearnedPredictor(weights=file), KMeansSampler())
         agent.reset(replace(TASK, classes=classes))
         seen = observation(frame((3.0, 2.0, 1)))
         both.append(agent.act({**seen, "detection_class": np.array([number])})["forecast"][0])
