@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtp_bench.detector.visibility import VISIBLE, visible_fraction
+from mtp_bench.detector.visibility import VISIBLE, visible_fractions
 from mtp_bench.geometry import wrap_angle
-from mtp_bench.types import Bools, Floats, Scene
+from mtp_bench.types import Bools, Floats, Scene, Truth
 
 VEHICLES = ("car", "truck", "bus", "trailer", "construction_vehicle", "motorcycle")
 PERIOD = 0.5  # s
@@ -144,7 +144,9 @@ def density(moved: Motion) -> Samples:
     for t in range(len(moved.time)):
         box = moved.box[known(moved.box[:, t, 0]), t]
         between = np.linalg.norm(box[:, None, :2] - box[None, :, :2], axis=-1)
-        counts["visible"].append(np.asarray(visible_fraction(box, moved.ego[t])))
+        none, no = np.zeros(len(box), dtype=int), np.zeros(len(box), dtype=bool)
+        frame = Truth(np.array([0, len(box)]), box, np.zeros((len(box), 2)), none, none, no, no)
+        counts["visible"].append(visible_fractions(frame, moved.ego[t : t + 1]))
         for far in (5, 10):
             counts[f"within {far}"].append((between < far).sum(axis=1) - 1.0)
     joined = {name: np.concatenate([np.zeros(0), *values]) for name, values in counts.items()}

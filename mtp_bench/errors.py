@@ -1,7 +1,4 @@
-"""Errors of the library, and checks of arrays that raise them.
-
-Each error says what was got, what was expected, where, and what to do.
-"""
+"""Errors, and checks of arrays that raise them: each says what was got, was expected, where, and what to do."""
 
 import difflib
 from collections.abc import Collection, Iterable

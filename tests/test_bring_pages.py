@@ -13,7 +13,6 @@ from mtp_bench.running.track_export import export_tracks
 
 
 def names_of(page: Path) -> dict[str, Any]:
-    """What the Python blocks of a page define."""
     names: dict[str, Any] = {"__name__": "page"}
     blocks = re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S)
     assert blocks

@@ -1,7 +1,6 @@
 """Every example runs from an empty folder, and prints what the documentation shows of it.
 
-A comment says what an example needs beside the library: `# needs: stable-baselines3, data` (packages of an index, or
-real recordings).
+A comment says what an example needs beside the library: `# needs: stable-baselines3, data` (packages, recordings).
 """
 
 import re
@@ -29,7 +28,6 @@ EXAMPLES = sorted(path for path in FOLDER.glob("*.py") if path.stem not in ELSEW
 
 
 def needs(example: Path) -> list[str]:
-    """What the header of an example names."""
     found = NEEDS.search(example.read_text())
     return [name.strip() for name in found[1].split(",")] if found else []
 

@@ -2,6 +2,7 @@
 
 import ast
 import json
+import re
 import runpy
 import subprocess
 import sys
@@ -34,7 +35,6 @@ MOST_BYTES = 5_000_000  # of the wheel
 
 
 def python(code: str, *arguments: str) -> str:
-    """What a fresh interpreter prints."""
     command = [sys.executable, "-c", code, *arguments]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr
@@ -111,12 +111,8 @@ def wheel(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def files_under(folder: Path) -> set[str]:
     paths = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-    return {path.as_posix() for path in paths if "__pycache__" not in path.parts and not stored(path)}
-
-
-def stored(path: Path) -> bool:
-    """Whether a file belongs to the rollouts beside a record, which never leave this machine."""
-    return any(part.endswith(".rollouts") for part in path.parts)
+    # the rollouts beside a record never leave this machine
+    return {path.as_posix() for path in paths if not any(re.search(r"__pycache__|\.rollouts$", p) for p in path.parts)}
 
 
 def test_the_wheel_has_one_top_level_name(wheel: Path) -> None:

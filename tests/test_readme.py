@@ -35,13 +35,8 @@ def block(path: Path, language: str, contains: str) -> str:
 
 
 def first_column(path: Path, prefix: str = "") -> set[str]:
-    """Names in backticks that begin the rows of tables."""
     names = re.findall(r"^\| `([^`]+)` \|", path.read_text(), flags=re.MULTILINE)
     return {name for name in names if name.startswith(prefix)}
-
-
-def headings(path: Path) -> list[str]:
-    return re.findall(r"^#+ (.+)$", path.read_text(), flags=re.MULTILINE)
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
@@ -58,7 +53,8 @@ def test_links_lead_somewhere(repository: Path, document: str) -> None:
         if "://" not in target:
             assert (path.parent / file).exists(), target
         if heading and not file:
-            assert heading in {title.lower().replace(" ", "-") for title in headings(path)}, target
+            titles = re.findall(r"^#+ (.+)$", path.read_text(), flags=re.MULTILINE)
+            assert heading in {title.lower().replace(" ", "-") for title in titles}, target
 
 
 def test_the_examples_run(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:

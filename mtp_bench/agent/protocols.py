@@ -30,10 +30,7 @@ class Tracker(Protocol):
         """Begin a new scene."""
 
     def step(self, observation: Observation) -> Tracks:
-        """Tracks to output after this frame.
-
-        No track should cross a hole in time: `Task.after_hole` says if the frame follows one.
-        """
+        """Tracks to output after this frame; none should cross a hole in time, see `Task.after_hole`."""
         ...
 
 
@@ -137,7 +134,6 @@ class Sampler(Protocol):
     def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """``k`` samples [O, k, T, 2] and log-weights [O, k] that stand for the pool [O, S, T, 2] weighted [O, S].
 
-        A sample with log-weight -inf does not exist. With fewer than k samples, return them as they are, or fill up
-        with ones that do not exist.
+        A sample with log-weight -inf does not exist. With fewer than k samples, return them, or add ones that do not.
         """
         ...

@@ -48,7 +48,6 @@ def compare(
 
 
 def _compare_driving(agents: list[str], env: str | Card, options: RunOptions, shown: Shown, file: Path | None) -> None:
-    """Let agents drive in the scenes of a closed loop and print one table."""
     if shown.columns or shown.subsets:
         options.card(env).require_same_scenes("which has one table of driving", "leave --columns and --subsets out")
     with EnvEvaluation.opened("driving", env, options, {}) as evaluation:

@@ -76,8 +76,6 @@ def submit(
 
 
 def _submit_all(pieces: Sequence[Piece], options: RunOptions, arguments: Mapping[str, Any]) -> None:
-    """Make the missing records of a leaderboard."""
-
     def make(piece: Piece) -> Record:
         return _one(piece.submission, piece.env, options, piece.target.parent, arguments)
 

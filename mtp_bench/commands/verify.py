@@ -58,8 +58,6 @@ class VerifyOptions:
 
 @dataclass(frozen=True)
 class _Result:
-    """Outcome of the check of one record."""
-
     path: Path
     verdict: dict[str, Any]
     failed: str = ""
@@ -67,12 +65,10 @@ class _Result:
 
     @property
     def name(self) -> str:
-        """Name of the submission and id of the env."""
         return f"{self.path.parent.name}/{self.path.stem}"
 
     @property
     def note(self) -> str:
-        """Reason why the record has no level."""
         return "error" if "error" in self.verdict else "does not hold" if self.failed else ""
 
 
@@ -152,7 +148,6 @@ def _show_differences(checked: Verification) -> None:
 
 
 def _summary(results: Sequence[_Result]) -> Table:
-    """One line per record."""
     columns = (
         Column("record", key="name"),
         Column(key="level", read=lambda result: result.verdict.get("level")),

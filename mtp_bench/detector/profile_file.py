@@ -54,8 +54,7 @@ def _read(path: Path) -> Profile:
 def with_variant(profile: Profile, variant: Variant) -> Profile:
     """``profile`` itself, or a variant named "<name>-iid" or "<name>-hard".
 
-    "iid": the same recall and error distributions without memory; "hard": lower quality, twice the position errors and
-    false positives.
+    "iid": the same recall and errors without memory; "hard": lower quality, twice the position errors and false boxes.
     """
     if variant == "as_fitted":
         return profile

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..geometry import bev_corners, wrap_angle
 from ..types import Bools, Floats, Ints, Truth
@@ -65,22 +64,13 @@ def polar(place: Floats, pose: Floats) -> tuple[Floats, Floats]:
 
 
 def visible_fractions(truth: Truth, ego: Floats) -> Floats:
-    """Unoccluded share ``[R]`` of each true box, 0 to 1; ``ego`` ``[F, 2 or more]`` x y: the sensor in each frame."""
-    frame = truth.frame_of_rows
-    return _visible(truth.box, frame, ego[frame, :2])
-
-
-def visible_fraction(box: Floats, sensor: Floats) -> NDArray[np.float64]:
-    """Unoccluded share of the angle that a box spans, 0 to 1: boxes ``[M, 7]`` -> ``[M]``, from a position x, y.
+    """Unoccluded share ``[R]``, 0 to 1, of the angle that a true box spans; ``ego`` ``[F, 2 or more]`` x y: the sensor.
 
     The ends of all boxes cut the circle into sectors; a ray through the middle of each finds its nearest box, which is
     exact for boxes that do not overlap. A box that contains the sensor is fully visible and hides no other box.
     """
-    return _visible(box, np.zeros(len(box), dtype=np.int64), np.tile(np.asarray(sensor)[:2], (len(box), 1)))
-
-
-def _visible(box: Floats, frame: Ints, sensor: Floats) -> NDArray[np.float64]:
-    """`visible_fraction` in many frames at once: boxes ``[R, 7]``, their frames, ascending, and sensors ``[R, 2]``."""
+    box, frame = truth.box, truth.frame_of_rows
+    sensor = ego[frame, :2]
     middle, half, inside = _angular_intervals(box, sensor)
     share, outside = np.ones(len(box)), ~inside
     outside[outside] = np.bincount(frame[outside])[frame[outside]] > 1  # one alone is fully visible

@@ -37,8 +37,7 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
 
     It has maximum cardinality, then the surest columns, then least cost, then the larger ``tie`` [E] of the pairs, m.
     Columns of equal ``confidence`` [columns] are one group, in which cost decides. Steps are distinct and come by
-    falling confidence, so a matched column gives way to one of its own group alone; a column with step NEVER is not
-    added. Costs are rounded to micrometres.
+    falling confidence, so a matched column gives way to its own group alone; NEVER adds none. Costs: whole micrometres.
     """
     if not len(pairs):
         nothing = np.zeros(0, dtype=np.intp)
@@ -87,12 +86,7 @@ def _whole_costs(cost: Floats, tie: Floats) -> list[int]:
 
 
 def _grow(
-    pairs: Pairs,
-    cost: list[int],
-    step: Rows,
-    group: Ints,
-    changes: list[tuple[int, int, int]],
-    dropped: Rows,
+    pairs: Pairs, cost: list[int], step: Rows, group: Ints, changes: list[tuple[int, int, int]], dropped: Rows
 ) -> None:
     """Add the columns by their ``step``: append (step, row, column) to ``changes`` and fill in ``dropped``.
 

@@ -59,7 +59,6 @@ class Report:
         return "\n".join([to_text(self._main_table()).rstrip(), *warnings, *map(" ".join, self.failures.items())])
 
     def _repr_html_(self) -> str:
-        """The table, for a notebook."""
         lines = (f"<p>{escape(' '.join(failure))}</p>" for failure in self.failures.items())
         return to_html(self._main_table()) + "".join(lines)
 
@@ -275,5 +274,4 @@ def _with_ranks(rows: list[Row], tables: Sequence[AgentTable], shared: Pair, pai
 
 
 def _with_equal_budget(tables: Sequence[AgentTable], name: str) -> AgentTable | None:
-    """The first table of agent ``name`` with equal budget."""
     return next((t for t in tables if t.setting.agent == name and t.setting.budget == "equal"), None)

@@ -204,7 +204,6 @@ def require_same_targets(a: Sequence[SceneScore], b: Sequence[SceneScore], who: 
 
 
 def _join(run: Sequence[SceneScore], name: str) -> NDArray[Any]:
-    """Array ``name`` of all scenes, end to end."""
     return np.concatenate([getattr(score, name) for score in run])
 
 

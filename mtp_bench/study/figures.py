@@ -141,12 +141,10 @@ def _parts(findings: Findings, rows: Sequence[Any]) -> Sketch:
 
 
 def _where(rows: Iterable[Any], **values: Any) -> list[Any]:
-    """Rows whose attributes have these values."""
     return [row for row in rows if all(getattr(row, name) == value for name, value in values.items())]
 
 
 def _pick(rows: Iterable[Any], name: str) -> list[Any]:
-    """Values of the attribute ``name`` of each row."""
     return [getattr(row, name) for row in rows]
 
 
@@ -169,12 +167,10 @@ def _level(label: str, values: Sequence[float | None], color: str, **style: Any)
 
 
 def _named_ticks(names: Iterable[str]) -> list[tuple[float, str]]:
-    """Ticks 0, 1, 2, ... with these names."""
     return [(float(i), name) for i, name in enumerate(names)]
 
 
 def _count_ticks(values: Iterable[int]) -> list[tuple[float, str]]:
-    """Ticks at these numbers."""
     return [(float(value), str(value)) for value in sorted(set(values))]
 
 

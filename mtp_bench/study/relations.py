@@ -18,8 +18,6 @@ HOLDS, FAILS, OPEN = "holds", "does not hold", "cannot be told"
 
 
 class _Place(NamedTuple):
-    """Targets that a relation is about."""
-
     subset: Subset
     key: str  # of the paper's figures
     event: str

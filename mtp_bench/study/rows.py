@@ -84,8 +84,7 @@ def _subsets(findings: Findings, but: str = "-") -> list[Subset]:
 def error_rows(findings: Findings) -> Iterator[Row]:
     """Tables I to III of the paper: errors of each setting on all targets, and on those with events."""
     for subset in _subsets(findings):
-        for subject, setting in settings_of_rows(findings):
-            yield _error_row(findings, subject, setting, subset)
+        yield from (_error_row(findings, *each, subset) for each in settings_of_rows(findings))
 
 
 def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subset: Subset) -> Row:
@@ -111,10 +110,7 @@ def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subs
         association_gap=row.association_gap_closed,
         association_gap_interval=row.association_gap_interval,
         no_gap_because="too few recordings" if findings.few and no_gap == NO_GAP else no_gap,
-        coverage=row.coverage,
-        targets=row.targets,
-        objects=row.objects,
-        ms_per_frame=row.ms_per_frame,
+        **{name: getattr(row, name) for name in ("coverage", "targets", "objects", "ms_per_frame")},
         paper_minADE=papers[0],
         paper_minFDE=papers[1],
     )

@@ -147,8 +147,7 @@ def to_text(table: Table, width: int = WIDTH) -> str:
 def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     """The lines of a table, each with its row; None above the first row.
 
-    Intervals stand below their numbers. Where the table would be wider than ``width``, columns of texts are folded, the
-    first one last; numbers are never cut off.
+    Intervals stand below their numbers. Above ``width`` columns of texts are folded, the first one last; numbers never.
     """
     columns = [column for column, _ in table.pairs]
     if not columns:
@@ -198,7 +197,6 @@ def _folded(text: str, width: int) -> Lines:
 
 
 def _block(cells: Sequence[Lines], widths: Sequence[int], left: Sequence[bool]) -> Iterator[str]:
-    """The lines of one row."""
     for at in range(max(map(len, cells), default=0)):
         texts = [cell[at] if at < len(cell) else "" for cell in cells]
         padded = [t.ljust(w) if first else t.rjust(w) for t, w, first in zip(texts, widths, left, strict=True)]

@@ -26,8 +26,6 @@ class TrackReport(NamedTuple):
 
 @dataclass
 class _History:
-    """History of one identity."""
-
     first: int  # frame in which it was first reported
     reports: deque[tuple[int, int, Floats]]  # frame, detection, measured box; the last P
     hits: int = 0

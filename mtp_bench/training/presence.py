@@ -168,5 +168,4 @@ def probabilities(model: PresenceModel, rows: PresenceRows) -> Floats:
 
 
 def _rounded(values: Floats) -> Floats:
-    """The values with DIGITS significant digits."""
     return np.array([float(f"{value:.{DIGITS}g}") for value in values.ravel()]).reshape(values.shape)

@@ -207,5 +207,4 @@ def _no_windows(task: Task) -> dict[str, np.ndarray]:
 
 
 def _single_precision(values: np.ndarray) -> np.ndarray:
-    """The values, numbers in single precision."""
     return values.astype(np.float32) if values.dtype.kind == "f" else np.asarray(values)

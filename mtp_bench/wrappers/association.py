@@ -52,8 +52,7 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         presence: Probability that a track's object exists; None: certain, so the agent alone decides.
         relative: False for the reward of the env, which takes half the time.
 
-    Raises MtpBenchError for a size or a distance that is not above 0, for an env of another library, and around another
-    wrapper that changes observations or actions.
+    MtpBenchError for a size or distance not above 0, another library's env, or wrapped observations or actions.
     """
 
     def __init__(
@@ -130,7 +129,6 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         return nearest(observation.reshape(-1, self.shape[1]), self._inner.task)
 
     def _shown(self, seen: Observation) -> NDArray[np.float32]:
-        """The observation of a frame."""
         tables = [player.look(seen) for player in self._players]
         return tables[0].ravel()
 
@@ -219,7 +217,6 @@ class PerDetection(gymnasium.Wrapper[Row, np.int64, Row, Ints], RecordConstructo
         return self._worths[key]
 
     def _begin(self, observation: Row) -> Row:
-        """The first detection of a frame."""
         self._table, self._choice = self._env.table(observation), self._env.nearest(observation)
         self._place, self._earned, self._worths = 0, 0.0, dict[bytes, float]()
         return np.asarray(self._table[0])

@@ -14,21 +14,10 @@ import pytest
 
 from mtp_bench.errors import MtpBenchError, RecordError
 from mtp_bench.gateway import Isolation, Limits
-from mtp_bench.records import (
-    Record,
-    checked_record,
-    intake,
-    load_record,
-    open_seal,
-    read_level,
-    standings,
-    submit,
-    trusted,
-    verify,
-    why_unranked,
-)
-from mtp_bench.records.attestation import Level, SignedLevel, Statement, write_level
-from mtp_bench.records.record import HiddenPart
+from mtp_bench.records import checked_record, intake, load_record, open_seal, standings, submit, trusted, verify
+from mtp_bench.records.attestation import Level, SignedLevel, Statement, read_level, write_level
+from mtp_bench.records.eligibility import why_unranked
+from mtp_bench.records.record import HiddenPart, Record
 from mtp_bench.records.rerun import why_unsandboxed
 from mtp_bench.records.seal import Commitment, SecretSeeds, commitment_of
 from mtp_bench.records.shipped import baseline_digest, shipped
@@ -62,15 +51,8 @@ def forged(path: Path, record: Record, change: Change) -> Path:
 
 
 def why(record: Record, beside: Record | None = None, levels: Mapping[str, SignedLevel] | None = None) -> str:
-    """Why the record has no rank."""
     records = [record] if beside is None else [record, beside]
     return standings(records, levels)[record.digest].places["all"].why
-
-
-def rank_of(name: str, records: list[Record], levels: Mapping[str, SignedLevel] | None = None) -> int | None:
-    found = standings(records, levels)
-    (record,) = [record for record in records if record.submission.name == name]
-    return found[record.digest].places["all"].place
 
 
 @pytest.fixture
@@ -275,7 +257,7 @@ def test_other_conditions_are_shown_never_ranked(what: str, tmp_path: Path) -> N
     assert checked_record(tmp_path / "a.json") == record, "it is consistent, and not ranked"
     sound = made_up("stp", 1.0)
     assert why(record, sound).startswith(reason)
-    assert rank_of("stp", [record, sound]) == 1
+    assert standings([record, sound])[sound.digest].places["all"].place == 1
 
 
 def test_three_scenes_are_not_the_whole_split(tmp_path: Path) -> None:
@@ -416,7 +398,6 @@ def level_in(path: Path) -> Any:
 
 
 def note(path: Path, trust: Path) -> str:
-    """Why the level of a record is not shown."""
     signed, said = read_level(path, load_record(path), trusted(trust))
     assert signed is None
     return said
@@ -602,17 +583,15 @@ def test_a_hidden_part_of_its_seal(on_seal: tuple[Path, Record, Commitment], lea
     assert why_unranked(record, signed) == "scored on 2 hidden scenes, ranks need 50"
 
 
-def sums_of_others(part: HiddenPart) -> HiddenPart:
-    return part.model_copy(update={"error": {**part.error, "all": [1.0, 1.0]}})
-
-
 def test_a_hidden_part_without_its_seal(on_seal: tuple[Path, Record, Commitment], leaderboard: Path, key: Path) -> None:
     path, record, promise = on_seal
     sign(path, record, key, "hidden", hidden=sealed_part(promise, commitment=hex_of("of nobody")))
     assert "its hidden scenes are of no seal" in note(path, leaderboard)
     sign(path, record, key, "hidden", hidden=hidden_part(1.0, 2.0, 3.0, commitment=promise.commitment))
     assert "3 hidden scenes" in note(path, leaderboard)
-    sign(path, record, key, "hidden", hidden=sums_of_others(sealed_part(promise)))
+    part = sealed_part(promise)
+    others = part.model_copy(update={"error": {**part.error, "all": [1.0, 1.0]}})
+    sign(path, record, key, "hidden", hidden=others)
     assert "hidden scenes: row 'all': error is 1.5, the sums of its units give 0.1" in note(path, leaderboard)
     sign(path, record, key, "re-run", hidden=sealed_part(promise))
     assert "level 're-run' with hidden scenes" in note(path, leaderboard)

@@ -90,7 +90,6 @@ def _imports(submission: Path) -> None:
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory, submission: Path, card: str, kitti: str) -> str:
-    """Digest of the record of a submit that nothing disturbs."""
     return submit(submission, card, RunOptions(kitti, seeds=SEEDS), tmp_path_factory.mktemp("whole")).digest
 
 
@@ -131,7 +130,6 @@ def wait_for_parts(process: subprocess.Popen[str], target: Path, least: int) -> 
 
 
 def content(folder: Path) -> dict[str, str]:
-    """What lies in a folder, but for parts."""
     files = [path for path in sorted(folder.rglob("*")) if path.is_file() and ".part" not in str(path)]
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 

@@ -24,7 +24,6 @@ class Shell:
         patch.setenv("_MTP_BENCH_COMPLETE", "complete_bash")
 
     def __call__(self, words: str) -> list[str]:
-        """Words offered for the last of ``words``."""
         line = f"mtp-bench {words}"
         self._patch.setenv("COMP_WORDS", line)
         self._patch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))

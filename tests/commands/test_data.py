@@ -24,13 +24,9 @@ def cut(name: str, characters: int) -> Callable[[Path], Any]:
     return lambda root: (root / name).write_text((root / name).read_text()[:-characters])
 
 
-def remove(name: str) -> Callable[[Path], Any]:
-    return lambda root: (root / name).unlink()
-
-
 BROKEN: dict[str, tuple[Callable[[Path], Any], str]] = {  # one of each kind; tests/sources has them all
     "a row": (cut(LABELS, 30), "column 15 (y) is missing: is the file cut off?"),
-    "a file": (remove("detections/pointrcnn/Car/0006.txt"), "Car/0006.txt"),
+    "a file": (lambda root: (root / "detections/pointrcnn/Car/0006.txt").unlink(), "Car/0006.txt"),
     "the map": (lambda root: (root / MAP).write_text(""), "names no sequence"),
 }
 GONE = {"another root": (lambda root: root.rename(root.with_name("kitti")), "no KITTI tracking data: ")}

@@ -7,18 +7,7 @@ from scipy.stats import rankdata
 from mtp_bench.detector import Profile
 from mtp_bench.detector.draws import skewed_cdf
 from mtp_bench.types import Bools, Detections, Floats
-from tests.support.detector_scenes import (
-    AHEAD,
-    FREE,
-    LASTING,
-    NEAR,
-    cars,
-    correlation,
-    detect,
-    no_objects,
-    on_grid,
-    profile_of,
-)
+from tests.support.detector_scenes import AHEAD, FREE, LASTING, NEAR, cars, correlation, detect, on_grid, profile_of
 
 FRAMES, OBJECTS, GAP = 200, 60, 30.0
 ERROR = {"s0": 0.3, "s1": 0.0}
@@ -89,7 +78,7 @@ def test_the_floor_drops_lower_scores_alone() -> None:
 
 
 def test_false_positives_stand_in_families_and_live() -> None:
-    truth = no_objects(2000)
+    truth = cars(2000, 0)
     few = detect(truth, profile_of(free=FREE), sensor=AHEAD)
     many = detect(truth, profile_of(free={**FREE, "siblings": 1.0, "family": 0.8}), sensor=AHEAD)
     assert together(few) < 0.12

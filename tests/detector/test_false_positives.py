@@ -10,14 +10,14 @@ from mtp_bench.detector import load_profile
 from mtp_bench.detector.simulate import simulate
 from mtp_bench.detector.visibility import Sensor
 from mtp_bench.types import Bools, Detections, Floats, Truth
-from tests.support.detector_scenes import AHEAD, DT, FREE, detect, grid_truth, no_objects, profile_of, truth_of
+from tests.support.detector_scenes import AHEAD, DT, FREE, cars, detect, grid_truth, profile_of, truth_of
 
 MEGVII = load_profile("nuscenes_megvii")
 
 
 def in_empty_scene(frames: int = 2000, seed: int = 0, view: float = 90.0, **free: Any) -> Detections:
     profile = profile_of(free={**FREE, **free}).model_copy(update={"field_of_view": view})
-    return detect(no_objects(frames), profile, seed, sensor=AHEAD)
+    return detect(cars(frames, 0), profile, seed, sensor=AHEAD)
 
 
 @pytest.mark.parametrize(("view", "dispersion", "rate", "expected"), [
@@ -47,7 +47,7 @@ def test_places_have_the_distances_of_the_profile_and_even_bearings_and_headings
 
 def test_places_are_inside_the_area_of_the_sensor() -> None:
     profile = profile_of(free=FREE)
-    box = detect(no_objects(500), profile, sensor=Sensor(60.0, 2 * np.pi, (-10.0, -5.0, 20.0, 30.0))).box
+    box = detect(cars(500, 0), profile, sensor=Sensor(60.0, 2 * np.pi, (-10.0, -5.0, 20.0, 30.0))).box
     assert len(box) > 500
     assert ((box[:, :2] >= [-10.0, -5.0]) & (box[:, :2] <= [20.0, 30.0])).all()
 
@@ -57,7 +57,7 @@ def test_boxes_stand_still_while_the_sensor_drives_past_and_none_born_out_of_rea
     ego[:, 0] = np.arange(400) * 2.0
     for distance, expected in (((3.0,) + (50.0,) * 10, True), ((80.0,) * 11, False)):
         profile = profile_of(free={**FREE, "distance": distance})
-        found = simulate(no_objects(400), ego, ("car",), profile, AHEAD, 0, DT)
+        found = simulate(cars(400, 0), ego, ("car",), profile, AHEAD, 0, DT)
         assert (len(found.box) > 0) == expected
         ahead = found.box[:, :2] - ego[found.frame_of_rows, :2]
         assert (np.hypot(*ahead.T) <= 60.0).all()
@@ -81,7 +81,7 @@ def test_classes_of_one_noise_share_its_false_positives_as_their_true_boxes() ->
     assert (found.class_id == 3).sum() > 50, "there is no pedestrian: the class itself"
     np.testing.assert_allclose(np.median(found.box[found.class_id == 0, 4:], axis=0), [9.0, 2.5, 3.0], rtol=0.1)
     for classes, expected in ((("truck", "car", "pedestrian"), {1, 2}), (("truck", "bus"), {0})):
-        found = simulate(no_objects(200), np.zeros((200, 4)), classes, MEGVII, AHEAD, 0, 0.5)
+        found = simulate(cars(200, 0), np.zeros((200, 4)), classes, MEGVII, AHEAD, 0, 0.5)
         assert set(found.class_id.tolist()) == expected
 
 

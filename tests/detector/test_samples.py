@@ -36,13 +36,9 @@ def truth(*frames: list[ROW], class_id: int = 0, neutral: tuple[int, ...] = ()) 
     return Truth(same.start, same.box, same.velocity, same.class_id, object_id, ~beside, beside)
 
 
-def scene(true: Truth, found: Detections) -> Scene:
-    frames = len(true.start) - 1
-    return Scene("drawn", 0.1 * np.arange(frames), np.zeros((frames, 4)), true, found)
-
-
 def of_car(true: Truth, found: Detections) -> ClassStatistics:
-    return detector_statistics([scene(true, found)], CLASSES, AHEAD)["car"]
+    scene = Scene("drawn", 0.1 * np.arange(true.frames), np.zeros((true.frames, 4)), true, found)
+    return detector_statistics([scene], CLASSES, AHEAD)["car"]
 
 
 @pytest.mark.parametrize(

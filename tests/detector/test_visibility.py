@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mtp_bench.detector.visibility import Sensor, covered, visibility_of, visible_fraction
+from mtp_bench.detector.visibility import Sensor, covered, visibility_of, visible_fractions
 from mtp_bench.geometry import bev_corners, bev_intersection_area
 from mtp_bench.types import Floats, Truth
 from tests.support.detector_scenes import truth_of
@@ -26,6 +26,10 @@ def _truth(frames: list[list[list[float]]]) -> Truth:
     frame = np.repeat(np.arange(len(frames)), [len(boxes) for boxes in frames])
     box = np.array([row for boxes in frames for row in boxes], dtype=np.float64).reshape(-1, 7)
     return truth_of(frame, np.arange(len(box)), box, len(frames))
+
+
+def visible_fraction(box: Floats, sensor: Floats) -> Floats:
+    return visible_fractions(_truth([box.tolist()]), sensor[None])
 
 
 def _ray_fractions(box: Floats, sensor: Floats, rays: int) -> Floats:

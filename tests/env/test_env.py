@@ -46,8 +46,6 @@ def echo_rollout(env: MTPEnv, **reset: Any) -> Rollout:
 
 
 # ---- what is shown
-
-
 def test_the_first_ego_pose_is_the_origin_and_time_starts_at_zero(make_env: MakeEnv) -> None:
     observation, info = make_env(make_scene()).reset()
     np.testing.assert_allclose(observation["ego_pose"], 0, atol=1e-6)
@@ -158,8 +156,6 @@ def test_observations_are_never_reused(make_env: MakeEnv) -> None:
 
 
 # ---- episodes
-
-
 def test_only_the_last_answer_terminates_and_nothing_truncates(make_env: MakeEnv) -> None:
     env = make_env(make_scene(frames=3))
     env.reset()
@@ -238,8 +234,6 @@ def test_sizes_come_from_the_keywords_else_from_the_card(make_env: MakeEnv) -> N
 
 
 # ---- what is taken
-
-
 def test_the_rollout_holds_the_answer_in_the_frame_of_the_scene(make_env: MakeEnv) -> None:
     env = make_env(make_scene())
     rollout = echo_rollout(env)
@@ -298,10 +292,7 @@ def test_every_action_of_the_space_is_sound(make_env: MakeEnv) -> None:
 
 
 # ---- what it earns, and what is never told
-
-
 def fixed_error(env: MTPEnv) -> float:
-    """What the scorer makes of the episode, summed."""
     return score_scene(env.scene, env.rollout(), env.card).fixed_error
 
 
@@ -365,18 +356,10 @@ def test_an_answer_that_cannot_be_read_is_a_false_forecast_per_detection(make_en
 
 
 def other_truth(scene: Scene) -> Scene:
-    """The same log with another truth in every respect."""
-    truth = scene.truth
-    changed = replace(
-        truth,
-        box=truth.box[::-1] + 3.0,
-        velocity=truth.velocity + 1,
-        class_id=1 - truth.class_id,
-        object_id=truth.object_id + 50,
-        eligible=~truth.eligible,
-        neutral=~truth.neutral,
-    )
-    return replace(scene, truth=changed, truth_complete=False)
+    truth = replace(scene.truth, eligible=~scene.truth.eligible, neutral=~scene.truth.neutral)
+    truth = replace(truth, box=truth.box[::-1] + 3.0, velocity=truth.velocity + 1)
+    truth = replace(truth, class_id=1 - truth.class_id, object_id=truth.object_id + 50)
+    return replace(scene, truth=truth, truth_complete=False)
 
 
 @pytest.mark.parametrize(("evaluation", "rigid_motion"), [(True, False), (True, True), (False, False)])
@@ -402,13 +385,9 @@ def test_what_is_returned_does_not_depend_on_the_truth(evaluation: bool, rigid_m
 
 def test_a_scene_elsewhere_and_at_another_time_looks_the_same(make_env: MakeEnv) -> None:
     scene, shift = make_scene(), np.array([500.0, -300.0, 7.0, 0, 0, 0, 0])
-    elsewhere = replace(
-        scene,
-        time=scene.time + 5e4,
-        ego=scene.ego + shift[:4],
-        truth=replace(scene.truth, box=scene.truth.box + shift),
-        detections=replace(scene.detections, box=scene.detections.box + shift),
-    )
+    truth = replace(scene.truth, box=scene.truth.box + shift)
+    found = replace(scene.detections, box=scene.detections.box + shift)
+    elsewhere = replace(scene, time=scene.time + 5e4, ego=scene.ego + shift[:4], truth=truth, detections=found)
     seen, _ = play(here := make_env(scene), echo(here))
     other, _ = play(there := make_env(elsewhere), echo(there))
     for (observation, _), (moved, _) in zip(seen, other, strict=True):
@@ -417,8 +396,6 @@ def test_a_scene_elsewhere_and_at_another_time_looks_the_same(make_env: MakeEnv)
 
 
 # ---- flattening
-
-
 def test_observations_and_actions_can_be_flattened(make_env: MakeEnv) -> None:
     env = make_env(make_scene())
     observation, _ = env.reset()

@@ -185,5 +185,4 @@ def test_vector_envs(kind: str, mode: AutoresetMode, card: str, kitti: str) -> N
 
 
 def error(metrics: dict[str, Any]) -> Any:
-    """The costs of an episode, m."""
     return metrics["cost_missed"] + metrics["cost_false"] + metrics["cost_error"]

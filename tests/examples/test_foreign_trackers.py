@@ -66,7 +66,6 @@ def _scored(env: MTPEnv, scene: str, folder: str | Path, parameters: dict[str, s
 
 @lru_cache
 def _real(env_id: str, scene: str, data_root: Path) -> tuple[MTPEnv, SceneScore]:
-    """An env, and how STP does on a scene of it."""
     env = MTPEnv(env_id, str(data_root), evaluation=True)
     return env, _scored(env, scene, "stp", {})
 

@@ -154,14 +154,9 @@ def left_over(agents: Path) -> list[str]:
                 found.append(entry.name)
         except OSError:
             continue
-    own = {os.getpid(), *server_processes()}
+    started = [server._process.pid for server in fork_server._servers.values()]  # bubblewrap, with the server in it
+    own = {os.getpid(), *started, *(pid for outer in started for pid in children(outer))}
     return [name for name in found if int(name) not in own]
-
-
-def server_processes() -> list[int]:
-    """Bubblewrap and the fork server in it, per server."""
-    started = [server._process.pid for server in fork_server._servers.values()]
-    return [pid for outer in started for pid in (outer, *children(outer))]
 
 
 def test_processes_of_agents_can_be_found(court: Court, agents: Path) -> None:

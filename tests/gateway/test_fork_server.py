@@ -44,7 +44,6 @@ def act(self, observation):
 
 
 def said(court: Court, asks: str) -> str:
-    """What an agent finds out about itself."""
     run = court.run(ASKS.format(asks=asks))
     assert run.status == "crashed"
     return run.reason.split("RuntimeError: ")[1]
@@ -70,7 +69,6 @@ def open_files() -> int:
 
 
 def forks_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Pids of the forks from here on."""
     made: list[int] = []
     fork = ForkServer.fork
 

@@ -8,8 +8,7 @@ Keys = tuple[float, float, float]  # cost, confidence of the left one, minADE
 def best_pairs(pairs: Mapping[tuple[int, int], Keys]) -> dict[int, int]:
     """Left -> right: most pairs, then the surest left ones, then the least cost, then the largest minADE.
 
-    Only pairs inside the gate are given. Reading: cost and minADE are compared as sums over the pairs, to the
-    nanometre.
+    Only pairs inside the gate are given. Reading: sums of cost and minADE over the pairs are compared to the nanometre.
     """
     result: dict[int, int] = {}
     for part in _components(pairs):

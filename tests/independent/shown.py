@@ -76,8 +76,7 @@ def planning_aware(run: Run, error: Floats) -> float | None:
 def epa(run: Run) -> float:
     """(targets with minFDE <= 2 m - .5 false forecasts) / targets.
 
-    Reading: matched inside the card's own forecast gate, which is 2 m for vehicles; classes pooled; other true objects
-    are neither.
+    Reading: matched inside the card's forecast gate, 2 m for vehicles; classes pooled; other true objects are neither.
     """
     hits, false = 0, 0
     for s, t in run.frames():

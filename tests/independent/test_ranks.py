@@ -1,9 +1,7 @@
 """The product's ranks, gaps and intervals against the independent ones, on drawn scenes."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +46,6 @@ def from_counts(n: int) -> Ints:
 
 
 def as_flipped(n: int) -> Floats:
-    """The product's signs."""
     return np.random.default_rng(statistics._SEED).choice([-1.0, 1.0], size=(statistics.FLIPS, n))
 
 
@@ -83,11 +80,6 @@ def test_both_cut_scenes_into_the_same_blocks(rate: float) -> None:
         time = 1000.0 + np.arange(frames) / rate
         found = units(replace(empty, time=time), with_task(make_card(), rate=rate))
         assert found.tolist() == [t * blocks_of(frames, rate) // frames for t in range(frames)]
-
-
-def told(reason: str, row: Mapping[str, Any]) -> bool:
-    """True if the row gives the reason."""
-    return REASONS[reason] in row["unranked_because"] if reason else row["unranked_because"] is None
 
 
 @pytest.mark.parametrize("seed", CASES)
@@ -126,4 +118,5 @@ def test_both_scorers_rank_alike(seed: int) -> None:
         for name, values in compared[subset].items():
             row = rows_of(report, name)[subset]
             same(row, values, ("place", "rank_range", "interval", *BESIDE))
-            assert told(values["unranked_because"], row), (name, subset)
+            reason, told = values["unranked_because"], row["unranked_because"]
+            assert REASONS[reason] in told if reason else told is None, (name, subset)

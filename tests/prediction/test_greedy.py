@@ -14,14 +14,10 @@ def make_pool(rng: np.random.Generator, objects: int, size: int, future: int = 6
     return np.asarray(end * np.linspace(0.2, 1.0, future)[:, None] + rng.normal(0, 0.3, (objects, size, future, 2)))
 
 
-def distances(pool: Floats) -> Floats:
-    """Mean distance [S, S] of the samples [S, T, 2] from each other."""
-    return np.asarray(np.linalg.norm(pool[:, None] - pool[None], axis=-1).mean(axis=-1))
-
-
 def brute_force(pool: Floats, log_weight: Floats, k: int) -> tuple[Floats, Floats]:
     """Samples [k, T, 2] and log-weights [k], one object [S, T, 2] of distinct samples: every cost in full."""
-    distance, weight, chosen = distances(pool), np.exp(log_weight), list[int]()
+    distance = np.linalg.norm(pool[:, None] - pool[None], axis=-1).mean(axis=-1)  # [S, S] of samples from each other
+    weight, chosen = np.exp(log_weight), list[int]()
     for _ in range(k):
         costs = [weight @ distance[[*chosen, c]].min(axis=0) for c in range(len(pool))]
         chosen.append(int(np.argmin(costs)))

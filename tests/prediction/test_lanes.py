@@ -47,7 +47,6 @@ JUNCTION = observed(
 
 
 def paths(x: float, y: float, heading: float, metres: float = 60.0, most: int = 4) -> LanePaths:
-    """Paths of one object at the junction."""
     return lane_paths(JUNCTION, np.array([[x, y]]), np.array([heading]), most, metres)
 
 
@@ -152,10 +151,5 @@ def test_a_straight_road_has_no_bend_in_any_direction() -> None:
 
 def test_who_has_no_lane_is_free() -> None:
     assert on_lanes(futures(-5, 0, 8.0)) == on_lanes(futures(-5, 0, 0.0)) == 6
-    for other in (
-        futures(-5, 0, 1.5, class_id=1),
-        futures(-5, 20, 8.0),
-        futures(-5, 0, -8.0),
-        futures(-5, 0, 8.0, lanes=0),
-    ):
-        assert on_lanes(other) == 0
+    others = futures(-5, 0, 1.5, class_id=1), futures(-5, 20, 8.0), futures(-5, 0, -8.0), futures(-5, 0, 8.0, lanes=0)
+    assert [on_lanes(other) for other in others] == [0] * 4

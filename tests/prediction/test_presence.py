@@ -35,10 +35,6 @@ SHIPPED = sorted(path.stem for path in MODELS.glob("*.json"))
 CHANGES = {"last_score": 1.0, "mean_score": 2.0, "hits": 3, "age": 6, "unseen": 0, "range": 20.0, "speed": 1.0}
 
 
-def history(**changes: Any) -> TrackHistory:
-    return TrackHistory(**{name: np.array([value]) for name, value in {**CHANGES, **changes}.items()})
-
-
 def test_the_history_of_a_track() -> None:
     # A cyclist: seen at x = 0, 0.5, not, 1.5, and then not.
     frames = [frame((0.0, 4.0, CYCLIST)), frame((0.5, 4.0, CYCLIST)), frame(), frame((1.5, 4.0, CYCLIST)), frame()]
@@ -72,7 +68,7 @@ def test_a_model_by_hand() -> None:
         np.array([2.0, 1.0]), np.array([0.1, 0.2, 0.3, 1.0, 2.0, 3.0]), {"car": np.array([-4.75, 0.0, 0.5])},
         np.array([[0.0, 0.5, 1.0], [0.0, 0.2, 1.0]]),
     )  # fmt: skip
-    one = history(mean_score=3.0)
+    one = TrackHistory(**{name: np.array([value]) for name, value in {**CHANGES, "mean_score": 3.0}.items()})
     assert model.logits(model.standardised(one), np.array([1]), ["bus", "car"])[0] == pytest.approx(0.5)
     assert model.logits(model.standardised(one), np.array([0]), ["bus", "car"])[0] == pytest.approx(4.75)
     p = 1 / (1 + np.exp(-0.5))

@@ -233,7 +233,6 @@ def test_who_dies_where_nobody_could_know_is_told_without_a_name() -> None:
 
 
 def scene_run(scene: str, status: str = "finished", reason: str = "") -> SceneRun:
-    """How a run ended."""
     rollout = SimpleNamespace(scene=scene)
     return cast("SceneRun", SimpleNamespace(rollout=rollout, status=status, reason=reason, malformed=0))
 

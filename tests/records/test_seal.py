@@ -106,12 +106,8 @@ def test_a_run_on_hidden_scenes(cli: CommandLine, short: str, tmp_path: Path, le
     trust, sealed = trusted(leaderboard), open_seal(secret)
     signed, why = read_level(path, made, trust)
     assert signed is not None, why
-    assert (signed.statement.level, signed.signer, signed.statement.isolation) == (
-        "hidden",
-        "tester",
-        made.isolation.mechanism,
-    )
-    hidden = signed.statement.hidden
+    stated, hidden = signed.statement, signed.statement.hidden
+    assert (stated.level, signed.signer, stated.isolation) == ("hidden", "tester", made.isolation.mechanism)
     assert hidden is not None
     assert (hidden.commitment, hidden.scenes) == (sealed.commitment, SCENES)
     assert hidden.row.interval is not None, "what is checked of it is checked here too"
@@ -166,7 +162,6 @@ def scenes_stay_until_a_round_ends(path: Path, short: str, sealed: Sealed, hidde
 
 
 def _hung(runs: Runs) -> Runs:
-    """The same runs, but for the first scene, which was not finished."""
     return {seed: [replace(first, status="hung"), *others] for seed, (first, *others) in runs.items()}
 
 

@@ -48,7 +48,6 @@ def made(tmp_path_factory: pytest.TempPathFactory, submission: Path, card: str, 
 
 @pytest.fixture
 def path(made: Path, tmp_path: Path) -> Path:
-    """A copy of the record and its rollouts, to be changed."""
     return Path(shutil.copytree(made.parent, tmp_path / "echo")) / made.name
 
 
@@ -92,7 +91,6 @@ RERUN: dict[str, tuple[Callable[[Content], Any], str]] = {  # a change of the re
 
 
 def with_hypotheses(content: Content, count: int) -> None:
-    """State another number of hypotheses wherever a record does."""
     for part in (content, content["submission"], content["details"], *content["rows"]):
         part["hypotheses"] = count
 

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,29 +14,20 @@ CARD = make_card()
 FRAMES = 500
 
 
-def seen(rows: list[list[list[float]]], score: Any) -> Detections:
-    """Detections ``x y yaw class`` per frame."""
-    flat = np.array([row for frame in rows for row in frame], dtype=np.float64).reshape(-1, 4)
-    box = np.tile([0.0, 0, 0, 0, 4, 2, 1.5], (len(flat), 1))
-    box[:, [0, 1, 3]] = flat[:, :3]
-    start = np.cumsum([0, *(len(frame) for frame in rows)])
-    return Detections(start, box, np.zeros((len(flat), 2)), flat[:, 3].astype(int), np.asarray(score, dtype=float))
-
-
 def scene_of(xy: float, yaw: float) -> Scene:
     """A car and a walker; detections are off by errors of these sigmas, and there is a false one far away."""
     rng = np.random.default_rng(5)
     truth = [[Thing(1, 0, 0), Thing(2, 50, 0, class_id=WALKER)] for _ in range(FRAMES)]
-    rows = [
-        [
-            [*rng.normal(0, xy, 2), rng.normal(0, yaw), CAR],
-            [50 + rng.normal(0, xy / 2), rng.normal(0, xy / 2), 0.5 + np.pi * (t % 4 == 0), WALKER],
-            [200.0, 0.0, 0.0, CAR],
-        ]
-        for t in range(FRAMES)
-    ]
+    rows: list[list[float]] = []  # x y yaw class, three per frame
+    for t in range(FRAMES):
+        rows.append([*rng.normal(0, xy, 2), rng.normal(0, yaw), CAR])
+        rows.append([50 + rng.normal(0, xy / 2), rng.normal(0, xy / 2), 0.5 + np.pi * (t % 4 == 0), WALKER])
+        rows.append([200.0, 0.0, 0.0, CAR])
+    flat, box = np.array(rows), np.tile([0.0, 0, 0, 0, 4, 2, 1.5], (3 * FRAMES, 1))
+    box[:, [0, 1, 3]] = flat[:, :3]
     score = np.stack([np.linspace(0, 1, FRAMES), np.linspace(1, 3, FRAMES), np.full(FRAMES, 9.0)], axis=1).ravel()
-    return replace(make_scene(truth), detections=seen(rows, score))
+    start, kind = 3 * np.arange(FRAMES + 1), flat[:, 3].astype(int)
+    return replace(make_scene(truth), detections=Detections(start, box, np.zeros((len(flat), 2)), kind, score))
 
 
 def test_noise_and_cuts_are_those_of_matched_detections() -> None:

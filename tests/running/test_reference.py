@@ -15,15 +15,7 @@ from mtp_bench.records.running import plan_run
 from mtp_bench.running.compare import compare
 from mtp_bench.running.options import RunOptions
 from mtp_bench.running.perturbation import RUNS
-from mtp_bench.running.reference import (
-    freeze,
-    frozen_path,
-    frozen_reference,
-    make_reference,
-    ranked_scenes,
-    reference_for,
-    track,
-)
+from mtp_bench.running.reference import freeze, frozen_reference, make_reference, ranked_scenes, reference_for, track
 from mtp_bench.running.run import jobs_of, run_jobs, run_scene
 from mtp_bench.scoring import score_scene
 from mtp_bench.scoring.weights import WEIGHED, scene_key, tracking_events
@@ -47,7 +39,7 @@ def test_what_is_frozen_is_found_again(cli: CommandLine, shipped: str, kitti: st
         said = cli.ok("maintain", "freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     finally:
         os.umask(mask)
-    path = frozen_path(shipped)
+    path = Path(said.partition(": ")[0])
     assert said.startswith(f"{path}: {made.totals['targets']} targets, sum of weights ids ")
     assert made.digest in said
     assert (path.stat().st_mode & 0o777, [p.name for p in path.parent.iterdir()]) == (0o644, [path.name])
@@ -127,16 +119,17 @@ def test_scenes_without_frozen_weights_are_left_out(shipped: str, tmp_path: Path
     assert (plan.scenes, plan.scenes_of_split) == (known, len(known))
 
 
-FROZEN = sorted(path.stem for path in (Path(__file__).parents[2] / "envs" / "reference").glob("*.json"))
+FROZEN = sorted((Path(__file__).parents[2] / "envs" / "reference").glob("*.json"))
 
 
-@pytest.mark.parametrize("env_id", FROZEN)
-def test_the_shipped_files_fit_their_cards(env_id: str) -> None:
+@pytest.mark.parametrize("path", FROZEN, ids=[path.stem for path in FROZEN])
+def test_the_shipped_files_fit_their_cards(path: Path) -> None:
+    env_id = path.stem
     reference = frozen_reference(load_card(env_id))
     assert reference is not None
     drives, sums = load_card(env_id).drive is not None, reference.totals["sum_of_weights"]
     assert (reference.runs, reference.agent) == ((1, "truth_past") if drives else (RUNS, "stp"))
-    assert read_reference(frozen_path(env_id)).digest == reference.digest
+    assert read_reference(path).digest == reference.digest
     assert sums["ids"] > 0 or drives
     assert 0 < sums["lost"] <= sums["frag"] or drives
     assert sums["frag"] <= sums["lost"] + sums["reacquired"] + 0.02  # they are rounded

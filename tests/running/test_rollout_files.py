@@ -146,7 +146,6 @@ def no_array(folder: Path) -> None:
 
 
 def encrypt(folder: Path) -> None:
-    """Say that the first array is encrypted."""
     content = bytearray((folder / "one.npz").read_bytes())
     for head, flags in ((b"PK\x01\x02", 8), (b"PK\x03\x04", 6)):
         content[content.index(head) + flags] |= 1

@@ -53,7 +53,6 @@ def test_objects(truth: list[Thing], objects: list[Thing], want: list[int], fals
 
 
 # ---- error at the fixed operating point, of a frame: a car at rest and a walker at rest are targets in frame 1
-
 NOTHING = (0, 0, 0)  # malformed objects: cars, walkers, without a class
 
 
@@ -130,7 +129,6 @@ def test_frames_add_up_to_the_scene(seed: int, complete: bool) -> None:
 
 
 # ---- EPA and AP_f
-
 AP: dict[str, tuple[list[bool], list[float], int, float]] = {
     # correct, score, targets, AP: recalls .11 to 1 count, precision less .1
     "all right": ([True, True], [0.9, 0.1], 2, 1.0),

@@ -30,7 +30,6 @@ PEERS = {**EXPECTED["scripted"], **EXPECTED["synthetic"]}
 Other = dict[str, dict[str, tuple[float, float]]]  # case, number: ours, the peer's
 
 # ---- tracking: where a peer's definition differs, its value stands here with the reason
-
 # AB3DMOT's trajectory counts need a switch to be followed by one more match, take a switch for a fragment, and leave
 # a switch across unmatched frames out; its per-frame script (mtp_IDS, mtp_FRAG) does none of this.
 AB3DMOT_OTHER: Other = {
@@ -113,7 +112,6 @@ def test_motmetrics_remembers_a_pair_across_frames_without_a_match() -> None:
 
 
 # ---- forecasts
-
 FORECAST = EXPECTED["prediction_in_pred_json"]
 GIVEN = {name: np.array(value) for name, value in _load("in_pred").items()}
 SEEN = np.setdiff1d(np.arange(12), GIVEN["miss"])  # the detector misses two of twelve

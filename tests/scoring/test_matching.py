@@ -111,11 +111,9 @@ def sticky(costs_of_frames: list[list[list[float]]]) -> list[int]:
     """Track (0, 1, ...) of each object in each frame; object i and track j are the same in every frame."""
     n, m = np.array(costs_of_frames[0]).shape
     parts = [pairs_of(np.array(c)) for c in costs_of_frames]
-    pairs = Pairs(
-        np.concatenate([p.row + n * t for t, p in enumerate(parts)]),
-        np.concatenate([p.column + m * t for t, p in enumerate(parts)]),
-        np.concatenate([p.cost for p in parts]),
-    )
+    row = np.concatenate([p.row + n * t for t, p in enumerate(parts)])
+    column = np.concatenate([p.column + m * t for t, p in enumerate(parts)])
+    pairs = Pairs(row, column, np.concatenate([p.cost for p in parts]))
     total = len(costs_of_frames)
     matched = match_sticky(pairs, n * total, np.arange(n * total) - n, np.arange(m * total) - m)
     return [int(c % m) if c >= 0 else -1 for c in matched]

@@ -86,7 +86,6 @@ def test_without_a_reference_only_all_targets_have_weight_and_budgets_go_up_to_o
 
 
 # ---- several scenes: STP, the truth, and agents between them
-
 SCENES = [f"s{i}" for i in range(12)]
 ALIKE = reference(SCENES, counts=[[2, 1, 2, 2], [2, 0, 2, 2]])
 

@@ -69,7 +69,6 @@ def assert_equal(got: SceneScore, want: SceneScore) -> None:
 
 
 def sure(rollout: Rollout, confidence: Any) -> Rollout:
-    """The rollout with this confidence in its forecasts."""
     whole = np.broadcast_to(confidence, len(rollout.object_box))
     return replace(rollout, object_confidence=whole.astype(np.float32))
 
@@ -187,7 +186,6 @@ def test_fewer_samples_never_help(seed: int) -> None:
 
 # ---- by hand
 def scored(truth: list[Any], tracks: list[Any], log_weight: Any = None, hypotheses: int = 1) -> SceneScore:
-    """The score of tracks, where one future frame makes a target."""
     rollout = make_rollout(tracks, log_weight=log_weight, hypotheses=hypotheses, future=1)
     return score_scene(make_scene(truth), rollout, make_card(future=1))
 

@@ -9,7 +9,6 @@ from tests.support.nuscenes_root import write_root
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
-    """The small root of nuScenes."""
     return write_root(tmp_path / "data")
 
 

@@ -73,11 +73,6 @@ def make_root(data: Path) -> Path:
     return data / "argoverse2"
 
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
-    return make_root(tmp_path)
-
-
 def test_a_log_by_hand(root: Path) -> None:
     scene = Argoverse2(CARD, root).load(LOG)
     truth, frame = scene.truth, scene.truth.frame_of_rows

@@ -37,8 +37,6 @@ def only(card: Card, folder: Path) -> Scene:
 
 
 # --- what is written is read again -----------------------------------------------------------------------------------
-
-
 def test_a_scene_in_memory_keeps_all_its_fields(base: Card) -> None:
     scene = whole_scene()
     (again,) = load_scenes(with_scenes(base, [scene]))
@@ -58,7 +56,6 @@ def test_any_scene_comes_back(
 
 @st.composite
 def scenes(draw: st.DrawFn) -> Scene:
-    """Scenes with any number of rows in each frame."""
     counts = draw(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=5))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     counts[0] = counts[0][0] + 1, counts[0][1]  # a truth without rows is refused
@@ -124,8 +121,6 @@ def test_no_file_of_a_user_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 # --- what is left out ------------------------------------------------------------------------------------------------
-
-
 def test_tables_with_numbered_frames(tmp_path: Path, base: Card) -> None:
     scene = only(base, write_tables(tmp_path))
     np.testing.assert_array_equal(scene.time, [0, 0.1, 0.2])
@@ -245,8 +240,6 @@ def test_a_simulated_detector_takes_the_place_of_the_files(tmp_path: Path, base:
 
 
 # --- splits, and what the digest holds -------------------------------------------------------------------------------
-
-
 def test_splits_are_sub_folders(tmp_path: Path, base: Card) -> None:
     for name in ("train", "val"):
         save_scene(replace(make_scene(name), detector="mine"), tmp_path / name, CLASSES)
@@ -277,7 +270,6 @@ def test_the_digest_holds_what_the_files_hold_and_not_where_they_are(tmp_path: P
 
 
 # --- one sentence for every mistake ----------------------------------------------------------------------------------
-
 TABLES: dict[str, tuple[dict[str, list[str] | None], str]] = {
     "no truth": ({"truth": None}, "one: no table truth.csv or truth.parquet, which the score needs"),
     "a name in the singular": (

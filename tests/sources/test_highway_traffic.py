@@ -1,7 +1,5 @@
 """Worlds of simulated traffic: what a detector and a task may rely on."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 from highway_env.road import lane as lanes_of_highway_env
@@ -49,14 +47,6 @@ def world(name: str, worlds: dict[str, World]) -> World:
 
 def digest(world: World) -> str:
     return content_hash(pack(world))
-
-
-def tracks(world: World) -> Iterator[tuple[int, Floats, Floats]]:
-    """Class, boxes and velocities of everybody."""
-    truth = world.truth
-    for number in np.unique(truth.object_id):
-        own = truth.object_id == number
-        yield int(truth.class_id[own][0]), truth.box[own], truth.velocity[own]
 
 
 def test_shape_of_a_world(name: str, world: World) -> None:
@@ -116,8 +106,11 @@ def check_person(box: Floats, velocity: Floats) -> None:
 
 
 def test_motion_is_plausible(world: World) -> None:
-    for kind, box, velocity in tracks(world):
-        (check_person if kind == PEDESTRIAN else check_vehicle)(box, velocity)
+    truth = world.truth
+    for number in np.unique(truth.object_id):
+        own = truth.object_id == number
+        check = check_person if truth.class_id[own][0] == PEDESTRIAN else check_vehicle
+        check(truth.box[own], truth.velocity[own])
 
 
 def test_lane_map(world: World) -> None:

@@ -106,7 +106,6 @@ def test_scenes_of_the_splits(root: Path, source: dict[str, Any], train: list[in
 
 
 def test_stride_keeps_every_nth_frame(root: Path) -> None:
-    """Frames 1, 3, 5, 7, 9."""
     scene = load(root, "0001", stride=2, scene_frames=5, train_scenes=0)
     np.testing.assert_allclose(scene.time, [0, 0.4, 0.8, 1.2, 1.6])
     np.testing.assert_array_equal(scene.truth.start, [0, 1, 2, 3, 5, 7])

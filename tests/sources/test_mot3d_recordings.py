@@ -15,7 +15,6 @@ pytestmark = pytest.mark.data
 
 
 def whole_sequence(sequence: str, rate: float, frames: int) -> Card:
-    """A card with the sequence as a single scene."""
     return card_of("MTP-PETS-v0", ["pedestrian"], rate, sequence=sequence, train_scenes=0, scene_frames=frames)
 
 

@@ -20,7 +20,6 @@ NAN = float("nan")
 
 
 def record(token: str, /, **changes: Any) -> Change:
-    """The record with this token gets other values."""
     return lambda records: next(each for each in records if each["token"] == token).update(changes)
 
 

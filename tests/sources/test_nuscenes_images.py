@@ -8,7 +8,7 @@ import pytest
 
 from mtp_bench.sources import CameraImage, camera_images
 from mtp_bench.sources.nuscenes import cameras
-from tests.support.camera_images import CAMERAS, SIZE, read, write_cameras
+from tests.support.camera_images import CAMERAS, PIXELS, read, write_cameras
 from tests.support.nuscenes_root import VERSION, nuscenes_card, scene, write_json
 
 
@@ -39,7 +39,7 @@ def test_a_place_of_the_world_is_where_the_camera_sees_it(seen: Path) -> None:
     assert pixel(back, 0.0, 10.0, 2.0)[2] < 0
     later = found[3, "CAM_FRONT"]  # 6 m on
     np.testing.assert_allclose(pixel(later, 1.0, 16.0, 2.0), [900.0, 450.0, 10.0], atol=1e-6)
-    assert front.size == SIZE
+    assert front.size == PIXELS
     assert all(image.path.is_file() for image in found.values())
 
 

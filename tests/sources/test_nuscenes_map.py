@@ -87,13 +87,10 @@ def test_agents_see_the_lanes_and_what_continues_them(mapped: Path, cli: Command
 
 
 def changed(key: str, value: Any) -> Callable[[Record], Record]:
-    """A map with another value under ``key``."""
     return lambda content: {**content, key: value}
 
 
 def arc(**changes: Any) -> Callable[[Record], Record]:
-    """A map whose middle line of "own" has other values."""
-
     def change(content: Record) -> Record:
         lines = content["arcline_path_3"]
         return {**content, "arcline_path_3": {**lines, "own": [{**lines["own"][0], **changes}]}}

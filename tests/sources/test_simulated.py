@@ -16,25 +16,25 @@ from mtp_bench.types import Scene
 from tests.support.detector_scenes import traffic
 
 CARD = with_detector(load_card("MTP-KITTI-noego-v0"), "kitti_pointrcnn_raw")
+STEPS = np.arange(40)
+WORLD = np.stack([0.9 * STEPS, 0.1 * STEPS, 0.01 * STEPS, 0.02 * STEPS], axis=1)  # poses of what drives and turns
 
 
 def test_a_moving_frame_of_reference_changes_nothing_that_is_detected() -> None:
     """The same scene twice, in the world and in the frames of a sensor that drives and turns: false boxes included."""
     truth, _ = traffic(frames=40)
-    steps = np.arange(40)
-    world = np.stack([0.9 * steps, 0.1 * steps, 0.01 * steps, 0.02 * steps], axis=1)
-    time = steps / CARD.task.rate
-    still = Scene(name="a", time=time, ego=world, truth=truth, detections=no_detections(40))
-    pose = world[truth.frame_of_rows]
+    time = STEPS / CARD.task.rate
+    still = Scene(name="a", time=time, ego=WORLD, truth=truth, detections=no_detections(40))
+    pose = WORLD[truth.frame_of_rows]
     box = transform_boxes(truth.box, -pose[:, 3], -rotate(pose[:, :3], -pose[:, 3]))
     own = replace(truth, box=box, velocity=rotate(truth.velocity, -pose[:, 3]))
-    moving = replace(still, ego=np.zeros((40, 4)), truth=own, world=world)
+    moving = replace(still, ego=np.zeros((40, 4)), truth=own, world=WORLD)
     expected, found = detected(still, CARD, seed=0).detections, detected(moving, CARD, seed=0).detections
     assert len(found.box) > len(truth.box) / 4
     np.testing.assert_array_equal(found.start, expected.start)
     np.testing.assert_array_equal(found.class_id, expected.class_id)
     np.testing.assert_allclose(found.score, expected.score, atol=1e-9)
-    pose = world[found.frame_of_rows]
+    pose = WORLD[found.frame_of_rows]
     off = transform_boxes(found.box, pose[:, 3], pose[:, :3]) - expected.box
     off[:, 3] = wrap_angle(off[:, 3])
     np.testing.assert_allclose(off, 0, atol=1e-9)
@@ -70,33 +70,27 @@ def test_own_scenes_of_people_have_places_alone_too() -> None:
     (seen,) = load_scenes(with_detector(card, "wildtrack_mvdet"))
     assert len(seen.detections.box) > len(box) / 10, "within the reach of the detector of WILDTRACK, which stays"
     assert len(np.unique(seen.detections.box[:, 3:], axis=0)) == 1
-    assert (
-        with_scenes(load_card("MTP-nuScenes-v0"), [scene])
-        .source.model_dump(exclude_none=True)
-        .keys()
-        .isdisjoint({"places_only", "bounded_by_truth"})
-    )
+    others = with_scenes(load_card("MTP-nuScenes-v0"), [scene]).source.model_dump(exclude_none=True)
+    assert others.keys().isdisjoint({"places_only", "bounded_by_truth"})
 
 
 def test_what_stands_moves_against_a_frame_that_drives_true_or_not() -> None:
     """Velocities of a detector are those of its frame: a false box that stands is told the same as a true one."""
     truth, _ = traffic(frames=40)
-    steps = np.arange(40)
-    world = np.stack([0.9 * steps, 0.1 * steps, 0.01 * steps, 0.02 * steps], axis=1)
     _, first, inverse = np.unique(truth.object_id, return_index=True, return_inverse=True)  # rows of the objects
     standing = replace(truth, box=truth.box[first[inverse]], velocity=np.zeros_like(truth.velocity))
-    pose = world[standing.frame_of_rows]
+    pose = WORLD[standing.frame_of_rows]
     box = transform_boxes(standing.box, -pose[:, 3], -rotate(pose[:, :3], -pose[:, 3]))
-    time = steps / CARD.task.rate
+    time = STEPS / CARD.task.rate
     own = looking_back(replace(standing, box=box, class_id=np.zeros(len(box), dtype=int)), time, 1 / CARD.task.rate)
     card = with_detector(load_card("MTP-KITTI-noego-v0"), "nuscenes_megvii_raw")
-    seen = detected(Scene("a", time, np.zeros((40, 4)), own, no_detections(40), world=world), card, seed=0).detections
+    seen = detected(Scene("a", time, np.zeros((40, 4)), own, no_detections(40), world=WORLD), card, seed=0).detections
     frame = seen.frame_of_rows
     seen_with = [(own.rows(t), at) for t, at in zip(frame, seen.box[:, :2], strict=True)]
     near = np.array([np.abs(box[rows, :2] - at).sum(1).min(initial=99.0) for rows, at in seen_with])
     for which in ((near < 2) & (frame > 0), (near > 5) & (frame > 0)):
         assert which.sum() > 40
-        now, before, place = world[frame[which]], world[frame[which] - 1], seen.box[which, :2]
+        now, before, place = WORLD[frame[which]], WORLD[frame[which] - 1], seen.box[which, :2]
         still = now[:, :2] + rotate(place, now[:, 3])  # in the world; then where it was in the frame before
         expected = (place - rotate(still - before[:, :2], -before[:, 3])) * CARD.task.rate
         assert np.abs(np.median(seen.velocity[which] - expected, axis=0)).max() < 0.2

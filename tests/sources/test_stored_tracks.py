@@ -98,9 +98,8 @@ def test_ids_of_two_classes_are_two_identities_with_one_name(kitti: str, card: s
 
 def test_kitti_tracks_without_a_score_have_1_and_are_counted(kitti: str, card: str, tmp_path: Path) -> None:
     one, folder = load_card(card), kitti_folder(tmp_path, [line(0, 1, more=""), line(1, 1, more="")])
-    scene = with_tracks(open_source(one, kitti), one, kitti, folder).load("0001")
-    assert scene.tracks is not None
-    assert (scene.tracks.score.tolist(), scene.skipped) == ([1.0, 1.0], {"track without a score, taken as 1": 2})
+    tracks, scene = tracked_scene(one, kitti, folder, "0001")
+    assert (tracks.score.tolist(), scene.skipped) == ([1.0, 1.0], {"track without a score, taken as 1": 2})
 
 
 @pytest.mark.parametrize("form", ["txt", "csv", "json"])
@@ -117,9 +116,8 @@ def test_flat_tracks_are_left_out_and_counted(form: str, kitti: str, card: str, 
         results = {sample(name, t): [tracked(sample(name, t))] for t in range(3)} | {sample(name, 3): []}
         results |= {token: [tracked(token, size=size)] for token, size in flat.items()}
         write_json(path, {"meta": {}, "results": results})
-    scene = with_tracks(open_source(one, data), one, data, path).load(name)
-    assert scene.tracks is not None
-    assert (scene.tracks.frame_of_rows.tolist(), scene.tracks.object_id.tolist()) == ([0], [0])
+    tracks, scene = tracked_scene(one, data, path, name)
+    assert (tracks.frame_of_rows.tolist(), tracks.object_id.tolist()) == ([0], [0])
     assert scene.skipped == {"track size not above 0": 2}
 
 

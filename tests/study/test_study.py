@@ -177,7 +177,6 @@ def test_a_study_overwrites_studies_alone(name: str, card: str, kitti: str, tmp_
 
 
 # ---- plans
-
 SUBJECTS = {  # agent -> labels of one hypothesis and of the start of its gap, hypotheses with k samples and with all
     "mtp": ("stp", "stp", [1, 5, 20], [20]),
     "stp_cut": ("stp", "stp", [1], []),
@@ -247,7 +246,6 @@ def test_the_worst_moments_can_be_opened(made: Study, cli: CommandLine, tmp_path
 
 
 # ---- relations
-
 VERDICTS = {  # interval, limit, sign of the paper, units -> verdict
     "all below": ((-2.0, -1.0), 0.0, -1, 9, "holds"),
     "all above": ((1.0, 2.0), 0.0, -1, 9, "does not hold"),

@@ -35,7 +35,6 @@ class Browser:
         self._session = session
 
     def open(self, page: Path) -> None:
-        """Load a file."""
         self._post("url", {"url": page.absolute().as_uri()})
 
     def script(self, body: str, *arguments: object) -> Any:
@@ -50,11 +49,9 @@ class Browser:
         return found
 
     def click(self, selector: str) -> None:
-        """Click an element; fails where another one covers it."""
         self._post(f"element/{self._find(selector)}/click", {})
 
     def type(self, selector: str, text: str) -> None:
-        """Send keys to an element."""
         self._post(f"element/{self._find(selector)}/value", {"text": text})
 
     def resize(self, width: int, height: int) -> None:
@@ -63,11 +60,9 @@ class Browser:
         self.devtools("Emulation.setDeviceMetricsOverride", **metrics)
 
     def prefer(self, scheme: str) -> None:
-        """Prefer the scheme ``light`` or ``dark``."""
         self.devtools("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
 
     def devtools(self, command: str, **parameters: object) -> None:
-        """Send a command of the DevTools protocol."""
         self._post("goog/cdp/execute", {"cmd": command, "params": parameters})
 
     def console(self) -> list[str]:
@@ -84,7 +79,6 @@ class Browser:
         return [address for address in asked if not address.startswith("chrome://")]
 
     def forget(self) -> None:
-        """Empty the logs of ``console`` and ``requests``."""
         self.console()
         self.requests()
 

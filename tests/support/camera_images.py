@@ -13,7 +13,7 @@ from PIL import Image
 from tests.support.nuscenes_root import VERSION, Record, write_json
 
 CAMERAS = {"CAM_FRONT": [0.5, -0.5, 0.5, -0.5], "CAM_BACK": [0.5, -0.5, -0.5, 0.5]}  # with their quaternions
-SIZE = (1600, 900)
+PIXELS = (1600, 900)
 INTRINSIC = [[1000.0, 0.0, 800.0], [0.0, 1000.0, 450.0], [0.0, 0.0, 1.0]]
 GREY = (120, 121, 122)
 
@@ -37,14 +37,12 @@ def write_cameras(data: Path) -> None:
         write_json(folder / f"{name}.json", records)
 
 
-def write_image(path: Path, size: tuple[int, int] = SIZE) -> None:
-    """A plain image."""
+def write_image(path: Path, size: tuple[int, int] = PIXELS) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.new("RGB", size, GREY).save(path)
 
 
 def read(path: Path) -> list[Record]:
-    """The records of a table."""
     records: list[Record] = json.loads(path.read_text(encoding="utf-8"))
     return records
 
@@ -54,4 +52,4 @@ def _image(root: Path, camera: str, lidar: Record) -> dict[str, Any]:
     file = f"samples/{camera}/{lidar['sample_token']}.jpg"
     write_image(root / file)
     own = {"token": f"{lidar['token']}-{camera}", "calibrated_sensor_token": f"{camera}-1", "filename": file}
-    return {**lidar, **own, "width": SIZE[0], "height": SIZE[1]}
+    return {**lidar, **own, "width": PIXELS[0], "height": PIXELS[1]}

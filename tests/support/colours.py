@@ -21,13 +21,11 @@ APART = 15.0  # of the Lab space; 2.3 is just noticeable
 
 
 def linear(rgb: ArrayLike) -> NDArray[np.float64]:
-    """Linear RGB of a colour from 0 to 255."""
     value = np.asarray(rgb) / 255
     return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
 
 
 def distance(one: ArrayLike, other: ArrayLike, vision: str) -> float:
-    """Distance of two colours in the Lab space."""
     return float(np.linalg.norm(_lab(VISION[vision] @ linear(one)) - _lab(VISION[vision] @ linear(other))))
 
 

@@ -98,15 +98,8 @@ def on_grid(detections: Detections, gap: float, objects: int) -> tuple[Bools, Fl
 
 
 def correlation(one: Floats, other: Floats) -> float:
-    """Correlation of the pairs of finite numbers."""
     finite = np.isfinite(one) & np.isfinite(other)
     return float(np.corrcoef(one[finite], other[finite])[0, 1])
-
-
-def no_objects(frames: int) -> Truth:
-    """A truth without objects."""
-    empty = np.zeros(0, dtype=int)
-    return truth_of(empty, empty, np.zeros((0, 7)), frames)
 
 
 def traffic(frames: int = 30, objects: int = 20) -> tuple[Truth, Floats]:

@@ -13,6 +13,7 @@ from tests.support.scoring_scenes import Thing, make_card, make_rollout, make_sc
 FRAMES, EVENT = 10, 4
 MOST_BRIGHT = 16  # boxes of any kind
 CARD = make_card()  # gates 2 m and 1 m; miss errors 10 m and 4 m; 2 past and 3 future frames; 10 Hz
+BY_IOU = make_card(measure="iou_3d")  # the same with events by IoU
 CROWD = [(float(x), float(y)) for x in range(-30, 31, 10) for y in range(-30, 31, 10) if (x, y) != (0, 0)]
 
 
@@ -41,7 +42,6 @@ def crowd(old_y: float | None = 1.5, ahead: float = 0.0, detected: bool = True) 
 
 
 def bright(shown: FocusFrame) -> int:
-    """Number of bright boxes."""
     return len(shown.object_box) + len(shown.tracks) + len(shown.others) + len(shown.detection_box)
 
 

@@ -78,7 +78,6 @@ class Court:
     shared: Path | None = None  # a submission that takes its trick as a parameter, so that one fork server serves all
 
     def run(self, trick: str, limits: Limits = QUICK, scene: str = SCENE, **parameters: Any) -> SceneRun:
-        """A scene answered by a hostile agent."""
         if self.shared is None:
             submission(self.folder / "hostile", trick)
             return self.again(limits, scene, **parameters)

@@ -33,7 +33,6 @@ class TrackRows(track_export.TrackRows):
     image_box: Floats  # [R, 4] of the detection taken last, px
 
     def keep(self, mask: Bools) -> "TrackRows":
-        """The rows where ``mask`` is true."""
         return TrackRows(**{name: rows[mask] for name, rows in vars(self).items()})
 
     def above(self, class_name: str) -> "TrackRows":

@@ -35,7 +35,6 @@ def make_map(pose: Sequence[float]) -> Record:
 
 
 def write_map(root: Path, location: str, content: Record) -> Path:
-    """Write a file of the expansion into a root of nuScenes."""
     path = root / "maps/expansion" / f"{location}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content), encoding="utf-8")

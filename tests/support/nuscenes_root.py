@@ -38,12 +38,10 @@ Tables = dict[str, list[Record]]
 
 
 def sample(scene: str, frame: int) -> str:
-    """Token of a sample."""
     return f"{scene}-t{frame}"
 
 
 def object_boxes(scene: str, name: str) -> list[Record]:
-    """Annotations of an object, linked."""
     places = {
         "car": [(t, [10.0, CAR_Y[t], 1.0], [2.0, 4.0, 1.5], LEFT) for t in range(4)],
         "walker": [(t, [5.0, 5.0, 1.0], [0.5, 0.6, 1.8], AHEAD) for t in (0, 1, 3)],
@@ -119,7 +117,6 @@ def make_targets(scenes: tuple[str, ...] = SCENES) -> dict[str, list[str]]:
 
 
 def detection(token: str, name: str = "car", x: float = 10.0, **changes: Any) -> Record:
-    """A detected box."""
     return {
         "sample_token": token, "translation": [x, 1.0, 1.0], "size": [2.0, 4.0, 1.5], "rotation": LEFT,
         "velocity": [0.0, 0.0], "detection_name": name, "detection_score": 0.5, "attribute_name": "", **changes,
@@ -138,15 +135,7 @@ def write_detections(path: Path, scenes: tuple[str, ...] = SCENES, frames: int =
     write_json(path, {"meta": {"use_lidar": True}, "results": results})
 
 
-def write_tables(data: Path, tables: Tables, version: str = VERSION) -> Path:
-    """Write the tables; the data root."""
-    for name, records in tables.items():
-        write_json(data / "nuscenes" / version / f"{name}.json", records)
-    return data
-
-
 def write_json(path: Path, content: Any) -> None:
-    """Write a file of the root."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
@@ -160,8 +149,8 @@ def edited(path: Path) -> Iterator[Any]:
 
 
 def write_root(data: Path, scenes: tuple[str, ...] = SCENES) -> Path:
-    """Write all of the root."""
-    write_tables(data, make_tables(scenes))
+    for name, records in make_tables(scenes).items():
+        write_json(data / "nuscenes" / VERSION / f"{name}.json", records)
     write_json(data / PREDICTION, make_targets(scenes))
     write_detections(data / DETECTIONS, scenes)
     return data
@@ -174,5 +163,4 @@ def nuscenes_card(classes: tuple[str, ...] = ("car", "pedestrian"), rate: float 
 
 
 def scene(data: Path, name: str = "scene-0003", **source: Any) -> Scene:
-    """A scene of the root at ``data``."""
     return open_source(nuscenes_card(**source), data).load(name)

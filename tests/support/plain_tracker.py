@@ -48,7 +48,6 @@ class PlainTracker:
         self._greedy = greedy
 
     def reset(self, task: Task) -> None:
-        """Forget everything."""
         self._task, self._parameters = task, detector_parameters(task.detector, task.classes)
         self._frame = self._born = 0
         self._leaves: list[_Leaf] = []
@@ -140,7 +139,6 @@ class PlainTracker:
 
 
 def predicted(state: State) -> State:
-    """The state one frame later."""
     mean, covariance = state
     return MOVE @ mean, MOVE @ covariance @ MOVE.T + PROCESS
 

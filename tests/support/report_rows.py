@@ -25,12 +25,10 @@ def row(setting: Setting, subset: str, **values: Any) -> Row:
 
 
 def rows(*settings: Setting, **values: Any) -> list[Row]:
-    """The rows of all subsets of these settings."""
     return [row(setting, subset, **values) for setting in settings for subset in SUBSETS]
 
 
 def pair(setting: Setting, other: str, subset: str = "all", **values: Any) -> PairedRow:
-    """Differences of a setting to another agent."""
     base: dict[str, Any] = {
         **_setting(setting), "other": other, "subset": subset, "error": None, "interval": None, "p": 0.5,
         "minADE": None, "minADE_interval": None, "targets": 40, "shared": 30, "scenes": 11,
@@ -39,7 +37,6 @@ def pair(setting: Setting, other: str, subset: str = "all", **values: Any) -> Pa
 
 
 def detail(setting: Setting) -> Details:
-    """Details of a setting."""
     errors = Errors(
         minADE=0.1, minFDE=0.2, error=7.125, plain_error=0.3, coverage=0.9, targets=17, objects=9, scenes=11
     )  # fmt: skip

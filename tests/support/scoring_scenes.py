@@ -44,7 +44,6 @@ class Thing:
 
 
 def at(id: int, xy: Any, **more: Any) -> Thing:
-    """A thing at ``xy`` [2]."""
     return Thing(id, float(xy[0]), float(xy[1]), **more)
 
 
@@ -66,7 +65,6 @@ def make_scene(frames: Sequence[Sequence[Thing]], name: str = "s", truth_complet
 
 
 def with_detections(scene: Scene, frames: Sequence[Sequence[Thing]]) -> Scene:
-    """The scene with these things as detections."""
     seen = make_scene(frames).truth
     score = np.ones(len(seen.box))
     return replace(scene, detections=Detections(seen.start, seen.box, seen.velocity, seen.class_id, score))
@@ -194,7 +192,6 @@ def end_to_end(scenes: Sequence[Scene], step: float) -> Scene:
 
 
 def answers_end_to_end(rollouts: Sequence[Rollout]) -> Rollout:
-    """The rollout of scenes that stand end to end."""
     names = [column.name for column in fields(Rollout) if column.name not in ("scene", "drive")]
     whole: dict[str, Any] = {name: np.concatenate([getattr(rollout, name) for rollout in rollouts]) for name in names}
     for name in ("track", "object"):

@@ -40,7 +40,6 @@ hypotheses = 3
 
 
 def write_card(folder: Path, content: str = CARD) -> str:
-    """Path of the card."""
     path = folder / f"{CARD_ID}.toml"
     path.write_text(content)
     return str(path)
@@ -56,7 +55,6 @@ def write_short_card(folder: Path, env_id: str, seconds: float = 3.0) -> str:
 
 
 def task(**changes: Any) -> Task:
-    """The task of the card."""
     whole = Task(
         env_id=CARD_ID, classes=("car", "pedestrian"), dt=0.1, past=2, future=3, k=4, samples=4, detections=6,
         tracks=5, objects=4, hypotheses=3, detector="pointrcnn",
@@ -97,7 +95,6 @@ def make_scene(name: str = "one", frames: int = 8, empty: tuple[int, ...] = ()) 
 
 
 def bare_scene(name: str = "bare", frames: int = 3) -> Scene:
-    """A scene without objects."""
     return drawn_scene([[]] * frames, name)
 
 
@@ -116,7 +113,6 @@ class MemorySource:
 
 
 def empty_action(rules: Task) -> Action:
-    """An action without tracks and forecasts."""
     n, o, h, k = rules.tracks, rules.objects, rules.hypotheses, rules.samples
     return {
         "track_id": np.arange(n),
@@ -134,7 +130,6 @@ def empty_action(rules: Task) -> Action:
 
 
 def decode(action: object, rules: Task, detected: Ints | None = None) -> RecordedAction:
-    """The action as the env records it."""
     return record_action(examine(action, rules), rules, detected=detected)
 
 

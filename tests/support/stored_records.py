@@ -40,11 +40,9 @@ def scene_part(name: str, targets: int, *errors: float) -> ScenePart:
     """A scene whose units have as many ``targets`` each and these mean errors."""
     some: dict[Subset, int] = {subset: 2 * (subset in EVENTS) for subset in SUBSETS}
     some["all"] = targets
-    return ScenePart(
-        scene=name,
-        weight={subset: [float(count)] * len(errors) for subset, count in some.items()},
-        error={subset: [count * error for error in errors] for subset, count in some.items()},
-    )
+    weight = {subset: [float(count)] * len(errors) for subset, count in some.items()}
+    error = {subset: [count * error for error in errors] for subset, count in some.items()}
+    return ScenePart(scene=name, weight=weight, error=error)
 
 
 def make_row(agent: str, subset: Subset, scenes: Sequence[Mapping[str, Any]], **changed: Any) -> dict[str, Any]:
@@ -112,7 +110,6 @@ def make_record(
 
 
 def save_record(record: Record, path: Path) -> Record:
-    """Write a record with its digests and return it with them."""
     record, text = record_text(record, path)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")

@@ -82,8 +82,7 @@ def _split(matrix: Floats, rows: Ints, base: float, part: _Part) -> list[_Part]:
 def _solve(matrix: Floats, rows: Ints, kept: tuple[int, ...], forbidden: frozenset[int]) -> tuple[int, ...] | None:
     """Cheapest choice of columns where the first rows are kept and the next row avoids ``forbidden``; None if none.
 
-    Every row has a dummy column of its own at cost 0, which stands for "unmatched": private dummies leave no second
-    way to write the same solution.
+    Every row has a dummy column of its own at cost 0, "unmatched": no solution can be written in a second way.
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -19,7 +19,6 @@ Frame = tuple[Floats, Ints]  # boxes [D, 7] and classes [D]
 
 
 def kitti_task(**changes: Any) -> Task:
-    """The rules of the KITTI cards."""
     return replace(
         Task(
             env_id="test", classes=("car", "pedestrian", "cyclist"), dt=0.1036, past=10, future=10, k=20, samples=20,
@@ -44,7 +43,6 @@ def frame(*objects: tuple[float, float, int]) -> Frame:
 
 
 def observation(detections: Frame) -> Observation:
-    """The observation of a tracker, without padding."""
     box, class_id = detections
     return {
         "detection_box": box,
@@ -56,7 +54,6 @@ def observation(detections: Frame) -> Observation:
 
 
 def run(tracker: Tracker, frames: Iterable[Frame], task: Task | None = None) -> Iterator[Tracks]:
-    """The tracks after each frame."""
     tracker.reset(task or kitti_task())
     for detections in frames:
         yield tracker.step(observation(detections))

@@ -65,7 +65,6 @@ def put(key: str, index: Any, value: Any) -> Change:
 
 
 def swap(key: str, value: Callable[[NDArray[Any]], Any]) -> Change:
-    """The field becomes what ``value`` makes of it."""
     return lambda agent, action, observation: action.__setitem__(key, value(action[key]))
 
 

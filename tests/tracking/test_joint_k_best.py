@@ -93,17 +93,14 @@ def check(problem: Problem, found: tuple[Floats, Ints, Ints]) -> None:
     assert len(seen) == len(costs)
 
 
-def scale_of(problem: Problem) -> float:
-    return 1e300 if np.abs(problem[2]).max(initial=0) > 1e100 else 1.0
-
-
 def check_against_enumeration(style: str, problems: int) -> None:
     rng = np.random.default_rng(len(style))
     for i in range(problems):
         problem = random_problem(rng, 4 if i % 10 else 6, 5, style)
         found, expected = solved(problem), enumerated(problem)
         assert len(found[0]) == len(expected), i
-        np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-12 * scale_of(problem), err_msg=str(i))
+        scale = 1e300 if np.abs(problem[2]).max(initial=0) > 1e100 else 1.0
+        np.testing.assert_allclose(found[0], expected, rtol=0, atol=1e-12 * scale, err_msg=str(i))
         if i % 20 == 0:
             check(problem, found)
 

@@ -17,7 +17,6 @@ Answer = Callable[[OnlineDetections], Sequence[Any]]
 
 
 def played(answer: Answer, frames: Iterable[Frame], task: Task | None = None, **options: Any) -> list[Tracks]:
-    """The tracks after each frame of a tracker that answers so."""
     tracker = OnlineTracker(lambda task: answer, **options)
     tracker.reset(task or kitti_task())
     return [

@@ -113,8 +113,6 @@ def test_arrows_point_along_lanes() -> None:
 
 
 # ---- texts
-
-
 def blank(wide: float = 40.0) -> tuple[Canvas, ImageDraw.ImageDraw, Image.Image]:
     """A canvas of 400 x 300 pixels, its picture, and what writes on that."""
     canvas = Canvas.blank(400, 300, Window(0.0, 0.0, wide, 0.75 * wide))
@@ -145,8 +143,6 @@ def test_an_arrow_at_the_edge_points_to_what_is_outside() -> None:
 
 
 # ---- the camera
-
-
 def seen_scene(detected: list[tuple[float, float]], speed: float = 0.0) -> Scene:
     """Five frames with detections at these places relative to the ego, which drives along x from (10, 5)."""
     ego = np.array([[10.0 + speed * t, 5.0, 0.0, 0.0] for t in range(5)])
@@ -164,8 +160,6 @@ def test_the_camera_goes_along_with_the_ego_and_never_changes_its_size() -> None
 
 
 # ---- colours
-
-
 @pytest.mark.parametrize("vision", VISION)
 def test_the_colours_differ_for_every_kind_of_vision(vision: str) -> None:
     for one, other in itertools.combinations([*COLORS.values(), palette.EGO], 2):
@@ -173,7 +167,6 @@ def test_the_colours_differ_for_every_kind_of_vision(vision: str) -> None:
 
 
 # ---- the env
-
 MakeEnv = Callable[..., MTPEnv]
 
 

@@ -120,7 +120,6 @@ def test_details_are_loaded_when_they_are_opened(opened: Browser) -> None:
 
 
 def detail(browser: Browser) -> str:
-    """The text of the open details, once they are there."""
     return str(browser.wait_for(f"return document.querySelector('{FIRST} .detail .panels')?.innerText"))
 
 

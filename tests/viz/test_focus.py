@@ -18,19 +18,8 @@ from mtp_bench.viz.framing import LARGEST, counterpart, focuses_of, frame_of, tu
 from mtp_bench.viz.incident import MOMENT
 from mtp_bench.viz.replay import Replay, replay
 from mtp_bench.viz.sentence import sentence
-from tests.support.focus_scenes import CARD, CROWD, EVENT, FRAMES, MOST_BRIGHT, bright, crowd, told
-from tests.support.scoring_scenes import (
-    CAR,
-    WALKER,
-    Thing,
-    line,
-    make_card,
-    make_rollout,
-    make_scene,
-    moved,
-    random_case,
-    with_detections,
-)
+from tests.support.focus_scenes import BY_IOU, CARD, CROWD, EVENT, FRAMES, MOST_BRIGHT, bright, crowd, told
+from tests.support.scoring_scenes import Thing, line, make_rollout, make_scene, moved, random_case, with_detections
 
 
 def switch(**options: Any) -> Focus:
@@ -114,7 +103,6 @@ def test_few_boxes_are_bright_but_all_tracks_that_are_named_and_the_object_is_in
 
 
 def assert_in_the_middle(focus: Focus) -> None:
-    """The object lies in the middle third of the window, each way."""
     window = window_of(focus, focus.at.frame)
     away = rotate(focus.place(focus.at.frame) - [window.x, window.y], -window.turn)
     assert (np.abs(away) <= np.array([window.wide, window.high]) / 6).all()
@@ -182,8 +170,8 @@ def test_what_is_said_of_an_event(tracks: list[list[Thing]], name: str, text: st
 
 
 def test_a_detection_of_another_class_is_said_of_the_object_and_of_its_ghost() -> None:
-    seen = [[Thing(0, t, 0.0, class_id=CAR if t < 3 else WALKER)] for t in range(8)]
-    said = [[Thing(1, t, 0.2, class_id=CAR if t < 3 else WALKER, forecast=[[[t, 0.0]] * 3])] for t in range(8)]
+    seen = [[Thing(0, t, 0.0, class_id=int(t >= 3))] for t in range(8)]
+    said = [[Thing(1, t, 0.2, class_id=int(t >= 3), forecast=[[[t, 0.0]] * 3])] for t in range(8)]
     run = replay(with_detections(make_scene(line([5] * 8)), seen), make_rollout(said, said), CARD)
     lost, ghost = (sentence(Focus(run, run.incident(name))) for name in ("lost-0", "spurious-0"))
     assert ". The detection there says pedestrian 1.00 (spurious-0); track 1 has class pedestrian now" in lost
@@ -200,7 +188,7 @@ def test_the_detection_that_a_track_took_lies_beyond_its_box(detected: float, sa
     assert place is not None
     assert (place.tolist(), taken(focus, 1, 4)) == ([4.0, 0.0], (4 if detected < 9.0 else -1))
     assert f"for 0.1 s, until it has it again (reacquired-0). Track 1 {said}" in sentence(focus)
-    rule = replay(run.scene, run.rollout, make_card(measure="iou_3d"))
+    rule = replay(run.scene, run.rollout, BY_IOU)
     assert re.search(r"has an IoU of 0\.\d\d with it, below 0\.5", sentence(Focus(rule, rule.incident("lost-0"))))
 
 

@@ -28,7 +28,6 @@ Picture = NDArray[np.uint8]
 
 
 def near(image: Picture, color: palette.Color, tolerance: int = 40) -> NDArray[np.bool_]:
-    """Which pixels are nearly of this colour."""
     gap: NDArray[np.bool_] = np.abs(image.astype(int) - np.array(color)).max(axis=-1) < tolerance
     return gap
 
@@ -124,7 +123,6 @@ def test_a_picture_needs_neither_rerun_nor_a_screen(
 
 
 # ---- committed pictures
-
 PICTURES = ("focus_ids", "focus_lost", "focus_reacquired")
 
 

@@ -17,8 +17,7 @@ from mtp_bench.viz.framing import ROLES
 from mtp_bench.viz.palette import Color
 from mtp_bench.viz.photo import CAPTION, GAP, HEIGHT, photo_of, projected
 from mtp_bench.viz.replay import Replay
-from tests.support.camera_images import GREY, write_image
-from tests.support.camera_images import SIZE as PIXELS
+from tests.support.camera_images import GREY, PIXELS, write_image
 from tests.support.focus_scenes import EVENT, crowd
 
 BOX = np.array([10.0, 0.0, 0.75, 0.0, 4.0, 2.0, 1.5])  # 10 m ahead of a camera at the origin
@@ -51,7 +50,6 @@ def event(run: Replay) -> Focus:
 
 
 def near(image: Image.Image, color: Color, tolerance: int = 30) -> int:
-    """Number of pixels of nearly this colour."""
     pixels: NDArray[np.int64] = np.asarray(image.convert("RGB")).astype(np.int64)
     return int((np.abs(pixels - np.array(color)).max(axis=-1) < tolerance).sum())
 

@@ -13,19 +13,8 @@ from mtp_bench.scoring.lineage import match_hypotheses
 from mtp_bench.types import Rollout, Scene
 from mtp_bench.viz.incident import Incident
 from mtp_bench.viz.replay import Replay, replay
-from tests.support.scoring_scenes import (
-    CAR,
-    WALKER,
-    Thing,
-    line,
-    make_card,
-    make_rollout,
-    make_scene,
-    random_case,
-    with_detections,
-)
-
-CARD = make_card()  # gates 2 m and 1 m; miss errors 10 m and 4 m; 2 past and 3 future frames
+from tests.support.focus_scenes import CARD
+from tests.support.scoring_scenes import WALKER, Thing, line, make_rollout, make_scene, random_case, with_detections
 
 
 def told(incidents: tuple[Incident, ...]) -> list[tuple[str, int, int, int, int]]:
@@ -115,11 +104,11 @@ def test_false_forecasts_are_listed_as_runs_of_their_track() -> None:
     said, tracks = [*said, [], []], [*tracks, [], []]
     played = replay(scene, make_rollout(tracks, said), CARD)
     found = [i for i in played.incidents if i.kind == "spurious"]
-    assert [(i.name, i.frame, i.until, i.new_id, i.class_id, i.confidence) for i in found] == [
-        ("spurious-0", 1, 2, 8, CAR, 0.5),
-        ("spurious-1", 1, 1, -1, WALKER, 0.5),  # without a track
-        ("spurious-2", 4, 4, 8, CAR, 0.25),
-        ("spurious-3", 5, 5, 9, CAR, 0.25),
+    assert [(i.name, i.frame, i.until, i.new_id, i.class_id == WALKER, i.confidence) for i in found] == [
+        ("spurious-0", 1, 2, 8, False, 0.5),
+        ("spurious-1", 1, 1, -1, True, 0.5),  # without a track
+        ("spurious-2", 4, 4, 8, False, 0.25),
+        ("spurious-3", 5, 5, 9, False, 0.25),
     ]
     assert (played.forecast_false.sum(), (played.answers.object_track >= 0).sum()) == (5, 13)
     assert played.counts["FP"].tolist() == [1, 1, 1, 0, 1, 1, 1, 0, 0]

@@ -29,7 +29,6 @@ def recording(tmp_path: Path) -> Iterator[Path]:
 
 
 def play(card: str, data: str, episodes: int = 1, **keywords: Any) -> MTPEnv:
-    """Episodes of an agent that always says the same."""
     spec = EnvSpec(id=CARD_ID, entry_point="mtp_bench:MTPEnv", kwargs={"card": card, "data": data, **keywords})
     env = gym.make(spec, render_mode="rerun").unwrapped
     assert isinstance(env, MTPEnv)

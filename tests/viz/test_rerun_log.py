@@ -27,8 +27,7 @@ from mtp_bench.viz.rerun.shown import TOP_HYPOTHESES
 from mtp_bench.viz.rerun.viewer import viewer_program
 from mtp_bench.viz.sentence import sentence
 from tests.support import scoring_scenes
-from tests.support.camera_images import SIZE as PIXELS
-from tests.support.camera_images import write_image
+from tests.support.camera_images import PIXELS, write_image
 from tests.support.focus_scenes import EVENT, MOST_BRIGHT, bright, crowd
 from tests.support.recordings import Rows, assert_recorded, boxes, read
 from tests.support.scoring_scenes import at, make_card

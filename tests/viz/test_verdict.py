@@ -48,11 +48,8 @@ def test_an_agent_and_ground_truth_tracks_against_stp(values: dict[str, Any], te
     ideal, mine = rows(TRUTH, error=2.6), rows(MINE, error=2.6, difference_to_stp=-0.4, **values)
     paired = [pair(TRUTH, "stp", error=-0.4, interval=values["difference_interval"], p=values["p"])]
     sentences = verdict(report([*ideal, *rows(STP, error=3.0), *mine], paired), ["mine"])
-    turned = (
-        text.replace("−0.400", "+0.400")
-        .replace("−0.600 to −0.200", "+0.200 to +0.600")
-        .replace("−0.600 to +0.200", "−0.200 to +0.600")
-    )
+    turned = text.replace("−0.400", "+0.400").replace("−0.600 to −0.200", "+0.200 to +0.600")
+    turned = turned.replace("−0.600 to +0.200", "−0.200 to +0.600")
     assert sentences[0] == f"Over all targets detection and tracking together cost {turned.replace(' m, ', ' m (')})."
     assert f"mine (H = 3) against stp over all targets: 2.600 m instead of 3.000 m ({text})." in sentences
 

@@ -202,7 +202,6 @@ class _FalsePositiveSimulation:
         return np.asarray(np.mean(figures, axis=0))
 
     def _simulated(self, profile: Profile, number: int, seed: int) -> VisibleFalsePositives:
-        """Simulated false positives of one scene."""
         scene, qualities, noise = self.scenes[number], self.qualities[seed][number], profile.classes[self.name]
         truth, draw = scene.truth, 1000 * seed + number
         similar = classes_of_same_noise(truth, self.noise_names)

@@ -1,8 +1,7 @@
 """Affinity: a past of soft assignments, found backwards from the present box, in place of a track.
 
 Every earlier detection is of the object with a learned probability (after Weng, Ivanovic, Kitani, Pavone 2022,
-AffiniPred: prediction from detections and affinities, without association). `modes` then takes the soft past as that
-of a track.
+AffiniPred: prediction from detections and affinities, without association). `modes` then takes the soft past.
 """
 
 from typing import NamedTuple

@@ -7,10 +7,4 @@ from .road import scene_lanes
 from .source import Argoverse2
 from .submission import FORM
 
-PACKAGE = SourcePackage(
-    open=Argoverse2,
-    dataset=DATASET,
-    locate=lambda card, data: DATASET.status(data, LOGS),
-    tracks=FORM,
-    lanes=scene_lanes,
-)
+PACKAGE = SourcePackage(Argoverse2, DATASET, lambda card, data: DATASET.status(data, LOGS), FORM, lanes=scene_lanes)

@@ -41,8 +41,6 @@ class CrossingPedestrian:
 
 @dataclass(slots=True)
 class _Approach:
-    """A vehicle on its route."""
-
     route: int
     front: float  # m from the start of the route
     rear: float
@@ -69,8 +67,7 @@ class RightOfWay:
     ) -> Floats:
         """Free metres ``[N]`` from each bumper to the place to wait at; inf if it need not wait.
 
-        ``walks``: pedestrians on crossings; ``claimed``: crossings where people have waited long enough, for which no
-        vehicle gets the right of way; ``time``: s.
+        ``walks``: pedestrians on crossings; ``claimed``: crossings that no vehicle gets, as people waited; ``time``: s.
         """
         self._observe(state, ahead)
         stop = np.full(len(state), np.inf)

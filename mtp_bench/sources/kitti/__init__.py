@@ -8,9 +8,5 @@ from .source import KittiTracking
 from .tracks import FORM
 
 PACKAGE = SourcePackage(
-    open=KittiTracking,
-    dataset=DATASET,
-    locate=lambda card, data: DATASET.status(data, LABELS),
-    tracks=FORM,
-    images=scene_images,
+    KittiTracking, DATASET, lambda card, data: DATASET.status(data, LABELS), FORM, images=scene_images
 )

@@ -41,7 +41,6 @@ def _event(subset: Subset, what: str) -> Column:
 
 
 def _paper(subset: Subset, where: str) -> list[Column]:
-    """The two numbers of the paper on a subset."""
     prefix = "" if subset == "all" else f"{subset}_"
     return [
         _of_row(

@@ -166,7 +166,6 @@ def _draw_forecasts(canvas: Canvas, run: Replay, answered: int) -> None:
 
 
 def _draw_boxes(canvas: Canvas, run: Replay, t: int) -> None:
-    """Detections, true boxes and the ego."""
     truth, detections = run.scene.truth, run.scene.detections
     rows = detections.rows(t)
     false = run.detection_false[rows]

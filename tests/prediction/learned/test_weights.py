@@ -18,15 +18,8 @@ from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.network import Network, Sizes, network_of
-from mtp_bench.prediction.learned.predictor import (
-    FORMAT,
-    StoredWeights,
-    find_weights,
-    read_weights,
-    require_fit,
-    write_weights,
-)
 from mtp_bench.prediction.learned.predictor import MOST_BYTES as MOST_WEIGHTS
+from mtp_bench.prediction.learned.predictor import StoredWeights, find_weights, read_weights, require_fit, write_weights
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.types import Ints
@@ -68,7 +61,7 @@ def test_weights_come_back_in_half_precision(file: Path) -> None:
 
 
 def rewritten(file: Path, arrays: Arrays | None = None, **changes: Any) -> Path:
-    said = {"format": FORMAT, "network": "modes", "sizes": asdict(SIZES), "card": {}} | changes
+    said = {"format": "mtp-bench weights 1", "network": "modes", "sizes": asdict(SIZES), "card": {}} | changes
     save_file(arrays or read_weights(file, network_of("modes")).weights, file, {"mtp_bench": json.dumps(said)})
     return file
 
@@ -125,11 +118,8 @@ def test_where_weights_are_looked_for(file: Path, monkeypatch: pytest.MonkeyPatc
 def test_classes_are_matched_by_name(file: Path) -> None:
     both = []
     for classes, number in ((TASK.classes, 1), (("pedestrian",), 0)):
-        agent = Pipeline(
-            HypothesisTracker(1, at_once()[1:2] if number == 0 else at_once()),
-            LearnedPredictor(weights=file),
-            KMeansSampler(),
-        )
+        tracker = HypothesisTracker(1, at_once()[1:2] if number == 0 else at_once())
+        agent = Pipeline(tracker, LearnedPredictor(weights=file), KMeansSampler())
         agent.reset(replace(TASK, classes=classes))
         seen = observation(frame((3.0, 2.0, 1)))
         both.append(agent.act({**seen, "detection_class": np.array([number])})["forecast"][0])
