@@ -1,4 +1,4 @@
-"""Errors, and checks of arrays that raise them: each says what was got, was expected, where, and what to do."""
+"""Errors, and checks of arrays that raise them. Each says what was got, what was expected, where, and what to do."""
 
 import difflib
 from collections.abc import Collection, Iterable

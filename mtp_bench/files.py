@@ -157,7 +157,8 @@ def describe_write_error(error: OSError) -> str:
 def read_bounded(path: Path, most: int, error: type[MtpBenchError], absent: str = ABSENT) -> str:
     """The text of a small UTF-8 file.
 
-    Raises ``error`` for a file that is missing (``absent``), not regular, above ``most`` bytes or not valid UTF-8.
+    Raises ``error`` naming the file if it is missing (described by ``absent``), is not a regular file, has more than
+    ``most`` bytes or is not valid UTF-8.
     """
     try:
         with open_regular(path) as stream:

@@ -134,6 +134,7 @@ class Sampler(Protocol):
     def reduce(self, pool: Floats, log_weight: Floats, k: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
         """``k`` samples [O, k, T, 2] and log-weights [O, k] that stand for the pool [O, S, T, 2] weighted [O, S].
 
-        A sample with log-weight -inf does not exist. With fewer than k samples, return them, or add ones that do not.
+        A sample with log-weight -inf does not exist. With fewer than k samples, return them as they are, or fill up
+        with ones that do not exist.
         """
         ...

@@ -78,7 +78,8 @@ def read_board(
 
     Those of ``further`` that are not in the folder are marked as added. They take the place of the folder's record of
     that submission, environment and split, as the files would. Of copies of one record the first with a signed level
-    is taken; a note names the others. Of one environment only its own files are read: records are named after it.
+    is taken; a note names the others. Of one environment only its own files are read: a record is named after its
+    environment.
 
     ``page`` is the file that links start from; without one there are no links. A broken record of the folder is refused
     and stops no other. Raises MtpBenchError where the folder is missing, RecordError where a record of ``further`` is

@@ -96,7 +96,8 @@ def _opened(folders: Sequence[Path], data: str | None, env_id: str | None) -> li
 def _replays(runs: Sequence[OpenedRun], scene: str | None, images: bool) -> list[Replay]:
     """The runs of one scene, by default the first of the first run, with the camera ``images`` that its source has.
 
-    Runs of one agent with other numbers of hypotheses are named by these. UnknownNameError for a run without the scene.
+    Runs of one agent with different numbers of hypotheses have these in their names. Raises UnknownNameError for a run
+    without the scene.
     """
     first = runs[0]
     name = first.first(scene).scene

@@ -63,7 +63,8 @@ def detect_false_positives(parts: Sequence[tuple[BoxErrors, DetectedRows]], scen
 def draw_places(quantiles: Sequence[float], sensor: Sensor, ego: Floats, numbers: Callable[[], Floats]) -> Floats:
     """Draw places ``[B, 2]`` around sensor poses ``[B, 4]``, at distances with these quantiles.
 
-    ``numbers``: new uniform ones ``[B, 2]``. A place outside the sensor's area gets a new bearing, or also a distance.
+    ``numbers``: new uniform ones ``[B, 2]``. A place outside the sensor's area gets a new bearing; if no bearing fits,
+    also a new distance.
     """
     low, high = (-np.inf, np.inf) if sensor.area is None else (sensor.area[:2], sensor.area[2:])
     uniform = numbers()

@@ -54,7 +54,8 @@ def _read(path: Path) -> Profile:
 def with_variant(profile: Profile, variant: Variant) -> Profile:
     """``profile`` itself, or a variant named "<name>-iid" or "<name>-hard".
 
-    "iid": the same recall and errors without memory; "hard": lower quality, twice the position errors and false boxes.
+    "iid": the same recall and error distributions without memory; "hard": lower quality, twice the position errors and
+    false positives.
     """
     if variant == "as_fitted":
         return profile

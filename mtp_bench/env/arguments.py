@@ -17,7 +17,8 @@ OBSERVE = ("detections", "truth", "associated", "tracks")
 class EnvKeywords(TypedDict, total=False):
     """Keywords of `MTPEnv`; None or a missing one means the card's own value, if the card has one."""
 
-    # "detections", "truth": true boxes with ids, "associated": detections with true ids, "tracks" of ``track_file``
+    # "detections", "truth" for true boxes with true ids, "associated" for detections with the ids of true objects, or
+    # "tracks" for those of ``track_file``
     observe: str
     samples: int | None  # K; more than the card's belong to unranked runs
     tracks: int | None  # N

@@ -45,7 +45,8 @@ class LaneFeed:
 def make_lane_feed(scene: Scene, yaw: float, shift: Floats, size: LaneSection) -> LaneFeed:
     """The lanes of ``scene`` for observations, whose frame has its places turned by ``yaw``, then moved by ``shift``.
 
-    Raises DataError for a lane with fewer than two points, or none where it should have one, or unknown successors.
+    Raises DataError for a lane that has fewer than two points, or none where it should have one, or whose successors
+    do not exist.
     """
     lines = [_resampled(lane, size.step, f"scene {scene.name!r}, lane {i}") for i, lane in enumerate(scene.lanes)]
     steps = size.points - 1  # of a piece: neighbours share their end point

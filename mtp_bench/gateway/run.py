@@ -46,7 +46,8 @@ def run_isolated(
     None: the one that works here, if any.
 
     The rollout of an agent that follows the rules equals that of `running.run.run_scene`, but for the times. An
-    unanswered frame has no rows. No action of an agent raises; MtpBenchError without submission, scene or data.
+    unanswered frame has no rows. Never raises for actions of an agent; raises MtpBenchError for a folder that is not a
+    submission, an unknown scene or missing data.
     """
     if backend is None:  # on another machine, or called alone: an agent's sandbox keeps nothing
         _compile_once()
@@ -95,7 +96,8 @@ def run_isolated_scenes(
     """`run_isolated` of every scene, in the order of ``scenes``.
 
     Every scene has an agent of its own: a failure ends at most its scene. ``finished`` is called with every finished
-    scene, in the order of completion, in this process. ``digest``: of the submission in all scenes; None: today's.
+    scene, in the order of completion and in this process. ``digest``: of the submission in all scenes; None: the one
+    that it has now.
     """
     if workers.scheduler is None:
         compile_kernels(workers)

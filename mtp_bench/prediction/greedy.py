@@ -1,6 +1,7 @@
 """Greedy sampler: k samples of a pool that represent it, by a greedy weighted k-median.
 
-It suits pools of learned modes: few, distinct and weighted. The chosen samples keep the shape of a mode, unlike a mean.
+It suits pools of learned modes: few, distinct and weighted. The chosen samples keep the shape of a mode; the mean of a
+cluster would be a future that no mode has.
 """
 
 import math
@@ -148,7 +149,8 @@ class GreedySampler:
 
         A sample with log-weight -inf does not exist. A pool of at most k existing samples is copied, and filled up with
         ones that do not exist. No sample is chosen twice: with fewer distinct samples the rest does not exist. The
-        log-weight of a chosen sample is that of all nearest to it: the pool's total is kept. ``rng`` is not used.
+        log-weight of a chosen sample is that of all samples that are nearest to it, so the pool's total is kept.
+        ``rng`` is not used.
         """
         objects, _, future, _ = pool.shape
         chosen, weight = np.empty((objects, k, 2 * future)), np.empty((objects, k))

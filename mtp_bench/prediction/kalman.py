@@ -124,7 +124,8 @@ def stored_noise(task: Task) -> NoiseTable:
     A class of the same kind (vehicles, two wheels, people) counts as known. A condition is a domain, as the task's card
     names it, what is observed and in which frame. Most similar: the same domain and another variant of the detector;
     the same domain and another detector; another domain. Among equals, and if a card names no domain, the detector
-    decides. True boxes and detections, moving and still frames never replace each other. UnknownNameError without any.
+    decides. True boxes and detections, moving and still frames never stand in for each other. Raises UnknownNameError
+    if no stored condition is left.
     """
     stored = _read_folder(FOLDER)
     similar = [name for name in stored if _similarity(name, task) > 0]

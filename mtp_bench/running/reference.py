@@ -66,7 +66,8 @@ def frozen_reference(card: Card) -> Reference | None:
 def ranked_scenes(card: Card, names: Sequence[str]) -> tuple[str, ...]:
     """The scenes ``names`` of a split that have frozen event weights, or all of them if none has.
 
-    Of more scenes than the weights were frozen for, such as all 138 of nuScenes' ``val``, those that agents rank on.
+    A user with more scenes than the weights were frozen for, such as all 138 of nuScenes' split ``val``, runs only
+    those that all agents are ranked on.
     """
     frozen = frozen_reference(card)
     return tuple(name for name in names if frozen is not None and frozen.holds([name])) or tuple(names)
@@ -100,7 +101,8 @@ def make_reference(
 ) -> Reference:
     """Event weights from runs of the card's reference baseline on ``scenes``, one per seed.
 
-    ``seeds``: at most 255, counts are bytes. CardError unless that baseline takes ``assignment`` and ``forecasts``.
+    ``seeds``: at most 255, counts are bytes. Raises CardError unless that baseline takes the parameters ``assignment``
+    and ``forecasts``.
     """
     if len(seeds) > _MOST_SEEDS:
         raise MtpBenchError(f"got {len(seeds)} seeds of event weights, expected at most {_MOST_SEEDS}")

@@ -94,7 +94,10 @@ def save_run(folder: str | Path, info: RunInfo, rollouts: Iterable[Rollout]) -> 
 
 
 def load_run(folder: str | Path) -> Run:
-    """Read a run, check each scene by its digest; RolloutError for a file that is missing, truncated or changed."""
+    """Read a run and check every scene against its digest.
+
+    Raises RolloutError if a file is missing, truncated or was changed.
+    """
     path = Path(folder) / RUN_FILE
     content = read_json(path, RolloutError, f"no {RUN_FILE} there, expected a folder written by `mtp-bench run`")
     if content.get("format", FORMAT) != FORMAT:

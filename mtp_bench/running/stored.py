@@ -159,8 +159,9 @@ def score(
 ) -> StoredScore:
     """Report of a run that `run` stored in ``folder``.
 
-    ``data``: data root. ``options``: data and progress; all else is stored with the run. ``env_id``: id, path or card,
-    if it is not the stored one. RolloutError if the run is of another version of it, or contradicts its rollouts.
+    ``data``: data root. ``options``: data and progress; everything else is stored with the run. ``env_id``: id, path or
+    card, if it is not the card stored with the run. Raises RolloutError if the run was made for another version of the
+    card, or contradicts its rollouts.
     """
     options = options if data is None else replace(options, data=str(data))
     opened = open_run(Path(folder), options.data, env_id)
@@ -188,7 +189,8 @@ def run_scores(opened: OpenedRun, options: RunOptions = DEFAULTS) -> AgentScores
 def open_run(folder: Path, data: str | None = None, env: str | Card | None = None) -> OpenedRun:
     """The run stored in ``folder``, with the card that it keeps, or the one that ``env`` (id, path or card) names.
 
-    RolloutError if the run is of another version of the card, or contradicts its rollouts; DataError without its data.
+    Raises RolloutError if the run was made for another version of the card, or contradicts its rollouts, and DataError
+    if its data is missing.
     """
     stored = load_run(folder)
     card = _card(folder, stored.info, env)

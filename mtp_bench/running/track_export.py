@@ -75,7 +75,8 @@ def export_tracks(opened: OpenedRun, path: str | Path, table: bool = False, prog
 
     nuScenes: a .json file in the submission form of the tracking task; Argoverse 2: a .feather file in its form.
     KITTI: a folder of the benchmark's results. With ``table``, and for every other source: a folder of tables
-    (`sources.stored_tracks`). CardError for a path that does not fit the format, MtpBenchError for a folder with files.
+    (`sources.stored_tracks`). Raises CardError for a path that does not fit the format, and MtpBenchError for a folder
+    that is not empty.
     """
     card, scenes = opened.card, ((rollout, opened.recorded(rollout.scene)) for rollout in opened.run.rollouts)
 

@@ -71,7 +71,8 @@ class BudgetErrors:
 def budgets_of(targets: int, stp: float, false_known: bool = True) -> Budgets:
     """The budgets of a run with this number of targets.
 
-    ``stp``: false forecasts of STP in these scenes; where unknown, its forecasts per live frame; inf without reference.
+    ``stp``: the false forecasts of the reference STP in the same scenes; if false ones are unknown, its forecasts per
+    live frame; inf without a reference.
     """
     if false_known:
         return Budgets(np.arange(1, BUDGETS + 1) * min(float(targets), stp) / BUDGETS, stp)
@@ -148,7 +149,8 @@ def fixed_parts(
 ) -> tuple[Floats, Floats, float, float]:
     """Parts of `fixed_error`, whose arguments it has, m.
 
-    The error of each target [n], its part of targets without a forecast, costs of false forecasts and invalid objects.
+    They are the error of each target [n], its part from targets without a forecast, the cost of the false forecasts,
+    and that of the invalid objects.
     """
     error, missed = cuts.at(SURE)
     share = FALSE_FORECAST_SHARE * np.append(miss_error, miss_error.max())

@@ -29,7 +29,8 @@ def tracking_counts(frames: Iterable[Frame], gate: float = 2.0, mode: Mode = "fr
     numbers come from the matching of ``mode``: "frame" has no memory, "sticky" keeps the pairs of the previous frame.
     ``IDS`` and ``FRAG`` are CLEAR's, ``ids``, ``lost`` and ``reacquired`` the events of this benchmark; MOTP is the
     mean distance of matched pairs, metres. None stands for an undefined number. Raises ShapeError for a negative gate,
-    an unknown mode, ids or positions of another form, times or places not finite, an id or a frame that occurs twice.
+    an unknown mode, ids or positions of another shape or type, a time or a position that is not finite,
+    and an id or a frame that occurs twice.
     """
     if not (np.isfinite(gate) and gate >= 0):
         raise ShapeError(f"gate is {gate}, expected a distance of 0 m or more")

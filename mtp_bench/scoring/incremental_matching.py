@@ -37,7 +37,8 @@ def add_in_order(pairs: Pairs, step: Rows, confidence: Floats, tie: Floats) -> A
 
     It has maximum cardinality, then the surest columns, then least cost, then the larger ``tie`` [E] of the pairs, m.
     Columns of equal ``confidence`` [columns] are one group, in which cost decides. Steps are distinct and come by
-    falling confidence, so a matched column gives way to its own group alone; NEVER adds none. Costs: whole micrometres.
+    falling confidence, so a matched column gives way to one of its own group alone; a column with step NEVER is not
+    added. Costs are rounded to micrometres.
     """
     if not len(pairs):
         nothing = np.zeros(0, dtype=np.intp)

@@ -1,6 +1,7 @@
 """Neutral objects, which no label could confirm or refute (docs/definitions, "Targets").
 
-KITTI is labelled in images. Only x and y place an object there: an agent could choose the rest freely.
+KITTI is labelled in images. An object is placed into the image from its x and y alone, since an agent could choose
+the other numbers of a forecast freely.
 """
 
 from dataclasses import replace

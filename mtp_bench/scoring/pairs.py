@@ -42,7 +42,8 @@ def near_pairs(
     """All (a, b, distance) of one frame with a BEV centre distance of at most ``reach`` metres (inclusive).
 
     ``frame_a`` [A], ``frame_b`` [B]: whole numbers; ``xy_a`` [A, 2], ``xy_b`` [B, 2]: m, finite. Pairs are sorted by a.
-    A sweep over one sorted key per table, ``frame * span + x``, visits neighbours in x: the cost grows with these.
+    A sweep over one sorted key per table, ``frame * span + x``, visits only neighbours in x, so the cost grows with the
+    number of pairs that are close in x.
     """
     nothing = np.zeros(0, dtype=np.intp)
     if len(frame_a) == 0 or len(frame_b) == 0:

@@ -126,7 +126,8 @@ def _covered_mean(scores: AgentScores, name: str) -> Floats:
 def error_parts(table: AgentTable, subset: str, references: ReferenceErrors | None) -> dict[str, Floats]:
     """Parts [n] of bADE on a subset, m, by the keys of `PARTS`; those that are unknown are left out.
 
-    ``references``: with the agent's own predictor and as many samples. Without one, or its forecast, all is rest.
+    ``references``: with the agent's own predictor and as many samples. Without them, and where one of them has no
+    forecast, the error of a forecast is its rest.
     """
     ranked = table.bade(subset)
     absent, rest = ranked.missed - ranked.below_threshold, ranked.error - ranked.missed

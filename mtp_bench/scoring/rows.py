@@ -47,7 +47,10 @@ class AgentSetting(Section):
 
 
 class Row(AgentSetting):
-    """Numbers of one subset of targets; a further metric is a field, None by default, and its value in `report`."""
+    """Numbers of one subset of the targets.
+
+    A further metric is a field here, optional and None by default, and its value in `report`.
+    """
 
     subset: Annotated[Subset, _SUBSET]
     minADE: Annotated[Metres, Column(help="Mean distance of the best sample, over covered targets.")]  # noqa: N815

@@ -160,7 +160,8 @@ def _windows(ids: Ints, frames: Ints, length: int) -> NDArray[np.intp]:
 def units(scene: Scene, card: Card) -> Ints:
     """Index of the block [F] of each frame of ``scene``: blocks of at most 20 s are the units of uncertainty.
 
-    The blocks are as few and as equal as can be. Frames must be about equally spaced in time; a hole is one period.
+    The blocks have equal numbers of frames, up to one, and are as few as possible. The frames must be about equally
+    spaced in time; a hole counts as one period.
     """
     if scene.frames < 2:
         return np.zeros(scene.frames, dtype=np.int64)

@@ -110,7 +110,8 @@ def describe(card: Card, data: str | Path | None = None) -> DataStatus:
 def prepare(card: Card, data: str | Path | None = None, scenes: int | None = None, workers: int = 1) -> None:
     """Do now the work that is done once per machine: simulate scenes, or make the compact copy of nuScenes tables.
 
-    ``scenes``: simulated ones to make, None for all, if not in the cache. ``workers``: processes. Raises DataError.
+    ``scenes``: number of simulated scenes to make, None for all; those in the cache are not made again. ``workers``:
+    processes that simulate. Raises DataError.
     """
     if card.drive is not None:  # scenes are made while they are driven
         return

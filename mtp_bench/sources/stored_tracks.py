@@ -72,7 +72,8 @@ def import_tracks(
 ) -> tuple[int, int]:
     """Write the stored tracks of the scenes ``names`` of ``source`` into ``folder``, a table for each scene.
 
-    Numbers of scenes and boxes. Without writing: DataError for wrong tracks, MtpBenchError for a folder with files.
+    Returns the numbers of scenes and of boxes. Raises DataError for wrong tracks, and MtpBenchError if the folder is
+    not empty; it then writes no file.
     """
     boxes = count = 0
     classes = np.array(card.task.classes, dtype=np.str_)

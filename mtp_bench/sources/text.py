@@ -203,7 +203,8 @@ def wrong_count(cells: Sequence[str], columns: Sequence[str], last: bool) -> str
 def read_json(path: Path, kind: type[Content]) -> Content:
     """The content of a JSON file, decoded as ``kind``; DataError names the place in the file.
 
-    NaN, an unknown velocity in official files, counts as null. Infinity becomes 1e300, whose error names the place.
+    NaN, which official files have for unknown velocities, counts as null. Infinity becomes 1e300, which no number may
+    be: the error about it then names the place.
     """
     content = _content(path)
     content = _NAN.sub(b"null", content) if b"NaN" in content else content

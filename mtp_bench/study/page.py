@@ -41,7 +41,10 @@ def study_page(
     pictures: Sequence[MomentPicture],
     command: str,
 ) -> str:
-    """HTML of a study, without date and random id: equal findings, equal bytes; ``command``: makes it again."""
+    """HTML of a study; ``command``: that makes it again.
+
+    Equal findings give equal bytes: the page holds no date and no random id.
+    """
     style = text_of(_HERE, "page.css")
     policy = (
         f"default-src 'none'; style-src-elem {source_of(style)}; style-src-attr 'unsafe-inline'; img-src data:; "

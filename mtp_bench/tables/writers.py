@@ -147,7 +147,8 @@ def to_text(table: Table, width: int = WIDTH) -> str:
 def table_lines(table: Table, width: int) -> Iterator[tuple[Any, str]]:
     """The lines of a table, each with its row; None above the first row.
 
-    Intervals stand below their numbers. Above ``width`` columns of texts are folded, the first one last; numbers never.
+    Intervals stand below their numbers. Where the table would be wider than ``width``, columns of texts are folded, the
+    first one last; numbers are never cut off.
     """
     columns = [column for column, _ in table.pairs]
     if not columns:

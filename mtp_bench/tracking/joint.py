@@ -17,7 +17,8 @@ def k_best(
 
     ``cost`` [rows, columns]: what it costs to match; ``inf`` forbids, leaving a row unmatched costs 0. ``parents``: the
     row subsets to match, a boolean mask [parents, rows]; None is one parent with all rows. Parents with equal rows are
-    merged, the cheapest (of equal ones the first) stands for them. ``base_cost`` [parents] is added to their solutions.
+    merged, the cheapest (of equal ones the first) stands for them. ``base_cost`` [parents] is added to the solutions of
+    its parent.
 
     Returns costs [k'], row_to_column [k', rows] with -1 for an unmatched or absent row, and parent [k'], where k' < k
     if there are fewer solutions. Equal input gives equal output; which of several solutions of equal cost is the last

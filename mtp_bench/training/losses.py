@@ -1,6 +1,7 @@
 """Losses of networks, in torch, and random variation of the batches that they learn from.
 
-A loss is the weighted mean over a batch of windows. Variation: mirrored, turned, without some frames and detections.
+A loss is the mean over the windows of a batch, by their weight. Variation: mirrored windows, turned headings, missing
+frames and detections.
 """
 
 from collections.abc import Callable

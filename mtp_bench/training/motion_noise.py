@@ -46,7 +46,8 @@ def fit_env(
 def fit_scenes(scenes: Sequence[Scene], task: Task) -> dict[str, dict[str, Any]]:
     """Noise of every class of ``task`` from scenes of a training split, by class name.
 
-    Pasts: tracks of the single-hypothesis tracker, or true ones if the task observes them. No class without windows.
+    Pasts are tracks of the single-hypothesis tracker, or ground-truth tracks if the task observes the truth. A class
+    without windows is left out.
     """
     windows = collect(scenes, task, TruthTracker() if task.observe == "truth" else HypothesisTracker())
     rows = {}
@@ -96,7 +97,8 @@ def _row(x: Floats) -> dict[str, Any]:
 def forecast_score(position: Floats, valid: Bools, future: Floats, noise: NoiseTable, dt: float) -> float:
     """Mean continuous ranked probability score (m) of the constant-velocity forecast of windows of one class.
 
-    ``position`` [n, P, 2], ``valid`` [n, P]: pasts, heading frame; ``future`` [n, T, 2]: true, m; ``dt``: period, s.
+    ``position`` [n, P, 2] and ``valid`` [n, P]: pasts, heading frame; ``future`` [n, T, 2]: the truth, m; ``noise``: of
+    that class; ``dt``: frame period, s.
     """
     from scipy.special import ndtr
 

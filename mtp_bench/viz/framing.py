@@ -86,7 +86,8 @@ class FocusFrame:
 def counterpart(run: Replay, at: Incident) -> Incident:
     """The incident of ``run`` at the place of ``at``, an incident of another run of the same scene.
 
-    The event of the object in that frame, or the nearest false forecast within the gate; else an incident MOMENT.
+    It is the event of the object in that frame, or the false forecast nearest to that place, within the forecast gate;
+    without either, an incident of kind MOMENT.
     """
     if at.object_id >= 0:
         own = [i for i in run.events if (i.object_id, i.frame) == (at.object_id, at.frame)]
@@ -208,7 +209,8 @@ def turn_of(focus: Focus) -> float:
 def window_of(focus: Focus, t: int, beside: Sequence[Focus] = ()) -> Window:
     """Window of the picture of frame ``t``: the object in its middle third, its future and its forecasts at the event.
 
-    All frames of an event have windows of one size, which follow the object; so have all runs ``beside`` this one.
+    All frames of an event have windows of one size, which follow the object; so have the pictures of all runs
+    ``beside`` this one.
     """
     turn, shown = turn_of(focus), beside or (focus,)
     gap = MARGIN * rotate(np.concatenate([_things(each) - each.place(each.at.frame) for each in shown]), -turn)

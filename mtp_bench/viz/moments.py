@@ -102,7 +102,8 @@ def found(run: Replay, text: str) -> Incident:
     """The incident that ``text`` names: an event, ``OBJECT@FRAME``, an object, a frame (20) or a time (12.5s).
 
     An object stands for its worst moment, a frame for its worst target. An object is named by its id in the source, or
-    its beginning, with its class before it or not. Raises UnknownNameError; MtpBenchError for a frame without a target.
+    the beginning of it, with its class before it or not. Raises UnknownNameError, and MtpBenchError for a frame without
+    a target.
     """
     ids = set(map(run.scene.name_of, np.unique(run.scene.truth.object_id).tolist()))
     seconds = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?) ?s", text)

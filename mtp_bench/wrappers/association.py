@@ -52,7 +52,8 @@ class AssociationOnly(gymnasium.Wrapper[NDArray[np.float32], Ints, Observation, 
         presence: Probability that a track's object exists; None: certain, so the agent alone decides.
         relative: False for the reward of the env, which takes half the time.
 
-    MtpBenchError for a size or distance not above 0, another library's env, or wrapped observations or actions.
+    Raises MtpBenchError for a size or a distance that is not above 0, for an env of another library, and around another
+    wrapper that changes observations or actions.
     """
 
     def __init__(

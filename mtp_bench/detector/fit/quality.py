@@ -118,7 +118,10 @@ class _QualitySimulation:
         return np.asarray(np.nan_to_num(results).mean(axis=0))
 
     def correlations(self, hit: Bools, score: Floats) -> Floats:
-        """Correlations of qualities and misses, over frames and neighbours; ``hit``, ``score`` [R], NaN: undetected."""
+        """Correlations of qualities and of misses, over frames and between neighbours.
+
+        ``hit`` [R]; ``score`` [R], NaN where undetected.
+        """
         value = np.interp(np.nan_to_num(score), self.quality.score, self.quality.latent) - self.location
         strong = hit & (np.nan_to_num(score, nan=-np.inf) >= self.second_threshold)
         missed, weak = self._residual(~hit), self._residual(~strong)

@@ -180,7 +180,8 @@ def above_floor(detections: Detections, classes: Sequence[str], floor: Mapping[s
 def match_boxes(truth: Truth, detections: Detections, classes: Sequence[str]) -> Matches:
     """Match true boxes and detections one to one, frame by frame within each class.
 
-    As many pairs as the gates allow, then the least sum of BEV distances. Detections of neutral boxes are not false.
+    As many pairs as the gates allow, then the least sum of BEV distances. Neutral true boxes take part, so that their
+    detections are not false positives.
     """
     detection = np.full(len(truth.box), -1)
     false = np.ones(len(detections.box), dtype=bool)

@@ -1,7 +1,8 @@
 """Affinity: a past of soft assignments, found backwards from the present box, in place of a track.
 
 Every earlier detection is of the object with a learned probability (after Weng, Ivanovic, Kitani, Pavone 2022,
-AffiniPred: prediction from detections and affinities, without association). `modes` then takes the soft past.
+AffiniPred: prediction from detections and affinities, without association). `modes` then takes the soft past as that
+of a track.
 """
 
 from typing import NamedTuple

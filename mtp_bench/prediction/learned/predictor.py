@@ -64,7 +64,8 @@ def find_weights(network: str, on: str, task: Task) -> Path:
 def write_weights(path: Path, stored: StoredWeights) -> None:
     """Write weights in half precision, as a whole or not at all. Raises OSError.
 
-    A file that ends in ".xz", as those that ship, is compressed, its numbers are rounded as in bfloat16: 2/3 the size.
+    A file that ends in ".xz", as those that ship, is compressed, and its numbers are rounded to 7 bits of the fraction,
+    as in bfloat16: two thirds of the size.
     """
     from safetensors.numpy import save
 

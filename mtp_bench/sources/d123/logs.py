@@ -98,7 +98,8 @@ def log_tables(log: Path, rate: float, reach: float) -> dict[str, Columns]:
 def _truth(boxes: Columns, word: NDArray[np.str_], chosen: Ints, ego: Floats, origin: Floats, reach: float) -> Columns:
     """The table of the boxes in the frames ``chosen`` [C], less the ``origin`` [3]; ``word`` [R], ``ego`` [C, 4].
 
-    An object is true from the first frame on in which it is within ``reach`` m of the ego; neutral where it is farther.
+    An object is true from the frame on in which it is within ``reach`` m of the ego for the first time, and neutral
+    where it is farther away later.
     """
     frame = np.searchsorted(chosen, boxes["row"])
     used = np.isin(boxes["row"], chosen) & (word != "skipped")

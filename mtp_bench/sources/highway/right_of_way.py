@@ -67,7 +67,8 @@ class RightOfWay:
     ) -> Floats:
         """Free metres ``[N]`` from each bumper to the place to wait at; inf if it need not wait.
 
-        ``walks``: pedestrians on crossings; ``claimed``: crossings that no vehicle gets, as people waited; ``time``: s.
+        ``walks``: pedestrians on crossings; ``claimed``: crossings where people have waited long enough, for which no
+        vehicle gets the right of way; ``time``: s.
         """
         self._observe(state, ahead)
         stop = np.full(len(state), np.inf)

@@ -24,7 +24,8 @@ from .source import KittiTracking
 def read_result(path: Path, scene: Scene, classes: Sequence[str], stride: int, poses: Poses | None) -> Scene:
     """The scene of every ``stride``-th frame with its tracks; ``poses``: of all frames; None without a common frame.
 
-    Rows of other classes and frames are left out; scores are NaN in a file of labels. DataError names a wrong line.
+    Rows of other classes and other frames are left out; in a file with the columns of a label, scores are NaN.
+    DataError names the line that is wrong.
     """
     table = read_table(path, RESULT, text="type", optional="score")
     table.refuse_not_finite(LABEL.replace(" type", "") + " score" * table.has("score"))

@@ -42,7 +42,8 @@ class CachedFolder:
     def read(self, name: str) -> Arrays:
         """Arrays of the file ``name``; the folder is filled first if the file is missing or broken.
 
-        Raises DataError if the sources are wrong or changed since the folder was opened, or the cache is not writable.
+        Raises DataError if the sources are wrong or changed since the folder was opened, or if the cache cannot be
+        written.
         """
         path = self.path / f"{name}.npz"
         arrays = read_arrays(path)
