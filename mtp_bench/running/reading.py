@@ -75,11 +75,11 @@ def read_status(card: Card, data: str | Path | None = None) -> DataStatus:
 
 
 def _state_of(root: Path) -> str:
-    """Digest of names, sizes and times of files below a folder, not of images and points, and of the version."""
+    """Digest of names, sizes and times of files below a folder, without images and points, and of the version."""
     state = []
     for folder, _, names in os.walk(root, followlinks=True):
         for path in (Path(folder, name) for name in names):
             if path.suffix not in (".jpg", ".png", ".bin") and path.exists():
                 found = path.stat()
-                state.append((str(path), found.st_size, found.st_mtime_ns))
+                state.append((str(path), found.st_size, found.st_mtime_ns, found.st_ctime_ns))
     return hashlib.sha256(repr((__version__, sorted(state))).encode()).hexdigest()[:16]

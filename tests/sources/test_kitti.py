@@ -1,6 +1,7 @@
 """KITTI source on a folder of a few lines: axes, poses, bad input, what is found and missing."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -301,7 +302,10 @@ def test_status_lists_what_is_missing_and_what_is_wrong(root: Path, own_cache: P
         for kept in (own_cache.parent / "counts").iterdir():
             kept.write_text(content)
         assert read_status(kitti_card(), root).counts == counts[0], "counted again where the cache is wrong"
-    write(root / LABELS, "0 1 Car")
+    text, before = (root / LABELS).read_text(), (root / LABELS).stat()
+    write(root / LABELS, "0 1 Car".ljust(len(text) - 1))
+    os.utime(root / LABELS, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert (root / LABELS).stat().st_size == before.st_size
     status = read_status(kitti_card(), root)
     assert "line 1: 3 columns" in status.problems[0]
     assert not status.usable
