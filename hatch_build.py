@@ -1,7 +1,7 @@
-"""Puts what is trusted of the leaderboard into the wheel: keys, seals and owners, and nothing that may lie beside them.
+"""Put keys, seals and owners of the leaderboard into the wheel, and no other file that may lie beside them.
 
-Secrets are secret, and a table of ``force-include`` would take them along. Records are of the checkout: they are larger
-than all else, and each new one adds to them.
+A table of ``force-include`` would take secrets along. Records stay in the checkout: they are larger than all else, and
+each new one adds to them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ PUBLIC = (
 
 
 class LeaderboardHook(BuildHookInterface[Any]):
-    """Adds them to what a wheel holds."""
+    """Build hook that adds keys, seals and owners."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Name every file with its place in the wheel; an editable installation reads those of the checkout."""

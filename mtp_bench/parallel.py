@@ -180,9 +180,7 @@ def _connect(scheduler: str) -> Any:
     # The client that was begun is closed here and now. Closed by the collector while another one or a cluster starts,
     # it would wait for a lock that its own thread holds.
     gc.collect()
-    raise MtpBenchError(
-        f"no Dask scheduler answers at {scheduler!r} ({reason}): is it the address that `dask scheduler` printed?"
-    )
+    raise MtpBenchError(f"no Dask scheduler answers at {scheduler!r} ({reason}): does `dask scheduler` run there?")
 
 
 def _require_workers(client: Any, scheduler: str) -> None:

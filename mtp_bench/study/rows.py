@@ -110,7 +110,10 @@ def _error_row(findings: Findings, subject: StudiedAgent, setting: Setting, subs
         association_gap=row.association_gap_closed,
         association_gap_interval=row.association_gap_interval,
         no_gap_because="too few recordings" if findings.few and no_gap == NO_GAP else no_gap,
-        **{name: getattr(row, name) for name in ("coverage", "targets", "objects", "ms_per_frame")},
+        coverage=row.coverage,
+        targets=row.targets,
+        objects=row.objects,
+        ms_per_frame=row.ms_per_frame,
         paper_minADE=papers[0],
         paper_minFDE=papers[1],
     )

@@ -27,9 +27,8 @@ _JERK = (15.0, 5.0)  # m/s3, while braking and while accelerating
 def simulate_world(traffic: Traffic, seed: int) -> World:
     """Simulate crash-free traffic of ``traffic.seconds`` seconds: the same scene for the same seed.
 
-    States are rounded, because machines differ in the last bits.
-    Sub-seeds are tried in turn until one has no "crash" (two true boxes overlap, in the warm-up or later) and, for a
-    sensor on a vehicle, no "no_ego" (no vehicle is present all the time). Raises DataError after `ATTEMPTS` bad ones.
+    Machines differ in last bits, so states are rounded. Sub-seeds are tried until one has no "crash" (two true boxes
+    overlap) and, for a sensor on a vehicle, no "no_ego" (none is present all the time). DataError after `ATTEMPTS`.
     """
     rejected: list[str] = []
     for attempt in range(ATTEMPTS):

@@ -84,7 +84,12 @@ def _record(row: WorstRow) -> dict[str, Any]:
         "moment": at.name,
         "start": row.seconds(at.first),
         "end": row.seconds(at.until),
+        "frames": moment.frames,
+        "cost": moment.cost,
         "error": row.error,
         "fault": row.fault,
-        **{name: getattr(moment, name) for name in ("frames", "cost", "cause", "parts", "distance", "borrowed")},
+        "cause": moment.cause,
+        "parts": moment.parts,
+        "distance": moment.distance,
+        "borrowed": moment.borrowed,
     }
