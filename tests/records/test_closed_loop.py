@@ -82,9 +82,6 @@ def test_where_an_agent_fails_the_ego_drives_on_without_forecasts(short: Any, tm
 
 COMMANDS = {
     "study": ("study --quick -o study", "there is no study: `mtp-bench compare`"),
-    "motion noise": ("train motion-noise", "without scenes to fit to: fit on MTP-Intersection-v0"),
-    "predictor": ("train predictor modes", "without scenes to fit to: fit on MTP-Intersection-v0"),
-    "noise": ("fit-noise", "without scenes to fit to: fit on MTP-Intersection-v0"),
     "compare": ("compare stp --tracks .", "takes no stored tracks: leave --tracks out"),
     "columns": ("compare stp --columns error", "one table of driving: leave --columns"),
     "tracks": ("import tracks . -o tables", "takes no stored tracks"),
@@ -105,7 +102,6 @@ def test_a_command_says_at_once_what_a_loop_cannot_do(
 CALLS: dict[str, tuple[Callable[[Any], object], str]] = {
     "evaluate": (lambda card: evaluate("stp", card), "do not meet the same scenes"),
     "compare": (lambda card: compare(["stp"], card), "do not meet the same scenes"),
-    "windows": (lambda card: windows(DRIVE), "without scenes to fit to"),
     "target_frames": (lambda card: MTPEnv(card, target_frames=True), "no target_frames"),
     "fresh_noise": (lambda card: MTPEnv(card, fresh_noise=True), "which takes no fresh_noise"),
     "track_file": (lambda card: MTPEnv(card, observe="tracks", track_file="."), "no track_file"),
@@ -117,6 +113,12 @@ CALLS: dict[str, tuple[Callable[[Any], object], str]] = {
 def test_a_function_says_at_once_what_a_loop_cannot_do(call: Callable[[Any], object], reason: str, short: Any) -> None:
     with pytest.raises(MtpBenchError, match=reason):
         call(short)
+
+
+def test_networks_learn_from_traffic_in_which_no_agent_drives(path: str) -> None:
+    learnt = windows(path, "val", scenes=1)
+    assert learnt.names == (SCENE,)
+    assert len(learnt.frame) > 20
 
 
 def test_a_reward_is_known_after_the_step_alone(short: Any) -> None:
