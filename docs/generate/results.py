@@ -2,32 +2,35 @@
 
     python -m docs.generate.results
 
-The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are ``env ID``, a row per
-entry of an environment, ``story ID``, ten of them in words,
-``SUBSET of AGENT AGENT ...``, bADE of these agents with a row per environment, ``costs``, those of detection and
-tracking together and of association alone, and ``faults`` and ``parts``, shares of bADE by part of the stack and by
-cause. The last two are made from ``leaderboard/error_parts.json``, which ``benchmarks/error_parts.py`` writes.
+The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table -->``. The names are:
+
+- ``story ENV``: ten agents of an environment, in words.
+- ``pairs ENV,ENV of A-B,A-B``: paired differences of bADE; ``*`` stands for all environments that have both agents.
+- ``costs``: those of detection and tracking together, and of association alone.
+- ``faults``: shares of bADE by part of the stack, of ``leaderboard/error_parts.json`` (``benchmarks/error_parts.py``).
+- ``driving``: drive scores and their agreement with bADE, of ``leaderboard/driving.json`` (``benchmarks/driving.py``).
+- ``paper``: relations between agents in the paper's tables, and on the leaderboard.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from docs.generate.driving import FIGURES
+from docs.generate.paper import paper_table
 from mtp_bench.commands.board import read_board
 from mtp_bench.errors import MtpBenchError, RecordError, UnknownNameError
 from mtp_bench.files import write_text
 from mtp_bench.parallel import NO_PROGRESS
 from mtp_bench.records import trusted
-from mtp_bench.scoring.definitions import SUBSETS, Subset
+from mtp_bench.scoring.definitions import Subset
 from mtp_bench.scoring.parts import FAULT_NAMES, PARTS, by_fault
 from mtp_bench.scoring.rank import rank_text
 from mtp_bench.tables import Column, Table, Value, to_markdown
-from mtp_bench.viz.board.columns import COLUMN, PAGE
 from mtp_bench.viz.board.entries import Entry, by_board
 from mtp_bench.viz.board.tables import earlier_text
 
@@ -38,7 +41,7 @@ _BEGIN, _END = "<!-- table: ", "<!-- /table -->"
 _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END}$", flags=re.DOTALL | re.MULTILINE)
 
 
-_INTERVALS = {"error": "interval", "difference": "difference_interval"}  # key of a column -> that of its intervals
+SUBSET_TEXT: dict[Subset, str] = {"all": "all targets", "ids": "identity switch", "reacquired": "reacquired"}
 _TRACKLETS = "network, of a tracker's tracks"
 STORY = {  # agent -> its association and its predictor, in the order of the README
     "truth_past": "ground-truth tracks; constant velocity",
@@ -52,6 +55,9 @@ STORY = {  # agent -> its association and its predictor, in the order of the REA
     "affinity": "soft association; network",
     "tracking_free": "no association; network, of detections nearby",
 }
+
+
+DRIVERS = ("truth_past", "stp", "stp_same_budget", "mtp", "tracking_free")
 
 
 def filled(text: str, entries: Sequence[Entry], where: str) -> str:
@@ -74,31 +80,20 @@ def filled(text: str, entries: Sequence[Entry], where: str) -> str:
 
 def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
     first, *further = name.split()
-    if first == "env" and len(further) == 1:
-        return env_table(further[0], entries)
     if first == "story" and len(further) == 1:
         return story_table(further[0], entries)
+    if first == "pairs" and further[1:2] == ["of"] and len(further) == 3:
+        return pairs_table(further[0].split(","), [pair.split("-") for pair in further[2].split(",")], entries)
     if name == "costs":
         return costs_table(entries)
-    if name in ("faults", "parts"):
-        return parts_table(name, json.loads(PARTS_FILE.read_text(encoding="utf-8")))
-    if first in SUBSETS and further[:1] == ["of"] and further[1:]:
-        return across_table(next(subset for subset in SUBSETS if subset == first), further[1:], entries)
-    names = "`env ID`, `story ID`, `SUBSET of AGENT ...`, `costs`, `faults`, `parts`"
+    if name == "faults":
+        return faults_table(json.loads(PARTS_FILE.read_text(encoding="utf-8")))
+    if name == "driving":
+        return driving_table(json.loads(FIGURES.read_text(encoding="utf-8")))
+    if name == "paper":
+        return paper_table(entries)
+    names = "`story ENV`, `pairs ENV,ENV of A-B,A-B`, `costs`, `faults`, `driving`, `paper`"
     raise MtpBenchError(f"{where}: table {name!r}, expected {names}")
-
-
-def env_table(env_id: str, entries: Sequence[Entry]) -> Table:
-    """A row per entry of an environment; those of earlier definitions if there are no others."""
-    listed = next((each for each in by_board(entries).values() if each[0].env == env_id), None)
-    if listed is None:
-        raise UnknownNameError("environment", env_id, sorted({entry.env for entry in entries}))
-    names = [
-        Column(f"agent{earlier_text(listed[0])}", key="agent", read=lambda entry: f"`{entry.name}`"),
-        Column("rank", key="rank", read=lambda entry: entry.rank),
-    ]
-    keys = [key for page_key in (*PAGE, "association_gap") for key in (page_key, _INTERVALS.get(page_key, "")) if key]
-    return Table(env_id, env_id, "", listed, [*names, *(replace(COLUMN[key], optional=True) for key in keys)])
 
 
 def story_table(env_id: str, entries: Sequence[Entry]) -> Table:
@@ -131,70 +126,95 @@ def _ranked(subset: Subset, heading: str) -> list[Column]:
     ]
 
 
-def across_table(subset: Subset, agents: Sequence[str], entries: Sequence[Entry]) -> Table:
-    """Values of bADE of agents on one subset: a row per environment in which all of them have a record."""
+def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Sequence[Entry]) -> Table:
+    """Paired differences of bADE: a row per environment and pair; ``envs``: ["*"] are all that have records of both."""
     names = sorted({entry.name for entry in entries})
-    for agent in agents:
+    for agent in (agent for pair in pairs for agent in pair):
         if agent not in names:
             raise UnknownNameError("agent", agent, names)
-    rows = _by_name(agents, entries)
-    columns = [Column("environment", key="env", read=lambda row: row[agents[0]].env + earlier_text(row[agents[0]]))]
-    for agent in agents:
-        columns.append(Column(f"`{agent}`", "m", "lower", key=agent, read=_value(subset, agent, "error")))
-        columns.append(Column(interval=True, key=f"{agent}_interval", read=_value(subset, agent, "interval")))
-    for what in ("objects", "units"):
-        read = _value(subset, agents[0], f"effective_{what}")
-        columns.append(Column(f"effective {what}", format=".1f", key=what, read=read))
-    return Table(subset, f"bADE on {subset}", "", rows, columns)
+    rows = [(known[one], known[other]) for one, other in pairs for known in _by_name((one, other), entries)]
+    rows = [row for row in rows if row[0].env in envs or envs == ["*"]]
+    missing = {*envs} - {"*"} - {row[0].env for row in rows}
+    if missing:
+        raise UnknownNameError("environment", min(missing), sorted({entry.env for entry in entries}))
+    columns = [
+        Column("environment", key="env", read=lambda row: row[0].env + earlier_text(row[0])),
+        Column("difference", key="pair", read=lambda row: f"`{row[0].name}` − `{row[1].name}`"),
+    ]
+    for subset, heading in SUBSET_TEXT.items():
+        columns += _difference(heading, lambda row, subset=subset: (row[0], row[1], subset))
+    return Table("pairs", "Differences of bADE", "", rows, columns if len(pairs) > 1 else [columns[0], *columns[2:]])
 
 
 def costs_table(entries: Sequence[Entry]) -> Table:
     """Costs of detection and tracking together, and of association alone: a row per environment and ranked subset."""
     both, alone = ("stp", "truth_past"), ("stp_same_budget", "perfect_association_same_samples")
-    subsets: tuple[Subset, ...] = ("all", "ids", "reacquired")
-    rows = [(subset, known) for known in _by_name((*both, *alone), entries) for subset in subsets]
+    rows = [(known, subset) for known in _by_name((*both, *alone), entries) for subset in SUBSET_TEXT]
     columns = [
-        Column("environment", key="env", read=lambda row: row[1]["stp"].env + earlier_text(row[1]["stp"])),
-        Column("subset", key="subset", read=lambda row: row[0]),
+        Column("environment", key="env", read=lambda row: row[0]["stp"].env + earlier_text(row[0]["stp"])),
+        Column("targets", key="targets", read=lambda row: SUBSET_TEXT[row[1]]),
     ]
     for heading, (worse, better) in (("detection and tracking together", both), ("of which association", alone)):
-        columns += [
-            Column(heading, "m", key=better, format="+.3f", read=_cost(worse, better, "mean")),
-            Column(interval=True, key=f"{better}_interval", read=_cost(worse, better, "interval")),
-        ]
+        columns += _difference(heading, lambda row, w=worse, b=better: (row[0][w], row[0][b], row[1]))
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
 
 
-def parts_table(name: str, rows: Sequence[dict[str, Any]]) -> Table:
-    """Shares of bADE over all targets, which add up to 1: a row per environment and agent of `PARTS_FILE`.
+def _difference(heading: str, of: Callable[[Any], tuple[Entry, Entry, Subset]]) -> list[Column]:
+    """Columns of bADE of one entry minus another's; empty where there is no target, or the data differ."""
 
-    ``name``: "faults" are by part of the stack, "parts" by cause.
-    """
+    def field(name: str) -> Callable[[Any], Value]:
+        def read(row: Any) -> Value:
+            one, other, subset = of(row)
+            return getattr(one.minus(other, subset), name, None) if one.conditions == other.conditions else None
 
-    def of_stack(who: str) -> Callable[[dict[str, Any]], Value]:
-        return lambda row: by_fault({PARTS[key]: part for key, part in row["parts"].items()})[who] / row["error"]
+        return read
 
-    def of_cause(key: str) -> Callable[[dict[str, Any]], Value]:
-        return lambda row: row["parts"][key] / row["error"]
+    return [
+        Column(heading, "m", key=heading, format="+.3f", read=field("mean")),
+        Column(interval=True, key=f"{heading}_interval", format="+.3f", read=field("interval")),
+    ]
 
-    names, share = (FAULT_NAMES, of_stack) if name == "faults" else (PARTS, of_cause)
+
+def faults_table(rows: Sequence[dict[str, Any]]) -> Table:
+    """Shares of bADE by part of the stack, which add up to 1: a row per environment and agent of `PARTS_FILE`."""
+
+    def share(part: str) -> Callable[[dict[str, Any]], Value]:
+        return lambda row: by_fault({PARTS[key]: value for key, value in row["parts"].items()})[part] / row["error"]
+
     columns = [
         Column("environment", key="env"),
         Column("agent", key="agent", read=lambda row: f"`{row['agent']}`"),
         Column("scenes; seeds", key="runs", read=lambda row: f"{row['scenes']}; {row['seeds']}"),
         Column("bADE", "m", "lower", key="error"),
     ]
-    columns += [Column(heading, format=".1%", key=key, read=share(key)) for key, heading in names.items()]
-    return Table(name, "Parts of bADE", "", rows, columns)
+    columns += [Column(heading, format=".1%", key=key, read=share(key)) for key, heading in FAULT_NAMES.items()]
+    return Table("faults", "Parts of bADE", "", rows, columns)
 
 
-def _cost(worse: str, better: str, what: str) -> Callable[[tuple[Subset, dict[str, Entry]]], Value]:
-    """A field of the difference between two agents; None where there is no target, or the data differ."""
+def driving_table(figures: Mapping[str, Any]) -> Table:
+    """Drive scores of `DRIVERS`, and Kendall's tau of driving better with less bADE: a row per closed loop."""
+    columns = [Column("environment", key="env")]
+    for agent in DRIVERS:
+        columns += [
+            Column(f"`{agent}`", better="higher", key=agent, format=".2f", read=_of_driver(agent, "drive_score")),
+            Column(interval=True, key=f"{agent}_interval", format=".2f", read=_of_driver(agent, "interval")),
+        ]
 
-    def read(row: tuple[Subset, dict[str, Entry]]) -> Value:
-        one, other = row[1][worse], row[1][better]
-        alike = one.conditions == other.conditions
-        return getattr(one.minus(other, row[0]) if alike else None, what, None)
+    def tau(row: Mapping[str, Any]) -> Mapping[str, Any]:
+        return row["tau"]["all"]["measures"]["bADE"]
+
+    columns += [
+        Column("tau with bADE", key="tau", format=".2f", read=lambda row: tau(row)["tau"]),
+        Column(interval=True, key="tau_interval", format=".2f", read=lambda row: (tau(row)["low"], tau(row)["high"])),
+        Column("agents", key="agents", read=lambda row: row["tau"]["all"]["agents"]),
+    ]
+    return Table("driving", "Driving", "", list(figures.values()), columns)
+
+
+def _of_driver(agent: str, key: str) -> Callable[[Mapping[str, Any]], Value]:
+    def read(row: Mapping[str, Any]) -> Value:
+        value = row["rows"][agent][key]
+        return tuple(value) if isinstance(value, list) else value
 
     return read
 
@@ -207,10 +227,6 @@ def _by_name(agents: Sequence[str], entries: Sequence[Entry]) -> list[dict[str, 
         if all(agent in known for agent in agents):
             rows.setdefault(listed[0].env, known)
     return list(rows.values())
-
-
-def _value(subset: Subset, agent: str, name: str) -> Callable[[dict[str, Entry]], Value]:
-    return lambda row: getattr(row[agent].row_of(subset), name)
 
 
 def main() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from docs.generate import driving
-from docs.generate.results import PAGES, PARTS_FILE, filled, parts_table
+from docs.generate.results import PAGES, filled
 from mtp_bench.cards import load_card
 from mtp_bench.commands.board import read_board
 from mtp_bench.parallel import NO_PROGRESS
@@ -88,14 +88,6 @@ def test_pages_are_made_of_records(repository: Path, tmp_path: Path, cli: Comman
         assert filled(text, entries, page.name) == text, page.name
     text, figures = (path.read_text(encoding="utf-8") for path in (driving.PAGE, driving.FIGURES))
     assert driving.filled(text, json.loads(figures)) == text
-
-
-@pytest.mark.parametrize("name", ["faults", "parts"])
-def test_shares_of_the_error_add_up(name: str) -> None:
-    table = parts_table(name, json.loads(PARTS_FILE.read_text(encoding="utf-8")))
-    for row in table.rows:
-        shares = [float(str(column.value(row))) for column in table.columns if column.format == ".1%"]
-        assert sum(shares) == pytest.approx(1.0)
 
 
 def _files(leaderboard: Path) -> dict[str, bytes]:

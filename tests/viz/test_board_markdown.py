@@ -4,10 +4,13 @@ import json
 
 import pytest
 
-from docs.generate.results import PARTS_FILE, STORY, filled
+from docs.generate.driving import FIGURES
+from docs.generate.paper import RELATIONS
+from docs.generate.results import DRIVERS, PARTS_FILE, STORY, filled
 from mtp_bench.cards import load_card
+from mtp_bench.errors import MtpBenchError
 from mtp_bench.scoring.definitions import DEFINITIONS
-from mtp_bench.scoring.parts import PARTS
+from mtp_bench.scoring.parts import FAULT_NAMES, PARTS
 from mtp_bench.viz.board.entries import Entry
 from tests.support.board_records import FEW, MAIN, board_of, made_up, made_up_board
 
@@ -25,24 +28,28 @@ def rows_of(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
 
 
-def test_an_environment_has_a_row_per_entry(entries: list[Entry]) -> None:
-    text = filled(marked(f"env {MAIN}"), entries, "page.md")
-    assert text.startswith(f"before\n<!-- table: env {MAIN} -->\n\n| agent |")
+def test_a_pair_has_a_row_per_environment_that_has_both_agents(entries: list[Entry]) -> None:
+    text = filled(marked("pairs * of stp-calm_hedge"), entries, "page.md")
+    assert text.startswith("before\n<!-- table: pairs * of stp-calm_hedge -->\n\n| environment |")
     assert text.endswith("\n\n<!-- /table -->\nafter\n")
-    headings, _, first, *_ = rows_of(text)
-    assert headings[:4] == ["agent", "rank", "bADE (m) all targets ↓", "to stp (m) difference ↓"]
-    assert (first[0], first[1]) == ("`braided_paths`", "1 (1–2)")
-    assert first[2].startswith("0.742 [0.")
-    assert [row[0] for row in rows_of(text)[2:]] == [f"`{entry.name}`" for entry in entries if entry.env == MAIN]
-    assert filled(text, entries, "page.md") == text
-
-
-def test_agents_stand_side_by_side_on_the_environments_that_all_of_them_have(entries: list[Entry]) -> None:
-    rows = rows_of(filled(marked("all of stp calm_hedge"), entries, "page.md"))
-    assert rows[0] == ["environment", "`stp` (m) ↓", "`calm_hedge` (m) ↓", "effective objects", "effective units"]
+    rows = rows_of(text)
+    assert rows[0] == ["environment", "all targets (m)", "identity switch (m)", "reacquired (m)"]
     assert [row[0] for row in rows[2:]] == [FEW, MAIN]
-    (only,) = rows_of(filled(marked("ids of stp straight_on"), entries, "page.md"))[2:]
-    assert only[0] == MAIN
+    one, other = (next(e for e in entries if (e.name, e.env) == (name, MAIN)) for name in ("stp", "calm_hedge"))
+    assert float(rows[3][1].split()[0].replace("−", "-")) == pytest.approx(
+        (one.error or 0) - (other.error or 0), abs=6e-4
+    )
+    assert filled(text, entries, "page.md") == text
+    two = rows_of(filled(marked(f"pairs {MAIN} of stp-calm_hedge,calm_hedge-straight_on"), entries, "page.md"))
+    assert [row[:2] for row in two[2:]] == [
+        [MAIN, "`stp` − `calm_hedge`"], [MAIN, "`calm_hedge` − `straight_on`"]
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["pairs * of stp-nobody", "pairs MTP-X-v0 of stp-calm_hedge", "pairs *", "env X"])
+def test_a_name_that_cannot_be_filled_in_is_refused(name: str, entries: list[Entry]) -> None:
+    with pytest.raises(MtpBenchError, match=r"nobody|MTP-X-v0|expected `story"):
+        filled(marked(name), entries, "page.md")
 
 
 def test_the_story_has_its_agents_in_order_with_their_ranks() -> None:
@@ -55,27 +62,49 @@ def test_costs_are_differences_of_controls_and_references() -> None:
     agents = {"stp": 1.2, "truth_past": 0.5, "stp_same_budget": 1.1, "perfect_association_same_samples": 0.9}
     entries = board_of(*(made_up(name, error) for name, error in agents.items()))
     rows = rows_of(filled(marked("costs"), entries, "page.md"))[2:]
-    assert [row[1] for row in rows] == ["all", "ids", "reacquired"]
+    assert [row[1] for row in rows] == ["all targets", "identity switch", "reacquired"]
     assert (rows[0][2][:6], rows[0][3][:6]) == ("+0.700", "+0.200")
 
 
-def test_shares_of_the_error_by_cause_are_those_of_the_file_and_add_up() -> None:
+def test_shares_of_the_error_by_part_of_the_stack_add_up() -> None:
     measured = json.loads(PARTS_FILE.read_text(encoding="utf-8"))
     for row in measured:
         assert (list(row["parts"]), sum(row["parts"].values())) == (list(PARTS), pytest.approx(row["error"], abs=1e-9))
         assert (row["definitions"], row["card"]) == (DEFINITIONS, load_card(row["env"]).digest)
-    headings, _, *rows = rows_of(filled(marked("parts"), [], "page.md"))
-    assert headings == ["environment", "agent", "scenes; seeds", "bADE (m) ↓", *PARTS.values()]
+    headings, _, *rows = rows_of(filled(marked("faults"), [], "page.md"))
+    assert headings == ["environment", "agent", "scenes; seeds", "bADE (m) ↓", *FAULT_NAMES.values()]
     assert [row[:2] for row in rows] == [[row["env"], f"`{row['agent']}`"] for row in measured]
     for row in rows:
         shares = [float(cell.removesuffix(" %").replace("−", "-")) for cell in row[4:]]
-        assert sum(shares) == pytest.approx(100, abs=0.05 * len(PARTS))
+        assert sum(shares) == pytest.approx(100, abs=0.05 * len(FAULT_NAMES))
+
+
+def test_relations_of_the_paper_stand_beside_those_of_records() -> None:
+    agents = {"stp": 1.2, "mtp": 0.9, "truth_past": 0.5, "stp_same_budget": 1.1}
+    entries = board_of(*(made_up(name, error, "MTP-nuScenes-v0") for name, error in agents.items()))
+    headings, _, *rows = rows_of(filled(marked("paper"), entries, "page.md"))
+    assert [row[:4] for row in rows] == [
+        [each.table, "MTP-nuScenes-v0", {"paper_ids": "IDS", "paper_frag": "FRAG", "all": "all"}[each.subset],
+         f"`{each.agents[1]}`"] for each in RELATIONS if each.data == "nuScenes"
+    ]  # fmt: skip
+    everything = dict(zip(headings, rows[-1], strict=True))
+    assert (everything["paper"], everything["bADE to `stp` (m)"][:5]) == ("−32 %", "−0.30")
+    assert everything["bADE beyond the samples (m)"][:5] == "−0.20"
+
+
+def test_drive_scores_stand_beside_their_agreement_with_bade() -> None:
+    figures = json.loads(FIGURES.read_text(encoding="utf-8"))
+    headings, _, *rows = rows_of(filled(marked("driving"), [], "page.md"))
+    assert headings[1:-2] == [f"`{agent}` ↑" for agent in DRIVERS]
+    assert [row[0] for row in rows] == list(figures)
+    for row, figure in zip(rows, figures.values(), strict=True):
+        assert row[2].startswith(f"{figure['rows']['stp']['drive_score']:.2f} [")
+        assert row[-2].startswith(f"{figure['tau']['all']['measures']['bADE']['tau']:.2f} [")
 
 
 def test_records_of_earlier_definitions_fill_a_table_that_has_no_others() -> None:
-    old = made_up("old", 0.5, scorer={"definitions": "2.0"})
-    headings, _, only = rows_of(filled(marked(f"env {MAIN}"), board_of(old), "page.md"))
-    assert (headings[0], only[0]) == ("agent (definitions 2.0)", "`old`")
-    assert rows_of(filled(marked("all of old"), board_of(old), "page.md"))[2][0] == f"{MAIN} (definitions 2.0)"
-    new = filled(marked(f"env {MAIN}"), board_of(old, made_up("new")), "page.md")
-    assert [row[0] for row in rows_of(new)[2:]] == ["`new`"]
+    old = [made_up(name, error, scorer={"definitions": "2.0"}) for name, error in (("old", 0.5), ("older", 0.7))]
+    pair = marked("pairs * of older-old")
+    assert rows_of(filled(pair, board_of(*old), "page.md"))[2][0] == f"{MAIN} (definitions 2.0)"
+    new = filled(pair, board_of(*old, made_up("old"), made_up("older")), "page.md")
+    assert [row[0] for row in rows_of(new)[2:]] == [MAIN]
