@@ -17,6 +17,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -142,7 +143,7 @@ def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Se
         Column("difference", key="pair", read=lambda row: f"`{row[0].name}` − `{row[1].name}`"),
     ]
     for subset, heading in SUBSET_TEXT.items():
-        columns += _difference(heading, lambda row, subset=subset: (row[0], row[1], subset))
+        columns += _difference(heading, partial(_with_subset, subset))
     return Table("pairs", "Differences of bADE", "", rows, columns if len(pairs) > 1 else [columns[0], *columns[2:]])
 
 
@@ -155,8 +156,16 @@ def costs_table(entries: Sequence[Entry]) -> Table:
         Column("targets", key="targets", read=lambda row: SUBSET_TEXT[row[1]]),
     ]
     for heading, (worse, better) in (("detection and tracking together", both), ("of which association", alone)):
-        columns += _difference(heading, lambda row, w=worse, b=better: (row[0][w], row[0][b], row[1]))
+        columns += _difference(heading, partial(_of_agents, worse, better))
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
+
+
+def _with_subset(subset: Subset, row: tuple[Entry, Entry]) -> tuple[Entry, Entry, Subset]:
+    return (*row, subset)
+
+
+def _of_agents(one: str, other: str, row: tuple[Mapping[str, Entry], Subset]) -> tuple[Entry, Entry, Subset]:
+    return row[0][one], row[0][other], row[1]
 
 
 def _difference(heading: str, of: Callable[[Any], tuple[Entry, Entry, Subset]]) -> list[Column]:
@@ -200,8 +209,9 @@ def driving_table(figures: Mapping[str, Any]) -> Table:
             Column(interval=True, key=f"{agent}_interval", format=".2f", read=_of_driver(agent, "interval")),
         ]
 
-    def tau(row: Mapping[str, Any]) -> Mapping[str, Any]:
-        return row["tau"]["all"]["measures"]["bADE"]
+    def tau(row: Mapping[str, Any]) -> dict[str, float]:
+        measure: dict[str, float] = row["tau"]["all"]["measures"]["bADE"]
+        return measure
 
     columns += [
         Column("tau with bADE", key="tau", format=".2f", read=lambda row: tau(row)["tau"]),
