@@ -17,7 +17,7 @@ from .output import prepare, print_or_write, say, working
 if TYPE_CHECKING:
     from ..training.predictors import TrainingRequest
 
-_SIMULATED = 60  # scenes of simulated traffic that `compare --train` learns from, as the weights that ship did at most
+_FRAMES = 2400  # of simulated traffic that `compare --train` learns from, as the weights that ship did at most
 OBSERVE = ("detections", "truth")
 ON = ("truth", "tracklets")
 DEVICES = ("auto", "cpu", "cuda")
@@ -120,7 +120,8 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     missing.sort(key=lambda state: state.minutes or 0)
     total = sum(state.minutes or 0 for state in missing)
     say(f"training {', '.join(state.network for state in missing)} first: about {total} min on two cores")
-    scenes = _SIMULATED if card.simulated else None
+    seconds = card.source.traits.scene_seconds
+    scenes = round(_FRAMES / (seconds * card.task.rate)) if seconds else None
     learnt_from = RunOptions(options.data, scenes, split="train", workers=options.workers)
     for state in missing:
         network, on = state.network.rsplit("-", 1)
