@@ -34,9 +34,8 @@ class Split:
 def open_split(env_id: str, options: RunOptions, without: Fold | None = None, away: Sequence[str] = ()) -> Split:
     """The first scenes of the split that ``options`` names; raises MtpBenchError for a split without scenes.
 
-    ``without``: a fold of the whole split whose scenes are left out, for another run scores them. ``away``: further
-    scenes that are left out. The first scenes are taken of those that are left. In those of a closed loop no agent
-    drives: the ego is one of the traffic's own drivers.
+    ``without``: a fold of the whole split, for another run scores it; ``away``: further scenes to leave out. The first
+    of the others are taken. Those of a closed loop have no agent: the ego is one of the traffic's own drivers.
     """
     card = options.card(env_id).model_copy(update={"drive": None})
     source = open_source(card, options.data)
