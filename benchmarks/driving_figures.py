@@ -31,10 +31,16 @@ from mtp_bench.running.reference import reference_for
 from mtp_bench.scoring import AgentScores, Reference, SceneScore
 from mtp_bench.scoring.definitions import PLANNING_SIGMA
 from mtp_bench.scoring.driving import AgentDrives, DrivingRow, driving_rows, scene_score, scene_scores
+from mtp_bench.scoring.statistics import paired_difference
 from mtp_bench.scoring.table import AgentTable, agent_table
 from mtp_bench.scoring.weights_file import read_reference, write_reference
 
 REFERENCES = (TRUTH, "truth_modes", "truth_ptp", "blind", "standing")  # tau is given without them, too
+PAIRS = (
+    ("stp_same_budget", STP), ("mtp", "stp_same_budget"), ("perfect_association_same_samples", "stp_same_budget"),
+    ("stp_modes_tracklets", "stp_modes"), ("mtp_modes_tracklets", "stp_modes_tracklets"), ("tracking_free", "mtp"),
+    ("tracking_free", "mtp_modes_tracklets"), (TRUTH, "tracking_free"),
+)  # fmt: skip
 SEEDS, ENOUGH = (0, 1, 2), 0.9
 HALVES = 200
 MOST_SCENES = 200  # of a card, for which the smallest difference is foretold
@@ -192,6 +198,7 @@ def figures(found: Measured) -> dict[str, Any]:
         "seeds": {agent: len(runs) for agent, runs in found.kept.items()},
         "left out": found.left_out,
         "rows": rows,
+        "pairs": _pairs(found),
         "attacked scenes": len(found.attacked),
         "attacks": attacks,
         "tau": taus,
@@ -234,6 +241,21 @@ def _rows(found: Measured, agents: Sequence[str], names: Sequence[str]) -> dict[
     for agent, sigma in zip(rows, spread, strict=True):
         rows[agent]["seen"] = {str(n): POWER * float(sigma) / n**0.5 for n in (len(names), MOST_SCENES)}
     return rows
+
+
+def _pairs(found: Measured) -> list[dict[str, Any]]:
+    """Differences of drive scores in the same scenes, and the smallest ones that can be seen."""
+    pairs = []
+    for one, other in PAIRS:
+        if one in found.agents and other in found.agents:
+            mine, theirs = found.score([one])[0], found.score([other])[0]
+            less = paired_difference(mine, theirs, np.ones(len(mine)))
+            assert less is not None  # there are scenes
+            seen = POWER * float((mine - theirs).std(ddof=1)) / len(mine) ** 0.5
+            pairs.append(
+                {"one": one, "other": other, "mean": less.mean, "interval": less.interval, "p": less.p, "seen": seen}
+            )
+    return pairs
 
 
 def _taus(found: Measured, agents: list[str], errors: dict[str, tuple[Array, Array]]) -> dict[str, Any]:

@@ -53,7 +53,8 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
     left = "".join(f"Left out: {agent}, {reason}. " for agent, reason in made["left out"].items())
     note = "Intervals (95 %) resample scenes; to stp and p: sign-flip test, paired by scene. Seen: smallest difference "
     note += f"that the test finds four times out of five, with as many scenes and with {MOST_SCENES}. {seeds}{left}"
-    found = [_driving(f"{made['env']}, {scenes} scenes", made["rows"], scenes, note), _errors(made["rows"], scenes)]
+    found = [_driving(f"{made['env']}, {scenes} scenes", made["rows"], scenes, note)]
+    found += [_pairs(made["pairs"]), _errors(made["rows"], scenes)]
     if made["attacks"]:
         found.append(_driving(f"Dishonest agents, {attacked} scenes", made["attacks"], attacked, ""))
     found.append(_taus(made["tau"]))
@@ -61,13 +62,13 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
 
 
 def _driving(title: str, rows: Mapping[str, Any], scenes: int, note: str) -> Grid:
-    heads = ["agent", "drive score", "to stp", "p", f"seen at {scenes}", f"at {MOST_SCENES}", "at fault /100",
+    sizes = list(dict.fromkeys((scenes, MOST_SCENES)))
+    heads = ["agent", "drive score", "to stp", "p", *(f"seen at {size}" for size in sizes), "at fault /100",
              "collisions", "near misses", "phantom brakes", "progress", "to goal, s", "comfort"]  # fmt: skip
     texts = []
     for agent, row in rows.items():
-        seen = [f"{value:.3f}" for value in row["seen"].values()]
         p = "" if row["p"] is None else "<.001" if row["p"] < 0.0005 else f"{row['p']:.3f}"
-        tested = [p, *((seen * 2)[:2] if p else ["", ""])]
+        tested = [p, *(f"{row['seen'][str(size)]:.3f}" if p else "" for size in sizes)]
         texts.append([
             agent, _cell(row["drive_score"], row["interval"]),
             _cell(row["difference"], row["difference_interval"], "+.3f"), *tested,
@@ -77,6 +78,15 @@ def _driving(title: str, rows: Mapping[str, Any], scenes: int, note: str) -> Gri
             f"{row['comfort']:.2f}",
         ])  # fmt: skip
     return Grid(title, heads, texts, note)
+
+
+def _pairs(pairs: Sequence[Mapping[str, Any]]) -> Grid:
+    texts = [
+        [f"`{pair['one']}` − `{pair['other']}`", _cell(pair["mean"], pair["interval"], "+.3f"), f"{pair['seen']:.3f}"]
+        for pair in pairs
+    ]
+    note = "Paired by scene, 95 % interval of the sign-flip test. Seen: as above."
+    return Grid("Differences of drive scores", ["difference", "drive score", "seen"], texts, note)
 
 
 def _errors(rows: Mapping[str, Any], scenes: int) -> Grid:
