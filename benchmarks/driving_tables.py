@@ -64,7 +64,8 @@ def grids(made: Mapping[str, Any]) -> list[Grid]:
 def _driving(title: str, rows: Mapping[str, Any], scenes: int, note: str) -> Grid:
     sizes = list(dict.fromkeys((scenes, MOST_SCENES)))
     heads = ["agent", "drive score", "to stp", "p", *(f"seen at {size}" for size in sizes), "at fault /100",
-             "collisions", "near misses", "phantom brakes", "progress", "to goal, s", "comfort"]  # fmt: skip
+             "collisions /100", "near misses /100", "phantom brakes /100", "progress", "to goal, s",
+             "comfort"]  # fmt: skip
     texts = []
     for agent, row in rows.items():
         p = "" if row["p"] is None else "<.001" if row["p"] < 0.0005 else f"{row['p']:.3f}"
@@ -104,8 +105,8 @@ def _taus(taus: Mapping[str, Any]) -> Grid:
         cells = [_cell(own["measures"][n]["tau"], (own["measures"][n]["low"], own["measures"][n]["high"]), ".2f")
                  for n in names]  # fmt: skip
         texts.append([f"{group}: {own['agents']} agents", *cells, f"{own['between halves']:.2f}"])
-    note = "1: the agent of less error always drives better. Last column: tau of the drive scores of two halves of the "
-    note += "scenes, which no error can be expected to exceed."
+    note = "1: the agent of less error always drives better. Last column, for comparison: tau of the drive scores of "
+    note += "two halves of the scenes."
     return Grid("Kendall's tau of drive score with less error", ["agents", *names, "between halves"], texts, note)
 
 

@@ -155,7 +155,7 @@ def costs_table(entries: Sequence[Entry]) -> Table:
         Column("environment", key="env", read=lambda row: row[0]["stp"].env + earlier_text(row[0]["stp"])),
         Column("targets", key="targets", read=lambda row: SUBSET_TEXT[row[1]]),
     ]
-    for heading, (worse, better) in (("detection and tracking together", both), ("of which association", alone)):
+    for heading, (worse, better) in (("detection and tracking together", both), ("association alone", alone)):
         columns += _difference(heading, partial(_of_agents, worse, better))
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
 
