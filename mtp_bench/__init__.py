@@ -15,53 +15,56 @@ import gymnasium as _gymnasium
 
 from ._bundle import card_ids as card_ids
 from ._version import __version__ as __version__
-from .errors import ActionError as ActionError
-from .errors import CardError as CardError
-from .errors import DataError as DataError
-from .errors import MtpBenchError as MtpBenchError
-from .errors import RecordError as RecordError
-from .errors import RolloutError as RolloutError
-from .errors import ShapeError as ShapeError
-from .errors import SubmissionError as SubmissionError
-from .errors import UnknownNameError as UnknownNameError
+from .errors import (
+    ActionError as ActionError,
+    CardError as CardError,
+    DataError as DataError,
+    MtpBenchError as MtpBenchError,
+    RecordError as RecordError,
+    RolloutError as RolloutError,
+    ShapeError as ShapeError,
+    SubmissionError as SubmissionError,
+    UnknownNameError as UnknownNameError,
+)
 
 if _typing.TYPE_CHECKING:
-    from . import prediction as prediction
-    from . import scoring as scoring
-    from . import tracking as tracking
-    from . import training as training
-    from . import wrappers as wrappers
-    from .agent import Agent as Agent
-    from .agent import Forecasts as Forecasts
-    from .agent import Frame as Frame
-    from .agent import FunctionPredictor as FunctionPredictor
-    from .agent import Pipeline as Pipeline
-    from .agent import Predictor as Predictor
-    from .agent import Sampler as Sampler
-    from .agent import Tracker as Tracker
-    from .cards import Card as Card
-    from .cards import load_card as load_card
+    from . import (
+        prediction as prediction,
+        scoring as scoring,
+        tracking as tracking,
+        training as training,
+        wrappers as wrappers,
+    )
+    from .agent import (
+        Agent as Agent,
+        Forecasts as Forecasts,
+        Frame as Frame,
+        FunctionPredictor as FunctionPredictor,
+        Pipeline as Pipeline,
+        Predictor as Predictor,
+        Sampler as Sampler,
+        Tracker as Tracker,
+    )
+    from .cards import Card as Card, load_card as load_card
     from .env.building import make_action as make_action
     from .env.environment import MTPEnv as MTPEnv
-    from .running.compare import compare as compare
-    from .running.compare import evaluate as evaluate
-    from .running.stored import run as run
-    from .running.stored import score as score
+    from .running.compare import compare as compare, evaluate as evaluate
+    from .running.stored import run as run, score as score
     from .scoring import Report as Report
     from .sources import load_scenes as load_scenes
     from .sources.files import save_scene as save_scene
-    from .submission.loader import Submission as Submission
-    from .submission.loader import load_submission as load_submission
-    from .tracks import Objects as Objects
-    from .tracks import Tracks as Tracks
+    from .submission.loader import Submission as Submission, load_submission as load_submission
+    from .tracks import Objects as Objects, Tracks as Tracks
     from .training import windows as windows
-    from .types import Action as Action
-    from .types import Detections as Detections
-    from .types import Observation as Observation
-    from .types import Rollout as Rollout
-    from .types import Scene as Scene
-    from .types import Task as Task
-    from .types import Truth as Truth
+    from .types import (
+        Action as Action,
+        Detections as Detections,
+        Observation as Observation,
+        Rollout as Rollout,
+        Scene as Scene,
+        Task as Task,
+        Truth as Truth,
+    )
 else:  # hidden from type checkers, for which it would make every misspelt attribute legal
     _NAMES = {  # module -> its names, which are imported when they are first used
         "agent": ("Agent", "Forecasts", "Frame", "FunctionPredictor", "Pipeline", "Predictor", "Sampler", "Tracker"),

@@ -2,11 +2,12 @@
 
 import gc
 import os
+import signal
 import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,7 +118,9 @@ def unordered_map(
         parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
         try:
             with _safe_path():  # until the last result: joblib may replace a worker at any time
-                yield from parallel(delayed(_indexed)(*call) for call in indexed)
+                with _deaf():
+                    results = parallel(delayed(_indexed)(*call) for call in indexed)
+                yield from results
         except TerminatedWorkerError:
             died = f"one of {count} processes died, most likely because memory ran out"
             raise WorkerDiedError(f"{died}: take fewer (--jobs)") from None
@@ -144,6 +147,19 @@ def _safe_path() -> Iterator[None]:
         os.environ |= {} if before is None else {_SAFE_PATH: before}
 
 
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Let processes that start inside the block ignore Ctrl-C: this one ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+
+
 def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[Any]:
     """Index and result of every call, in the order of completion, from the workers of the scheduler at this address.
 
@@ -151,9 +167,7 @@ def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[An
     """
     import distributed
 
-    client = _connect(scheduler)
-    try:
-        _require_workers(client, scheduler)
+    with _connected(scheduler) as client:
         futures = client.map(_indexed_on_worker, calls, version=__version__, pure=False)
         untyped: Any = distributed
         try:
@@ -164,8 +178,20 @@ def _on_cluster(calls: Sequence[tuple[Any, ...]], scheduler: str) -> Iterator[An
             raise MtpBenchError(f"{died}: is their memory enough?") from None
         finally:
             client.cancel(futures)  # after an error the others are not waited for
-    finally:
-        client.close()
+
+
+def require_cluster(scheduler: str) -> None:
+    """Raise MtpBenchError unless a Dask scheduler with workers of this version answers at the address."""
+    with _connected(scheduler):
+        pass
+
+
+@contextmanager
+def _connected(scheduler: str) -> Iterator[Any]:
+    """A client of the scheduler, whose workers are those that are expected."""
+    with closing(_connect(scheduler)) as client:
+        _require_workers(client, scheduler)
+        yield client
 
 
 def _connect(scheduler: str) -> Any:

@@ -14,8 +14,7 @@ from typing import Any
 
 import pytest
 
-from docs.generate.outputs import COLUMNS, OUTPUTS, ROOT, run
-from docs.generate.outputs import EXAMPLES as FOLDER
+from docs.generate.outputs import COLUMNS, EXAMPLES as FOLDER, OUTPUTS, ROOT, run
 from mtp_bench.commands.app import main
 from tests.support.command_line import CommandLine
 from tests.test_readme import blocks

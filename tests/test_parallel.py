@@ -1,6 +1,7 @@
 """The parallel map."""
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -58,3 +59,14 @@ def test_an_unpicklable_error_is_not_reported_as_lack_of_memory() -> None:
         parallel_map(boom, [(1,), (2,)], Workers(2))
     with pytest.raises(NotSentError):
         parallel_map(boom, [(1,), (2,)])
+
+
+def handler_of_interrupts() -> object:
+    return signal.getsignal(signal.SIGINT)
+
+
+def test_workers_leave_an_interrupt_to_this_process() -> None:
+    """Else each would print a traceback while it starts."""
+    before = handler_of_interrupts()
+    assert parallel_map(handler_of_interrupts, [(), ()], Workers(2)) == [signal.SIG_IGN] * 2
+    assert handler_of_interrupts() is before

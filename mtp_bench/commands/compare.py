@@ -6,8 +6,7 @@ from typing import Annotated
 from typer import Argument, Exit, Option
 
 from ..cards import Card
-from ..running.compare import EnvEvaluation, control_names
-from ..running.compare import compare as run_comparison
+from ..running.compare import EnvEvaluation, compare as run_comparison, control_names
 from ..running.drives import compare_driving
 from ..running.options import RunOptions
 from ..viz.terminal.output import counted, show_lines, show_table

@@ -13,7 +13,7 @@ from .._bundle import baseline_names, card_ids
 from ..cards import Card
 from ..errors import MtpBenchError, closest
 from ..files import require_file
-from ..parallel import Workers, cores
+from ..parallel import Workers, cores, require_cluster
 from ..running.options import RunOptions, fold_of
 from ..tables import SUFFIXES
 from .output import json_alone
@@ -132,9 +132,12 @@ class WorkerChoice:
     ] = None
 
     def workers(self) -> Workers:
-        """The workers; raises BadParameter for a scheduler without Dask."""
+        """The workers; raises BadParameter for a scheduler without Dask, or none that answers."""
         try:
-            return Workers(self.jobs or cores(), self.scheduler)
+            workers = Workers(self.jobs or cores(), self.scheduler)
+            if self.scheduler is not None:
+                require_cluster(self.scheduler)  # before any other work
+            return workers
         except MtpBenchError as error:
             raise BadParameter(str(error), param_hint="--scheduler") from None
 

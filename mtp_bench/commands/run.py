@@ -6,8 +6,7 @@ from typing import Annotated
 from typer import Option
 
 from ..running.reading import skipped_line
-from ..running.stored import require_free
-from ..running.stored import run as run_agent
+from ..running.stored import require_free, run as run_agent
 from ..scoring.report import rejected_line
 from ..viz.terminal.output import command_line, counted, show
 from .options import AgentScenes, SubmissionArgument, WorkerChoice

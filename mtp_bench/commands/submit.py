@@ -11,8 +11,7 @@ from typer import Argument, BadParameter, Option
 
 from ..cards import load_card
 from ..errors import DataError, MtpBenchError, RecordError
-from ..records import Record
-from ..records import submit as make_record
+from ..records import Record, submit as make_record
 from ..records.inventory import Piece, inventory, standing_record, why_impossible
 from ..records.submitting import record_path, require_target
 from ..running.options import RunOptions

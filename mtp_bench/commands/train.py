@@ -15,9 +15,10 @@ from .options import DataOption, EnvScenes, JobsOption, TextOption, WorkerChoice
 from .output import prepare, print_or_write, say, working
 
 if TYPE_CHECKING:
+    from ..cards import Card
     from ..training.predictors import TrainingRequest
 
-_FRAMES = 2400  # of simulated traffic that `compare --train` learns from, as the weights that ship did at most
+_FRAMES = 2400  # of simulated traffic that is learnt from by default, as the weights that ship did at most
 OBSERVE = ("detections", "truth")
 ON = ("truth", "tracklets")
 DEVICES = ("auto", "cpu", "cuda")
@@ -71,7 +72,8 @@ def predictor(
 ) -> None:
     """Train a predictor on the training split of an environment (or another).
 
-    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones.
+    The scenes of ``--fold`` are left out before ``--scenes`` takes the first ones; by default 2400 frames of simulated
+    traffic, and all scenes of recorded data.
     """
     with notice.work("loading PyTorch"):
         from ..prediction.learned.network import network_of, networks
@@ -85,13 +87,20 @@ def predictor(
     _require_place(output, options)
     request = TrainingRequest(network, on.env, pasts or recipe.on, hypotheses, without, tuple(also or ()), plan, device)
     device_of(device)  # before the scenes are read
-    for env in (on.env, *request.also):
-        options.card(env)
+    cards = [options.card(env) for env in (on.env, *request.also)]
+    options = _enough(options, cards[0])
     for env in (on.env, *request.also):
         prepare(env, options)
     path, card = _trained(request, options, output)
     away = "" if card["fold"] is None else f", without the scenes of fold {card['fold']}"
     print(f"{path}: validation minADE {card['validation_minADE']} m, epoch {card['best_epoch']} of {plan.epochs}{away}")
+
+
+def _enough(options: RunOptions, card: "Card") -> RunOptions:
+    """The options, with as many scenes of simulated traffic as give `_FRAMES` frames unless they state a number."""
+    seconds = card.source.traits.scene_seconds
+    scenes = round(_FRAMES / (seconds * card.task.rate)) if seconds else None
+    return replace(options, scenes=options.scenes or scenes)
 
 
 def _trained(
@@ -120,9 +129,7 @@ def train_missing(agents: Sequence[str], env: str, options: RunOptions) -> None:
     missing.sort(key=lambda state: state.minutes or 0)
     total = sum(state.minutes or 0 for state in missing)
     say(f"training {', '.join(state.network for state in missing)} first: about {total} min on two cores")
-    seconds = card.source.traits.scene_seconds
-    scenes = round(_FRAMES / (seconds * card.task.rate)) if seconds else None
-    learnt_from = RunOptions(options.data, scenes, split="train", workers=options.workers)
+    learnt_from = _enough(RunOptions(options.data, split="train", workers=options.workers), card)
     for state in missing:
         network, on = state.network.rsplit("-", 1)
         source = env if state.env_id == card.id else state.env_id

@@ -1,6 +1,4 @@
 """A simulated detector: noise profiles fitted to real detectors, and the detections they give for true boxes."""
 
-from .profile import Profile as Profile
-from .profile import Variant as Variant
-from .profile_file import load_profile as load_profile
-from .profile_file import profile_names as profile_names
+from .profile import Profile as Profile, Variant as Variant
+from .profile_file import load_profile as load_profile, profile_names as profile_names

@@ -9,10 +9,6 @@ sandbox). `process` starts, watches and ends one, `channel` exchanges messages (
 ``SECURITY.md`` says which attacks the sandbox stops. Without bubblewrap there are limits alone (`SceneRun.isolation`).
 """
 
-from .layout import Image as Image
-from .layout import image_of as image_of
-from .limits import Isolation as Isolation
-from .limits import Limits as Limits
-from .limits import SceneRun as SceneRun
-from .run import run_isolated as run_isolated
-from .run import run_isolated_scenes as run_isolated_scenes
+from .layout import Image as Image, image_of as image_of
+from .limits import Isolation as Isolation, Limits as Limits, SceneRun as SceneRun
+from .run import run_isolated as run_isolated, run_isolated_scenes as run_isolated_scenes

@@ -24,8 +24,7 @@ from filelock import FileLock
 
 from ..errors import SubmissionError
 from ..files import FULL_DISK, WriteError, cache_root, file_digest, open_regular
-from ..networks import VARIABLE as WEIGHTS
-from ..networks import network_files
+from ..networks import VARIABLE as WEIGHTS, network_files
 from ..notice import QUIET
 from ..running.kernels import PLAYERS, all_kernels
 from ..sources.dataset import data_root

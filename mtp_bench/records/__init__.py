@@ -10,12 +10,8 @@ from .consistency import checked_record as checked_record
 from .eligibility import why_unranked as why_unranked
 from .ranking import standings as standings
 from .record import Record as Record
-from .seal import open_seal as open_seal
-from .seal import retire as retire
-from .seal import seal as seal
-from .storage import load_record as load_record
-from .storage import record_paths as record_paths
+from .seal import open_seal as open_seal, retire as retire, seal as seal
+from .storage import load_record as load_record, record_paths as record_paths
 from .submitting import submit as submit
-from .trust import Trust as Trust
-from .trust import trusted as trusted
+from .trust import Trust as Trust, trusted as trusted
 from .verifying import verify as verify

@@ -13,8 +13,7 @@ from ..files import clean_text
 from ..gateway import Limits
 from ..scoring import DEFINITIONS, SUBSETS
 from ..scoring.definitions import Subset
-from ..scoring.rank import why_not_on
-from ..scoring.rank import why_unranked as why_entrant_unranked
+from ..scoring.rank import why_not_on, why_unranked as why_entrant_unranked
 from ..scoring.weights import scene_key
 from .attestation import Checked, SignedLevel
 from .evaluation import scorer_digest

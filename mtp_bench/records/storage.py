@@ -11,8 +11,7 @@ from ..errors import RecordError
 from ..files import ABSENT, read_bounded
 from ..running.rollout_files import load_run
 from ..strict import SectionT, explain
-from ..submission.manifest import PARTS as PARTS
-from ..submission.manifest import ROLLOUTS as ROLLOUTS
+from ..submission.manifest import PARTS as PARTS, ROLLOUTS as ROLLOUTS
 from ..types import Rollout
 from .canonical import digest_of
 from .record import Record

@@ -21,8 +21,15 @@ from ..scoring import score_scene
 from ..scoring.definitions import DEFINITIONS
 from ..scoring.neutral import evaluated
 from ..scoring.targets import find_targets
-from ..scoring.weights import COUNTED, EVENTS, Reference, SceneWeights, count_runs, scene_key
-from ..scoring.weights import tracking_events as events_of
+from ..scoring.weights import (
+    COUNTED,
+    EVENTS,
+    Reference,
+    SceneWeights,
+    count_runs,
+    scene_key,
+    tracking_events as events_of,
+)
 from ..scoring.weights_file import read_reference, write_reference
 from ..submission.loader import Submission, controls, load_submission
 from ..types import Bools, Rollout, Scene, Task, starts_of

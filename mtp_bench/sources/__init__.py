@@ -9,9 +9,7 @@ from .. import notice
 from ..cards import Card, load_card
 from ..errors import DataError, MtpBenchError, require_known
 from ..types import Scene
-from .base import CameraImage as CameraImage
-from .base import ChangedScenes, SourcePackage, usable
-from .base import SceneSource as SceneSource
+from .base import CameraImage as CameraImage, ChangedScenes, SceneSource as SceneSource, SourcePackage, usable
 from .dataset import DataStatus as DataStatus
 from .simulated import detected as detected
 from .stored_tracks import find_tracks

@@ -4,5 +4,4 @@
 figures, `relations` compares with the paper, and `page` shows all of it.
 """
 
-from .conduct import Study as Study
-from .conduct import study as study
+from .conduct import Study as Study, study as study

@@ -9,8 +9,7 @@ import numpy as np
 
 from ..errors import MtpBenchError, require_known
 from ..files import WriteError, make_folder
-from ..networks import VARIABLE as WEIGHTS_VARIABLE
-from ..networks import file_name, weights_folder
+from ..networks import VARIABLE as WEIGHTS_VARIABLE, file_name, weights_folder
 from ..prediction.learned.local import local_future
 from ..prediction.learned.network import Network, Sizes, network_of, require_lanes
 from ..prediction.learned.predictor import StoredWeights, write_weights

@@ -1,7 +1,4 @@
 """Wrappers of the env for agents of other libraries: an action that only associates, all at once or one by one."""
 
-from .association import AssociationOnly as AssociationOnly
-from .association import PerDetection as PerDetection
-from .associator import CONTINUE as CONTINUE
-from .associator import IGNORE as IGNORE
-from .associator import NEW as NEW
+from .association import AssociationOnly as AssociationOnly, PerDetection as PerDetection
+from .associator import CONTINUE as CONTINUE, IGNORE as IGNORE, NEW as NEW

@@ -72,6 +72,30 @@ def test_networks_learn_from_the_pasts_that_their_baselines_take(
     assert len(asked) == 1
 
 
+@pytest.mark.parametrize(
+    ("env", "given", "scenes"),
+    [
+        ("MTP-Intersection-v0", (), 60),
+        ("MTP-Drive-Intersection-10Hz-v0", (), 8),
+        ("MTP-Drive-Intersection-10Hz-v0", ("--scenes", "3"), 3),
+        ("MTP-Small-v0", (), None),
+    ],
+)
+def test_simulated_traffic_is_learnt_from_2400_frames(
+    env: str, given: Sequence[str], scenes: int | None, cli: CommandLine, root: str, card: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    asked = []
+
+    def learnable(_: TrainingRequest, options: RunOptions) -> None:
+        asked.append(options.scenes)
+        raise MtpBenchError("enough")
+
+    monkeypatch.setattr("mtp_bench.training.predictors.training_windows", learnable)
+    known = ("train", "predictor", "modes", "--env", card if env == "MTP-Small-v0" else env, "--data", root)
+    assert (cli(*known, *given).error, asked) == ("enough", [scenes])
+
+
 def test_a_failing_and_a_weightless_agent_cost_the_good_one_nothing(
     cli: CommandLine, known: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

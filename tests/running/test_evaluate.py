@@ -14,8 +14,7 @@ from mtp_bench.errors import MtpBenchError, SubmissionError, UnknownNameError
 from mtp_bench.scoring.scenes import SceneResult
 from mtp_bench.types import Task
 from tests.support.command_line import write_submission
-from tests.support.small_scenes import Action, EchoAgent, make_noisy
-from tests.support.small_scenes import make_scene as drawn
+from tests.support.small_scenes import Action, EchoAgent, make_noisy, make_scene as drawn
 
 pytestmark = pytest.mark.usefixtures("remembered_weights")
 

@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import find_events, history, tracking_counts

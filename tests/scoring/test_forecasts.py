@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from mtp_bench.errors import ShapeError
 from mtp_bench.scoring import FrameScore, FrameScorer, forecast_average_precision, score_scene

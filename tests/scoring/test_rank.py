@@ -4,8 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from mtp_bench.scoring import rank_by_error
 from mtp_bench.scoring.rank import Rank, guard, rank_text, why_not_on, why_unranked

@@ -4,8 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from mtp_bench.scoring import bootstrap_interval, sign_flip_test
 from mtp_bench.scoring.statistics import gap_closed, share_interval, significant_pairs

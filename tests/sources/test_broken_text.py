@@ -12,9 +12,7 @@ from mtp_bench.errors import DataError
 from mtp_bench.sources.base import usable
 from mtp_bench.sources.text import read_table
 from mtp_bench.sources.wildtrack.source import ANNOTATIONS, DETECTIONS
-from tests.sources import test_kitti as kitti
-from tests.sources import test_mot3d as mot3d
-from tests.sources import test_wildtrack as wildtrack
+from tests.sources import test_kitti as kitti, test_mot3d as mot3d, test_wildtrack as wildtrack
 from tests.support.source_files import assert_one_error, write
 
 Lines = list[str] | None  # of a file; None: the file is removed

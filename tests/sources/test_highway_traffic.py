@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from highway_env.road import lane as lanes_of_highway_env
-from highway_env.road import road
+from highway_env.road import lane as lanes_of_highway_env, road
 from highway_env.vehicle import kinematics, objects
 from shapely import STRtree
 from shapely.geometry import Polygon

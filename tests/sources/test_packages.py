@@ -13,11 +13,13 @@ from mtp_bench.cards.source import SOURCES, source_class
 from mtp_bench.errors import CardError, DataError, UnknownNameError
 from mtp_bench.sources import describe, open_source, package_of
 from mtp_bench.sources.base import SourcePackage
-from tests.sources import test_argoverse2 as argoverse2
-from tests.sources import test_kitti as kitti
-from tests.sources import test_mot3d as mot3d
-from tests.sources import test_people as people
-from tests.sources import test_wildtrack as wildtrack
+from tests.sources import (
+    test_argoverse2 as argoverse2,
+    test_kitti as kitti,
+    test_mot3d as mot3d,
+    test_people as people,
+    test_wildtrack as wildtrack,
+)
 from tests.support.nuscenes_root import nuscenes_card, write_root
 from tests.support.source_files import with_task
 

@@ -16,8 +16,7 @@ from mtp_bench.training.labels import UNKNOWN
 from mtp_bench.training.tracklets import BY_WINDOW, Windows, concatenate, windows, windows_of_scene
 from mtp_bench.types import ImageField, Lane, Scene
 from tests.support.scoring_scenes import end_to_end
-from tests.support.small_scenes import CARD, bare_scene, make_scene, write_card, write_kitti
-from tests.support.small_scenes import task as small_task
+from tests.support.small_scenes import CARD, bare_scene, make_scene, task as small_task, write_card, write_kitti
 
 
 def windows_of_scenes(tmp_path: Path, *scenes: Scene, truth: bool = False, hypotheses: int = 1) -> Windows:

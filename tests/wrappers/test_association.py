@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from mtp_bench import ActionError, MTPEnv
 from mtp_bench.wrappers import CONTINUE, IGNORE, NEW, AssociationOnly, PerDetection
-from tests.env.conftest import MakeEnv
-from tests.env.conftest import make_env as make_env
+from tests.env.conftest import MakeEnv, make_env as make_env
 from tests.env.test_gymnasium import make_small
 from tests.support.small_scenes import make_scene
 

@@ -1,8 +1,7 @@
 """Argoverse 2 sensor dataset: the official Feather files and maps, read into scenes."""
 
 from ..base import SourcePackage
-from .layout import DATASET, LOGS
-from .layout import Argoverse2Source as Argoverse2Source
+from .layout import DATASET, LOGS, Argoverse2Source as Argoverse2Source
 from .road import scene_lanes
 from .source import Argoverse2
 from .submission import FORM

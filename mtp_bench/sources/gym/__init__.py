@@ -1,7 +1,6 @@
 """Gymnasium environments of highway-env, of the library or one's own, one scene per seed."""
 
 from ..highway.source import package
-from .source import DATASET, GymScenes
-from .source import GymSource as GymSource
+from .source import DATASET, GymScenes, GymSource as GymSource
 
 PACKAGE = package(GymScenes, DATASET)

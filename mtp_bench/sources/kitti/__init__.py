@@ -1,8 +1,7 @@
 """KITTI tracking: the official folders, read into scenes."""
 
 from ..base import SourcePackage
-from .layout import DATASET, LABELS
-from .layout import KittiSource as KittiSource
+from .layout import DATASET, LABELS, KittiSource as KittiSource
 from .poses import scene_images
 from .source import KittiTracking
 from .tracks import FORM

@@ -2,8 +2,7 @@
 
 from ..base import SourcePackage
 from .cameras import scene_images
-from .layout import DATASET, VERSIONS
-from .layout import NuScenesSource as NuScenesSource
+from .layout import DATASET, VERSIONS, NuScenesSource as NuScenesSource
 from .road import scene_lanes
 from .source import NuScenes, prepare_nuscenes
 from .tracks import FORM

@@ -16,8 +16,7 @@ from ..focus import Focus
 from ..framing import FocusFrame, frame_of, length_of, turn_of, window_of
 from ..pages import text_of
 from ..sentence import sentence
-from .entities import EDGE as RING
-from .entities import EVENT, TRACK_FILL, Log
+from .entities import EDGE as RING, EVENT, TRACK_FILL, Log
 from .sdk import rr
 from .shown import ROLES, SWITCH, Colors, drawable
 

@@ -6,8 +6,7 @@ import textwrap
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from ...tables import Table
-from ...tables import counted as counted
+from ...tables import Table, counted as counted
 from ...tables.writers import table_lines
 
 if TYPE_CHECKING:

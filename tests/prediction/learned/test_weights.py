@@ -18,8 +18,14 @@ from mtp_bench.prediction import GreedySampler, KMeansSampler, LearnedPredictor
 from mtp_bench.prediction.learned.local import Arrays
 from mtp_bench.prediction.learned.modes import Modes
 from mtp_bench.prediction.learned.network import Network, Sizes, network_of
-from mtp_bench.prediction.learned.predictor import MOST_BYTES as MOST_WEIGHTS
-from mtp_bench.prediction.learned.predictor import StoredWeights, find_weights, read_weights, require_fit, write_weights
+from mtp_bench.prediction.learned.predictor import (
+    MOST_BYTES as MOST_WEIGHTS,
+    StoredWeights,
+    find_weights,
+    read_weights,
+    require_fit,
+    write_weights,
+)
 from mtp_bench.prediction.windows import Surroundings, TrackWindows, surroundings_of
 from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.types import Ints
