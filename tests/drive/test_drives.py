@@ -144,10 +144,10 @@ def test_a_stored_run(drive_card: str, tmp_path: Path, cli: CommandLine) -> None
 @pytest.mark.parametrize("env_id", sorted(path.stem for path in frozen_path("").parent.glob("MTP-Drive-*.json")))
 def test_frozen_ways_are_those_of_this_traffic_and_planner(env_id: str) -> None:
     card = load_card(env_id)
-    (name,) = MTPEnv(card).scene_names[:1]
-    made, frozen = make_reference(card, [name]), frozen_reference(card)
+    names = MTPEnv(card).scene_names[:21:20]  # in the second one small changes of the planner show
+    made, frozen = make_reference(card, names), frozen_reference(card)
     assert frozen is not None
-    assert made.ways([name]) == frozen.ways([name])
+    assert made.ways(names) == frozen.ways(names)
 
 
 def test_comparison_with_an_agent_that_fails(drive_card: str, tmp_path: Path, cli: CommandLine) -> None:
