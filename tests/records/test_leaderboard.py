@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from mtp_bench.viz.board.entries import Entry, by_board
 from tests.support.command_line import CommandLine
 
 LEAST = 20  # records of today's definitions
+INTERVAL = re.compile(r"\[([-+]?[\d.]+), ([-+]?[\d.]+)\]")
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +90,19 @@ def test_pages_are_made_of_records(repository: Path, tmp_path: Path, cli: Comman
         assert filled(text, entries, page.name) == text, page.name
     text, figures = (path.read_text(encoding="utf-8") for path in (driving.PAGE, driving.FIGURES))
     assert driving.filled(text, json.loads(figures)) == text
+
+
+def test_intervals_in_sentences_on_driving_stand_in_its_tables() -> None:
+    """Rounded, and with either sign: a sentence may turn a difference round."""
+    lines = driving.PAGE.read_text(encoding="utf-8").replace("−", "-").splitlines()
+    found = [[INTERVAL.findall(line) for line in lines if line.startswith("|") == table] for table in (True, False)]
+    tables, sentences = (list(itertools.chain(*each)) for each in found)
+    cells = np.array(tables, dtype=float)
+    cells = np.concatenate([cells, -cells[:, ::-1]])
+    assert len(sentences) > 5
+    for ends in sentences:
+        off = np.abs(cells - np.array(ends, dtype=float)).max(axis=1).min()
+        assert off <= 0.5 / 10 ** len(ends[0].partition(".")[2]) + 1e-9, ends
 
 
 def _files(leaderboard: Path) -> dict[str, bytes]:
