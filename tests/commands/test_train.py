@@ -92,6 +92,7 @@ def test_simulated_traffic_is_learnt_from_2400_frames(
         raise MtpBenchError("enough")
 
     monkeypatch.setattr("mtp_bench.training.predictors.training_windows", learnable)
+    monkeypatch.setattr("mtp_bench.commands.train.prepare", lambda *_: None)  # it would simulate the scenes
     known = ("train", "predictor", "modes", "--env", card if env == "MTP-Small-v0" else env, "--data", root)
     assert (cli(*known, *given).error, asked) == ("enough", [scenes])
 
