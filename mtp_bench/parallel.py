@@ -118,7 +118,7 @@ def unordered_map(
         parallel: Any = Parallel(n_jobs=count, backend="loky", return_as="generator_unordered")
         try:
             with _safe_path():  # until the last result: joblib may replace a worker at any time
-                with _deaf():
+                with _ignoring_interrupts():
                     results = parallel(delayed(_indexed)(*call) for call in indexed)
                 yield from results
         except TerminatedWorkerError:
@@ -148,7 +148,7 @@ def _safe_path() -> Iterator[None]:
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
+def _ignoring_interrupts() -> Iterator[None]:
     """Let processes that start inside the block ignore Ctrl-C: this one ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield
