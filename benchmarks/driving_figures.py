@@ -35,9 +35,9 @@ from mtp_bench.scoring.statistics import paired_difference
 from mtp_bench.scoring.table import AgentTable, agent_table
 from mtp_bench.scoring.weights_file import read_reference, write_reference
 
-REFERENCES = (TRUTH, "truth_modes", "truth_ptp", "blind", "standing")  # tau is given without them, too
+REFERENCES = (TRUTH, "gt_tracks_modes", "gt_tracks_ptp", "blind", "standing")  # tau is given without them, too
 PAIRS = (
-    ("stp_same_budget", STP), ("mtp", "stp_same_budget"), ("perfect_association_same_samples", "stp_same_budget"),
+    ("stp_same_samples", STP), ("mtp", "stp_same_samples"), ("perfect_association_same_samples", "stp_same_samples"),
     ("stp_modes_tracklets", "stp_modes"), ("mtp_modes_tracklets", "stp_modes_tracklets"), ("tracking_free", "mtp"),
     ("tracking_free", "mtp_modes_tracklets"), (TRUTH, "tracking_free"),
 )  # fmt: skip

@@ -34,12 +34,12 @@ from mtp_bench.sources.highway.world import RATE
 from mtp_bench.submission.loader import submission_of
 from mtp_bench.types import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
 
-TRUTH, STP = "truth_past", "stp"
+TRUTH, STP = "gt_tracks", "stp"
 AGENTS = (
-    TRUTH, STP, "blind", "standing", "mtp", "stp_same_budget", "tracking_free", "mtp_modes", "stp_modes", "truth_modes",
-    "stp_cut", "mtp_cut", "ab3dmot", "affinity", "stp_hedged", "stp_modes_tracklets", "mtp_modes_tracklets",
+    TRUTH, STP, "blind", "standing", "mtp", "stp_same_samples", "tracking_free", "mtp_modes", "stp_modes", "gt_tracks_modes",
+    "stp_min_score", "mtp_min_score", "ab3dmot", "affinity", "stp_hedged", "stp_modes_tracklets", "mtp_modes_tracklets",
     "perfect_association", "perfect_association_same_samples", "perfect_association_modes", "stp_ptp", "mtp_ptp",
-    "truth_ptp", "perfect_association_ptp", "perfect_association_modes_tracklets",
+    "gt_tracks_ptp", "perfect_association_ptp", "perfect_association_modes_tracklets",
 )  # fmt: skip
 NEAR, AHEAD = 30.0, 15.0  # m around the ego, and before it
 MOVING = 0.5  # m/s

@@ -31,7 +31,7 @@ from mtp_bench.sources.highway.world import RATE, HighwaySource
 from mtp_bench.submission.loader import submission_of
 from mtp_bench.types import Drive
 
-PLANNED = ("truth_past", "blind")  # baselines: ground-truth tracks of constant velocity, and no forecasts
+PLANNED = ("gt_tracks", "blind")  # baselines: ground-truth tracks of constant velocity, and no forecasts
 
 
 def measure_scene(card: Card, name: str, agents: list[str]) -> tuple[list[Drive], tuple[float, bool]]:

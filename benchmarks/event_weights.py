@@ -32,7 +32,7 @@ from mtp_bench.scoring.weights import Reference
 from mtp_bench.submission.loader import load_submission
 
 ENVS = ("MTP-nuScenes-mini-v0", "MTP-Intersection-v0", "MTP-KITTI-v0")
-AGENTS = ("stp", "stp_same_budget", "stp_hedged", "mtp", "truth_past")
+AGENTS = ("stp", "stp_same_samples", "stp_hedged", "mtp", "gt_tracks")
 SUBSETS: tuple[Subset, ...] = ("ids", "reacquired")
 
 

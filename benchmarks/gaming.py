@@ -37,15 +37,15 @@ from mtp_bench.tracking import HypothesisTracker
 from mtp_bench.types import Rollout, Task
 
 HONEST: dict[str, tuple[str, dict[str, Any]]] = {
-    "GT tracks, same samples": ("truth_past", {"draws": 20}),
+    "GT tracks, same samples": ("gt_tracks", {"draws": 20}),
     "perfect association, same samples": ("perfect_association_same_samples", {}),
     "mtp": ("mtp", {}),
-    "same samples": ("stp_same_budget", {}),
+    "same samples": ("stp_same_samples", {}),
     "stp": ("stp", {}),
     "stp_hedged": ("stp_hedged", {}),
-    "truth_past": ("truth_past", {}),
+    "gt_tracks": ("gt_tracks", {}),
 }
-ORDER = tuple(label for label in HONEST if label not in ("stp_hedged", "truth_past"))  # on ids, from the best
+ORDER = tuple(label for label in HONEST if label not in ("stp_hedged", "gt_tracks"))  # on ids, from the best
 RANKED: tuple[Subset, ...] = ("all", "ids", "reacquired")
 EYES = {"blurred by 25 cm": (0.25, 0.0), "dropping 5 %": (0.0, 0.05)}
 UNSURE = 0.07  # of twins and leaves

@@ -33,7 +33,7 @@ from mtp_bench.scoring.table import agent_table
 from mtp_bench.submission.loader import load_submission
 
 AGENTS = (
-    "stp", "mtp", "stp_cut", "mtp_cut", "ab3dmot", "stp_same_budget", "stp_hedged", "stp_modes", "mtp_modes",
+    "stp", "mtp", "stp_min_score", "mtp_min_score", "ab3dmot", "stp_same_samples", "stp_hedged", "stp_modes", "mtp_modes",
     "stp_modes_tracklets", "mtp_modes_tracklets", "tracking_free", "affinity", "stp_ptp", "mtp_ptp",
 )  # fmt: skip
 SUBSETS = ("all", "ids", "lost", "reacquired", "frag")

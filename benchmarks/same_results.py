@@ -42,9 +42,9 @@ SCENES = {
     "MTP-nuScenes-CenterPoint-v0": 2,  # with --env alone: it needs the validation scenes
 }
 AGENTS = (
-    "truth_past", "stp", "stp_same_budget", "stp_hedged", "mtp", "ab3dmot", "stp_cut", "mtp_cut",
+    "gt_tracks", "stp", "stp_same_samples", "stp_hedged", "mtp", "ab3dmot", "stp_min_score", "mtp_min_score",
 )  # fmt: skip
-LEARNED = ("mtp_modes", "stp_modes_tracklets", "truth_modes", "mtp_ptp", "affinity", "tracking_free")
+LEARNED = ("mtp_modes", "stp_modes_tracklets", "gt_tracks_modes", "mtp_ptp", "affinity", "tracking_free")
 WEIGHTS = {"MTP-Intersection-v0": LEARNED, "MTP-Highway-v0": LEARNED[:4]}  # what ships with the package
 TRAIN = ("MTP-nuScenes-v0",)  # on its training scenes, which the test data has
 QUICK = ("MTP-Intersection-v0", "MTP-KITTI-v0", "MTP-nuScenes-mini-v0", "MTP-WILDTRACK-v0")

@@ -13,7 +13,7 @@ from mtp_bench.viz.board.tables import earlier_text
 
 _TARGETS: dict[Subset, str] = {"paper_ids": "IDS", "paper_frag": "FRAG", "all": "all"}
 _ENVS = {"KITTI": "MTP-KITTI-noego-v0", "nuScenes": "MTP-nuScenes-v0", "WILDTRACK": "MTP-WILDTRACK-v0"}
-_CONTROL = "stp_same_budget"
+_CONTROL = "stp_same_samples"
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Relation:
         return known[agent].row_of(self.subset)
 
 
-_GIVEN, _KEPT = ("stp", "truth_past"), ("stp", "mtp")  # k samples each
+_GIVEN, _KEPT = ("stp", "gt_tracks"), ("stp", "mtp")  # k samples each
 RELATIONS = (  # Weng, Ivanovic, Pavone: MTP, 2022
     Relation("I", "KITTI", "paper_ids", _GIVEN, (2.820, 0.100)),
     Relation("I", "KITTI", "paper_frag", _GIVEN, (1.621, 0.177)),

@@ -45,10 +45,10 @@ _BLOCK = re.compile(rf"^{_BEGIN}(?P<name>[^\n]*) -->\n(?:(?!^{_BEGIN}).)*?^{_END
 SUBSET_TEXT: dict[Subset, str] = {"all": "all targets", "ids": "identity switch", "reacquired": "reacquired"}
 _TRACKLETS = "network, of a tracker's tracks"
 STORY = {  # agent -> its association and its predictor, in the order of the README
-    "truth_past": "ground-truth tracks; constant velocity",
+    "gt_tracks": "ground-truth tracks; constant velocity",
     "perfect_association_same_samples": "perfect association, 20 k draws; constant velocity",
     "stp": "one hypothesis; constant velocity",
-    "stp_same_budget": "one hypothesis, 20 k draws; constant velocity",
+    "stp_same_samples": "one hypothesis, 20 k draws; constant velocity",
     "mtp": "20 hypotheses, 20 k draws; constant velocity",
     "stp_modes": "one hypothesis; network, of ground-truth tracks",
     "stp_modes_tracklets": f"one hypothesis; {_TRACKLETS}",
@@ -58,7 +58,7 @@ STORY = {  # agent -> its association and its predictor, in the order of the REA
 }
 
 
-DRIVERS = ("truth_past", "stp", "stp_same_budget", "mtp", "tracking_free")
+DRIVERS = ("gt_tracks", "stp", "stp_same_samples", "mtp", "tracking_free")
 
 
 def filled(text: str, entries: Sequence[Entry], where: str) -> str:
@@ -149,7 +149,7 @@ def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Se
 
 def costs_table(entries: Sequence[Entry]) -> Table:
     """Costs of detection and tracking together, and of association alone: a row per environment and ranked subset."""
-    both, alone = ("stp", "truth_past"), ("stp_same_budget", "perfect_association_same_samples")
+    both, alone = ("stp", "gt_tracks"), ("stp_same_samples", "perfect_association_same_samples")
     rows = [(known, subset) for known in _by_name((*both, *alone), entries) for subset in SUBSET_TEXT]
     columns = [
         Column("environment", key="env", read=lambda row: row[0]["stp"].env + earlier_text(row[0]["stp"])),

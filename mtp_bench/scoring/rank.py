@@ -138,7 +138,7 @@ class Pair(NamedTuple):
 class GapPairs(NamedTuple):
     """The pairs between which an agent's gaps are closed, and reasons why one is missing."""
 
-    kinematic: Pair | None  # stp and truth_past; None if the agent has another predictor
+    kinematic: Pair | None  # stp and gt_tracks; None if the agent has another predictor
     own: Pair | None
     association: Pair | None
     why: str = NOT_RUN
@@ -148,7 +148,7 @@ class GapPairs(NamedTuple):
 def pairs_of(
     table: AgentTable, shared: Pair, references: Mapping[str, References | None], tables: Mapping[int, AgentTable]
 ) -> GapPairs:
-    """Pairs of an agent; ``shared``: stp and truth_past, ``tables``: of all references, by the id of their scores."""
+    """Pairs of an agent; ``shared``: stp and gt_tracks, ``tables``: of all references, by the id of their scores."""
     agent = table.setting.agent
     if agent not in references:
         return GapPairs(shared, None, None)

@@ -96,8 +96,8 @@ def summarise(
     card: Card,
     reference: Reference | None = None,
     stp: str = "stp",
-    truth: str = "truth_past",
-    controls: Sequence[str] = ("stp", "stp_same_budget"),
+    truth: str = "gt_tracks",
+    controls: Sequence[str] = ("stp", "stp_same_samples"),
     references: Mapping[str, References | None] | None = None,
 ) -> Report:
     """Report of ``agents`` on the same scenes of ``card``.

@@ -386,7 +386,7 @@ def secret(court: Court, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """A word that lies in the home folder, in the data, in the records, in the cache and beside the submission."""
     word = "salt-" + os.urandom(16).hex()
     home, records = court.folder / "home", court.folder / "leaderboard" / "records"
-    places = [home, records, records / "truth_past.rollouts", court.folder, Path(court.data)]
+    places = [home, records, records / "gt_tracks.rollouts", court.folder, Path(court.data)]
     places += [home / ".cache" / "mtp_bench", *([court.shared.parent] if court.shared else [])]
     move_home(home, monkeypatch)
     files = []

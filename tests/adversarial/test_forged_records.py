@@ -84,7 +84,7 @@ def echo(tmp_path_factory: pytest.TempPathFactory, card: str, kitti: str) -> tup
 def test_relabelled_answers_are_found(echo: tuple[Path, Path], card: str, kitti: str, tmp_path: Path) -> None:
     """Stored answers of an agent that saw the truth, relabelled, with a record and a run file that fit them."""
     folder, genuine = echo
-    submit("truth_past", card, RunOptions(kitti), tmp_path)
+    submit("gt_tracks", card, RunOptions(kitti), tmp_path)
     path, own = tmp_path / f"{CARD_ID}.json", load_record(genuine)
 
     def relabel(content: Content) -> None:
@@ -360,7 +360,7 @@ def test_a_file_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
 
 def test_a_second_stp_is_no_stp() -> None:
     """It would lift the guard of the event subsets and be the end of every gap."""
-    truth = made_up("truth_past", 0.4, env={"observe": "truth"})
+    truth = made_up("gt_tracks", 0.4, env={"observe": "truth"})
     agent = made_up("agent", 1.2, submission={"ends": "controls"})
     fake, genuine = made_up("stp", 3.0, submission={"digest": hex_of("mine")}), made_up("stp", 1.0)
     assert genuine.submission.digest == baseline_digest("stp")
@@ -810,7 +810,7 @@ def test_a_proposal_is_refused_for(what: str, cli: CommandLine, proposal: Path, 
     assert message in taken(cli, proposal, leaderboard)
 
 
-@pytest.mark.parametrize("name", ["truth_past", "perfect_association"])
+@pytest.mark.parametrize("name", ["gt_tracks", "perfect_association"])
 def test_a_baseline_that_saw_more_cannot_state_that_it_did_not(name: str) -> None:
     found = standings([made_up("stp", 1.0), record := made_up(name, 0.1)])
     assert found[record.digest].places["all"].why.startswith("observe is 'detections', the baseline of that name has")

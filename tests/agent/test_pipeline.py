@@ -68,7 +68,7 @@ def test_mtp_with_one_hypothesis_is_stp() -> None:
     stp = answers(load_submission("stp").build(TASK))
     assert_equal_actions(stp, answers(load_submission("mtp").build(TASK, hypotheses=1)))
     assert_equal_actions(stp, answers(load_submission("mtp").build(TASK, hypotheses=1, weighting="uniform")))
-    assert_equal_actions(stp, answers(load_submission("stp_same_budget").build(TASK, draws=1)))
+    assert_equal_actions(stp, answers(load_submission("stp_same_samples").build(TASK, draws=1)))
     assert sum(int(a["object_valid"].sum()) for a in stp) > 100
 
 

@@ -157,9 +157,9 @@ def test_comparison_with_an_agent_that_fails(drive_card: str, tmp_path: Path, cl
     assert (output.status, output.err) == (1, f"fails: failed on scene '{NAME}' at frame 0: ValueError: no idea\n")
     content = json.loads(file.read_text())
     rows = {row["agent"]: row for row in content["rows"]}
-    assert (list(content["failures"]), set(rows)) == (["fails"], {"echo", "stp", "truth_past"})
-    assert (rows["truth_past"]["progress"], rows["stp"]["difference"]) == (1.0, None)
+    assert (list(content["failures"]), set(rows)) == (["fails"], {"echo", "stp", "gt_tracks"})
+    assert (rows["gt_tracks"]["progress"], rows["stp"]["difference"]) == (1.0, None)
     assert "drive score, more is better" in output.out
-    cli.ok("run", "truth_past", "--env", drive_card, "--scenes", "1", "-o", tmp_path / "run")
+    cli.ok("run", "gt_tracks", "--env", drive_card, "--scenes", "1", "-o", tmp_path / "run")
     cli.ok("score", tmp_path / "run", "--json", file)
-    assert rows["truth_past"]["bade"] == pytest.approx(json.loads(file.read_text())["rows"][0]["error"])
+    assert rows["gt_tracks"]["bade"] == pytest.approx(json.loads(file.read_text())["rows"][0]["error"])

@@ -45,7 +45,7 @@ KEYWORDS: dict[str, dict[str, Any]] = {
 
 
 @pytest.mark.parametrize("keywords", KEYWORDS.values(), ids=KEYWORDS)
-@pytest.mark.parametrize("name", ["mtp", "truth_past"])
+@pytest.mark.parametrize("name", ["mtp", "gt_tracks"])
 def test_settings_of_the_env_are_kept(card: str, kitti: str, name: str, keywords: dict[str, Any]) -> None:
     given = {"data": kitti, **keywords}
     run = run_isolated(name, card, given, "0006", seed=3)

@@ -212,7 +212,7 @@ def test_hidden_drives(made: Path, path: str, tmp_path: Path) -> None:
     assert checked.hidden is not None
     assert str(sealed.seeds.first)[:-1] not in checked.hidden.model_dump_json()
     ways = read_reference(tmp_path / "s.weights.json")
-    assert (ways.digest, ways.agent, ways.totals["targets"]) == (checked.hidden.weights, "truth_past", 2)
+    assert (ways.digest, ways.agent, ways.totals["targets"]) == (checked.hidden.weights, "gt_tracks", 2)
     assert min(ways.ways(sealed.shuffled(f"intersection-{sealed.seeds.first + i}" for i in range(2))).values()) > 0
     (tmp_path / "s.json").write_text((tmp_path / "s.weights.json").read_text().replace('"way": ', '"way": 1'))
     with pytest.raises(MtpBenchError, match="hash is "):

@@ -18,7 +18,7 @@ from tests.support.stored_records import make_record, make_row, scene_part, ship
 
 CARD = make_card(samples=4)
 NAMES = [f"s{i}" for i in range(9)]
-KEPT = {"truth_past": 1.0, "best": 0.95, "stp": 0.6, "poor": 0.2}  # share of its forecasts that an agent makes
+KEPT = {"gt_tracks": 1.0, "best": 0.95, "stp": 0.6, "poor": 0.2}  # share of its forecasts that an agent makes
 
 
 def scores_of(kept: float) -> tuple[SceneScore, ...]:
@@ -46,10 +46,10 @@ def record(name: str, error: float, networks: Sequence[str] = (), ends: str | No
 
 def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     """0: one hypothesis with the network; 1: true pasts with it. Of one with another network there is none."""
-    ends = [record("stp_modes", 4.0, ends="own"), record("truth_modes", 2.0, observe="truth")]
+    ends = [record("stp_modes", 4.0, ends="own"), record("gt_tracks_modes", 2.0, observe="truth")]
     mine, other = record("mine", 3.5, ["modes-tracklets"], "own"), record("other", 3.5, ["affinity-tracklets"], "own")
     perfect = record("perfect_association_modes_tracklets", 3.3, observe="associated")
-    records = [record("stp", 5.0, ends="controls"), record("truth_past", 1.0, observe="truth"), *ends, mine, other]
+    records = [record("stp", 5.0, ends="controls"), record("gt_tracks", 1.0, observe="truth"), *ends, mine, other]
     ships, none = record("mtp_modes", 3.5, ends="own"), record("none", 3.5, ends="own")
     records += [record("stp_modes_tracklets", 3.7), perfect, ships, none]
     found = standings(records, ships=ships_of(*records))
@@ -60,7 +60,7 @@ def test_the_gap_of_an_agent_with_a_network_is_between_ends_with_it() -> None:
     assert found[mine.digest].association_gaps["all"] == pytest.approx(0.5)
     assert found[perfect.digest].places["all"].why == "saw which detections are of one object"
     assert found[other.digest].association_gap_blank == "no reference with its predictor ships"
-    assert found[records[0].digest].association_gap_blank == "no record of stp_same_budget beside it"
+    assert found[records[0].digest].association_gap_blank == "no record of stp_same_samples beside it"
     assert (found[records[1].digest].association_gap_blank, found[other.digest].own_gaps) == ("saw the truth", {})
     assert found[records[0].digest].own_gaps == found[records[0].digest].gaps
     assert found[ends[0].digest].own_gaps["all"] == 0
@@ -106,7 +106,7 @@ def test_records_of_earlier_definitions_stand_apart() -> None:
 
 def test_who_is_better_than_ground_truth_is_held_back() -> None:
     """Than with motion models and than with the better network, on a subset that ranks, until it was looked at."""
-    errors = {"truth_past": (2.0, 2.0), "truth_modes": (1.0, 1.5), "truth_ptp": (1.4, 0.1)}
+    errors = {"gt_tracks": (2.0, 2.0), "gt_tracks_modes": (1.0, 1.5), "gt_tracks_ptp": (1.4, 0.1)}
     truths = [two_subsets(name, *pair, env={"observe": "truth"}) for name, pair in errors.items()]
     entries = {"stp": (3.0, 3.0), "table": (0.5, 3.0), "events": (3.0, 1.4), "network": (1.2, 1.9)}
     stp, table, *others = (two_subsets(name, *pair) for name, pair in entries.items())
@@ -126,7 +126,7 @@ def test_who_is_better_than_ground_truth_is_held_back() -> None:
 
 def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
     agents = [
-        AgentScores(name, 1, 4, "equal", (scores_of(kept),), "truth" if name == "truth_past" else "detections")
+        AgentScores(name, 1, 4, "equal", (scores_of(kept),), "truth" if name == "gt_tracks" else "detections")
         for name, kept in KEPT.items()
     ]
     reference = weights_of(agents[0].seeds[0])

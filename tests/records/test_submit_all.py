@@ -29,7 +29,7 @@ def outcomes(printed: str) -> list[int]:
 def test_every_baseline_on_every_environment_the_ends_of_gaps_first() -> None:
     listed = inventory()
     names = [piece.submission.name for piece in listed if piece.env == "MTP-nuScenes-v0"]
-    assert (names[:2], sorted([*names, "given_tracks"])) == (["stp", "truth_past"], sorted(baseline_names()))
+    assert (names[:2], sorted([*names, "given_tracks"])) == (["stp", "gt_tracks"], sorted(baseline_names()))
     envs = list(dict.fromkeys(piece.env for piece in listed))
     recordable = [env_id for env_id in card_ids() if load_card(env_id).drive is None]
     assert sorted(envs) == recordable

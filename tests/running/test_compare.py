@@ -29,8 +29,8 @@ KEYS = [
     "ms_per_frame",
 ]  # fmt: skip
 CONTROLS = [
-    ("truth_past", 1, 4, "equal"), ("truth_past draws=20", 1, 4, "equal"), ("stp", 1, 4, "equal"),
-    ("stp_same_budget", 1, 4, "equal"), ("stp_hedged", 1, 4, "equal"), ("perfect_association", 1, 4, "equal"),
+    ("gt_tracks", 1, 4, "equal"), ("gt_tracks draws=20", 1, 4, "equal"), ("stp", 1, 4, "equal"),
+    ("stp_same_samples", 1, 4, "equal"), ("stp_hedged", 1, 4, "equal"), ("perfect_association", 1, 4, "equal"),
     ("perfect_association_same_samples", 1, 4, "equal"),
 ]  # fmt: skip
 MTP = [("mtp", h, 4, "equal") for h in (5, 10, 20)] + [("mtp", h, 4 * h, "free") for h in (5, 10, 20)]

@@ -128,7 +128,7 @@ def test_the_shipped_files_fit_their_cards(path: Path) -> None:
     reference = frozen_reference(load_card(env_id))
     assert reference is not None
     drives, sums = load_card(env_id).drive is not None, reference.totals["sum_of_weights"]
-    assert (reference.runs, reference.agent) == ((1, "truth_past") if drives else (RUNS, "stp"))
+    assert (reference.runs, reference.agent) == ((1, "gt_tracks") if drives else (RUNS, "stp"))
     assert read_reference(path).digest == reference.digest
     assert sums["ids"] > 0 or drives
     assert 0 < sums["lost"] <= sums["frag"] or drives

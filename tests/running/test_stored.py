@@ -75,7 +75,7 @@ def test_a_stored_run_says_what_was_trained_on_its_scenes(tmp_path: Path, card: 
     assert report.condition["trained"] == "presence trained on scored scenes: stp"
 
 
-@pytest.mark.parametrize(("agent", "seed"), [("mtp", 3), ("truth_past", 0)])
+@pytest.mark.parametrize(("agent", "seed"), [("mtp", 3), ("gt_tracks", 0)])
 def test_scores_as_compared(agent: str, seed: int, cli: CommandLine, tmp_path: Path, shipped: str, kitti: str) -> None:
     cli.ok("maintain", "freeze", "--env", shipped, "--data", kitti, "--jobs", 1)
     cli.ok("run", agent, "--env", shipped, "--data", kitti, "-o", tmp_path / "run", "--jobs", 1, "--seed", seed)

@@ -17,7 +17,7 @@ from mtp_bench.scoring.weights import SceneWeights, scene_key
 from mtp_bench.types import Rollout, Scene
 from tests.support.scoring_scenes import make_card, random_case, take_objects
 
-AGENTS = {"stp": 4.0, "truth_past": 0.5, "stp_same_budget": 2.5, "mtp": 1.5}  # size of the errors of forecasts
+AGENTS = {"stp": 4.0, "gt_tracks": 0.5, "stp_same_samples": 2.5, "mtp": 1.5}  # size of the errors of forecasts
 SCENES, RUNS = 8, 16
 
 
@@ -57,7 +57,7 @@ def results(measure: str, truth_complete: bool) -> list[Any]:
             tuple(score_scene(case(i, truth_complete)[0], said(i, scale, seed), card) for i in range(SCENES))
             for seed in range(2)
         )
-        agents.append(AgentScores(name, 2, 8, "equal", runs, "truth" if name == "truth_past" else "detections"))
+        agents.append(AgentScores(name, 2, 8, "equal", runs, "truth" if name == "gt_tracks" else "detections"))
     report = summarise(agents, card, reference(card)).to_json("paired", "details")
     for rows in (report["rows"], report["paired"]):  # a subset that is newer than the golden results, shown only
         rows[:] = [row for row in rows if row["subset"] != "turning"]

@@ -84,7 +84,7 @@ def test_the_parts_of_a_forecast() -> None:
 )
 def test_parts_of_agents_on_envs_add_up_to_their_error(data_root: object, env: str, names: Any) -> None:
     rows = compare(["stp"], f"MTP-{env}-v0", RunOptions(scenes=1, names=names)).report.rows
-    assert {row.agent for row in rows if row.cost_association is not None} >= {"stp", "stp_same_budget"}
+    assert {row.agent for row in rows if row.cost_association is not None} >= {"stp", "stp_same_samples"}
     for row in rows:
         parts = [value for part in PARTS if (value := getattr(row, f"cost_{part}")) is not None]
         assert (row.error is None) == (not parts)

@@ -34,7 +34,7 @@ def answer(
 
 def agent(name: str, *runs: Sequence[SceneScore], samples: int = 2, budget: Any = "equal") -> AgentScores:
     seeds = tuple(tuple(replace(score, samples=samples) for score in run) for run in runs)
-    return AgentScores(name, 1, samples, budget, seeds, "truth" if name == "truth_past" else "detections")
+    return AgentScores(name, 1, samples, budget, seeds, "truth" if name == "gt_tracks" else "detections")
 
 
 def reference(names: Sequence[str] = ("s",), counts: Any = ((0,) * 4, (0,) * 4), **more: Any) -> Reference:
@@ -95,13 +95,13 @@ def run(error: float, **more: Any) -> list[SceneScore]:
 
 
 def comparison(*others: AgentScores, stp: float = 1.0, own: Mapping[str, References | None] | None = None) -> Report:
-    ends = agent("stp", run(stp)), agent("truth_past", run(0.2))
+    ends = agent("stp", run(stp)), agent("gt_tracks", run(0.2))
     return summarise([*ends, *others], CARD, ALIKE, references=own)
 
 
 def test_the_gaps_with_an_agent_s_own_predictor_and_why_others_are_blank() -> None:
     runs = (agent("r", run(error)) for error in (0.7, 0.3, 0.65, 0.6, 0.6, 0.3))
-    kinematic = References(agent("stp", run(1.0)), agent("truth_past", run(0.2)), *[agent("r", run(0.5))] * 2)
+    kinematic = References(agent("stp", run(1.0)), agent("gt_tracks", run(0.2)), *[agent("r", run(0.5))] * 2)
     own: dict[str, References | None] = {"half": References(*runs), "stp": kinematic, "unknown": None}
     report = comparison(agent("half", run(0.62)), agent("unknown", run(0.6)), own=own)
     unstated = "its manifest does not state gap_references"
@@ -141,7 +141,7 @@ def test_one_agent_alone_is_not_ranked(seen: bool) -> None:
     for subset in ("all", "ids", "reacquired"):
         assert (row(report, subset).place, row(report, subset).unranked_because) == (None, ALONE)
     assert row(report, "lost").unranked_because == "shown only"
-    truth = summarise([agent("truth_past", run(0.6, seen=seen))], CARD, ALIKE)
+    truth = summarise([agent("gt_tracks", run(0.6, seen=seen))], CARD, ALIKE)
     assert row(truth).unranked_because == "saw the truth"
 
 
@@ -195,12 +195,12 @@ def test_everything_can_be_written_as_json_without_nan() -> None:
     scores = [score_scene(*random_case(seed, name=f"s{seed}"), card) for seed in range(4)]
     silent = [replace(score, truth_complete=False) for score in scores]
     for runs in ((scores, scores), (silent,)):
-        report = summarise([agent("stp", *runs, samples=4), agent("truth_past", *runs, samples=4)], card)
+        report = summarise([agent("stp", *runs, samples=4), agent("gt_tracks", *runs, samples=4)], card)
         content = report.to_json("condition", "paired", "details")
         json.dumps(content, allow_nan=False)
         assert (content["env"], content["definitions"]) == ("MTP-Test-v0", DEFINITIONS)
         assert all(set(r) == set(Row.model_fields) for r in content["rows"])
-    assert [(r.agent, r.subset) for r in report.rows] == [(a, s) for a in ("stp", "truth_past") for s in SUBSETS]
+    assert [(r.agent, r.subset) for r in report.rows] == [(a, s) for a in ("stp", "gt_tracks") for s in SUBSETS]
 
 
 def test_an_empty_scene_is_no_error() -> None:
@@ -219,7 +219,7 @@ def test_agents_on_different_targets_are_an_error(monkeypatch: pytest.MonkeyPatc
     strange = [replace(score, frame=score.frame + 1) for score in run(0.5)]
     with pytest.raises(RolloutError, match="agents 'a' and 'b' have different targets in scene 's0'"):
         summarise([one, agent("b", strange)], CARD)
-    ends = References(agent("stp", run(1.0)[::-1]), agent("truth_past", run(0.2)[::-1]))
+    ends = References(agent("stp", run(1.0)[::-1]), agent("gt_tracks", run(0.2)[::-1]))
     with pytest.raises(RolloutError, match="'a' and a reference of 'a' were scored on different scenes"):
         summarise([one], CARD, references={"a": ends})
     with pytest.raises(RolloutError, match="agent 'c' has no scored scene"):

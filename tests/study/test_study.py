@@ -77,9 +77,9 @@ def test_every_table_is_written_twice_with_units_and_a_sentence(made: Study) -> 
 def test_the_bar_of_every_agent_adds_up_to_its_error(made: Study) -> None:
     rows = rows_of(made, "parts")
     agents = {(row["agent"], row["H"]) for row in rows if row["targets_of"] == "all"}
-    assert {("truth_past", 1), ("stp", 1), ("stp_same_budget", 1), ("stp_hedged", 1), ("mtp", 20)} <= agents
+    assert {("gt_tracks", 1), ("stp", 1), ("stp_same_samples", 1), ("stp_hedged", 1), ("mtp", 20)} <= agents
     split = {row["agent"] for row in rows if row["cost_association"] is not None}
-    assert split >= {"stp", "stp_same_budget", "mtp"}
+    assert split >= {"stp", "stp_same_samples", "mtp"}
     for row in rows:
         assert sum(row[f"cost_{part}"] or 0.0 for part in PARTS) == pytest.approx(row["error"], abs=1e-9), row["agent"]
 
@@ -179,7 +179,7 @@ def test_a_study_overwrites_studies_alone(name: str, card: str, kitti: str, tmp_
 # ---- plans
 SUBJECTS = {  # agent -> labels of one hypothesis and of the start of its gap, hypotheses with k samples and with all
     "mtp": ("stp", "stp", [1, 5, 20], [20]),
-    "stp_cut": ("stp", "stp", [1], []),
+    "stp_min_score": ("stp", "stp", [1], []),
     "stp_modes": ("stp_modes", "stp_modes", [1], []),
     "mtp_modes": ("mtp_modes, H = 1", "mtp_modes, H = 1", [1, 5, 20], [20]),
     "mtp_modes_tracklets": ("mtp_modes_tracklets, H = 1", "mtp_modes_tracklets, on = truth, H = 1", [1, 5, 20], [20]),
@@ -191,8 +191,8 @@ def test_settings_of_an_agent(name: str) -> None:
     subject = subject_of(load_submission(name), load_card("MTP-Intersection-v0"), (1, 5, 20), (20,))
     assert (subject.single.label, subject.reference.label, list(subject.equal), list(subject.free)) == SUBJECTS[name]
     assert (subject.truth.submission.name == name, subject.truth.observe) == ("modes" in name, "truth")
-    if name == "stp_cut":  # its gap begins at a control
-        assert subject.equal[1].label == "stp_cut"
+    if name == "stp_min_score":  # its gap begins at a control
+        assert subject.equal[1].label == "stp_min_score"
     else:
         assert subject.equal[1] == subject.single
     if name == "mtp_modes_tracklets":
@@ -270,7 +270,7 @@ def test_the_papers_numbers_stand_beside_ours(made: Study, monkeypatch: pytest.M
     shared = {row.H: row.paper_events for row in tables["events"].rows if row.kind == "ids"}
     assert (shared[1], shared[20]) == (33, 9)
     errors = {(row.targets_of, row.agent, row.H, row.sampling): row.paper_minADE for row in tables["errors"].rows}
-    assert (errors["IDS", "truth_past", 1, "–"], errors["FRAG", "stp", 1, "–"]) == (0.1, 1.621)
+    assert (errors["IDS", "gt_tracks", 1, "–"], errors["FRAG", "stp", 1, "–"]) == (0.1, 1.621)
     assert (errors["IDS", "mtp", 20, "k of all"], errors["IDS", "mtp", 20, "none"]) == (0.747, 0.707)
     papers = {row.relation: row.paper for row in relation_rows(findings)}
     assert papers["Most switches are absent from at least one hypothesis"] == "33 to 9, 72.7% fewer"

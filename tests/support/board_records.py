@@ -127,7 +127,7 @@ def made_up_board() -> list[Record]:
         made_up("calm_hedge", 0.823, hypotheses=5),
         made_up("late_decider", 0.921, hypotheses=8, training_data=["split train of this env"]),
         made_up("stp", 1.068, silence=2.0), made_up("straight_on", 1.434, spread=0.1, missed={"malformed": 14}),
-        made_up("truth_past", 0.381, env=truth),
+        made_up("gt_tracks", 0.381, env=truth),
         made_up("pooled_many", 0.655, hypotheses=40, env={"data_manifest": "ee" * 32}),
         made_up("short_of_breath", 1.5, scenes=3, spread=0.05, status_reason="3 of 4 scenes"),
         made_up("sleeper", None, status="crashed", status_reason="the process ended by signal 9"),

@@ -20,7 +20,7 @@ HEADINGS = f"""return [...document.querySelectorAll(`{FIRST} tbody.heading`)].fi
     .map((e) => e.nextElementSibling.querySelector(".open").textContent)"""  # the entries below them
 COUNT = "return document.getElementById('_count').textContent"
 RANKED = ["braided_paths", "forest_of_maybe", "calm_hedge", "late_decider", "stp", "straight_on"]
-UNRANKED = ["truth_past", "pooled_many", "sleeper", "short_of_breath"]
+UNRANKED = ["gt_tracks", "pooled_many", "sleeper", "short_of_breath"]
 
 
 @pytest.fixture(scope="module")
@@ -86,13 +86,13 @@ def test_it_opens_by_rank_a_click_sorts_and_another_turns_the_order(opened: Brow
     assert opened.script(COUNT) == "13 entries"
     opened.click(header("error"))
     assert sorted_by(opened) == [["error", "ascending"]]
-    best, last = ["truth_past", "pooled_many", *RANKED], ["sleeper", "short_of_breath"]  # no number; partial
+    best, last = ["gt_tracks", "pooled_many", *RANKED], ["sleeper", "short_of_breath"]  # no number; partial
     assert names(opened) == best + last
     opened.click(header("error"))
     assert (sorted_by(opened), names(opened)) == ([["error", "descending"]], best[::-1] + last)
     assert not opened.script(HEADINGS)
     opened.click(header("rank"))
-    assert opened.script(HEADINGS) == ["truth_past", "pooled_many"]
+    assert opened.script(HEADINGS) == ["gt_tracks", "pooled_many"]
 
 
 def choose(browser: Browser, control: str, value: str) -> None:

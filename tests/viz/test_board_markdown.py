@@ -59,7 +59,7 @@ def test_the_story_has_its_agents_in_order_with_their_ranks() -> None:
 
 
 def test_costs_are_differences_of_controls_and_references() -> None:
-    agents = {"stp": 1.2, "truth_past": 0.5, "stp_same_budget": 1.1, "perfect_association_same_samples": 0.9}
+    agents = {"stp": 1.2, "gt_tracks": 0.5, "stp_same_samples": 1.1, "perfect_association_same_samples": 0.9}
     entries = board_of(*(made_up(name, error) for name, error in agents.items()))
     rows = rows_of(filled(marked("costs"), entries, "page.md"))[2:]
     assert [row[1] for row in rows] == ["all targets", "identity switch", "reacquired"]
@@ -80,7 +80,7 @@ def test_shares_of_the_error_by_part_of_the_stack_add_up() -> None:
 
 
 def test_relations_of_the_paper_stand_beside_those_of_records() -> None:
-    agents = {"stp": 1.2, "mtp": 0.9, "truth_past": 0.5, "stp_same_budget": 1.1}
+    agents = {"stp": 1.2, "mtp": 0.9, "gt_tracks": 0.5, "stp_same_samples": 1.1}
     entries = board_of(*(made_up(name, error, "MTP-nuScenes-v0") for name, error in agents.items()))
     headings, _, *rows = rows_of(filled(marked("paper"), entries, "page.md"))
     assert [row[:4] for row in rows] == [

@@ -21,7 +21,7 @@ from mtp_bench.viz.terminal.verdict import CONTROL_DRAWS, short_verdict, verdict
 from tests.support.command_line import TERMINAL
 from tests.support.report_rows import detail, pair, row, rows
 
-STP, TRUTH, CONTROL = ("stp", 1, 20, "equal"), ("truth_past", 1, 20, "equal"), ("stp_same_budget", 1, 20, "equal")
+STP, TRUTH, CONTROL = ("stp", 1, 20, "equal"), ("gt_tracks", 1, 20, "equal"), ("stp_same_samples", 1, 20, "equal")
 MTP, MINE = ("mtp", 20, 20, "equal"), ("mine", 3, 20, "equal")
 FREE = ("mtp", 20, 400, "free")
 CLEAR = {"interval": (-0.6, -0.2), "p": 0.0123}
@@ -57,7 +57,7 @@ def test_an_agent_and_ground_truth_tracks_against_stp(values: dict[str, Any], te
 def test_what_association_costs_is_said_of_perfect_association_alone() -> None:
     perfect = ("perfect_association_same_samples", 1, 20, "equal")
     paired = [pair(TRUTH, "stp", subset, error=-0.4, interval=(-0.6, -0.2), p=0.01) for subset in ("all", "ids")]
-    paired += [pair(perfect, "stp_same_budget", "ids", error=-0.1, interval=(-0.3, 0.1), p=0.2)]
+    paired += [pair(perfect, "stp_same_samples", "ids", error=-0.1, interval=(-0.3, 0.1), p=0.2)]
     (sentence,) = verdict(report(rows(STP), paired), ["stp"])
     together = "detection and tracking together cost +0.400 m (95 % +0.200 to +0.600, p = 0.010)"
     assert sentence == (
@@ -68,10 +68,10 @@ def test_what_association_costs_is_said_of_perfect_association_alone() -> None:
 
 
 def test_an_agent_against_as_many_samples_from_one_hypothesis() -> None:
-    paired = [pair(MTP, "stp_same_budget", "all", error=-0.1, interval=(-0.3, 0.1), p=0.4)]
-    paired += [pair(MTP, "stp_same_budget", "ids", error=-0.42, **CLEAR), pair(MTP, "stp", "all", error=-0.9)]
+    paired = [pair(MTP, "stp_same_samples", "all", error=-0.1, interval=(-0.3, 0.1), p=0.4)]
+    paired += [pair(MTP, "stp_same_samples", "ids", error=-0.42, **CLEAR), pair(MTP, "stp", "all", error=-0.9)]
     expected = (
-        "mtp (H = 20) against stp_same_budget, as many samples from one hypothesis: over all targets −0.100 "
+        "mtp (H = 20) against stp_same_samples, as many samples from one hypothesis: over all targets −0.100 "
         f"m, 95 % −0.300 to +0.100, p = 0.400{CHANCE}; on identity switches −0.420 m, 95 % −0.600 to −0.200, p = 0.012"
     )
     assert verdict(report(rows(MTP), paired), ["mtp"]) == [f"{expected}."]
@@ -79,12 +79,12 @@ def test_an_agent_against_as_many_samples_from_one_hypothesis() -> None:
     for own, more in ((0.4, gain), (0.2, ".")):  # another predictor
         table = rows(MTP, gap_closed=0.4, gap_closed_same_predictor=own)
         assert verdict(report(table, paired), ["mtp"])[0] == expected + more
-    (fewer,) = verdict(report(rows(MINE), [pair(MINE, "stp_same_budget", "all", error=-0.42, **CLEAR)]), ["mine"])
-    assert fewer.startswith("mine (H = 3) against stp_same_budget, one hypothesis with 20 times k samples: over all")
+    (fewer,) = verdict(report(rows(MINE), [pair(MINE, "stp_same_samples", "all", error=-0.42, **CLEAR)]), ["mine"])
+    assert fewer.startswith("mine (H = 3) against stp_same_samples, one hypothesis with 20 times k samples: over all")
 
 
 def test_the_control_draws_as_many_samples_as_stated() -> None:
-    control = load_submission("stp_same_budget")
+    control = load_submission("stp_same_samples")
     assert control.parameters[str(control.compare.draws)] == CONTROL_DRAWS
 
 
@@ -114,10 +114,10 @@ def test_the_gap_between_both_reference_pairs_and_in_the_paper() -> None:
 
 def test_one_sentence_says_what_association_costs_and_what_hypotheses_win_back() -> None:
     perfect = ("perfect_association_same_samples", 1, 20, "equal")
-    cost = pair(perfect, "stp_same_budget", "ids", error=-0.5, interval=(-0.9, -0.1), p=0.01)
+    cost = pair(perfect, "stp_same_samples", "ids", error=-0.5, interval=(-0.9, -0.1), p=0.01)
     first = "On identity switches wrong association costs 0.500 m (95 % 0.100 to 0.900, p = 0.010); mtp "
     for error, text in ((-0.42, "wins 0.420 m of it back"), (0.42, "wins none of it back, but loses 0.420 m")):
-        won = pair(MTP, "stp_same_budget", "ids", error=error, interval=tuple(sorted((error, 0.1))), p=0.2)
+        won = pair(MTP, "stp_same_samples", "ids", error=error, interval=tuple(sorted((error, 0.1))), p=0.2)
         sentence = short_verdict(report(rows(MTP), [cost, won]), ["mtp"])
         assert sentence.startswith(f"{first}{text} against the same samples (95 % "), sentence
         assert sentence.endswith(f", p = 0.200{CHANCE}).")
