@@ -36,10 +36,10 @@ from mtp_bench.types import HARD_BRAKING, Drive, Floats, Ints, Rollout, Scene
 
 TRUTH, STP = "gt_tracks", "stp"
 AGENTS = (
-    TRUTH, STP, "blind", "standing", "mtp", "stp_same_samples", "tracking_free", "mtp_modes", "stp_modes", "gt_tracks_modes",
-    "stp_min_score", "mtp_min_score", "ab3dmot", "affinity", "stp_hedged", "stp_modes_tracklets", "mtp_modes_tracklets",
-    "perfect_association", "perfect_association_same_samples", "perfect_association_modes", "stp_ptp", "mtp_ptp",
-    "gt_tracks_ptp", "perfect_association_ptp", "perfect_association_modes_tracklets",
+    TRUTH, STP, "blind", "standing", "mtp", "stp_same_samples", "tracking_free", "mtp_modes", "stp_modes",
+    "gt_tracks_modes", "stp_min_score", "mtp_min_score", "ab3dmot", "affinity", "stp_hedged", "stp_modes_tracklets",
+    "mtp_modes_tracklets", "perfect_association", "perfect_association_same_samples", "perfect_association_modes",
+    "stp_ptp", "mtp_ptp", "gt_tracks_ptp", "perfect_association_ptp", "perfect_association_modes_tracklets",
 )  # fmt: skip
 NEAR, AHEAD = 30.0, 15.0  # m around the ego, and before it
 MOVING = 0.5  # m/s

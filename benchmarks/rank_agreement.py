@@ -33,8 +33,8 @@ from mtp_bench.scoring.table import agent_table
 from mtp_bench.submission.loader import load_submission
 
 AGENTS = (
-    "stp", "mtp", "stp_min_score", "mtp_min_score", "ab3dmot", "stp_same_samples", "stp_hedged", "stp_modes", "mtp_modes",
-    "stp_modes_tracklets", "mtp_modes_tracklets", "tracking_free", "affinity", "stp_ptp", "mtp_ptp",
+    "stp", "mtp", "stp_min_score", "mtp_min_score", "ab3dmot", "stp_same_samples", "stp_hedged", "stp_modes",
+    "mtp_modes", "stp_modes_tracklets", "mtp_modes_tracklets", "tracking_free", "affinity", "stp_ptp", "mtp_ptp",
 )  # fmt: skip
 SUBSETS = ("all", "ids", "lost", "reacquired", "frag")
 MOVING = ", moving"  # these of a subset alone: targets of nuScenes' prediction challenge move, most parked cars do not

@@ -81,8 +81,8 @@ def inconsistencies(record: Record) -> Iterator[str]:
                 yield f"row {row.subset!r}: {name} is {getattr(row, name)!r}, the record has {expected!r}"
     if record.submission.hypotheses not in (None, record.hypotheses):
         yield f"hypotheses is {record.hypotheses}, the submission declares {record.submission.hypotheses}"
-    if record.silence is not None and not 0 <= record.silence <= most * (1 + _CLOSE):
-        yield f"silence is {record.silence}, expected 0 to {most:g} m"
+    if record.nothing_predicted is not None and not 0 <= record.nothing_predicted <= most * (1 + _CLOSE):
+        yield f"nothing_predicted is {record.nothing_predicted}, expected 0 to {most:g} m"
     if len(canonical(record.details)) > MOST_DETAILS:
         yield f"details take {len(canonical(record.details))} bytes, expected at most {MOST_DETAILS}"
 

@@ -24,7 +24,15 @@ from .record import DrivingPart, MissedPart, ReferencePart, ScenePart, ScorerPar
 
 # of a row: they depend on other records, or are measured
 _BLANK = ("gap_blank_because", "association_gap_blank_because")
-_OF_RECORD = ("reference", "hypotheses", "rows", "silence", "details", "per_scene", "driving")  # of the same name
+_OF_RECORD = (
+    "reference",
+    "hypotheses",
+    "rows",
+    "nothing_predicted",
+    "details",
+    "per_scene",
+    "driving",
+)  # of the same name
 _LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame", *_BLANK)
 _COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")  # of a row
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order
@@ -35,7 +43,7 @@ class Evaluation:
     """The part of a record that follows from rollouts, card, data and scorer."""
 
     rows: list[Row]  # without ranks and times
-    silence: float | None
+    nothing_predicted: float | None
     details: dict[str, Any]  # as JSON
     per_scene: list[ScenePart]
     reference: ReferencePart
@@ -103,7 +111,7 @@ def evaluate(
     rows = [_stored(row) for row in report.rows if row.subset in subsets]
     return Evaluation(
         rows=rows,
-        silence=report.details[0].silence,
+        nothing_predicted=report.details[0].nothing_predicted,
         details=rounded(report.details[0].model_dump(mode="json")),
         per_scene=per_scene_of(table, [row.subset for row in rows]),
         reference=ReferencePart(
@@ -136,7 +144,7 @@ def _evaluate_drives(agent: str, card: Card, runs: Runs, reference: Reference, h
     none: dict[Subset, list[float]] = {subset: [0.0] for subset in SUBSETS}
     return Evaluation(
         rows=[_stored(row) for row in rows],
-        silence=None,
+        nothing_predicted=None,
         details={},
         per_scene=[
             ScenePart(scene=name, weight={**none, "all": [1.0]}, error={**none, "all": [error]})

@@ -103,11 +103,15 @@ def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, s
 
     ``observe``: "truth" for gap_closed, "associated" for the association gap.
     """
-    if submission.ends == "controls":
+    if submission.gap_references == "controls":
         return (STP, TRUTH) if observe == "truth" else ASSOCIATION
     # weights that ship, as for simulated traffic, are in no list of a record
     baseline = baselines().get(submission.name)
-    names = () if submission.ends is None else submission.networks or (() if baseline is None else baseline.networks)
+    names = (
+        ()
+        if submission.gap_references is None
+        else submission.networks or (() if baseline is None else baseline.networks)
+    )
     # predictors that were trained on tracklets have the references of ground-truth tracks in gap_closed
     known = {name.split("-")[0] + "-truth" if observe == "truth" else "-".join(name.split("-")[:2]) for name in names}
     networks = sorted(known)
@@ -191,7 +195,7 @@ def _guarded(entrant: _Entrant, best: _Best) -> str | None:
 def _all_gaps(entrant: _Entrant, best: _Best, subsets: Sequence[Subset]) -> dict[str, Any]:
     """Fields of a `Standing`: gaps that a record closes, and reasons of missing ones."""
     submission = entrant.record.submission
-    kinematic, other = submission.ends == "controls", submission.ends == "own"
+    kinematic, other = submission.gap_references == "controls", submission.gap_references == "own"
     unstated = "no reference with its predictor ships" if other else UNSTATED
     own, why = _gaps(entrant, best, own_ends(submission), unstated, subsets)
     association, why_association = dict[Subset, float](), SAW_TRUTH

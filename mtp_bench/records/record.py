@@ -98,7 +98,9 @@ class SubmissionPart(Section):
     networks: dict[Name, Sha256]  # weights outside the folder, trained on the machine where it ran: file, its sha256
     parameters: dict[Text, Json]
     hypotheses: Count | None = None  # as declared by a parameter; None: the answers state them
-    ends: Literal["controls", "own"] | None  # reference pair of its gap: STP and ground-truth tracks, or others
+    gap_references: (
+        Literal["controls", "own"] | None
+    )  # reference pair of its gap: STP and ground-truth tracks, or others
 
 
 class EnvPart(Section):
@@ -259,7 +261,7 @@ class Record(Results):
     hypotheses: Count
     samples: Count
     rows: Rows
-    silence: float | None  # m, error if nothing is predicted
+    nothing_predicted: float | None  # m, error if nothing is predicted
     details: dict[Text, Json]  # `Details` of the scorer
     per_scene: Annotated[list[ScenePart], Field(max_length=MOST_SCENES)]
     hashes: HashesPart
@@ -303,7 +305,7 @@ class HiddenPart(Results):
     weights: Sha256  # hash of their event weights, made once per seal
     scenes: Count
     rows: Rows
-    silence: float | None  # m, error if nothing is predicted there
+    nothing_predicted: float | None  # m, error if nothing is predicted there
     weight: UnitSums  # [units] of the targets, over all scenes, in an order that the salt of the seal draws
     error: UnitSums  # [units] m, weighted, at the budgets of all hidden scenes, mean over seeds
 

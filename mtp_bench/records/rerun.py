@@ -132,7 +132,7 @@ def run_hidden(plan: Plan, record: Record, sealed: Sealed, ends: ExitStack) -> H
         weights=reference.digest,
         scenes=len(names),
         rows=evaluation.rows,
-        silence=evaluation.silence,
+        nothing_predicted=evaluation.nothing_predicted,
         driving=evaluation.driving,
         weight={subset: [w for scene in evaluation.per_scene for w in scene.weight[subset]] for subset in subsets},
         error={subset: [e for scene in evaluation.per_scene for e in scene.error[subset]] for subset in subsets},

@@ -127,7 +127,7 @@ def submission_part(plan: Plan, commit: str = "") -> SubmissionPart:
         "digest": plan.image.digest,
         "networks": dict(plan.image.weights),
         "hypotheses": plan.setting.hypotheses,
-        "ends": "own" if isinstance(ends, dict) else ends,
+        "gap_references": "own" if isinstance(ends, dict) else ends,
     }
     return validate(SubmissionPart, content, f"{submission.path.name}/{MANIFEST}", SubmissionError)
 

@@ -32,8 +32,8 @@ from .submitting import declared_data, submission_part
 from .trust import Trust, trusted
 
 _RESCORED = {  # fields of a record that follow from rollouts, card and data
-    "env", "status", "status_reason", "hypotheses", "samples", "measured", "reference", "rows", "silence", "details",
-    "per_scene", "driving",
+    "env", "status", "status_reason", "hypotheses", "samples", "measured", "reference", "rows", "nothing_predicted",
+    "details", "per_scene", "driving",
 }  # fmt: skip
 
 

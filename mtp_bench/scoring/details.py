@@ -37,7 +37,7 @@ def details(table: AgentTable, card: Card) -> Details:
     return Details(
         **setting.key,
         seeds=len(setting.seeds),
-        silence=ratio(table.miss_error.sum(), count),
+        nothing_predicted=ratio(table.miss_error.sum(), count),
         miss_rate=ratio(count * len(setting.seeds) - table.hit.sum(), count * len(setting.seeds)),
         PI_ADE=ratio((nearness * table.capped).sum(), nearness.sum()) if card.has_ego else None,
         EPA=_accuracy(table, everything, false),

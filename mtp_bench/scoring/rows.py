@@ -192,7 +192,7 @@ class Details(AgentSetting):
     """Further numbers of an agent over all targets."""
 
     seeds: Count = told(_SEEDS)
-    silence: float | None = told("Error if nothing is predicted, metres.")
+    nothing_predicted: float | None = told("Error if nothing is predicted, metres.")
     miss_rate: Annotated[float | None, Column("MR", "", "lower", help="Miss rate; uncovered targets are missed.")]
     PI_ADE: Annotated[float | None, Column("PI-ADE", better="lower", help="Error, metres, near the ego weighing more.")]
     EPA: Annotated[Score, Column(help="End-to-end prediction accuracy.")]

@@ -289,7 +289,7 @@ IMPOSSIBLE: dict[str, tuple[Change, str]] = {
     "more targets": (lambda c: c["rows"][0].update(targets=99_999), "targets is 99999"),
     "more objects than targets": (lambda c: c["rows"][0].update(objects=99_999), "objects is 99999"),
     "another agent in a row": (lambda c: c["rows"][3].update(agent="stp"), "agent is 'stp', the record has 'odd'"),
-    "silence that costs too much": (lambda c: c.update(silence=1e3), "silence is 1000.0, expected 0 to 4 m"),
+    "nothing costs too much": (lambda c: c.update(nothing_predicted=1e3), "nothing_predicted is 1000.0, expected 0 to 4 m"),
     "no scene lost, one reason": (lambda c: c["missed"].update(reasons={"x|0": "y"}), "crashed_scenes is 0"),
     "finished all the same": (lambda c: c["env"].update(scenes_of_split=9), "status is 'finished' .*, its runs give"),
     "more scenes than there are": (lambda c: c["env"].update(scenes_of_split=2), "scenes is 4, the split has 2"),
@@ -361,7 +361,7 @@ def test_a_file_of_many_megabytes_is_not_read(tmp_path: Path) -> None:
 def test_a_second_stp_is_no_stp() -> None:
     """It would lift the guard of the event subsets and be the end of every gap."""
     truth = made_up("gt_tracks", 0.4, env={"observe": "truth"})
-    agent = made_up("agent", 1.2, submission={"ends": "controls"})
+    agent = made_up("agent", 1.2, submission={"gap_references": "controls"})
     fake, genuine = made_up("stp", 3.0, submission={"digest": hex_of("mine")}), made_up("stp", 1.0)
     assert genuine.submission.digest == baseline_digest("stp")
     found = standings([fake, truth, agent])

@@ -40,7 +40,7 @@ def weights_of(scores: tuple[SceneScore, ...]) -> Reference:
 
 
 def record(name: str, error: float, networks: Sequence[str] = (), ends: str | None = None, **env: str) -> Record:
-    said = {"ends": ends, "networks": {f"{network}-MTP-X-v0.safetensors": "0" * 64 for network in networks}}
+    said = {"gap_references": ends, "networks": {f"{network}-MTP-X-v0.safetensors": "0" * 64 for network in networks}}
     return write_record(*(error + 0.1 * (i % 3) for i in range(8)), name=name, submission=said, env=env)
 
 
@@ -79,8 +79,8 @@ def test_worse_than_stp_with_its_own_network_is_not_ranked_on_events() -> None:
     network = {"modes-tracklets-MTP-X-v0.safetensors": "0" * 64}
     records = [
         two_subsets("stp", 2.0, 3.0),
-        two_subsets("stp_modes", 1.0, 2.0, submission={"ends": "own"}),
-        two_subsets("flood", 1.9, 0.5, submission={"ends": "own", "networks": network}),
+        two_subsets("stp_modes", 1.0, 2.0, submission={"gap_references": "own"}),
+        two_subsets("flood", 1.9, 0.5, submission={"gap_references": "own", "networks": network}),
     ]
     places = [standings(records, ships=ships_of(*records))[each.digest].places["ids"] for each in records]
     assert places[0].place is not None
@@ -135,7 +135,7 @@ def test_records_rank_as_the_comparison_of_the_same_runs_does() -> None:
     for i, agent in enumerate(agents):
         rows = [row.model_dump(mode="json") for row in report.rows[i * len(SUBSETS) : (i + 1) * len(SUBSETS)]]
         scenes = [part.model_dump() for part in per_scene_of(agent_table(agent, reference))]
-        said: dict[str, Any] = {"submission": {"ends": "controls"}, "env": {"observe": agent.observe}}
+        said: dict[str, Any] = {"submission": {"gap_references": "controls"}, "env": {"observe": agent.observe}}
         records.append(make_record(agent.agent, rows, scenes, **said))
     found = standings(records, ships=ships_of(*records))
     places = [

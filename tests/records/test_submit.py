@@ -82,7 +82,10 @@ def test_a_record_holds(made: Path, card: str, kitti: str) -> None:
 
 RERUN: dict[str, tuple[Callable[[Content], Any], str]] = {  # a change of the record, the difference that a run finds
     "unanswered frames": (lambda c: c["missed"].update(malformed=1), "missed.malformed"),
-    "other references of its gap": (lambda c: c["submission"].update(ends="controls"), "submission.ends"),
+    "other references of its gap": (
+        lambda c: c["submission"].update(gap_references="controls"),
+        "submission.gap_references",
+    ),
     "other training data": (lambda c: c.update(training_data=["KITTI"]), "training_data[0]"),
     "another limit": (lambda c: c["limits"].update(frame=3600.0), "limits.frame"),
     "more memory": (lambda c: c["limits"].update(memory=1 << 36), "limits.memory"),
@@ -146,7 +149,7 @@ def lower(content: Content) -> None:
 
 FORGED: dict[str, Callable[[Content], Any]] = {  # what differs -> how it was changed
     "rows[0].minADE": lower,
-    "silence": lambda content: content.update(silence=9.0),
+    "nothing_predicted": lambda content: content.update(nothing_predicted=9.0),
     "env.data_manifest": lambda content: content["env"].update(data_manifest="00" * 32),
     "env.split": lambda content: content["env"].update(split="train"),
     "measured.latency.p95_ms": lambda content: content["measured"]["latency"].update(p95_ms=1e-3),

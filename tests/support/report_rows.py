@@ -43,7 +43,7 @@ def detail(setting: Setting) -> Details:
     clear = Clear(TP=1, FP=2, FN=3, IDS=4, FRAG=5, MOTA=0.89, MOTP=0.3, IDF1=0.61, HOTA=0.52)
     bins = [Bin(by="class", bin="car", errors=errors), Bin(by="motion", bin="moving", errors=errors)]
     content: dict[str, Any] = {
-        **_setting(setting), "seeds": 3, "silence": 20.0, "miss_rate": 0.333, "PI_ADE": 0.444, "EPA": 0.781,
+        **_setting(setting), "seeds": 3, "nothing_predicted": 20.0, "miss_rate": 0.333, "PI_ADE": 0.444, "EPA": 0.781,
         "AP_f": 0.222, "brier": 0.155, "reliability": [Reliability(confidence=0.95, matched=0.66, forecasts=9)],
         "forecasts_per_frame": 12.3, "false_per_frame": 4.5, "curve": [(i / 10, 3.75) for i in range(12)],
         "k_curve": {"1": 0.5}, "bins": bins, "own": {"all_h_ids": errors},

@@ -71,7 +71,7 @@ def make_record(
         "format": 2,
         "submission": {
             "name": name, "authors": ["A"], "description": "", "digest": baseline_digest(name) or hex_of(name),
-            "parameters": {}, "ends": "controls", "networks": {}, "source": "", "commit": "", "paper": "",
+            "parameters": {}, "gap_references": "controls", "networks": {}, "source": "", "commit": "", "paper": "",
             "license": "",
         },
         "division": "closed",
@@ -92,7 +92,7 @@ def make_record(
         "hypotheses": rows[0]["hypotheses"],
         "samples": rows[0]["samples"],
         "rows": rows,
-        "silence": None,
+        "nothing_predicted": None,
         "details": {},
         "per_scene": scenes,
         "measured": {
@@ -156,7 +156,7 @@ def hidden_part(*errors: float, name: str = "echo", seal: str = "first", **chang
     }
     content = {
         "commitment": hex_of(seal), "weights": hex_of(f"weights {seal}"), "scenes": len(scenes),
-        "rows": _rows(name, scenes), "silence": None, **sums,
+        "rows": _rows(name, scenes), "nothing_predicted": None, **sums,
     }  # fmt: skip
     return HiddenPart.model_validate(content | changed)
 

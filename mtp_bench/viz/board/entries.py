@@ -201,7 +201,7 @@ def is_baseline(record: Record) -> bool:
 
 def empty_error(entries: Sequence[Entry]) -> float | None:
     """Error in one environment if nothing is predicted, metres; None where it is not known."""
-    return next((entry.sums.silence for entry in entries if entry.compared), None)
+    return next((entry.sums.nothing_predicted for entry in entries if entry.compared), None)
 
 
 def by_board(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
