@@ -24,15 +24,7 @@ from .record import DrivingPart, MissedPart, ReferencePart, ScenePart, ScorerPar
 
 # of a row: they depend on other records, or are measured
 _BLANK = ("gap_blank_because", "association_gap_blank_because")
-_OF_RECORD = (
-    "reference",
-    "hypotheses",
-    "rows",
-    "nothing_predicted",
-    "details",
-    "per_scene",
-    "driving",
-)  # of the same name
+_OF_RECORD = ("reference", "hypotheses", "rows", "nothing_predicted", "details", "per_scene", "driving")  # same name
 _LEFT_OUT = ("place", "rank_range", "unranked_because", "ms_per_frame", *_BLANK)
 _COUNTS = ("targets", "effective_targets", "objects", "effective_objects", "scenes", "effective_units")  # of a row
 Runs = Mapping[int, Sequence[Rollout]]  # seed -> the same scenes in the same order

@@ -107,11 +107,8 @@ def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, s
         return (STP, TRUTH) if observe == "truth" else ASSOCIATION
     # weights that ship, as for simulated traffic, are in no list of a record
     baseline = baselines().get(submission.name)
-    names = (
-        ()
-        if submission.gap_references is None
-        else submission.networks or (() if baseline is None else baseline.networks)
-    )
+    shipped = () if baseline is None else baseline.networks
+    names = () if submission.gap_references is None else submission.networks or shipped
     # predictors that were trained on tracklets have the references of ground-truth tracks in gap_closed
     known = {name.split("-")[0] + "-truth" if observe == "truth" else "-".join(name.split("-")[:2]) for name in names}
     networks = sorted(known)

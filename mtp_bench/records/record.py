@@ -98,9 +98,7 @@ class SubmissionPart(Section):
     networks: dict[Name, Sha256]  # weights outside the folder, trained on the machine where it ran: file, its sha256
     parameters: dict[Text, Json]
     hypotheses: Count | None = None  # as declared by a parameter; None: the answers state them
-    gap_references: (
-        Literal["controls", "own"] | None
-    )  # reference pair of its gap: STP and ground-truth tracks, or others
+    gap_references: Literal["controls", "own"] | None  # reference pair: STP and ground-truth tracks, or others
 
 
 class EnvPart(Section):
