@@ -2,7 +2,7 @@
 
     python -m docs.generate.studies FOLDER [FOLDER...]    # folders that `mtp-bench study` wrote
 
-Pages of recorded data lose their worst moments: those pictures show recordings, whose licences do not let them lie here.
+Pages of recorded data lose their worst moments: those pictures show recordings, whose licences forbid it.
 """
 
 import re
@@ -30,6 +30,7 @@ def page_of(html: str) -> tuple[str, str]:
 
 
 def main() -> None:
+    """Write the pages of the folders that the command line names."""
     for folder in map(Path, sys.argv[1:]):
         env, page = page_of((folder / "index.html").read_text(encoding="utf-8"))
         PAGES.mkdir(exist_ok=True)

@@ -111,8 +111,7 @@ def own_ends(submission: SubmissionPart, observe: str = "truth") -> tuple[str, s
     names = () if submission.gap_references is None else submission.networks or shipped
     # predictors that were trained on tracklets have the references of ground-truth tracks in gap_closed
     known = {name.split("-")[0] + "-truth" if observe == "truth" else "-".join(name.split("-")[:2]) for name in names}
-    networks = sorted(known)
-    pairs = (network_references(network, observe) for network in networks)
+    pairs = (network_references(network, observe) for network in sorted(known))
     return next((pair for pair in pairs if pair is not None), None)
 
 

@@ -126,7 +126,7 @@ def made_up_board() -> list[Record]:
         made_up("braided_paths", 0.742, hypotheses=20), made_up("forest_of_maybe", 0.744, hypotheses=10),
         made_up("calm_hedge", 0.823, hypotheses=5),
         made_up("late_decider", 0.921, hypotheses=8, training_data=["split train of this env"]),
-        made_up("stp", 1.068, nothing_predicted=2.0), 
+        made_up("stp", 1.068, nothing_predicted=2.0),
         made_up("straight_on", 1.434, spread=0.1, missed={"malformed": 14}),
         made_up("gt_tracks", 0.381, env=truth),
         made_up("pooled_many", 0.655, hypotheses=40, env={"data_manifest": "ee" * 32}),

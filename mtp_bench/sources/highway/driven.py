@@ -139,7 +139,7 @@ class DrivenTraffic:
             self.collision = Collision(self.frames - 1, kind, number, bool(faults), float(self.ego.speed))
 
 
-@lru_cache(maxsize=256)  # of 50 kB; more than the scenes of a split
+@lru_cache(maxsize=256)  # of 50 kB: more than the scenes of a split
 def _warmed_up(traffic: Traffic, seed: int) -> tuple[Attempt, _Ego]:
     """The first frame of a drive, kept to be copied: agents drive in the same scenes, one after the other."""
     for number in range(ATTEMPTS):
