@@ -53,8 +53,8 @@ def paper_table(report: Report) -> Table:
         here = replace(declared, heading="here", read=lambda row: _both(row[0][ours].minADE, row[0][ours].minFDE))
         return here, replace(declared, heading="paper", read=lambda row: _both(*row[1].get(theirs, (None, None))))
 
-    named = [_of(column, lambda row: row[0]["all"]) for column in columns_of(Row)[:2]]
-    columns = [*named, *chain(*(pair(ours, theirs) for ours, theirs in PAPER_SUBSETS.items()))]
+    named = Column("agent H", read=lambda row: row[0]["all"].agent + f" {row[0]['all'].hypotheses}".removesuffix(" 1"))
+    columns = [named, *chain(*(pair(ours, theirs) for ours, theirs in PAPER_SUBSETS.items()))]
     return Table("paper", "minADE/minFDE here and in the paper, whose detections are others (m)", "", rows, columns)
 
 
