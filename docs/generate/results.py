@@ -148,15 +148,13 @@ def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Se
 
 
 def costs_table(entries: Sequence[Entry]) -> Table:
-    """Costs of detection and tracking together, and of association alone: a row per environment and ranked subset."""
+    """Costs of detection and tracking together, and of association alone by ranked subset: a row per environment."""
     both, alone = ("stp", "gt_tracks"), ("stp_same_samples", "perfect_association_same_samples")
-    rows = [(known, subset) for known in _by_name((*both, *alone), entries) for subset in SUBSET_TEXT]
-    columns = [
-        Column("environment", key="env", read=lambda row: row[0]["stp"].env + earlier_text(row[0]["stp"])),
-        Column("targets", key="targets", read=lambda row: SUBSET_TEXT[row[1]]),
-    ]
-    for heading, (worse, better) in (("detection and tracking together", both), ("association alone", alone)):
-        columns += _difference(heading, partial(_of_agents, worse, better))
+    columns = [Column("environment", key="env", read=lambda row: row["stp"].env + earlier_text(row["stp"]))]
+    columns += _difference("together, all targets", partial(_of_agents, *both, "all"))
+    for subset, words in SUBSET_TEXT.items():
+        columns += _difference(f"association alone, {words}", partial(_of_agents, *alone, subset))
+    rows = list(_by_name((*both, *alone), entries))
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
 
 
@@ -164,8 +162,8 @@ def _with_subset(subset: Subset, row: tuple[Entry, Entry]) -> tuple[Entry, Entry
     return (*row, subset)
 
 
-def _of_agents(one: str, other: str, row: tuple[Mapping[str, Entry], Subset]) -> tuple[Entry, Entry, Subset]:
-    return row[0][one], row[0][other], row[1]
+def _of_agents(one: str, other: str, subset: Subset, row: Mapping[str, Entry]) -> tuple[Entry, Entry, Subset]:
+    return row[one], row[other], subset
 
 
 def _difference(heading: str, of: Callable[[Any], tuple[Entry, Entry, Subset]]) -> list[Column]:

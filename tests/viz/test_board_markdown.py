@@ -6,7 +6,7 @@ import pytest
 
 from docs.generate.driving import FIGURES
 from docs.generate.paper import RELATIONS
-from docs.generate.results import DRIVERS, PARTS_FILE, STORY, filled
+from docs.generate.results import DRIVERS, PARTS_FILE, STORY, SUBSET_TEXT, filled
 from mtp_bench.cards import load_card
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.scoring.definitions import DEFINITIONS
@@ -61,9 +61,9 @@ def test_the_story_has_its_agents_in_order_with_their_ranks() -> None:
 def test_costs_are_differences_of_controls_and_references() -> None:
     agents = {"stp": 1.2, "gt_tracks": 0.5, "stp_same_samples": 1.1, "perfect_association_same_samples": 0.9}
     entries = board_of(*(made_up(name, error) for name, error in agents.items()))
-    rows = rows_of(filled(marked("costs"), entries, "page.md"))[2:]
-    assert [row[1] for row in rows] == ["all targets", "identity switch", "reacquired"]
-    assert (rows[0][2][:6], rows[0][3][:6]) == ("+0.700", "+0.200")
+    headings, _, row = rows_of(filled(marked("costs"), entries, "page.md"))
+    assert [heading.partition(", ")[2] for heading in headings[2:]] == [f"{text} (m)" for text in SUBSET_TEXT.values()]
+    assert (row[1][:6], row[2][:6]) == ("+0.700", "+0.200")
 
 
 def test_shares_of_the_error_by_part_of_the_stack_add_up() -> None:
