@@ -6,7 +6,7 @@ The tables of a page stand between ``<!-- table: NAME -->`` and ``<!-- /table --
 
 - ``story ENV``: ten agents of an environment, in words.
 - ``pairs ENV,ENV of A-B,A-B``: paired differences of bADE; ``*`` stands for all environments that have both agents.
-- ``costs``: those of detection and tracking together, and of association alone.
+- ``costs ENV,ENV``: those of detection and tracking together, and of association alone; ``*`` as above.
 - ``faults``: shares of bADE by part of the stack, of ``leaderboard/error_parts.json`` (``benchmarks/error_parts.py``).
 - ``driving``: drive scores and their agreement with bADE, of ``leaderboard/driving.json`` (``benchmarks/driving.py``).
 - ``paper``: relations between agents in the paper's tables, and on the leaderboard.
@@ -85,15 +85,15 @@ def _table(name: str, entries: Sequence[Entry], where: str) -> Table:
         return story_table(further[0], entries)
     if first == "pairs" and further[1:2] == ["of"] and len(further) == 3:
         return pairs_table(further[0].split(","), [pair.split("-") for pair in further[2].split(",")], entries)
-    if name == "costs":
-        return costs_table(entries)
+    if first == "costs" and len(further) == 1:
+        return costs_table(further[0].split(","), entries)
     if name == "faults":
         return faults_table(json.loads(PARTS_FILE.read_text(encoding="utf-8")))
     if name == "driving":
         return driving_table(json.loads(FIGURES.read_text(encoding="utf-8")))
     if name == "paper":
         return paper_table(entries)
-    names = "`story ENV`, `pairs ENV,ENV of A-B,A-B`, `costs`, `faults`, `driving`, `paper`"
+    names = "`story ENV`, `pairs ENV,ENV of A-B,A-B`, `costs ENV,ENV`, `faults`, `driving`, `paper`"
     raise MtpBenchError(f"{where}: table {name!r}, expected {names}")
 
 
@@ -133,11 +133,7 @@ def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Se
     for agent in (agent for pair in pairs for agent in pair):
         if agent not in names:
             raise UnknownNameError("agent", agent, names)
-    rows = [(known[one], known[other]) for one, other in pairs for known in _by_name((one, other), entries)]
-    rows = [row for row in rows if row[0].env in envs or envs == ["*"]]
-    missing = {*envs} - {"*"} - {row[0].env for row in rows}
-    if missing:
-        raise UnknownNameError("environment", min(missing), sorted({entry.env for entry in entries}))
+    rows = [(known[one], known[other]) for one, other in pairs for known in _by_name((one, other), envs, entries)]
     columns = [
         Column("environment", key="env", read=lambda row: row[0].env + earlier_text(row[0])),
         Column("difference", key="pair", read=lambda row: f"`{row[0].name}` − `{row[1].name}`"),
@@ -147,14 +143,14 @@ def pairs_table(envs: Sequence[str], pairs: Sequence[Sequence[str]], entries: Se
     return Table("pairs", "Differences of bADE", "", rows, columns if len(pairs) > 1 else [columns[0], *columns[2:]])
 
 
-def costs_table(entries: Sequence[Entry]) -> Table:
+def costs_table(envs: Sequence[str], entries: Sequence[Entry]) -> Table:
     """Costs of detection and tracking together, and of association alone by ranked subset: a row per environment."""
     both, alone = ("stp", "gt_tracks"), ("stp_same_samples", "perfect_association_same_samples")
     columns = [Column("environment", key="env", read=lambda row: row["stp"].env + earlier_text(row["stp"]))]
     columns += _difference("together, all targets", partial(_of_agents, *both, "all"))
     for subset, words in SUBSET_TEXT.items():
         columns += _difference(f"association alone, {words}", partial(_of_agents, *alone, subset))
-    rows = list(_by_name((*both, *alone), entries))
+    rows = _by_name((*both, *alone), envs, entries)
     return Table("costs", "Costs of detection and tracking", "", rows, columns)
 
 
@@ -227,14 +223,16 @@ def _of_driver(agent: str, key: str) -> Callable[[Mapping[str, Any]], Value]:
     return read
 
 
-def _by_name(agents: Sequence[str], entries: Sequence[Entry]) -> list[dict[str, Entry]]:
-    """Entries by name, for each environment in which all of the agents have one; earlier ones without others."""
+def _by_name(agents: Sequence[str], envs: Sequence[str], entries: Sequence[Entry]) -> list[dict[str, Entry]]:
+    """Entries by name, for each of the environments that has all of the agents; earlier ones without others."""
     rows: dict[str, dict[str, Entry]] = {}
     for listed in by_board(entries).values():
         known = {entry.name: entry for entry in reversed(listed)}
         if all(agent in known for agent in agents):
             rows.setdefault(listed[0].env, known)
-    return list(rows.values())
+    if missing := {*envs} - {"*"} - {*rows}:
+        raise UnknownNameError("environment", min(missing), sorted(rows))
+    return [rows[env] for env in rows if env in envs or envs == ["*"]]
 
 
 def main() -> None:
