@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from docs.generate.studies import page_of
 from mtp_bench.cards import load_card
 from mtp_bench.errors import MtpBenchError
 from mtp_bench.running.options import RunOptions
@@ -122,6 +123,18 @@ def test_the_page_tells_the_whole_story_and_loads_nothing(made: Study) -> None:
     plain = html.unescape(text)
     assert "default-src 'none'" in plain
     assert not re.findall(r"""(?:src|href)=["'](?!data:|#)|<script|url\((?!["']?#)""", plain)
+
+
+@pytest.mark.parametrize("env", ["MTP-KITTI-v0", "MTP-Intersection-v0"])
+def test_pages_of_the_site_show_no_recording(made: Study, env: str) -> None:
+    text = made.page.read_text()
+    ours = re.search(r"<h1>[^<]*<span>([^<]*)</span>", text)
+    assert ours is not None
+    assert "data:image" in text
+    name, page = page_of(text.replace(ours[1], env))
+    assert name == env
+    assert ("data:image" in page, 'href="#gallery"' in page) == (env == "MTP-Intersection-v0",) * 2
+    assert "tables/" not in page, "they are not on the site"
 
 
 def test_no_run_is_made_twice(made: Study, tmp_path: Path, card: str, kitti: str) -> None:
