@@ -167,7 +167,7 @@ ROWS = {
     "mtp-mini": Row("mtp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "mtp"), AGENT),
     "stp-mini": Row("stp a frame, nuScenes mini", "1.5 ms", ("MTP-nuScenes-mini-v0", "stp"), AGENT),
     # 4c9bd60a compiles 13 of the 15 kernels here, the others when they are first used
-    "kernels": Row("kernels, once per machine", "30 s", (), KERNELS, cold=True, has_ratio=False),
+    "kernels": Row("kernels, once per installation", "30 s", (), KERNELS, cold=True, has_ratio=False),
     "fresh": Row("fresh simulated scene, Intersection", "700 ms", (NOISY,), FRESH, cold=True),
     "score": Row(
         "score mtp on nuScenes val",

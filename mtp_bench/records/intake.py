@@ -176,10 +176,10 @@ def _notes(path: Path, record: Record) -> Iterator[str]:
     why = why_unranked(record)
     if why is not None:
         yield f"{path}: not ranked yet: {why}"
-    if not record.submission.source:
-        yield f"{path}: does not name a source, so others cannot run it: state `source` in submission.toml"
+    if not (record.submission.source and record.submission.commit):
+        yield f"{path}: a round needs `source` in submission.toml, and the commit: `mtp-bench submit --commit`"
     if not record.training_data:
-        yield f"{path}: `training_data` in submission.toml is empty: state there what it was trained or fitted on"
+        yield f'{path}: `training_data` in submission.toml is empty: state what it was trained on, or "nothing"'
     digests = [value.encode() for value in (record.hashes.seals, record.hashes.rollouts)]
     for other in sorted(path.parents[1].glob(f"*/{path.name}")):
         content = b"" if other == path else other.read_bytes()

@@ -30,7 +30,7 @@ def compile_kernels(workers: Workers = SERIAL) -> None:
         parallel_map(_compile, calls)
         return
     seconds = [kernel.seconds for kernel in missing]
-    text = "compiling kernels of trackers and samplers, once per machine"
+    text = "compiling kernels of trackers and samplers, once per installation"
     with notice.work(text, max(*seconds, sum(seconds) / workers.count)):
         parallel_map(_compile, calls, Workers(workers.count))
 

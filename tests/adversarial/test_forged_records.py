@@ -629,7 +629,7 @@ def taken(cli: CommandLine, proposal: Path, leaderboard: Path) -> str:
 def test_a_proposal_is_taken_in(cli: CommandLine, proposal: Path, leaderboard: Path) -> None:
     said = cli.ok("maintain", "intake", proposal, "--base", leaderboard, "--owner", "Ada")
     assert f"newcomer/{MAIN}.json: can be taken in" in "".join(said.split("\n"))
-    assert "does not name a source" in " ".join(said.split())
+    assert "a round needs `source`" in " ".join(said.split())
     said = cli.ok("maintain", "intake", leaderboard, "--base", leaderboard, "--owner", "Ada")
     assert "no record to take in" in said
 

@@ -91,7 +91,7 @@ class Kernel(Generic[R]):
         try:
             if self.is_cached:
                 return self._jit(self.folder)
-            text = f"compiling kernel {self.function.__name__} of trackers and samplers, once per machine"
+            text = f"compiling kernel {self.function.__name__} of trackers and samplers, once per installation"
             with notice.work(text, self.seconds), cache.locked(self.folder):
                 # no other process has compiled it meanwhile
                 if not self.is_cached and cache.clear(self.folder):
