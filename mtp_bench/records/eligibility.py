@@ -139,7 +139,7 @@ def _unlike_shipped(record: Record, known: Shipped | None) -> Iterator[str]:
     if record.scorer.source_digest != scorer_digest():
         yield "another scorer than today's"
     if known is None:
-        yield "no env of that id ships"
+        yield "its environment ships no event weights"
         return
     env = record.env
     if env.card_digest != known.card:

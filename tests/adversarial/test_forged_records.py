@@ -241,7 +241,7 @@ NOT_RANKED: dict[str, tuple[Content, str]] = {
     "own weights": ({"reference": {"hash": "00" * 32}}, "other event weights than the frozen ones"),
     "weights that only say frozen": ({"reference": {"frozen": False}}, "other event weights than the frozen ones"),
     "a card of one's own": ({"env": {"card_digest": "00" * 8}}, "card 0000000000000000, the one that ships is"),
-    "an env of one's own": ({"env": {"id": "MTP-Mine-v0"}}, "no env of that id ships"),
+    "an env of one's own": ({"env": {"id": "MTP-Mine-v0"}}, "its environment ships no event weights"),
     "a perfect detector": (
         {"env": {"keywords": {"detector": "perfect"}}}, "other settings of the env: detector 'perfect'",
     ),
