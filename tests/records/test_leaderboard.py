@@ -52,7 +52,8 @@ def test_records_fit_their_environments(records: dict[Path, Record]) -> None:
         assert record.env.card_digest == load_card(record.env.id).digest
         assert record.scorer == ScorerPart(definitions=DEFINITIONS, source_digest=scorer_digest())
         assert record.submission.digest == baseline_digest(record.submission.name, record.submission.networks)
-        assert why_not_comparable(record) is None
+        few = record.env.id.startswith("MTP-AV2-")  # four logs, too few for event weights: shown and not ranked
+        assert why_not_comparable(record) == ("its environment ships no event weights" if few else None)
 
 
 def test_no_place_contradicts_its_number_and_no_interval_its_test(entries: list[Entry]) -> None:
