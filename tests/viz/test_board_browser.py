@@ -149,6 +149,14 @@ def test_no_width_makes_the_page_scroll_sideways(opened: Browser) -> None:
         assert opened.script("return document.documentElement.scrollWidth") <= width
 
 
+def test_no_table_of_the_leaderboard_is_cut_off(browser: Browser, repository: Path) -> None:
+    wider = "[...document.querySelectorAll('.ranking')].filter((t) => t.scrollWidth > t.parentElement.clientWidth).length"
+    with only(browser, repository / "leaderboard" / "index.html"):
+        for width in (390, 741, 1126, 1400, 1600, 1900):
+            browser.resize(width, 900)
+            assert browser.script(f"return {wider}") == 0, width
+
+
 def test_hostile_texts_do_not_run(browser: Browser, tmp_path: Path) -> None:
     texts = [HOSTILE, "<script>window.hacked=1</script>", "<!-- <script>", '" autofocus onfocus="window.hacked=1']
     records = [
