@@ -150,7 +150,8 @@ def test_no_width_makes_the_page_scroll_sideways(opened: Browser) -> None:
 
 
 def test_no_table_of_the_leaderboard_is_cut_off(browser: Browser, repository: Path) -> None:
-    wider = "[...document.querySelectorAll('.ranking')].filter((t) => t.scrollWidth > t.parentElement.clientWidth).length"
+    tables = "[...document.querySelectorAll('.ranking')]"
+    wider = f"{tables}.filter((table) => table.scrollWidth > table.parentElement.clientWidth).length"
     with only(browser, repository / "leaderboard" / "index.html"):
         for width in (390, 741, 1126, 1400, 1600, 1900):
             browser.resize(width, 900)
