@@ -1,4 +1,4 @@
-"""Compiling kernels: once per installation, again if a compiled file is damaged, and without a cache that can be written."""
+"""Compiling kernels: once per installation, again if a compiled file is damaged, and where no cache can be written."""
 
 import os
 import subprocess
